@@ -1,0 +1,67 @@
+"""Space-filling designs: where to run a simulation."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy.stats import qmc
+
+from hybridsurrogate.priors import FloatArray
+
+_DESIGNS = ("sobol", "latin-hypercube")
+
+# scipy 1.15 renamed the engines' argument from seed to rng
+_RNG_NAME = "rng" if "rng" in inspect.signature(qmc.Sobol).parameters else "seed"
+
+
+def draw_design(
+    ranges: Sequence[tuple[float, float]],
+    n_runs: int,
+    design: str = "sobol",
+    random_state: Any = None,
+) -> FloatArray:
+    """Draw points that fill a box evenly.
+
+    Parameters
+    ----------
+    ranges : sequence of k pairs (low, high)
+    n_runs : int
+        Number of points.
+    design : {"sobol", "latin-hypercube"}
+        A scrambled Sobol sequence, or a Latin hypercube.
+    random_state : None, int, numpy Generator or RandomState
+
+    Returns
+    -------
+    ndarray of shape (n_runs, k)
+
+    Examples
+    --------
+    >>> from hybridsurrogate.design import draw_design
+    >>> draw_design([(0, 1), (10, 20)], 5, random_state=0).shape
+    (5, 2)
+    """
+    if n_runs < 1:
+        raise ValueError(f"n_runs must be at least 1, got {n_runs}.")
+    engine_options: dict[str, Any] = {_RNG_NAME: random_generator(random_state)}
+    if design == "sobol":
+        # scipy warns unless a power of two is drawn; the first n points of one fill the box too
+        power = int(n_runs - 1).bit_length()
+        unit = qmc.Sobol(len(ranges), **engine_options).random_base2(power)[:n_runs]
+    elif design == "latin-hypercube":
+        unit = qmc.LatinHypercube(len(ranges), **engine_options).random(n_runs)
+    else:
+        raise ValueError(f"design must be one of {', '.join(_DESIGNS)}, got {design!r}.")
+    low, high = np.asarray(ranges, dtype=float).T
+    return low + unit * (high - low)
+
+
+def random_generator(random_state: Any) -> np.random.Generator:
+    """Return a numpy Generator from None, an int, a Generator or a RandomState."""
+    # numpy makes no Generator from a RandomState, which scikit-learn's users pass: it draws a seed
+    if isinstance(random_state, np.random.RandomState):
+        random_state = random_state.randint(2**31 - 1)
+    return np.random.default_rng(random_state)

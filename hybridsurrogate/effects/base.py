@@ -1,0 +1,164 @@
+"""The four-method interface of a cause: how the simulation meets the measurements.
+
+For measured rows the simulation's output eta becomes
+``gain * eta(inputs) + columns @ a`` with noise scale ``noise * sigma``; a cause rewrites any of the
+four, and each is the identity by default.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.base import BaseEstimator
+
+from ..priors import Prior
+
+FloatArray = NDArray[np.float64]
+Rows = Mapping[str, FloatArray]  # a name and its values in n rows
+
+
+@dataclass(frozen=True)
+class Context:
+    """What a cause may know before it is fitted: names, priors and the measured inputs, never y.
+
+    Attributes
+    ----------
+    X : dict of name to ndarray of shape (n,)
+        Measured columns, the simulation's inputs first.
+    n_inputs : int
+        How many of the columns are inputs of the simulation.
+    parameters : dict of name to prior
+        The simulation's unknown parameters.
+    assumed : dict of name to Assumed
+        Its assumed constants.
+    scale : float
+        Typical size of the output on the scale of eta, for default priors.
+    log_scale : bool
+        Whether eta is the logarithm of the output.
+    """
+
+    X: Rows
+    n_inputs: int
+    parameters: Mapping[str, Prior]
+    assumed: Mapping[str, Any]
+    scale: float
+    log_scale: bool = False
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the simulation's inputs."""
+        return tuple(self.X)[: self.n_inputs]
+
+    @property
+    def extras(self) -> tuple[str, ...]:
+        """Names of the measured columns that the simulation ignores."""
+        return tuple(self.X)[self.n_inputs :]
+
+    def column(self, name: str) -> FloatArray:
+        """Return a measured column; raise ValueError when there is none of that name."""
+        if name not in self.X:
+            raise ValueError(
+                f"There is no measured column {name!r}; the columns are {list(self.X)}."
+            )
+        return np.asarray(self.X[name])
+
+
+class Cause(BaseEstimator):
+    """A named mechanism between simulation and measurements; subclass it to bring your own.
+
+    Attributes
+    ----------
+    kind : str
+        The word by which reports call the cause.
+    target : str or None
+        The input, parameter, constant or column concerned.
+    parameters : dict of name to frozen scipy.stats prior
+        The cause's own nonlinear parameters, ``theta``.
+    coefficients : tuple of str
+        Names of the columns' coefficients, which are linear and integrated out exactly.
+    coefficient_sd : float or None
+        Their prior standard deviation on the scale of eta; None: three times its spread.
+
+    Notes
+    -----
+    ``X``, ``omega`` and ``theta`` are mappings from names to arrays of shape (n,): all rows of all
+    draws come in one call, so methods must be vectorised.
+
+    Examples
+    --------
+    Air drag missing from a simulated fall, ten lines:
+
+    >>> from scipy.stats import halfnorm
+    >>> import hybridsurrogate as hs
+    >>> class AirDrag(hs.Cause):
+    ...     kind = "air-drag"
+    ...     target = "t"
+    ...     parameters = {"rate": halfnorm(scale=0.5)}
+    ...     coefficients = ("amplitude",)
+    ...
+    ...     def columns(self, X, theta):
+    ...         return (1 - np.exp(-theta["rate"] * X["t"] ** 3))[:, None]
+    """
+
+    kind: str = "cause"
+    target: str | None = None
+    parameters: Mapping[str, Prior] = {}  # noqa: RUF012 - a constant that subclasses replace
+    coefficients: tuple[str, ...] = ()
+    coefficient_sd: float | None = None
+
+    def prepare(self, context: Context) -> Cause:
+        """Return the cause with every default filled in from the context."""
+        return self
+
+    def inputs(
+        self, X: Rows, omega: Rows, theta: Rows
+    ) -> tuple[Rows, Rows]:
+        """Return the inputs and parameters with which the simulation is run for these rows."""
+        return X, omega
+
+    def gain(self, X: Rows, theta: Rows) -> FloatArray | float:
+        """Return the factor on the simulation, (n,)."""
+        return 1.0
+
+    def columns(self, X: Rows, theta: Rows) -> FloatArray | None:
+        """Return the added columns, (n, q) with q coefficients."""
+        return None
+
+    def noise(self, X: Rows, theta: Rows) -> FloatArray | float:
+        """Return the factor on the noise scale, (n,)."""
+        return 1.0
+
+    def grid(self) -> dict[str, FloatArray]:
+        """Return nodes of those parameters that a search has to enumerate.
+
+        Parameters without nodes are followed by linearisation from their prior median.
+        """
+        return {}
+
+    def start(self) -> dict[str, float]:
+        """Return values at which the cause changes nothing, for parameters without nodes."""
+        return {}
+
+    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return draws of what a report states, in the user's units."""
+        return {**theta, **coefficients}
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words, with numbers."""
+        terms = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
+        return f"simulation with {self.kind} ({terms})"
+
+    @property
+    def touches_simulation(self) -> bool:
+        """Whether the cause changes the simulation's output itself and does not only add to it."""
+        own = type(self)
+        return own.inputs is not Cause.inputs or own.gain is not Cause.gain
+
+    @property
+    def name(self) -> str:
+        """The kind and, where there is one, the target."""
+        return f"{self.kind}({self.target})" if self.target else self.kind

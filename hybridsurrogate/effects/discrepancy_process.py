@@ -1,0 +1,105 @@
+"""The catch-all: a smooth discrepancy of unknown shape (Kennedy and O'Hagan 2001)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy import stats
+
+from ..priors import Prior
+from .base import Cause, Context, FloatArray, Rows
+
+# basis functions an input: enough for the shortest length scale below (Riutort-Mayol et al. 2023,
+# Statistics and Computing 33:17, eq. 17: m >= 1.75 boundary / length scale)
+_N_BASIS = {1: 24, 2: 7}
+_BOUNDARY = 1.5
+
+
+class GaussianProcessDiscrepancy(Cause):
+    """A Gaussian process over the simulation's inputs, by a Hilbert-space basis.
+
+    Squared-exponential kernel with one length scale on inputs scaled to [-1, 1]; the basis is a
+    tensor product for up to two inputs and a sum over inputs beyond (Solin and Sarkka 2020,
+    Statistics and Computing 30:419).
+    """
+
+    kind = "unexplained"
+
+    def __init__(
+        self,
+        ranges: Mapping[str, tuple[float, float]] | None = None,
+        length_scale: Prior | None = None,
+    ):
+        self.ranges = ranges
+        self.length_scale = length_scale
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in the measured ranges of the inputs and the prior of the length scale."""
+        ranges = self.ranges
+        if ranges is None:
+            ranges = {
+                name: (float(context.X[name].min()), float(context.X[name].max()))
+                for name in context.inputs
+            }
+        prior = self.length_scale
+        if prior is None:
+            prior = stats.loguniform(0.15 if len(ranges) == 1 else 0.3, 2.0)
+        return GaussianProcessDiscrepancy(ranges, prior)
+
+    @property
+    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
+        """The prior of the length scale."""
+        return {"length_scale": self.length_scale}
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
+        """One name a basis function."""
+        return tuple(f"basis_{k}" for k in range(len(self._indices())))
+
+    def grid(self) -> dict[str, FloatArray]:
+        """Return six length scales."""
+        low, high = self.length_scale.support()
+        return {"length_scale": np.geomspace(1.05 * low, high / 1.05, 6)}
+
+    def _indices(self) -> FloatArray:
+        assert self.ranges is not None
+        d = len(self.ranges)
+        if d <= 2:
+            axes = [np.arange(1, _N_BASIS[d] + 1)] * d
+            return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, d)
+        rows = []
+        for k in range(d):
+            index = np.zeros((10, d))
+            index[:, k] = np.arange(1, 11)
+            rows.append(index)
+        return np.vstack(rows)
+
+    def columns(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return basis functions times the root of the spectral density."""
+        assert self.ranges is not None
+        indices = self._indices()
+        length = np.broadcast_to(theta["length_scale"], np.shape(next(iter(X.values()))))
+        out = np.ones((len(length), len(indices)))
+        for k, (name, (low, high)) in enumerate(self.ranges.items()):
+            scaled = (2 * X[name] - low - high) / ((high - low) or 1.0)
+            # the basis is periodic beyond its boundary: hold the process at its edge there
+            scaled = np.clip(scaled, -_BOUNDARY, _BOUNDARY)
+            order = np.unique(indices[:, k])
+            root = np.pi * order / (2 * _BOUNDARY)
+            wave = np.sin(root * (scaled[:, None] + _BOUNDARY)) / np.sqrt(_BOUNDARY)
+            density = np.sqrt(2 * np.pi) * length[:, None] * np.exp(
+                -0.5 * (length[:, None] * root) ** 2
+            )
+            factor = wave * np.sqrt(density)
+            factor[:, order == 0] = 1.0
+            out *= factor[:, np.searchsorted(order, indices[:, k])]
+        return out
+
+    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return the length scale on inputs scaled to [-1, 1]."""
+        return {"length_scale": np.asarray(theta["length_scale"])}
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        return "simulation + a smooth discrepancy of unknown shape"

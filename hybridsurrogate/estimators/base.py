@@ -1,0 +1,323 @@
+"""What both estimators share: checks of data, and predictions from a mixture of posteriors."""
+
+from __future__ import annotations
+
+import warnings
+from abc import abstractmethod
+from numbers import Integral, Real
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import special
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.utils import check_random_state, check_scalar
+from sklearn.utils.validation import check_is_fitted, validate_data
+
+from ..exceptions import ExtrapolationWarning
+from ..likelihoods import Likelihood, as_likelihood
+from ..posterior import Posterior, arviz_groups
+from ..priors import check_prior
+from ..simulation import SimulationData, Simulator
+from ..surrogates.base import Surrogate
+from ..surrogates.polynomial_chaos import PolynomialChaos
+
+FloatArray = NDArray[np.float64]
+SAMPLERS = ("auto", "importance", "emcee")
+
+
+class SurrogateEstimator(RegressorMixin, BaseEstimator):
+    """Base of the estimators; subclasses implement ``fit`` and ``_mixture``."""
+
+    @abstractmethod
+    def _mixture(self) -> list[tuple[float, Posterior]]:
+        """Return the fitted posteriors with their weights, which sum to one."""
+
+    # ------------------------------------------------------------------------------ checks
+
+    def _check_parameters(self) -> tuple[Surrogate, Likelihood]:
+        if self.simulation is not None and not isinstance(
+            self.simulation, SimulationData | Simulator
+        ):
+            raise TypeError(
+                "simulation must be SimulationData (Simulator.run, read_simulation), a Simulator "
+                f"or None, got {type(self.simulation).__name__}."
+            )
+        surrogate = PolynomialChaos() if self.surrogate is None else self.surrogate
+        if not isinstance(surrogate, Surrogate):
+            raise TypeError(
+                "surrogate must be a surrogate object such as PolynomialChaos(degree=5) or "
+                f"ExactSurrogate(), got {surrogate!r}."
+            )
+        if isinstance(self.simulation, Simulator) and isinstance(surrogate, PolynomialChaos):
+            raise ValueError(
+                "PolynomialChaos is trained on runs, but simulation is a Simulator that has not "
+                "been run: pass simulator.run(100), or surrogate=ExactSurrogate()."
+            )
+        check_scalar(self.beta, "beta", Real, min_val=0, max_val=1)
+        check_scalar(self.n_draws, "n_draws", Integral, min_val=10)
+        if self.sampler not in SAMPLERS:
+            raise ValueError(f"sampler must be one of {SAMPLERS}, got {self.sampler!r}.")
+        if self.noise_prior is not None:
+            check_prior(self.noise_prior, "noise_prior")
+        return surrogate, as_likelihood(self.likelihood)
+
+    def _check_fit_data(
+        self, X: ArrayLike, y: ArrayLike, likelihood: Likelihood
+    ) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
+        X, y = validate_data(
+            self, X, y, reset=True, dtype=np.float64, y_numeric=True, ensure_min_samples=2
+        )
+        y = np.asarray(y, dtype=float)
+        columns, order = self._columns()
+        self._column_order = order
+        likelihood.check(y)
+        X = X[:, order]
+        self._warn_outside(columns, X)
+        return columns, X, y
+
+    def _check_data(self, X: ArrayLike) -> FloatArray:
+        check_is_fitted(self)
+        X = validate_data(self, X, reset=False, dtype=np.float64)
+        return X[:, self._column_order]
+
+    def _columns(self) -> tuple[tuple[str, ...], list[int]]:
+        """Return column names, the simulation's inputs first, and their positions in X."""
+        names = [str(name) for name in getattr(self, "feature_names_in_", [])]
+        n = self.n_features_in_
+        if self.simulation is None:
+            return tuple(names or (f"x{k}" for k in range(n))), list(range(n))
+        wanted = self.simulation.input_names
+        if names:
+            missing = [name for name in wanted if name not in names]
+            if missing:
+                raise ValueError(
+                    f"The measured data lack the simulation's inputs {missing}; their columns are "
+                    f"{names}. Rename the columns or pass an array with the inputs first."
+                )
+            extras = [name for name in names if name not in wanted]
+            return (*wanted, *extras), [names.index(name) for name in (*wanted, *extras)]
+        if n < len(wanted):
+            raise ValueError(
+                f"X has {n} columns, but the simulation has {len(wanted)} inputs: {list(wanted)}."
+            )
+        extras = [f"x{k}" for k in range(len(wanted), n)]
+        return (*wanted, *extras), list(range(n))
+
+    def _warn_outside(self, columns: tuple[str, ...], X: FloatArray) -> None:
+        if self.simulation is None:
+            return
+        for name, values in zip(columns, X.T, strict=False):
+            if name not in self.simulation.input_ranges:
+                continue
+            low, high = self.simulation.input_ranges[name]
+            slack = 1e-9 * (high - low)
+            share = np.mean((values < low - slack) | (values > high + slack))
+            if share > 0:
+                warnings.warn(
+                    f"{share:.0%} of the measured rows have {name!r} outside the simulated range "
+                    f"[{low:g}, {high:g}]: there the surrogate extrapolates. Simulate a wider "
+                    "range.",
+                    ExtrapolationWarning,
+                    stacklevel=4,
+                )
+
+    # ------------------------------------------------------------------------- predictions
+
+    def predict(
+        self, X: ArrayLike, return_std: bool = False
+    ) -> FloatArray | tuple[FloatArray, FloatArray]:
+        """Return the posterior predictive mean of y.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_columns)
+        return_std : bool, default=False
+            Also return the standard deviation of y, noise included.
+
+        Returns
+        -------
+        mean : ndarray of shape (n,)
+        std : ndarray of shape (n,)
+            Only with ``return_std=True``.
+        """
+        X = self._check_data(X)
+        mean = np.zeros(len(X))
+        second = np.zeros(len(X))
+        for weight, posterior in self._mixture():
+            eta, sigma = posterior.eta(X)
+            means = posterior.likelihood.mean(eta, sigma)
+            mean += weight * means.mean(axis=0)
+            if return_std:
+                variance = posterior.likelihood.variance(eta, sigma)
+                second += weight * (variance + means**2).mean(axis=0)
+        if not return_std:
+            return mean
+        return mean, np.sqrt(np.maximum(second - mean**2, 0.0))
+
+    def predict_interval(
+        self, X: ArrayLike, level: float = 0.9
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return a central interval that holds a new y with the given probability.
+
+        Quantiles of the mixture over draws, found by bisection: exact up to the draws.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_columns)
+        level : float, default=0.9
+
+        Returns
+        -------
+        lower, upper : ndarray of shape (n,)
+        """
+        check_scalar(level, "level", Real, min_val=0, max_val=1, include_boundaries="neither")
+        X = self._check_data(X)
+        parts = [(weight, *posterior.eta(X)) for weight, posterior in self._mixture()]
+        likelihood = self._mixture()[0][1].likelihood
+        tail = (1 - level) / 2
+        lower, upper = (_quantile(parts, probability) for probability in (tail, 1 - tail))
+        return likelihood.inverse(lower), likelihood.inverse(upper)
+
+    def sample_predictive_mean(
+        self, X: ArrayLike, n_draws: int | None = None, random_state: Any = None
+    ) -> FloatArray:
+        """Draw the mean of y given the unknowns: the prediction without its noise.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_columns)
+        n_draws : int or None, default=None
+            None: every draw of the posterior once.
+        random_state : int, RandomState or None
+
+        Returns
+        -------
+        ndarray of shape (n_draws, n)
+        """
+        X = self._check_data(X)
+        random = check_random_state(self.random_state if random_state is None else random_state)
+        return np.concatenate(
+            [p.likelihood.mean(*p.eta(X)) for p in self._drawn(n_draws, random)]
+        )
+
+    def sample_posterior_predictive(
+        self, X: ArrayLike, n_draws: int | None = None, random_state: Any = None
+    ) -> FloatArray:
+        """Draw new measurements, noise included; arguments as in `sample_predictive_mean`.
+
+        Returns
+        -------
+        ndarray of shape (n_draws, n)
+        """
+        X = self._check_data(X)
+        random = check_random_state(self.random_state if random_state is None else random_state)
+        return np.concatenate(
+            [p.likelihood.sample(*p.eta(X), random) for p in self._drawn(n_draws, random)]
+        )
+
+    def _drawn(
+        self, n_draws: int | None, random_state: np.random.RandomState
+    ) -> list[Posterior]:
+        """Return posteriors whose draws together make n_draws of the mixture."""
+        mixture = self._mixture()
+        n = sum(p.n_draws for _, p in mixture) // len(mixture) if n_draws is None else n_draws
+        check_scalar(n, "n_draws", Integral, min_val=1)
+        if len(mixture) == 1 and n_draws is None:
+            return [mixture[0][1]]
+        counts = random_state.multinomial(n, [weight for weight, _ in mixture])
+        return [
+            posterior.take(random_state.choice(posterior.n_draws, count, count > posterior.n_draws))
+            for count, (_, posterior) in zip(counts, mixture, strict=True)
+            if count
+        ]
+
+    def log_predictive_density(self, X: ArrayLike, y: ArrayLike) -> FloatArray:
+        """Return the log posterior predictive density of each measured row.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_columns)
+        y : array-like of shape (n,)
+
+        Returns
+        -------
+        ndarray of shape (n,)
+        """
+        check_is_fitted(self)
+        X, y = validate_data(self, X, y, reset=False, dtype=np.float64, y_numeric=True)
+        X, y = X[:, self._column_order], np.asarray(y, dtype=float)
+        terms = []
+        for weight, posterior in self._mixture():
+            posterior.likelihood.check(y)
+            log_density = posterior.likelihood.log_density(y, *posterior.eta(X))
+            terms.append(special.logsumexp(log_density, axis=0) + np.log(weight / len(log_density)))
+        return special.logsumexp(terms, axis=0)
+
+    def score(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
+        """Return the expected log predictive density: its mean over the rows.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_columns)
+        y : array-like of shape (n,)
+        sample_weight : array-like of shape (n,) or None
+            Weights of the rows in the mean.
+        """
+        values = self.log_predictive_density(X, y)
+        return float(np.average(values, weights=sample_weight))
+
+    def to_arviz(self) -> Any:
+        """Return posterior, log likelihood, posterior predictive and observed data for ArviZ.
+
+        Returns
+        -------
+        InferenceData (ArviZ 0.x) or DataTree (ArviZ 1.x)
+            Variables: parameters by name, ``sigma``, ``coefficients``, ``y``; one chain.
+        """
+        check_is_fitted(self)
+        X, y = self._measured
+        random = check_random_state(self.random_state)
+        drawn = self._drawn(None, random)
+        eta, sigma = (np.concatenate(pieces) for pieces in zip(*(p.eta(X) for p in drawn), strict=True))
+        likelihood = drawn[0].likelihood
+        named = [p.named() for p in drawn]
+        shared = [k for k in named[0] if all(k in other for other in named)]
+        posterior = {
+            k: np.concatenate([other[k] for other in named])
+            for k in shared
+            if len({other[k].shape[1:] for other in named}) == 1
+        }
+        return arviz_groups(
+            {
+                "posterior": posterior,
+                "log_likelihood": {"y": likelihood.log_density(y, eta, sigma)},
+                "posterior_predictive": {"y": likelihood.sample(eta, sigma, random)},
+                "observed_data": {"y": y},
+            }
+        )
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        # the score is a log density, not R^2
+        tags.regressor_tags.poor_score = True
+        return tags
+
+
+def _quantile(
+    parts: list[tuple[float, FloatArray, FloatArray]], probability: float
+) -> FloatArray:
+    """Return the quantile of a mixture of normals on the scale of eta, by bisection."""
+    reach = 9 * np.concatenate([sigma for _, _, sigma in parts]).max(axis=0)
+    low = np.concatenate([eta for _, eta, _ in parts]).min(axis=0) - reach
+    high = np.concatenate([eta for _, eta, _ in parts]).max(axis=0) + reach
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        below = sum(
+            weight * special.ndtr((middle - eta) / sigma).mean(axis=0)
+            for weight, eta, sigma in parts
+        )
+        low, high = np.where(below < probability, middle, low), np.where(
+            below < probability, high, middle
+        )
+    return 0.5 * (low + high)

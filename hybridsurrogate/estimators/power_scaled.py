@@ -1,0 +1,142 @@
+"""Power scaling: one surrogate, the two likelihoods raised to powers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from numpy.typing import ArrayLike
+from sklearn.utils import check_random_state
+
+from ..effects.base import Cause
+from ..likelihoods import Likelihood
+from ..posterior import Posterior
+from ..priors import Prior
+from ..simulation import SimulationData, Simulator
+from ..surrogates.base import Surrogate
+from .base import SurrogateEstimator
+from .fitting import fit_problem, make_problem
+
+
+class PowerScaledSurrogate(SurrogateEstimator):
+    """Surrogate trained on simulation runs and measured data by power-scaled likelihoods.
+
+    Step 1 infers the surrogate's coefficients from both sources, their likelihoods raised to the
+    powers that ``beta`` sets. Step 2 infers the unknown parameters, the noise and the causes anew
+    for each draw of the coefficients, from their original priors and the measured data
+    (Reiser, Buerkner and Guthke, arXiv 2412.11875, sections 2.2 and 2.3).
+
+    Parameters
+    ----------
+    simulation : SimulationData, Simulator or None, default=None
+        Runs of the simulation, or (with `ExactSurrogate`) the simulation itself. None: train on
+        measured data alone.
+    surrogate : Surrogate or None, default=None
+        None: ``PolynomialChaos()``.
+    beta : float, default=0.5
+        Weight of the simulation: 0 = measured data only, 1 = simulation only.
+    likelihood : {"normal", "lognormal"} or Likelihood, default="normal"
+    noise_prior : frozen scipy.stats distribution or None, default=None
+        Prior of sigma. None: half-normal with the spread of the measured output as scale.
+    effects : sequence of Cause, default=()
+        Causes by which measured rows differ from the simulation.
+    sampler : {"auto", "importance", "emcee"}, default="auto"
+        "auto": importance sampling, emcee where its k-hat exceeds 0.7 or there are several modes.
+    n_draws : int, default=1000
+        Draws from the posterior.
+    random_state : int, RandomState or None, default=None
+
+    Attributes
+    ----------
+    posterior_ : Posterior
+        Draws after step 2, from which predictions are made.
+    first_step_ : Posterior
+        Draws after step 1.
+    diagnostics_ : Diagnostics
+        Sampler used, k-hat, effective draws, autocorrelation time.
+    n_features_in_, feature_names_in_
+        As everywhere in scikit-learn.
+
+    Raises
+    ------
+    ValueError, TypeError
+        In ``fit``, when parameters or data are not usable; the message says what to do.
+
+    Warns
+    -----
+    SamplingWarning
+        When the draws are doubtful.
+    ExtrapolationWarning
+        When measured inputs lie outside the simulated range.
+
+    Examples
+    --------
+    >>> import hybridsurrogate as hs
+    >>> from hybridsurrogate.datasets import make_log_sin
+    >>> case = make_log_sin(random_state=0)
+    >>> model = hs.PowerScaledSurrogate(
+    ...     case.simulation, surrogate=hs.PolynomialChaos(degree=5), beta=0.5, random_state=0)
+    >>> model.fit(case.X, case.y).predict(case.X_in).shape
+    (100,)
+    >>> model.diagnostics_.sampler
+    'importance'
+    """
+
+    def __init__(
+        self,
+        simulation: SimulationData | Simulator | None = None,
+        surrogate: Surrogate | None = None,
+        beta: float = 0.5,
+        likelihood: str | Likelihood = "normal",
+        noise_prior: Prior | None = None,
+        effects: Sequence[Cause] = (),
+        sampler: str = "auto",
+        n_draws: int = 1000,
+        random_state: Any = None,
+    ):
+        self.simulation = simulation
+        self.surrogate = surrogate
+        self.beta = beta
+        self.likelihood = likelihood
+        self.noise_prior = noise_prior
+        self.effects = effects
+        self.sampler = sampler
+        self.n_draws = n_draws
+        self.random_state = random_state
+
+    def fit(self, X: ArrayLike, y: ArrayLike) -> PowerScaledSurrogate:
+        """Fit to measured data.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_columns)
+            The simulation's inputs by name (DataFrame) or first (array); further columns are for
+            causes that use them.
+        y : array-like of shape (n,)
+
+        Returns
+        -------
+        self
+        """
+        surrogate, likelihood = self._check_parameters()
+        columns, X, y = self._check_fit_data(X, y, likelihood)
+        problem = make_problem(
+            self.simulation,
+            surrogate,
+            likelihood,
+            self.noise_prior,
+            tuple(self.effects),
+            columns,
+            X,
+            y,
+        )
+        random = check_random_state(self.random_state)
+        fit = fit_problem(problem, float(self.beta), self.sampler, int(self.n_draws), random)
+        self.posterior_, self.first_step_ = fit.second, fit.first
+        self.diagnostics_ = fit.diagnostics
+        self._measured = (X, y)
+        self.diagnostics_.warn()
+        return self
+
+    def _mixture(self) -> list[tuple[float, Posterior]]:
+        return [(1.0, self.posterior_)]

@@ -1,0 +1,25 @@
+"""Warnings that this package raises about doubtful results and inputs."""
+
+
+class HybridSurrogateWarning(UserWarning):
+    """Base class of every warning of this package."""
+
+
+class FailedRunsWarning(HybridSurrogateWarning):
+    """Some simulation runs failed and were dropped."""
+
+
+class ExtrapolationWarning(HybridSurrogateWarning):
+    """Measured inputs lie outside the simulated range."""
+
+
+class SamplingWarning(HybridSurrogateWarning):
+    """The draws from a posterior are not trustworthy."""
+
+
+class PriorWarning(HybridSurrogateWarning):
+    """A prior and the simulated range hardly overlap."""
+
+
+class DiagnosisWarning(HybridSurrogateWarning):
+    """A diagnosis rests on too little, or something was left out of it."""

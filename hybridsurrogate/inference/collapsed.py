@@ -1,0 +1,192 @@
+"""Step 1 with the Gaussian coefficients integrated out (DESIGN section 6).
+
+What is left are a few unknowns ``u = [z_omega, z_theta, log sigma]``. Given them the coefficients
+of surrogate and causes are Gaussian, so their draws are exact and independent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..priors import Prior
+from .measured import MeasuredModel, prior_log_density
+
+FloatArray = NDArray[np.float64]
+_LOG_2PI = float(np.log(2 * np.pi))
+
+# a fit can be exact to the last digit (a polynomial fitted to a polynomial): this share of the
+# output's spread stands for the rounding of the numbers and keeps sigma away from zero
+ROUNDING = 1e-6
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """Sufficient statistics of rows ``y = features @ c + noise``: all that a fit needs of them."""
+
+    n: int
+    ff: FloatArray
+    fy: FloatArray
+    yy: float
+
+
+def statistics(features: FloatArray, y: FloatArray, scale: float) -> Statistics:
+    """Return the sufficient statistics of n rows with features (n, p)."""
+    rounding = len(y) * (ROUNDING * scale) ** 2
+    return Statistics(len(y), features.T @ features, features.T @ y, float(y @ y) + rounding)
+
+
+@dataclass(frozen=True)
+class CollapsedPosterior:
+    """Power-scaled posterior of ``u`` with the coefficients (c, a) integrated out.
+
+    Attributes
+    ----------
+    model : MeasuredModel
+    X, y : ndarray of shape (n, n_columns), (n,)
+        Measured rows, y on the scale of eta.
+    simulation : Statistics or None
+        Sufficient statistics of the simulation runs.
+    simulation_power, measured_power : float
+        alpha_S and alpha_R.
+    noise_prior : prior of sigma
+    scale : float
+        Spread of the output.
+    """
+
+    model: MeasuredModel
+    X: FloatArray
+    y: FloatArray
+    simulation: Statistics | None
+    simulation_power: float
+    measured_power: float
+    noise_prior: Prior
+    scale: float
+
+    @property
+    def n_dimensions(self) -> int:
+        """Length of u."""
+        return self.model.n_unknowns + 1
+
+    @cached_property
+    def _prior(self) -> tuple[FloatArray, FloatArray]:
+        """Mean and precision of (c, a)."""
+        basis = self.model.basis
+        sd = np.concatenate([basis.coefficient_sd, self.model.column_sd])
+        mean = np.concatenate([basis.coefficient_mean, np.zeros(len(self.model.column_sd))])
+        return mean, sd**-2.0
+
+    def log_density(self, u: FloatArray) -> FloatArray:
+        """Return the log density of u (J, d), up to the constants of the prior of z."""
+        sigma = np.exp(u[:, -1])
+        with np.errstate(divide="ignore"):
+            log_prior = (
+                prior_log_density(u[:, :-1]) + self.noise_prior.logpdf(sigma) + u[:, -1]
+            )
+        out = np.full(len(u), -np.inf)
+        ok = np.isfinite(log_prior)
+        if ok.any():
+            factor, log_noise = self._augmented_factor(u[ok])
+            out[ok] = log_prior[ok] + self._log_likelihood(factor, log_noise, sigma[ok])
+        return np.where(np.isfinite(out), out, -np.inf)
+
+    def _log_likelihood(
+        self, factor: FloatArray, log_noise: FloatArray, sigma: FloatArray
+    ) -> FloatArray:
+        n_simulation = self.simulation.n if self.simulation else 0
+        weight = self.simulation_power * n_simulation + self.measured_power * len(self.y)
+        diagonal = np.diagonal(factor, axis1=1, axis2=2)
+        _, precision = self._prior
+        return (
+            -0.5 * weight * (_LOG_2PI + 2 * np.log(sigma))
+            - self.measured_power * log_noise
+            + 0.5 * np.log(precision).sum()
+            - np.log(diagonal[:, :-1]).sum(axis=1)
+            - 0.5 * diagonal[:, -1] ** 2
+        )
+
+    def _augmented_factor(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the Cholesky factor of [[Lambda, b], [b', c]] for each draw.
+
+        Its last row is (L^-1 b)' and the root of c - b' Lambda^-1 b, so one factorisation gives
+        the determinant, the quadratic form and the conditional mean of the coefficients.
+        """
+        mean, precision = self._prior
+        p, size = len(self.model.basis.coefficient_mean), len(mean)
+        variance = np.exp(2 * u[:, -1])
+        out = np.zeros((len(u), size + 1, size + 1))
+        log_noise = np.zeros(len(u))
+        if self.measured_power:
+            parts = self.model.parts(self.X, self.model.values(u[:, :-1]))
+            rounding = ROUNDING * self.scale
+            rows = np.concatenate(
+                [parts.features, parts.columns, (self.y - parts.known)[..., None]], axis=2
+            )
+            rows /= parts.noise[..., None]
+            log_noise = np.log(parts.noise).sum(axis=1)
+            out += np.swapaxes(rows, 1, 2) @ rows * self.measured_power
+            out[:, -1, -1] += self.measured_power * len(self.y) * rounding**2
+        if self.simulation is not None and self.simulation_power:
+            block = self.simulation_power * np.block(
+                [
+                    [self.simulation.ff, self.simulation.fy[:, None]],
+                    [self.simulation.fy[None, :], np.array([[self.simulation.yy]])],
+                ]
+            )
+            index = np.r_[:p, size]
+            out[:, index[:, None], index] += block
+        out /= variance[:, None, None]
+        diagonal = np.arange(size)
+        out[:, diagonal, diagonal] += precision
+        out[:, diagonal, -1] += precision * mean
+        out[:, -1, diagonal] += precision * mean
+        out[:, -1, -1] += precision @ mean**2
+        # a simulation may fail for some parameters: those are impossible, not an error
+        broken = ~np.isfinite(out).all(axis=(1, 2))
+        out[broken] = np.eye(size + 1)
+        factor = _cholesky(out)
+        factor[broken] = np.nan
+        return factor, log_noise
+
+    def draw_coefficients(
+        self, u: FloatArray, random_state: np.random.RandomState
+    ) -> tuple[FloatArray, FloatArray]:
+        """Draw (c, a) for each u (J, d): arrays of shape (J, p) and (J, q)."""
+        p = len(self.model.basis.coefficient_mean)
+        size = len(self._prior[0])
+        if not size:
+            return np.empty((len(u), 0)), np.empty((len(u), 0))
+        factor, _ = self._augmented_factor(u)
+        noise = random_state.standard_normal((len(u), size))
+        right = factor[:, -1, :-1] + noise
+        transposed = np.swapaxes(factor[:, :-1, :-1], 1, 2)
+        draws = np.linalg.solve(transposed, right[..., None])[..., 0]
+        return draws[:, :p], draws[:, p:]
+
+
+def _cholesky(matrices: FloatArray) -> FloatArray:
+    try:
+        return np.linalg.cholesky(matrices)
+    except np.linalg.LinAlgError:
+        # rounding can make a nearly singular matrix indefinite: nudge by its own size
+        size = matrices.shape[-1]
+        nudge = 1e-10 * np.einsum("jkk->jk", matrices)
+        matrices = matrices.copy()
+        matrices[:, np.arange(size), np.arange(size)] += nudge
+        return np.linalg.cholesky(matrices)
+
+
+def powers_of(beta: float) -> tuple[float, float]:
+    """Return (alpha_S, alpha_R), the powers of the two likelihoods (arXiv 2412.11875, section 2).
+
+    Examples
+    --------
+    >>> powers_of(0.5), powers_of(0.0), powers_of(1.0)
+    ((1.0, 1.0), (0.0, 1.0), (1.0, 0.0))
+    """
+    if beta < 0.5:
+        return beta / (1 - beta), 1.0
+    return 1.0, (1 - beta) / beta

@@ -1,0 +1,205 @@
+"""The model of measured rows: surrogate, causes and priors wired into arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..effects.base import Cause, Rows
+from ..priors import Prior, from_normal
+from ..surrogates.base import Basis
+
+FloatArray = NDArray[np.float64]
+
+# numbers in one block of features; larger batches are cut so that memory stays bounded
+_BLOCK = 8_000_000
+
+
+@dataclass(frozen=True)
+class Parts:
+    """What measured rows are made of, for J draws and n rows.
+
+    ``eta = known + features @ c + columns @ a``, noise scale ``noise * sigma``.
+
+    Attributes
+    ----------
+    known : ndarray of shape (J, n)
+    features : ndarray of shape (J, n, p)
+    noise : ndarray of shape (J, n), or (J, 1) when no cause changes it
+    columns : ndarray of shape (J, n, q)
+    """
+
+    known: FloatArray
+    features: FloatArray
+    noise: FloatArray
+    columns: FloatArray
+
+
+@dataclass(frozen=True)
+class MeasuredModel:
+    """How measured rows follow from the simulation, before any data.
+
+    Unknowns are the simulation's parameters omega and the causes' own parameters theta, both also
+    as standard normal coordinates ``z = [z_omega, z_theta]``.
+
+    Attributes
+    ----------
+    basis : Basis
+        The surrogate on its domain.
+    columns : tuple of str
+        Names of the measured columns, inputs of the simulation first.
+    n_inputs : int
+    parameters : dict of name to prior
+    constants : dict of name to float
+        Assumed constants at their assumed values; they follow the parameters in omega.
+    effects : tuple of Cause
+        Prepared causes.
+    default_sd : float
+        Prior sd of column coefficients for causes that name none.
+    """
+
+    basis: Basis
+    columns: tuple[str, ...]
+    n_inputs: int
+    parameters: dict[str, Prior]
+    constants: dict[str, float]
+    effects: tuple[Cause, ...]
+    default_sd: float
+
+    @cached_property
+    def theta_names(self) -> tuple[tuple[int, str], ...]:
+        """Position of the cause and name of each theta."""
+        return tuple((k, name) for k, e in enumerate(self.effects) for name in e.parameters)
+
+    @cached_property
+    def priors(self) -> list[Prior]:
+        """Priors of omega, then of theta."""
+        own = [self.effects[k].parameters[name] for k, name in self.theta_names]
+        return [*self.parameters.values(), *own]
+
+    @property
+    def n_parameters(self) -> int:
+        """Number of unknown parameters of the simulation."""
+        return len(self.parameters)
+
+    @property
+    def n_unknowns(self) -> int:
+        """Number of omega and theta."""
+        return len(self.priors)
+
+    @cached_property
+    def column_names(self) -> tuple[tuple[int, str], ...]:
+        """Position of the cause and name of each added column."""
+        return tuple((k, name) for k, e in enumerate(self.effects) for name in e.coefficients)
+
+    @cached_property
+    def column_sd(self) -> FloatArray:
+        """Prior sd of the coefficients of the added columns, (q,)."""
+        own = [self.effects[k].coefficient_sd for k, _ in self.column_names]
+        return np.array([self.default_sd if sd is None else sd for sd in own], dtype=float)
+
+    def values(self, z: FloatArray) -> FloatArray:
+        """Map standard normal coordinates (J, n_unknowns) to [omega, theta]."""
+        return from_normal(self.priors, z)
+
+    def parts(self, X: FloatArray, values: FloatArray) -> Parts:
+        """Return the parts for measured rows X (n, n_columns) and draws (J, n_unknowns)."""
+        p, q = len(self.basis.coefficient_mean), len(self.column_names)
+        block = max(1, _BLOCK // max(1, len(X) * (p + q + 2)))
+        pieces = [
+            Parts(*self.simulated(X, values[k : k + block]), self.added(X, values[k : k + block]))
+            for k in range(0, max(len(values), 1), block)
+        ]
+        if len(pieces) == 1:
+            return pieces[0]
+        return Parts(
+            *(
+                np.concatenate([getattr(piece, name) for piece in pieces])
+                for name in ("known", "features", "noise", "columns")
+            )
+        )
+
+    def simulated(
+        self, X: FloatArray, values: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return known (J, n), features (J, n, p) and noise (J, n) or (J, 1)."""
+        J, n = len(values), len(X)
+        rows, omega, theta = self._rows(X, values)
+        run_rows, run_omega = rows, omega
+        for effect, own in zip(self.effects, theta, strict=True):
+            run_rows, run_omega = effect.inputs(run_rows, run_omega, own)
+        inputs = np.column_stack([run_rows[name] for name in self.columns[: self.n_inputs]])
+        points = np.empty((J * n, 0))
+        if run_omega:
+            points = np.column_stack([run_omega[k] for k in (*self.parameters, *self.constants)])
+        known = self.basis.known(inputs, points)
+        features = self.basis.features(inputs, points)
+        noise: FloatArray = np.ones((J, 1))
+        for effect, own in zip(self.effects, theta, strict=True):
+            gain = effect.gain(rows, own)
+            if np.ndim(gain):
+                known = known * gain
+                features = features * np.asarray(gain)[:, None]
+            factor = effect.noise(rows, own)
+            if np.ndim(factor):
+                noise = noise * np.reshape(factor, (J, n))
+        return known.reshape(J, n), features.reshape(J, n, features.shape[1]), noise
+
+    def added(self, X: FloatArray, values: FloatArray) -> FloatArray:
+        """Return the columns that causes add, (J, n, q); the simulation is not run."""
+        J, n = len(values), len(X)
+        if not self.column_names:
+            return np.empty((J, n, 0))
+        rows, _, theta = self._rows(X, values)
+        added = [
+            _checked_columns(effect, rows, own, J * n)
+            for effect, own in zip(self.effects, theta, strict=True)
+            if effect.coefficients
+        ]
+        return np.hstack(added).reshape(J, n, len(self.column_names))
+
+    def _rows(self, X: FloatArray, values: FloatArray) -> tuple[Rows, Rows, list[Rows]]:
+        """Return columns, omega and each cause's theta, every row of every draw after another."""
+        J, n = len(values), len(X)
+        rows: Rows = {name: np.tile(X[:, k], J) for k, name in enumerate(self.columns)}
+        repeated = np.repeat(values, n, axis=0)
+        omega: Rows = {
+            **{name: repeated[:, k] for k, name in enumerate(self.parameters)},
+            **{name: np.full(J * n, value) for name, value in self.constants.items()},
+        }
+        theta: list[Rows] = [{} for _ in self.effects]
+        for column, (k, name) in enumerate(self.theta_names, start=self.n_parameters):
+            theta[k] = {**theta[k], name: repeated[:, column]}
+        return rows, omega, theta
+
+
+def _checked_columns(effect: Cause, rows: Rows, theta: Rows, n: int) -> FloatArray:
+    columns = effect.columns(rows, theta)
+    expected = (n, len(effect.coefficients))
+    if columns is None or np.shape(columns) != expected:
+        raise ValueError(
+            f"The cause {effect.name!r} must return columns of shape {expected}, one for each of "
+            f"its coefficients {effect.coefficients}, got "
+            f"{None if columns is None else np.shape(columns)}."
+        )
+    return columns
+
+
+def prior_log_density(z: FloatArray) -> FloatArray:
+    """Return the log density of standard normal coordinates (J, k), without its constant."""
+    return -0.5 * np.einsum("jk,jk->j", z, z)
+
+
+def names_of(model: MeasuredModel) -> Sequence[str]:
+    """Return readable names of omega and theta, those of causes prefixed where they clash."""
+    own = [name for _, name in model.theta_names]
+    taken = [*model.parameters, *own]
+    readable = [
+        name if taken.count(name) == 1 else f"{model.effects[k].kind}_{k}_{name}"
+        for k, name in model.theta_names
+    ]
+    return [*model.parameters, *readable]

@@ -1,0 +1,38 @@
+"""The noise scale sigma integrated out on a one-dimensional grid."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from ..priors import Prior
+from .collapsed import ROUNDING
+
+FloatArray = NDArray[np.float64]
+
+
+def noise_grid(noise_prior: Prior, scale: float, n: int) -> tuple[FloatArray, FloatArray]:
+    """Return nodes of log sigma and the log prior density there, fine enough for n rows."""
+    top = float(noise_prior.isf(1e-12))
+    low, high = np.log(ROUNDING * scale) - 1, np.log(max(top, 10 * scale))
+    # given n rows log sigma has a standard deviation of about 1 / sqrt(2 n)
+    nodes = np.linspace(low, high, int(np.ceil((high - low) * 3 * np.sqrt(2 * n))) + 1)
+    with np.errstate(divide="ignore"):
+        return nodes, noise_prior.logpdf(np.exp(nodes)) + nodes
+
+
+def marginal_over_noise(
+    squares: FloatArray, n: int, log_sigma: FloatArray, log_weight: FloatArray
+) -> FloatArray:
+    """Return log of the integral over sigma of prior times likelihood, for each sum of squares.
+
+    It depends on the sum alone, so it is tabulated once and interpolated.
+    """
+    low, high = np.log(squares.min()), np.log(squares.max())
+    table = np.linspace(low - 1e-6, high + 1e-6, 400)
+    log_terms = (
+        log_weight - n * log_sigma - 0.5 * np.exp(table[:, None] - 2 * log_sigma[None, :])
+    )
+    values = special.logsumexp(log_terms, axis=1) + np.log(log_sigma[1] - log_sigma[0])
+    return np.interp(np.log(squares), table, values)

@@ -1,0 +1,470 @@
+"""A cause linearised: how well the measured rows speak for it at every node of its grid.
+
+Around one point the model of the measured rows is linear in the simulation's parameters (as
+standard normal z) and in the *sizes* of the cause: the coefficients of its columns, or a gain, a
+constant, a slope measured from the value at which it changes nothing. Given the nodes of what is
+left (a period, a location) the evidence is closed form, for any number of responses at once.
+
+Sizes have a scale mixture as prior: the root mean square of the effect over the measured rows is
+spread evenly, on a logarithmic scale, between a fraction of the noise and several times the spread
+of the output, the same for every cause, so that no cause is favoured by the units of its size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import reduce
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from ..effects.base import Cause
+from ..priors import to_normal
+from ..surrogates.base import Basis
+from .collapsed import CollapsedPosterior, Statistics
+from .measured import MeasuredModel
+
+FloatArray = NDArray[np.float64]
+
+_STEP = 1e-3
+_MAX_CLIMB = 12
+# a size that is a parameter of its own keeps within its prior: z displaced by at most this much
+_SIZE_CAP = 1.5
+
+
+class Belief(NamedTuple):
+    """Gaussian belief about the surrogate's coefficients: mean (p,) and factor (p, p) of V."""
+
+    mean: FloatArray
+    factor: FloatArray
+
+
+def coefficient_belief(basis: Basis, simulation: Statistics | None, power: float = 1.0) -> Belief:
+    """Return what the simulation alone says about the coefficients, its noise estimated."""
+    precision = basis.coefficient_sd**-2.0
+    mean = basis.coefficient_mean
+    if simulation is None or not power or not len(mean):
+        return Belief(mean, np.diag(basis.coefficient_sd))
+    variance = max(simulation.yy / simulation.n, 1e-300)
+    for _ in range(8):
+        matrix = np.diag(precision) + power * simulation.ff / variance
+        right = precision * basis.coefficient_mean + power * simulation.fy / variance
+        mean = np.linalg.solve(matrix, right)
+        squares = simulation.yy - 2 * mean @ simulation.fy + mean @ simulation.ff @ mean
+        used = np.trace(np.linalg.solve(matrix, power * simulation.ff / variance))
+        variance = max(squares, 1e-14 * simulation.yy) / max(simulation.n - used, 1.0)
+    lower = np.linalg.cholesky(np.diag(precision) + power * simulation.ff / variance)
+    return Belief(mean, np.linalg.inv(lower).T)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Which coordinates of z are enumerated, which are sizes, and the grid.
+
+    Attributes
+    ----------
+    fixed, sizes, nodes : ndarray of int
+        Positions in z: unit-normal directions, sizes of the cause, enumerated coordinates.
+    neutral : ndarray of shape (n_unknowns,)
+        z at which the cause changes nothing, zero elsewhere.
+    grid : ndarray of shape (T, len(nodes))
+        Values of the enumerated coordinates in the user's units.
+    log_weight : ndarray of shape (T,)
+        Log prior mass of each node.
+    """
+
+    fixed: NDArray[np.intp]
+    sizes: NDArray[np.intp]
+    nodes: NDArray[np.intp]
+    neutral: FloatArray
+    grid: FloatArray
+    log_weight: FloatArray
+
+
+def layout(model: MeasuredModel) -> Layout:
+    """Return the layout for the last cause of a model; earlier causes count as known shapes."""
+    last = len(model.effects) - 1
+    neutral = np.zeros(model.n_unknowns)
+    sizes, nodes = [], []
+    axes: dict[str, FloatArray] = model.effects[last].grid() if model.effects else {}
+    start = model.effects[last].start() if model.effects else {}
+    weights = []
+    for position, (owner, name) in enumerate(model.theta_names, start=model.n_parameters):
+        if owner != last:
+            continue
+        prior = model.priors[position]
+        if name in axes:
+            nodes.append(position)
+            weights.append(_node_masses(prior, axes[name]))
+        elif name in start:
+            sizes.append(position)
+            neutral[position] = to_normal([prior], [start[name]])[0]
+    names = [name for owner, name in model.theta_names if owner == last and name in axes]
+    if nodes:
+        mesh = np.meshgrid(*(axes[name] for name in names), indexing="ij")
+        grid = np.stack(mesh, axis=-1).reshape(-1, len(nodes))
+        log_weight = reduce(np.add.outer, weights).ravel()
+    else:
+        grid, log_weight = np.empty((1, 0)), np.zeros(1)
+    taken = {*sizes, *nodes}
+    fixed = [k for k in range(model.n_unknowns) if k not in taken]
+    return Layout(
+        np.array(fixed, dtype=int),
+        np.array(sizes, dtype=int),
+        np.array(nodes, dtype=int),
+        neutral,
+        grid,
+        log_weight,
+    )
+
+
+def _node_masses(prior: object, nodes: FloatArray) -> FloatArray:
+    edges = np.concatenate([[-np.inf], 0.5 * (nodes[1:] + nodes[:-1]), [np.inf]])
+    mass = np.diff(prior.cdf(edges))  # type: ignore[attr-defined]
+    return np.log(np.maximum(mass, 1e-12) / np.sum(np.maximum(mass, 1e-12)))
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """The model of measured rows around one point, rows scaled to unit noise factor.
+
+    ``y = mean + G @ g + H_t @ h + noise`` with g ~ N(0, I), columns of H with unit root mean
+    square, so that h is the size of the effect in units of y.
+
+    Attributes
+    ----------
+    mean : ndarray of shape (M, n)
+        M is 1 where the nodes do not touch the simulation, else T.
+    G : ndarray of shape (M, n, d)
+    H : ndarray of shape (T, n, q)
+    H_rms : ndarray of shape (T, q)
+        What was divided out of H.
+    cap : ndarray of shape (T, q)
+        Largest prior scale of each size in units of y; infinity for columns.
+    U : ndarray of shape (n, r)
+        Factor of the known covariance: the emulator's own error, a remainder.
+    log_weight : ndarray of shape (T,)
+    """
+
+    mean: FloatArray
+    G: FloatArray
+    H: FloatArray
+    H_rms: FloatArray
+    cap: FloatArray
+    U: FloatArray
+    log_weight: FloatArray
+
+
+def linearise(
+    model: MeasuredModel, X: FloatArray, belief: Belief, plan: Layout, z: FloatArray
+) -> Linearised:
+    """Linearise around z (n_unknowns,), at all nodes of the grid.
+
+    The columns of earlier causes join G with their prior sd; those of the last one are sizes.
+    """
+    in_simulation = bool(len(plan.nodes)) and model.effects[-1].touches_simulation
+    T = len(plan.grid)
+    M = T if in_simulation else 1
+    directions = np.concatenate([plan.fixed, plan.sizes])
+    points = np.broadcast_to(z, (M, 1 + 2 * len(directions), len(z))).copy()
+    for k, position in enumerate(directions):
+        points[:, 1 + 2 * k, position] += _STEP
+        points[:, 2 + 2 * k, position] -= _STEP
+    values = model.values(points)
+    if in_simulation:
+        values[:, :, plan.nodes] = plan.grid[:, None, :]
+    known, features, noise = model.simulated(X, values.reshape(-1, len(z)))
+    response = (known + features @ belief.mean) / noise
+    response = response.reshape(M, 1 + 2 * len(directions), len(X))
+    slopes = (response[:, 1::2] - response[:, 2::2]) / (2 * _STEP)
+    slopes = np.where(np.isfinite(slopes), slopes, 0.0)
+    d = len(plan.fixed)
+    G = np.swapaxes(slopes[:, :d], 1, 2)
+    H = np.swapaxes(slopes[:, d:], 1, 2)
+    # expand around the prior's centre: fixed directions at 0, sizes at their neutral value
+    mean = response[:, 0] - G @ z[plan.fixed] - H @ (z[plan.sizes] - plan.neutral[plan.sizes])
+
+    own = np.array([owner == len(model.effects) - 1 for owner, _ in model.column_names], dtype=bool)
+    if len(own):
+        at_nodes = np.broadcast_to(model.values(z[None]), (T, len(z))).copy()
+        at_nodes[:, plan.nodes] = plan.grid
+        columns = model.added(X, at_nodes) / noise[0][..., None]
+        earlier = columns[:1, :, ~own] * model.column_sd[~own]
+        G = np.concatenate([G, np.broadcast_to(earlier, (M, *earlier.shape[1:]))], axis=2)
+        if H.shape[2]:
+            H = np.concatenate([np.broadcast_to(H, (T, *H.shape[1:])), columns[:, :, own]], axis=2)
+        else:
+            H = columns[:, :, own]
+    H = np.broadcast_to(H, (T, len(X), H.shape[2]))
+    rms = np.sqrt(np.mean(H**2, axis=1))
+    if model.effects and model.effects[-1].kind == "unexplained":
+        # the basis of a process is one object: its prior variance per row, not per column
+        rms = np.broadcast_to(np.sqrt(np.sum(rms**2, axis=1, keepdims=True)), rms.shape)
+    rms = np.maximum(rms, 1e-12 * max(float(np.max(rms, initial=0.0)), 1e-300))
+    cap = np.full(rms.shape, np.inf)
+    cap[:, : len(plan.sizes)] = _SIZE_CAP * rms[:, : len(plan.sizes)]
+    U = (features[0] / noise[0][:, None]) @ belief.factor
+    return Linearised(mean, G, H / rms[:, None, :], rms, cap, U, plan.log_weight)
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What a scan knows about the noise.
+
+    Attributes
+    ----------
+    sigma : float
+        Reference value, used where priors are compared with the noise.
+    log_marginal : callable
+        Log integral over sigma as a function of the residual sum of squares.
+    """
+
+    sigma: float
+    log_marginal: Callable[[FloatArray], FloatArray]
+
+
+def scan(
+    parts: Linearised, responses: FloatArray, noise: Noise, sizes: FloatArray
+) -> FloatArray:
+    """Return the log evidence of every node for every response, (R, T).
+
+    Parameters
+    ----------
+    parts : Linearised
+    responses : ndarray of shape (R, n)
+    noise : Noise
+    sizes : ndarray of shape (K,)
+        Prior scales of the effect's root mean square, equally probable.
+    """
+    whiten, log_det = _whitener(parts.U, noise.sigma)
+    G, mean = whiten(parts.G, 1), whiten(parts.mean[..., None], 1)[..., 0]
+    y = whiten(responses.T, 0).T
+    d, n = G.shape[2], y.shape[1]
+    inner = np.swapaxes(G, 1, 2) @ G + noise.sigma**2 * np.eye(d)
+    factor = np.linalg.cholesky(inner)
+    project = np.linalg.solve(factor, np.swapaxes(G, 1, 2))  # (M, d, n)
+    residual = y[:, None, :] - mean  # (R, M, n)
+    along = np.einsum("mdn,rmn->rmd", project, residual)
+    squares = np.einsum("rmn,rmn->rm", residual, residual) - np.einsum("rmd,rmd->rm", along, along)
+    log_base = (
+        -np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
+        + d * np.log(noise.sigma)
+        - log_det
+    )
+    T, _, q = parts.H.shape
+    floor = 1e-12 * np.maximum(np.einsum("rn,rn->r", y, y), 1e-300)[:, None]
+    if not q:
+        out = noise.log_marginal(np.maximum(squares, floor)) + log_base
+        return out + parts.log_weight
+    H = whiten(parts.H, 1)
+    rest = H - np.swapaxes(project, 1, 2) @ (project @ H)  # (T, n, q), G projected out
+    eigenvalue, vector = np.linalg.eigh(np.swapaxes(H, 1, 2) @ rest)
+    eigenvalue = np.maximum(eigenvalue, 0.0)
+    rotated = rest @ vector
+    if len(residual[0]) == 1:
+        along_h = residual[:, 0] @ rotated.transpose(1, 0, 2).reshape(n, -1)
+        along_h = along_h.reshape(len(y), T, q)
+    else:
+        along_h = np.einsum("rtn,tnq->rtq", residual, rotated)
+    terms = []
+    for size in sizes:
+        # one size for all directions of a cause; caps bind only parameters, which come alone
+        scale = np.minimum(size, parts.cap.min(axis=1))[:, None]
+        ridge = (noise.sigma / scale) ** 2
+        reduced = squares - np.sum(along_h**2 / (eigenvalue + ridge), axis=2)
+        log_det_h = 0.5 * np.sum(np.log1p(eigenvalue / ridge), axis=1)
+        terms.append(noise.log_marginal(np.maximum(reduced, floor)) - log_det_h)
+    out = special.logsumexp(terms, axis=0) - np.log(len(sizes))
+    return out + log_base + parts.log_weight
+
+
+def _whitener(
+    U: FloatArray, sigma: float
+) -> tuple[Callable[[FloatArray, int], FloatArray], float]:
+    """Return a map that gives rows with covariance sigma^2 I + U U' the covariance sigma^2 I."""
+    if not U.size:
+        return (lambda values, axis: values), 0.0
+    Q, singular, _ = np.linalg.svd(U, full_matrices=False)
+    ratio = 1 + (singular / sigma) ** 2
+    shrink = 1 - 1 / np.sqrt(ratio)
+
+    def whiten(values: FloatArray, axis: int) -> FloatArray:
+        moved = np.moveaxis(values, axis, 0)
+        flat = moved.reshape(len(moved), -1)
+        flat = flat - Q @ (shrink[:, None] * (Q.T @ flat))
+        return np.moveaxis(flat.reshape(moved.shape), 0, axis)
+
+    return whiten, 0.5 * float(np.sum(np.log(ratio)))
+
+
+class Peak(NamedTuple):
+    """Where a cause fits best.
+
+    Attributes
+    ----------
+    z : ndarray of shape (n_unknowns,)
+        Fixed directions and sizes at the optimum, nodes at the best one.
+    squares : float
+        Residual sum of squares there, in units of the noise covariance.
+    objective : float
+        Penalised squares in units of sigma^2; smaller is better.
+    node : int
+    """
+
+    z: FloatArray
+    squares: float
+    objective: float
+    node: int
+
+
+def climb(
+    model: MeasuredModel,
+    X: FloatArray,
+    y: FloatArray,
+    belief: Belief,
+    plan: Layout,
+    z: FloatArray,
+    sigma: float,
+    size: float,
+) -> Peak:
+    """Follow the linearised model to its best fit by Gauss-Newton steps, nodes re-enumerated.
+
+    Parameters
+    ----------
+    z : ndarray of shape (n_unknowns,)
+        Starting point.
+    sigma : float
+        Noise scale against which priors are weighed.
+    size : float
+        Prior scale of the effect's size, in units of y; large means free.
+    """
+    best: Peak | None = None
+    point, step = np.array(z, dtype=float), 1.0
+    proposal = point
+    for _ in range(_MAX_CLIMB):
+        parts = linearise(model, X, belief, plan, proposal)
+        here, move = _solve(parts, y, plan, proposal, sigma, size)
+        if best is None or here.objective < best.objective - 1e-4:
+            gain = np.inf if best is None else best.objective - here.objective
+            best, point, target, step = here, proposal, move, 1.0
+            if gain < 1e-3:
+                break
+        else:
+            step *= 0.3
+            if step < 0.02:
+                break
+        proposal = point + step * (target - point)
+    assert best is not None
+    return best
+
+
+def _solve(
+    parts: Linearised, y: FloatArray, plan: Layout, z: FloatArray, sigma: float, size: float
+) -> tuple[Peak, FloatArray]:
+    """Return the fit at z with sizes of columns free, and the z at which the linear model is best."""
+    whiten, _ = _whitener(parts.U, sigma)
+    T, n, q = parts.H.shape
+    d, s = parts.G.shape[2], len(plan.sizes)
+    G = np.broadcast_to(whiten(parts.G, 1), (T, n, d))
+    H = whiten(parts.H, 1)
+    design = np.concatenate([G, H], axis=2)
+    scale = np.minimum(size, parts.cap)
+    penalty = np.concatenate([np.ones((T, d)), scale**-2.0], axis=1) * sigma**2
+    residual = whiten((y - parts.mean)[..., None], 1)[..., 0]
+    residual = np.broadcast_to(residual, (T, n))
+    normal = np.swapaxes(design, 1, 2) @ design
+    normal[:, np.arange(d + q), np.arange(d + q)] += penalty
+    right = np.einsum("tnk,tn->tk", design, residual)
+    solution = np.linalg.solve(normal, right[..., None])[..., 0]
+    best_linear = np.einsum("tn,tn->t", residual, residual) - np.einsum(
+        "tk,tk->t", right, solution
+    )
+    node = int(np.argmin(best_linear / sigma**2 - 2 * parts.log_weight))
+    # the fit at z itself: what is nonlinear stays, columns are estimated anew
+    held = np.concatenate(
+        [z[plan.fixed], (z[plan.sizes] - plan.neutral[plan.sizes]) * parts.H_rms[node, :s]]
+    )
+    kept = np.r_[: len(plan.fixed), d : d + s]
+    free = np.setdiff1d(np.arange(d + q), kept)
+    columns = design[node][:, free]
+    rest = residual[node] - design[node][:, kept] @ held
+    fitted = np.linalg.solve(normal[node][np.ix_(free, free)], columns.T @ rest)
+    rest = rest - columns @ fitted
+    squares = float(rest @ rest)
+    prior = float(penalty[node, kept] @ held**2 + penalty[node, free] @ fitted**2)
+    peak = Peak(z.copy(), squares, (squares + prior) / sigma**2, node)
+    move = z.copy()
+    move[plan.fixed] = np.clip(solution[node, : len(plan.fixed)], -6, 6)
+    size_move = solution[node, d : d + s] / parts.H_rms[node, :s]
+    move[plan.sizes] = np.clip(plan.neutral[plan.sizes] + size_move, -6, 6)
+    return peak, move
+
+
+def starting_points(
+    target: CollapsedPosterior, random_state: np.random.RandomState
+) -> FloatArray:
+    """Return points u from which an optimiser should climb: best prior draws, best nodes."""
+    model = target.model
+    free = MeasuredModel(
+        model.basis, model.columns, model.n_inputs, model.parameters, model.constants, (), 1.0
+    )
+    base = _best_prior_points(
+        CollapsedPosterior(
+            free,
+            target.X,
+            target.y,
+            target.simulation,
+            target.simulation_power,
+            target.measured_power,
+            target.noise_prior,
+            target.scale,
+        ),
+        random_state,
+    )
+    if not model.effects:
+        return base
+    belief = coefficient_belief(model.basis, target.simulation, target.simulation_power)
+    z = base[0, :-1]
+    sigma = float(np.exp(base[0, -1]))
+    causes: tuple[Cause, ...] = ()
+    for cause in model.effects:
+        causes = (*causes, cause)
+        partial = MeasuredModel(
+            model.basis,
+            model.columns,
+            model.n_inputs,
+            model.parameters,
+            model.constants,
+            causes,
+            model.default_sd,
+        )
+        plan = layout(partial)
+        start = np.concatenate([z, plan.neutral[len(z) :]])
+        peak = climb(
+            partial, target.X, target.y, belief, plan, start, sigma, 10 * target.scale
+        )
+        z = peak.z.copy()
+        if len(plan.nodes):
+            priors = [partial.priors[k] for k in plan.nodes]
+            z[plan.nodes] = to_normal(priors, plan.grid[peak.node])
+        sigma = float(np.sqrt(max(peak.squares, 1e-12) / len(target.y)))
+    return np.array([[*z, np.log(sigma * factor)] for factor in (1.0, 2.0)])
+
+
+def _best_prior_points(
+    target: CollapsedPosterior, random_state: np.random.RandomState
+) -> FloatArray:
+    """Return the best of a few prior points, and the best one far from it."""
+    d = target.n_dimensions
+    z = random_state.standard_normal((96, d - 1))
+    z[0] = 0.0
+    log_sigma = np.log(target.scale) + np.log(1e-3) * random_state.uniform(size=len(z))
+    u = np.column_stack([z, log_sigma])
+    value = target.log_density(u)
+    order = np.argsort(-value)
+    best = u[order[0]]
+    far = [k for k in order if np.linalg.norm(u[k, :-1] - best[:-1]) > 1.0]
+    return np.array([best, *(u[k] for k in far[:2])]) if d > 1 else best[None]

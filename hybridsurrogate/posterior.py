@@ -1,0 +1,191 @@
+"""Draws of a fitted surrogate, what they say, and how far they can be trusted.
+
+The only file that knows ArviZ.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .exceptions import SamplingWarning
+from .inference.importance import KHAT_LIMIT
+from .inference.measured import MeasuredModel, names_of
+from .likelihoods import Likelihood
+
+FloatArray = NDArray[np.float64]
+
+# numbers in one block of predictions
+_BLOCK = 20_000_000
+_MIN_EFFECTIVE = 100.0
+
+
+@dataclass(frozen=True)
+class Diagnostics:
+    """How the draws were made and how good they are.
+
+    Attributes
+    ----------
+    sampler : str
+        "importance" or "emcee".
+    khat : float
+        Pareto shape of the importance weights in step 1; above 0.7 they are not trustworthy
+        (NaN for emcee).
+    effective_draws : float
+        Independent draws that the result is worth in step 1.
+    autocorrelation_time : float
+        Of the ensemble, in steps (NaN for importance sampling).
+    n_modes : int
+        Modes found.
+    second_step : str
+        "grid", "importance" or "none" (nothing was left to infer).
+    second_khat, second_effective_draws : float
+        The same for step 2, medians over the coefficient draws (NaN on a grid).
+    """
+
+    sampler: str
+    khat: float
+    effective_draws: float
+    autocorrelation_time: float
+    n_modes: int
+    second_step: str = "none"
+    second_khat: float = np.nan
+    second_effective_draws: float = np.nan
+
+    def problems(self) -> list[str]:
+        """Return what is wrong with the draws, in words; empty when nothing is."""
+        found = []
+        if self.khat > KHAT_LIMIT:
+            found.append(f"the Pareto k-hat of step 1 is {self.khat:.2f} (limit {KHAT_LIMIT})")
+        if self.effective_draws < _MIN_EFFECTIVE:
+            found.append(
+                f"step 1 has only {self.effective_draws:.0f} effective draws "
+                f"(at least {_MIN_EFFECTIVE:.0f} wanted)"
+            )
+        if self.second_khat > KHAT_LIMIT:
+            found.append(
+                f"the Pareto k-hat of step 2 is {self.second_khat:.2f} (limit {KHAT_LIMIT})"
+            )
+        if self.second_effective_draws < 10:
+            found.append(
+                f"step 2 rests on {self.second_effective_draws:.1f} effective proposals a draw"
+            )
+        return found
+
+    def warn(self) -> None:
+        """Warn when the draws are not trustworthy."""
+        problems = self.problems()
+        if problems:
+            warnings.warn(
+                f"The posterior draws are doubtful: {'; '.join(problems)}. Try "
+                "sampler='emcee', more n_draws, tighter priors, or a lower surrogate degree.",
+                SamplingWarning,
+                stacklevel=4,
+            )
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Draws of everything that a prediction needs.
+
+    Attributes
+    ----------
+    model : MeasuredModel
+    likelihood : Likelihood
+    values : ndarray of shape (S, n_unknowns)
+        omega and theta in the user's units.
+    sigma : ndarray of shape (S,)
+    coefficients : ndarray of shape (S, p)
+    effect_coefficients : ndarray of shape (S, q)
+    """
+
+    model: MeasuredModel
+    likelihood: Likelihood
+    values: FloatArray
+    sigma: FloatArray
+    coefficients: FloatArray
+    effect_coefficients: FloatArray
+
+    @property
+    def n_draws(self) -> int:
+        """Number of draws."""
+        return len(self.sigma)
+
+    def take(self, index: NDArray[np.intp]) -> Posterior:
+        """Return the posterior with some of its draws."""
+        return Posterior(
+            self.model,
+            self.likelihood,
+            self.values[index],
+            self.sigma[index],
+            self.coefficients[index],
+            self.effect_coefficients[index],
+        )
+
+    def eta(self, X: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return eta and the noise scale for rows X (n, n_columns): two arrays (S, n)."""
+        width = self.coefficients.shape[1] + self.effect_coefficients.shape[1] + 2
+        block = max(1, _BLOCK // (self.n_draws * width))
+        pieces = [self._eta(X[k : k + block]) for k in range(0, len(X), block)]
+        return (
+            np.concatenate([eta for eta, _ in pieces], axis=1),
+            np.concatenate([noise for _, noise in pieces], axis=1),
+        )
+
+    def _eta(self, X: FloatArray) -> tuple[FloatArray, FloatArray]:
+        parts = self.model.parts(X, self.values)
+        eta = parts.known + (parts.features @ self.coefficients[..., None])[..., 0]
+        eta = eta + (parts.columns @ self.effect_coefficients[..., None])[..., 0]
+        return eta, np.broadcast_to(parts.noise * self.sigma[:, None], eta.shape)
+
+    def named(self) -> dict[str, FloatArray]:
+        """Return draws by name: omega, theta, sigma, coefficients, effect coefficients."""
+        out = dict(zip(names_of(self.model), self.values.T, strict=True))
+        out["sigma"] = self.sigma
+        if self.coefficients.shape[1]:
+            out["coefficients"] = self.coefficients
+        if self.effect_coefficients.shape[1]:
+            out["effect_coefficients"] = self.effect_coefficients
+        return out
+
+    def estimates(self, effect: int) -> dict[str, FloatArray]:
+        """Return the draws that one cause reports, in the user's units."""
+        first = self.model.n_parameters
+        theta = {
+            name: self.values[:, first + k]
+            for k, (owner, name) in enumerate(self.model.theta_names)
+            if owner == effect
+        }
+        coefficients = {
+            name: self.effect_coefficients[:, k]
+            for k, (owner, name) in enumerate(self.model.column_names)
+            if owner == effect
+        }
+        return self.model.effects[effect].estimates(theta, coefficients)
+
+
+def arviz_groups(groups: dict[str, dict[str, FloatArray]]) -> Any:
+    """Return an ArviZ object with the given groups; draws come first in every array.
+
+    ArviZ before 1.0 takes groups as keywords and returns InferenceData, later versions take one
+    nested dict and return a DataTree.
+    """
+    with warnings.catch_warnings():
+        # ArviZ 0.x announces its own successor at import
+        warnings.simplefilter("ignore", FutureWarning)
+        import arviz
+
+    shaped = {
+        group: {
+            name: (value if group == "observed_data" else value[None])
+            for name, value in variables.items()
+        }
+        for group, variables in groups.items()
+    }
+    if hasattr(arviz, "InferenceData"):
+        return arviz.from_dict(**shaped)
+    return arviz.from_dict(shaped)

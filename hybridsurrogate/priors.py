@@ -1,0 +1,125 @@
+"""Frozen scipy.stats priors, and the map between them and standard normal space.
+
+Samplers and optimisers work on ``z`` with ``value = ppf(Phi(z))``: whatever the prior is, ``z`` is
+standard normal, so no Jacobian is needed and a bounded parameter has no walls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import special, stats
+
+Prior = Any  # a frozen scipy.stats distribution; scipy has no public type for it
+FloatArray = NDArray[np.float64]
+
+# Phi(8) is the last step before 1 in double precision
+_Z_LIMIT = 8.0
+
+
+def truncated_normal(mean: float, sd: float, low: float, high: float) -> Prior:
+    """Return a normal prior cut off at two bounds, in the units of the parameter.
+
+    Parameters
+    ----------
+    mean, sd : float
+        Mean and standard deviation before truncation.
+    low, high : float
+        Bounds of the support.
+
+    Returns
+    -------
+    scipy.stats frozen distribution
+
+    Raises
+    ------
+    ValueError
+        If ``sd`` is not positive or ``low`` is not below ``high``.
+
+    Examples
+    --------
+    >>> import hybridsurrogate as hs
+    >>> [float(end) for end in hs.truncated_normal(2.0, 0.5, 1, 3).support()]
+    [1.0, 3.0]
+    """
+    if not sd > 0:
+        raise ValueError(f"sd must be positive, got {sd!r}.")
+    if not low < high:
+        raise ValueError(f"low must be below high, got low={low!r} and high={high!r}.")
+    lower, upper = (low - mean) / sd, (high - mean) / sd
+    prior = stats.truncnorm(lower, upper, loc=mean, scale=sd)
+    if not np.isfinite(prior.ppf([0.001, 0.5, 0.999])).all():
+        raise ValueError(
+            f"A normal({mean}, {sd}) has no mass between {low} and {high}: move the bounds."
+        )
+    return prior
+
+
+def check_prior(prior: Prior, name: str) -> Prior:
+    """Return ``prior`` if it is a frozen continuous scipy.stats distribution, else raise TypeError."""
+    words = ("logpdf", "cdf", "ppf", "support")
+    unfrozen = isinstance(prior, stats.rv_continuous)
+    if unfrozen or not all(callable(getattr(prior, word, None)) for word in words):
+        raise TypeError(
+            f"The prior of {name!r} must be a frozen scipy.stats distribution such as "
+            f"scipy.stats.norm(0, 1) or hybridsurrogate.truncated_normal(0, 1, -2, 2), "
+            f"got {prior!r}."
+        )
+    return prior
+
+
+def check_priors(priors: Mapping[str, Prior] | None) -> dict[str, Prior]:
+    """Check a mapping from names to priors and return it as a dict."""
+    return {str(name): check_prior(prior, str(name)) for name, prior in (priors or {}).items()}
+
+
+def prior_range(prior: Prior, tail: float = 1e-3) -> tuple[float, float]:
+    """Return the support of a prior, with an infinite end replaced by a quantile."""
+    low, high = (float(end) for end in prior.support())
+    return (
+        low if np.isfinite(low) else float(prior.ppf(tail)),
+        high if np.isfinite(high) else float(prior.isf(tail)),
+    )
+
+
+def from_normal(priors: Sequence[Prior], z: ArrayLike) -> FloatArray:
+    """Map standard normal coordinates to values with the given priors.
+
+    Parameters
+    ----------
+    priors : sequence of k frozen distributions
+    z : array of shape (..., k)
+
+    Returns
+    -------
+    ndarray of shape (..., k)
+    """
+    points: FloatArray = np.clip(np.asarray(z, dtype=float), -_Z_LIMIT, _Z_LIMIT)
+    out = np.empty_like(points)
+    for k, prior in enumerate(priors):
+        out[..., k] = _quantile(prior, points[..., k])
+    return out
+
+
+def _quantile(prior: Prior, z: FloatArray) -> FloatArray:
+    # the upper half from the survival function: Phi(z) loses its digits near 1
+    upper = z > 0
+    tail = special.ndtr(-np.abs(z))
+    out = np.empty_like(z)
+    out[upper] = prior.isf(tail[upper])
+    out[~upper] = prior.ppf(tail[~upper])
+    return out
+
+
+def to_normal(priors: Sequence[Prior], values: ArrayLike) -> FloatArray:
+    """Map values with the given priors to standard normal coordinates, shape (..., k)."""
+    points: FloatArray = np.asarray(values, dtype=float)
+    out = np.empty_like(points)
+    for k, prior in enumerate(priors):
+        lower, upper = prior.cdf(points[..., k]), prior.sf(points[..., k])
+        z = np.where(lower < 0.5, special.ndtri(lower), -special.ndtri(upper))
+        out[..., k] = np.clip(z, -_Z_LIMIT, _Z_LIMIT)
+    return out

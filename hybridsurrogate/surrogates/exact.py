@@ -1,0 +1,50 @@
+"""The simulation as its own surrogate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .base import Basis, Domain, FloatArray, Surrogate
+
+
+class ExactSurrogate(Surrogate):
+    """A cheap, callable simulation as it is: no emulator, no coefficients.
+
+    Needs a `Simulator`, or the runs of one; runs made elsewhere cannot be evaluated anew.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> from scipy.stats import norm
+    >>> fall = hs.Simulator(lambda t, g: 100 - g * t**2 / 2, inputs={"t": (0, 4)},
+    ...                     parameters={"g": norm(9.8, 0.2)})
+    >>> model = hs.PowerScaledSurrogate(fall, surrogate=hs.ExactSurrogate(), random_state=0)
+    >>> t = np.linspace(0, 4, 12)
+    >>> model = model.fit(t[:, None], 100 - 9.6 * t**2 / 2 + 0.1 * np.cos(50 * t))
+    >>> round(model.predict([[2.0]]).item(), 1)
+    80.8
+    """
+
+    def build(self, domain: Domain) -> Basis:
+        """Return the basis; raise ValueError when the simulation is not callable."""
+        if domain.simulate is None:
+            raise ValueError(
+                "ExactSurrogate evaluates the simulation itself, but there is no callable one: "
+                "pass a Simulator (or runs made by Simulator.run) as simulation, or choose an "
+                "emulator such as PolynomialChaos."
+            )
+        return _ExactBasis(np.empty(0), np.empty(0), domain.simulate)
+
+
+@dataclass(frozen=True)
+class _ExactBasis(Basis):
+    simulate: Callable[[FloatArray, FloatArray], FloatArray]
+
+    def known(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        return self.simulate(X, omega)
+
+    def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        return np.empty((len(X), 0))

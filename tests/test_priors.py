@@ -1,0 +1,80 @@
+import numpy as np
+import pytest
+from scipy import stats
+
+from hybridsurrogate.priors import (
+    check_priors,
+    from_normal,
+    prior_range,
+    to_normal,
+    truncated_normal,
+)
+
+
+def test_truncated_normal_is_in_the_units_of_the_parameter():
+    prior = truncated_normal(2.0, 0.5, 1, 3)
+    assert prior.support() == (1, 3)
+    assert prior.median() == pytest.approx(2.0)
+    x = np.array([1.5, 2.5, 2.9])
+    untruncated = stats.norm(2.0, 0.5)
+    mass = untruncated.cdf(3) - untruncated.cdf(1)
+    np.testing.assert_allclose(prior.pdf(x), untruncated.pdf(x) / mass)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "match"),
+    [
+        ((0, 0, -1, 1), "sd must be positive, got 0"),
+        ((0, 1, 1, -1), "low must be below high, got low=1 and high=-1"),
+    ],
+)
+def test_truncated_normal_refuses(arguments, match):
+    with pytest.raises(ValueError, match=match):
+        truncated_normal(*arguments)
+
+
+def test_priors_must_be_frozen_distributions():
+    assert list(check_priors({"a": stats.norm(0, 1), "b": stats.uniform()})) == ["a", "b"]
+    assert check_priors(None) == {}
+    for wrong in (1.0, "normal", (0, 1)):
+        with pytest.raises(TypeError, match=r"prior of 'rate' must be a frozen scipy.stats"):
+            check_priors({"rate": wrong})
+
+
+def test_range_replaces_infinite_ends_by_quantiles():
+    assert prior_range(stats.uniform(2, 3)) == (2, 5)
+    low, high = prior_range(stats.halfnorm(scale=2))
+    assert low == 0
+    assert high == pytest.approx(stats.halfnorm(scale=2).isf(0.001))
+    assert prior_range(stats.norm(), tail=0.025) == pytest.approx((-1.96, 1.96), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    "prior",
+    [stats.norm(3, 2), stats.uniform(-1, 4), stats.halfnorm(scale=0.5), stats.gamma(2.0)],
+)
+def test_normal_coordinates_and_back(prior):
+    z = np.linspace(-6, 6, 25)[:, None]
+    values = from_normal([prior], z)
+    assert (np.diff(values[:, 0]) > 0).all()
+    np.testing.assert_allclose(to_normal([prior], values), z, atol=1e-5)
+
+
+def test_coordinates_of_several_priors_keep_their_columns():
+    priors = [stats.norm(10, 1), stats.uniform(0, 2)]
+    values = from_normal(priors, np.zeros((2, 3, 2)))
+    assert values.shape == (2, 3, 2)
+    np.testing.assert_allclose(values[..., 0], 10)
+    np.testing.assert_allclose(values[..., 1], 1)
+
+
+def test_standard_normal_coordinates_have_the_prior():
+    z = np.random.default_rng(0).standard_normal((2000, 1))
+    prior = truncated_normal(0.9, 0.05, 0.6, 1.4)
+    assert stats.kstest(from_normal([prior], z)[:, 0], prior.cdf).pvalue > 0.01
+
+
+def test_coordinates_stay_finite_at_the_ends_of_the_support():
+    prior = stats.uniform(0, 1)
+    assert np.isfinite(to_normal([prior], [[0.0], [1.0]])).all()
+    assert np.isfinite(from_normal([stats.norm()], [[-1e6], [1e6]])).all()
