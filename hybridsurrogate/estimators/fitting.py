@@ -25,8 +25,10 @@ FloatArray = NDArray[np.float64]
 
 # proposals of the importance sampler: three for each draw that is kept
 _OVERSAMPLING = 3
-# a mode with less than this share of the best one's mass does not count
+# from this share of the best one's mass on, a further mode makes the posterior multimodal
 _MODE_SHARE = 0.02
+# a mode with less than this share gets no proposals of its own
+_PROPOSAL_SHARE = 1e-5
 
 
 @dataclass(frozen=True)
@@ -241,10 +243,12 @@ def _first_draws(
     random_state: np.random.RandomState,
 ) -> tuple[FloatArray, Diagnostics]:
     modes = find_modes(target.log_density, starting_points(target, random_state))
-    modes = [m for m in modes if m.log_mass > modes[0].log_mass + np.log(_MODE_SHARE)]
+    best = modes[0].log_mass
+    minor = [mode for mode in modes if mode.log_mass > best + np.log(_PROPOSAL_SHARE)]
+    modes = [mode for mode in modes if mode.log_mass > best + np.log(_MODE_SHARE)]
     if sampler == "importance" or (sampler == "auto" and len(modes) == 1):
         sampled = importance_draws(
-            target.log_density, modes[0], _OVERSAMPLING * n_draws, n_draws, random_state
+            target.log_density, minor, _OVERSAMPLING * n_draws, n_draws, random_state
         )
         if sampler == "importance" or sampled.khat <= KHAT_LIMIT:
             return sampled.draws, Diagnostics(

@@ -183,28 +183,48 @@ def student_log_density(approximation: Gaussian, x: FloatArray) -> FloatArray:
     )
 
 
+def mixture_draws(
+    components: list[Gaussian], n: int, random_state: np.random.RandomState
+) -> tuple[FloatArray, FloatArray]:
+    """Draw n points from a mixture of Student-t proposals; return them and their log density.
+
+    Components weigh as much as their masses, but at least a twentieth, so that a small mode far
+    away gets enough points to be weighed itself.
+    """
+    mass = np.array([g.log_mass for g in components])
+    share = np.maximum(np.exp(mass - special.logsumexp(mass)), 0.05)
+    share /= share.sum()
+    counts = np.diff(np.round(n * np.concatenate([[0.0], np.cumsum(share)])).astype(int))
+    points = np.concatenate(
+        [student_draws(g, k, random_state) for g, k in zip(components, counts, strict=True)]
+    )
+    terms = [np.log(w) + student_log_density(g, points) for w, g in zip(share, components, strict=True)]
+    return points, special.logsumexp(terms, axis=0)
+
+
 def importance_draws(
     log_density: LogDensity,
-    approximation: Gaussian,
+    components: list[Gaussian],
     n_proposals: int,
     n_draws: int,
     random_state: np.random.RandomState,
     max_rounds: int = 4,
 ) -> ImportanceDraws:
-    """Draw from a density through a Student-t proposal with Pareto-smoothed weights.
+    """Draw from a density through Student-t proposals with Pareto-smoothed weights.
 
-    Where fewer than a tenth of the proposals are effective, the proposal is moved to the weighted
-    mean and covariance of its own draws and the round is repeated (adaptive importance sampling).
+    Where fewer than a tenth of the proposals are effective, the main proposal is moved to the
+    weighted mean and covariance of the draws and the round is repeated (adaptive importance
+    sampling).
     """
     for round_ in range(max_rounds):
-        points = student_draws(approximation, n_proposals, random_state)
-        log_weight = log_density(points) - student_log_density(approximation, points)
+        points, log_proposal = mixture_draws(components, n_proposals, random_state)
+        log_weight = log_density(points) - log_proposal
         smoothed, khat = pareto_smooth(log_weight)
         weight = np.exp(smoothed - special.logsumexp(smoothed))
         effective = 1 / np.sum(weight**2)
         if effective >= 0.1 * n_proposals or round_ == max_rounds - 1:
             break
-        approximation = moment_match(points, weight, approximation)
+        components = [moment_match(points, weight, components[0]), *components[1:]]
     index = systematic_resample(weight, n_draws, random_state)
     log_evidence = float(special.logsumexp(log_weight) - np.log(len(log_weight)))
     return ImportanceDraws(points[index], khat, float(effective), log_evidence)
@@ -220,7 +240,7 @@ def moment_match(points: FloatArray, weight: FloatArray, fallback: Gaussian) -> 
     share = effective / (effective + 2 * d)
     covariance = share * covariance + (1 - share) * fallback.factor @ fallback.factor.T
     covariance += 1e-12 * np.trace(covariance) / d * np.eye(d)
-    return Gaussian(mean, np.linalg.cholesky(covariance))
+    return Gaussian(mean, np.linalg.cholesky(covariance), fallback.log_mass)
 
 
 def systematic_resample(

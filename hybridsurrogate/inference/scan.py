@@ -31,6 +31,7 @@ FloatArray = NDArray[np.float64]
 
 _STEP = 1e-3
 _MAX_CLIMB = 12
+_MAX_STARTS = 5
 # a size that is a parameter of its own keeps within its prior: z displaced by at most this much
 _SIZE_CAP = 1.5
 
@@ -457,14 +458,26 @@ def starting_points(
 def _best_prior_points(
     target: CollapsedPosterior, random_state: np.random.RandomState
 ) -> FloatArray:
-    """Return the best of a few prior points, and the best one far from it."""
-    d = target.n_dimensions
-    z = random_state.standard_normal((96, d - 1))
-    z[0] = 0.0
-    log_sigma = np.log(target.scale) + np.log(1e-3) * random_state.uniform(size=len(z))
-    u = np.column_stack([z, log_sigma])
-    value = target.log_density(u)
-    order = np.argsort(-value)
-    best = u[order[0]]
-    far = [k for k in order if np.linalg.norm(u[k, :-1] - best[:-1]) > 1.0]
-    return np.array([best, *(u[k] for k in far[:2])]) if d > 1 else best[None]
+    """Return the local maxima among points spread over the prior and beyond, best first.
+
+    Posteriors can have a second mode far in a tail, where the surrogate bends back to the data.
+    """
+    d = target.model.n_unknowns
+    if d == 1:
+        z = np.linspace(-6.5, 6.5, 41)[:, None]
+    else:
+        z = random_state.standard_normal((1 + 40 * d, d))
+        z[0], z[1::2] = 0.0, 2.5 * z[1::2]
+    log_sigma = np.log(target.scale) + np.log([1e-3, 0.03, 0.1, 0.3, 1.0])
+    grid = np.concatenate(
+        [np.repeat(z, len(log_sigma), axis=0), np.tile(log_sigma, len(z))[:, None]], axis=1
+    )
+    value = target.log_density(grid).reshape(len(z), -1)
+    u = grid.reshape(len(z), len(log_sigma), -1)[np.arange(len(z)), value.argmax(axis=1)]
+    value = value.max(axis=1)
+    if not d:
+        return u[:1]
+    distance = np.linalg.norm(z[:, None] - z, axis=2)
+    neighbours = np.argsort(distance, axis=1)[:, 1 : 2 * d + 1]
+    peaks = np.flatnonzero(value >= value[neighbours].max(axis=1))
+    return u[peaks[np.argsort(-value[peaks])][:_MAX_STARTS]]

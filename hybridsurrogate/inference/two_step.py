@@ -20,10 +20,9 @@ from .collapsed import ROUNDING
 from .importance import (
     Gaussian,
     find_modes,
+    mixture_draws,
     moment_match,
     pareto_smooth,
-    student_draws,
-    student_log_density,
 )
 from .measured import MeasuredModel, prior_log_density
 from .noise import marginal_over_noise, noise_grid
@@ -252,18 +251,13 @@ def _by_proposals(
     def at_centre(u: FloatArray) -> FloatArray:
         return _log_density(problem, u, centre)[:, 0]
 
+    modes = find_modes(at_centre, first_step[np.argsort(-at_centre(first_step[:200]))[:2]])
     n = len(first_step)
-    first = moment_match(first_step, np.full(n, 1 / n), Gaussian(first_step[0], np.eye(first_step.shape[1])))
-    order = np.argsort(-at_centre(first_step[: min(n, 200)]))
-    modes = find_modes(at_centre, first_step[order[:2]])
+    spread = Gaussian(first_step[0], np.eye(first_step.shape[1]), modes[0].log_mass)
+    first = moment_match(first_step, np.full(n, 1 / n), spread)
     components = [first, modes[0]]
     for round_ in range(_N_ROUNDS):
-        points = np.concatenate(
-            [student_draws(g, _N_PROPOSALS // len(components), random_state) for g in components]
-        )
-        log_proposal = special.logsumexp(
-            [student_log_density(g, points) for g in components], axis=0
-        ) - np.log(len(components))
+        points, log_proposal = mixture_draws(components, _N_PROPOSALS, random_state)
         log_weight = _log_density(problem, points, problem.c) - log_proposal[:, None]
         share = np.exp(log_weight - special.logsumexp(log_weight, axis=0))
         effective = float(np.median(1 / np.sum(share**2, axis=0)))
