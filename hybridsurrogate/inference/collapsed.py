@@ -116,36 +116,35 @@ class CollapsedPosterior:
         """
         mean, precision = self._prior
         p, size = len(self.model.basis.coefficient_mean), len(mean)
-        variance = np.exp(2 * u[:, -1])
         out = np.zeros((len(u), size + 1, size + 1))
         log_noise = np.zeros(len(u))
         if self.measured_power:
             parts = self.model.parts(self.X, self.model.values(u[:, :-1]))
-            rounding = ROUNDING * self.scale
             rows = np.concatenate(
                 [parts.features, parts.columns, (self.y - parts.known)[..., None]], axis=2
             )
-            rows /= parts.noise[..., None]
-            log_noise = np.log(parts.noise).sum(axis=1)
-            out += np.swapaxes(rows, 1, 2) @ rows * self.measured_power
-            out[:, -1, -1] += self.measured_power * len(self.y) * rounding**2
+            if parts.noise.shape[1] > 1:
+                rows /= parts.noise[..., None]
+                log_noise = np.log(parts.noise).sum(axis=1)
+            np.matmul(np.swapaxes(rows, 1, 2), rows, out=out)
+            out[:, -1, -1] += len(self.y) * (ROUNDING * self.scale) ** 2
+            out *= self.measured_power
         if self.simulation is not None and self.simulation_power:
-            block = self.simulation_power * np.block(
+            index = np.r_[:p, size]
+            runs = np.zeros((size + 1, size + 1))
+            runs[np.ix_(index, index)] = np.block(
                 [
                     [self.simulation.ff, self.simulation.fy[:, None]],
                     [self.simulation.fy[None, :], np.array([[self.simulation.yy]])],
                 ]
             )
-            index = np.r_[:p, size]
-            out[:, index[:, None], index] += block
-        out /= variance[:, None, None]
-        diagonal = np.arange(size)
-        out[:, diagonal, diagonal] += precision
-        out[:, diagonal, -1] += precision * mean
-        out[:, -1, diagonal] += precision * mean
-        out[:, -1, -1] += precision @ mean**2
+            out += self.simulation_power * runs
+        out *= np.exp(-2 * u[:, -1])[:, None, None]
+        prior = np.diag(np.append(precision, precision @ mean**2))
+        prior[-1, :-1] = prior[:-1, -1] = precision * mean
+        out += prior
         # a simulation may fail for some parameters: those are impossible, not an error
-        broken = ~np.isfinite(out).all(axis=(1, 2))
+        broken = ~np.isfinite(out.sum(axis=(1, 2)))
         out[broken] = np.eye(size + 1)
         factor = _cholesky(out)
         factor[broken] = np.nan

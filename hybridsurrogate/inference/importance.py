@@ -79,7 +79,9 @@ def find_modes(log_density: LogDensity, starts: FloatArray, max_iter: int = 40) 
     damping = np.full(len(x), 1e-3)
     active = np.ones(len(x), dtype=bool)
     hessian = np.zeros((*x.shape, x.shape[1]))
-    for _ in range(max_iter):
+    for iteration in range(max_iter):
+        if iteration >= 4:  # starts that trail by far will not matter
+            active &= value > value.max() - 25.0
         if not active.any():
             break
         gradient, curvature = _differences(log_density, x[active], value[active], step[active])
@@ -95,7 +97,7 @@ def find_modes(log_density: LogDensity, starts: FloatArray, max_iter: int = 40) 
         damping[index] = np.clip(np.where(better, 0.1, 8.0) * damping[index], 1e-9, 1e9)
         diagonal = np.abs(np.einsum("jkk->jk", curvature))
         step[index] = np.clip(0.1 / np.sqrt(np.maximum(diagonal, 1e-8)), 1e-8, 0.05)
-        done = (better & (gain < 1e-6)) | (damping[index] > 1e7)
+        done = (better & (gain < 1e-3)) | (damping[index] > 1e4)
         active[index[done]] = False
     _, hessian = _differences(log_density, x, value, step)
     return _distinct(x, value, hessian)

@@ -128,6 +128,11 @@ class MeasuredModel:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return known (J, n), features (J, n, p) and noise (J, n) or (J, 1)."""
         J, n = len(values), len(X)
+        if not self.effects:
+            constants = np.broadcast_to(list(self.constants.values()), (J, len(self.constants)))
+            omega_only = np.hstack([values[:, : self.n_parameters], constants])
+            known, features = self.basis.outer(X[:, : self.n_inputs], omega_only)
+            return known, features, np.ones((J, 1))
         rows, omega, theta = self._rows(X, values)
         run_rows, run_omega = rows, omega
         for effect, own in zip(self.effects, theta, strict=True):

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
-from scipy.interpolate import CubicSpline
 
 from ..priors import Prior
 from .collapsed import ROUNDING
@@ -29,11 +27,11 @@ from .noise import marginal_over_noise, noise_grid
 
 FloatArray = NDArray[np.float64]
 
-_GRID_NODES = {0: 1, 1: 201, 2: 41}
+_GRID_NODES = {0: 1, 1: 101, 2: 41}
 _Z_RANGE = 7.0
-# a posterior on fewer nodes than this is interpolated between them, this many times finer
-_FEW_NODES = {1: 8.0, 2: 40.0}
-_REFINEMENT = {1: 10, 2: 4}
+# a posterior on fewer nodes than this gets a grid this many times finer
+_FEW_NODES = {1: 6.0, 2: 12.0}
+_REFINEMENT = {1: 10, 2: 2}
 _N_PROPOSALS = 2000
 _N_ROUNDS = 3
 
@@ -113,29 +111,21 @@ def _on_grid(problem: _Problem, random_state: np.random.RandomState) -> Measured
     """Draw on a grid over z, first over the whole prior, then where the posterior lies."""
     d = problem.model.n_unknowns
     low, high = np.full(d, -_Z_RANGE), np.full(d, _Z_RANGE)
-    log_sigma, log_weight = noise_grid(
-        problem.noise_prior, problem.scale, len(problem.y)
-    )
-    for _ in range(2 if d else 1):
-        nodes, width = _grid(low, high, _GRID_NODES[d])
-        squares = _sums_of_squares(problem, nodes)
-        marginal = marginal_over_noise(squares, len(problem.y), log_sigma, log_weight)
-        log_density = marginal + prior_log_density(nodes)[:, None]
-        share = np.exp(log_density - special.logsumexp(log_density, axis=0))
-        if d:
-            low, high = _occupied(nodes, share.mean(axis=1), width)
+    noise = noise_grid(problem.noise_prior, problem.scale, len(problem.y))
+    nodes, width, squares, share = _weighed_grid(problem, low, high, _GRID_NODES[d], noise)
+    if d:
+        low, high = _occupied(nodes, share.mean(axis=1), width)
+        nodes, width, squares, share = _weighed_grid(problem, low, high, _GRID_NODES[d], noise)
     # far from the simulation's guidance every draw has a narrow posterior at a place of its own
     if d and np.median(1 / np.sum(share**2, axis=0)) < _FEW_NODES[d]:
-        nodes, width, squares = _interpolated(nodes, width, squares, _GRID_NODES[d])
-        marginal = marginal_over_noise(squares, len(problem.y), log_sigma, log_weight)
-        log_density = marginal + prior_log_density(nodes)[:, None]
-        share = np.exp(log_density - special.logsumexp(log_density, axis=0))
+        n = _GRID_NODES[d] * _REFINEMENT[d]
+        nodes, width, squares, share = _weighed_grid(problem, low, high, n, noise)
     pick = _one_index_per_column(share, random_state)
     S = len(problem.c)
     z = nodes[pick] + width * (random_state.uniform(size=(S, d)) - 0.5)
     # sigma at the node, not at the jittered point: the jitter is below the posterior's width
     chosen = squares[pick, np.arange(S)]
-    sigma = _draw_noise(chosen, len(problem.y), log_sigma, log_weight, random_state)
+    sigma = _draw_noise(chosen, len(problem.y), *noise, random_state)
     return MeasuredDraws(z, sigma, np.empty((S, 0)), -np.inf, np.nan)
 
 
@@ -147,22 +137,18 @@ def _grid(low: FloatArray, high: FloatArray, n: int) -> tuple[FloatArray, FloatA
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)), width
 
 
-def _interpolated(
-    nodes: FloatArray, width: FloatArray, squares: FloatArray, n: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return a finer grid and the sums of squares there, by cubic splines along each axis."""
-    d, S = nodes.shape[1], squares.shape[1]
-    factor = _REFINEMENT[d]
-    low = nodes.min(axis=0) - width / 2
-    fine, fine_width = _grid(low, low + n * width, n * factor)
-    values = squares.reshape(*(n,) * d, S)
-    for k in range(d):
-        coarse = low[k] + width[k] * (np.arange(n) + 0.5)
-        values = CubicSpline(coarse, values, axis=k)(
-            low[k] + fine_width[k] * (np.arange(n * factor) + 0.5)
-        )
-    lowest = squares.min(axis=0)
-    return fine, fine_width, np.maximum(values.reshape(-1, S), 0.1 * lowest)
+def _weighed_grid(
+    problem: _Problem,
+    low: FloatArray,
+    high: FloatArray,
+    n: int,
+    noise: tuple[FloatArray, FloatArray],
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return nodes (J, d), their width, sums of squares (J, S) and posterior shares (J, S)."""
+    nodes, width = _grid(low, high, n)
+    squares = _sums_of_squares(problem, nodes)
+    marginal = marginal_over_noise(squares, len(problem.y), *noise)
+    return nodes, width, squares, _shares(marginal + prior_log_density(nodes)[:, None])
 
 
 def _occupied(
@@ -213,7 +199,7 @@ def _draw_noise(
     """Draw sigma given each sum of squares, by inversion on a grid around its own mode."""
     # the likelihood alone has its mode at sqrt(SS / n) and a spread of 1 / sqrt(2 n) in log sigma
     spread = 8 / np.sqrt(2 * n) + 0.05
-    offset = np.linspace(-spread, spread, 161)
+    offset = np.linspace(-spread, spread, 81)
     nodes = 0.5 * np.log(squares / n)[:, None] + offset
     prior = np.interp(nodes, log_sigma, log_weight, left=-np.inf, right=-np.inf)
     log_density = prior - n * nodes - 0.5 * squares[:, None] * np.exp(-2 * nodes)
@@ -229,6 +215,12 @@ def _draw_noise(
     row = np.arange(len(squares))
     width = nodes[:, 1] - nodes[:, 0]
     return np.exp(nodes[row, pick] + width * (random_state.uniform(size=len(row)) - 0.5))
+
+
+def _shares(log_weight: FloatArray) -> FloatArray:
+    """Return weights that sum to one in each column."""
+    weight = np.exp(log_weight - log_weight.max(axis=0))
+    return weight / weight.sum(axis=0)
 
 
 def _one_index_per_column(
@@ -259,7 +251,7 @@ def _by_proposals(
     for round_ in range(_N_ROUNDS):
         points, log_proposal = mixture_draws(components, _N_PROPOSALS, random_state)
         log_weight = _log_density(problem, points, problem.c) - log_proposal[:, None]
-        share = np.exp(log_weight - special.logsumexp(log_weight, axis=0))
+        share = _shares(log_weight)
         effective = float(np.median(1 / np.sum(share**2, axis=0)))
         if round_ == _N_ROUNDS - 1 or effective > 0.1 * _N_PROPOSALS:
             break

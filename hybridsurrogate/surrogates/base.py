@@ -63,6 +63,16 @@ class Basis(ABC):
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return phi for the same rows: (n, p)."""
 
+    def outer(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return known part (J, n) and features (J, n, p) of n inputs for each of J parameters.
+
+        A basis whose features factorise overrides this for speed.
+        """
+        J, n = len(omega), len(X)
+        rows, points = np.tile(X, (J, 1)), np.repeat(omega, n, axis=0)
+        features = self.features(rows, points)
+        return self.known(rows, points).reshape(J, n), features.reshape(J, n, features.shape[1])
+
 
 class Surrogate(BaseEstimator, ABC):
     """Base of the surrogates: constructor parameters only, no state.

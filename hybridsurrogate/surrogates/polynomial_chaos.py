@@ -71,17 +71,31 @@ class _ChaosBasis(Basis):
         return np.zeros(len(X))
 
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        low, high = self.ranges[self.n_inputs :].T
-        points = np.hstack([X, np.clip(omega, low, high)])
-        low, high = self.ranges.T
-        scaled = (2 * points - low - high) / (high - low)
-        degree = self.powers.max(initial=0)
-        out = np.ones((len(points), len(self.powers)))
-        for dimension in range(scaled.shape[1]):
-            values = legendre(scaled[:, dimension], degree)
-            out *= values[self.powers[:, dimension]].T
+        out = self._terms_of_inputs(X) * self._terms_of_parameters(omega)
         out[:, 0] = 1.0  # the intercept multiplies 1, not the product of the phi_0
         return out
+
+    def outer(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
+        features = self._terms_of_inputs(X) * self._terms_of_parameters(omega)[:, None]
+        features[..., 0] = 1.0
+        return np.zeros(features.shape[:2]), features
+
+    def _terms_of_inputs(self, X: FloatArray) -> FloatArray:
+        return _products(X, self.ranges[: self.n_inputs], self.powers[:, : self.n_inputs])
+
+    def _terms_of_parameters(self, omega: FloatArray) -> FloatArray:
+        ranges = self.ranges[self.n_inputs :]
+        held = np.clip(omega, ranges[:, 0], ranges[:, 1])
+        return _products(held, ranges, self.powers[:, self.n_inputs :])
+
+
+def _products(points: FloatArray, ranges: FloatArray, powers: NDArray[np.int_]) -> FloatArray:
+    """Return the products of one-dimensional polynomials, (n, p)."""
+    out = np.ones((len(points), len(powers)))
+    for k, (low, high) in enumerate(ranges):
+        scaled = (2 * points[:, k] - low - high) / (high - low)
+        out *= legendre(scaled, powers[:, k].max(initial=0)).T[:, powers[:, k]]
+    return out
 
 
 def multi_indices(n_dimensions: int, degree: int) -> NDArray[np.int_]:
