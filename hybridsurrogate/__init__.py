@@ -1,5 +1,6 @@
 """Surrogates trained on simulations and measurements, and what the simulation gets wrong."""
 
+from .diagnosis import CauseFinding, DiscrepancyDiagnosis
 from .effects import (
     Bump,
     Cause,
@@ -33,7 +34,9 @@ __all__ = [
     "Assumed",
     "Bump",
     "Cause",
+    "CauseFinding",
     "DiagnosisWarning",
+    "DiscrepancyDiagnosis",
     "ExactSurrogate",
     "ExtrapolationWarning",
     "FailedRunsWarning",

@@ -153,6 +153,11 @@ class Cause(BaseEstimator):
         return f"simulation with {self.kind} ({terms})"
 
     @property
+    def replaces(self) -> str | None:
+        """The assumed constant whose value the cause infers, if it does."""
+        return None
+
+    @property
     def touches_simulation(self) -> bool:
         """Whether the cause changes the simulation's output itself and does not only add to it."""
         own = type(self)

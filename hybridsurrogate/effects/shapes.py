@@ -54,13 +54,40 @@ class _OverColumn(Cause):
 
 
 class Trend(_OverColumn):
-    """A straight line over an input of the simulation, zero in the middle of the measured rows."""
+    """A straight line over an input of the simulation, with a zero of its own."""
 
     kind = "trend"
+    coefficients = ("level", "slope")
+
+    def columns(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return ones, and the column scaled to [-1, 1]."""
+        scaled = self._scaled(X)
+        return np.stack([np.ones_like(scaled), scaled], axis=-1)
+
+    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return the slope per unit of the column, and the level in the middle."""
+        assert self.span is not None
+        return {
+            "slope": 2 * coefficients["slope"] / self.span,
+            "level": np.asarray(coefficients["level"]),
+        }
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        return (
+            f"simulation {values['level']:+.4g} {values['slope']:+.4g} "
+            f"({self.column} - {self.center:.5g})"
+        )
+
+
+class MissingInput(_OverColumn):
+    """A linear influence of a measured column that the simulation ignores."""
+
+    kind = "missing-input"
     coefficients = ("slope",)
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
-        """Return the column scaled to [-1, 1]."""
+        """Return the column, centred and scaled by its range."""
         return self._scaled(X)[:, None]
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
@@ -71,12 +98,6 @@ class Trend(_OverColumn):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         return f"simulation {values['slope']:+.4g} ({self.column} - {self.center:.5g})"
-
-
-class MissingInput(Trend):
-    """A linear influence of a measured column that the simulation ignores."""
-
-    kind = "missing-input"
 
 
 class Periodic(_OverColumn):
@@ -118,7 +139,7 @@ class Periodic(_OverColumn):
         assert self.span is not None
         low, high = self.period.ppf([0.0, 1.0])
         n = int(np.ceil(5 * self.span * (1 / low - 1 / high))) + 1
-        return {"period": 1 / np.linspace(1 / low, 1 / high, max(n, 8))[::-1]}
+        return {"period": 1 / np.linspace(1 / low, 1 / high, max(n, 8))}
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return sine and cosine around the middle of the measured rows."""

@@ -75,6 +75,11 @@ class WrongConstant(Cause):
         return self.constant
 
     @property
+    def replaces(self) -> str | None:
+        """The constant itself."""
+        return self.constant
+
+    @property
     def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
         """The prior of the constant's value."""
         return {"value": self.prior}

@@ -142,18 +142,17 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
             Only with ``return_std=True``.
         """
         X = self._check_data(X)
-        mean = np.zeros(len(X))
-        second = np.zeros(len(X))
-        for weight, posterior in self._mixture():
-            eta, sigma = posterior.eta(X)
-            means = posterior.likelihood.mean(eta, sigma)
-            mean += weight * means.mean(axis=0)
-            if return_std:
-                variance = posterior.likelihood.variance(eta, sigma)
-                second += weight * (variance + means**2).mean(axis=0)
+        parts = [(weight, p, *p.eta(X)) for weight, p in self._mixture()]
+        means = [p.likelihood.mean(eta, sigma) for _, p, eta, sigma in parts]
+        mean = sum(w * m.mean(axis=0) for (w, *_), m in zip(parts, means, strict=True))
         if not return_std:
             return mean
-        return mean, np.sqrt(np.maximum(second - mean**2, 0.0))
+        # law of total variance, around the mean so that a large offset costs no digits
+        variance = sum(
+            w * (p.likelihood.variance(eta, sigma) + (m - mean) ** 2).mean(axis=0)
+            for (w, p, eta, sigma), m in zip(parts, means, strict=True)
+        )
+        return mean, np.sqrt(variance)
 
     def predict_interval(
         self, X: ArrayLike, level: float = 0.9

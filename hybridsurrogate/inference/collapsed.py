@@ -21,6 +21,10 @@ _LOG_2PI = float(np.log(2 * np.pi))
 # a fit can be exact to the last digit (a polynomial fitted to a polynomial): this share of the
 # output's spread stands for the rounding of the numbers and keeps sigma away from zero
 ROUNDING = 1e-6
+_NO_NOISE = 1e-20
+
+# numbers in one block of matrices; larger batches are cut so that memory stays bounded
+_BLOCK = 8_000_000
 
 
 @dataclass(frozen=True)
@@ -83,39 +87,57 @@ class CollapsedPosterior:
         """Return the log density of u (J, d), up to the constants of the prior of z."""
         sigma = np.exp(u[:, -1])
         with np.errstate(divide="ignore"):
-            log_prior = (
-                prior_log_density(u[:, :-1]) + self.noise_prior.logpdf(sigma) + u[:, -1]
-            )
-        out = np.full(len(u), -np.inf)
-        ok = np.isfinite(log_prior)
-        if ok.any():
-            factor, log_noise = self._augmented_factor(u[ok])
-            out[ok] = log_prior[ok] + self._log_likelihood(factor, log_noise, sigma[ok])
+            out = prior_log_density(u[:, :-1]) + self.noise_prior.logpdf(sigma) + u[:, -1]
+        # far below the rounding of the data, where a square of sigma would underflow
+        possible = np.isfinite(out) & (sigma > _NO_NOISE * self.scale)
+        out[~possible] = -np.inf
+        out[possible] += self._log_likelihood(u[possible])
         return np.where(np.isfinite(out), out, -np.inf)
 
-    def _log_likelihood(
-        self, factor: FloatArray, log_noise: FloatArray, sigma: FloatArray
-    ) -> FloatArray:
+    def _log_likelihood(self, u: FloatArray) -> FloatArray:
+        log_det, rest, log_noise = self._marginal(u)
         n_simulation = self.simulation.n if self.simulation else 0
         weight = self.simulation_power * n_simulation + self.measured_power * len(self.y)
-        diagonal = np.diagonal(factor, axis1=1, axis2=2)
-        _, precision = self._prior
         return (
-            -0.5 * weight * (_LOG_2PI + 2 * np.log(sigma))
+            -0.5 * weight * (_LOG_2PI + 2 * u[:, -1])
             - self.measured_power * log_noise
-            + 0.5 * np.log(precision).sum()
-            - np.log(diagonal[:, :-1]).sum(axis=1)
-            - 0.5 * diagonal[:, -1] ** 2
+            - 0.5 * log_det
+            - 0.5 * rest
         )
 
-    def _augmented_factor(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the Cholesky factor of [[Lambda, b], [b', c]] for each draw.
+    def _marginal(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return log |Lambda| / |Lambda0|, the quadratic form that is left, log of the noise."""
+        if self._fixed:
+            return self._fixed_rows.marginal(np.exp(2 * u[:, -1]))
+        _, precision = self._prior
+        pieces = []
+        for block in self._blocks(u):
+            factor, log_noise = self._augmented_factor(block)
+            diagonal = np.diagonal(factor, axis1=1, axis2=2)
+            log_det = 2 * np.log(diagonal[:, :-1]).sum(axis=1) - np.log(precision).sum()
+            pieces.append(np.stack([log_det, diagonal[:, -1] ** 2, log_noise]))
+        log_det, rest, log_noise = np.concatenate(pieces, axis=1)
+        return log_det, rest, log_noise
 
-        Its last row is (L^-1 b)' and the root of c - b' Lambda^-1 b, so one factorisation gives
-        the determinant, the quadratic form and the conditional mean of the coefficients.
-        """
+    @property
+    def _fixed(self) -> bool:
+        """Whether the noise scale is all that the coefficients' posterior depends on."""
+        return not self.measured_power or not self.model.n_unknowns
+
+    @cached_property
+    def _fixed_rows(self) -> _FixedRows:
         mean, precision = self._prior
-        p, size = len(self.model.basis.coefficient_mean), len(mean)
+        gram, log_noise = self._gram(np.zeros((1, self.n_dimensions)))
+        return _fixed_rows(gram[0], mean, precision**-0.5, float(log_noise[0]))
+
+    def _blocks(self, u: FloatArray) -> list[FloatArray]:
+        """Cut a batch so that the matrices of one piece fit into memory."""
+        length = max(1, _BLOCK // (len(self._prior[0]) + 1) ** 2)
+        return [u[k : k + length] for k in range(0, max(len(u), 1), length)]
+
+    def _gram(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return [[G, g], [g', yy]] of all rows at sigma = 1, and the log noise factors."""
+        size, p = len(self._prior[0]), len(self.model.basis.coefficient_mean)
         out = np.zeros((len(u), size + 1, size + 1))
         log_noise = np.zeros(len(u))
         if self.measured_power:
@@ -139,13 +161,23 @@ class CollapsedPosterior:
                 ]
             )
             out += self.simulation_power * runs
+        return out, log_noise
+
+    def _augmented_factor(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the Cholesky factor of [[Lambda, b], [b', c]] for each draw.
+
+        Its last row is (L^-1 b)' and the root of c - b' Lambda^-1 b, so one factorisation gives
+        the determinant, the quadratic form and the conditional mean of the coefficients.
+        """
+        mean, precision = self._prior
+        out, log_noise = self._gram(u)
         out *= np.exp(-2 * u[:, -1])[:, None, None]
         prior = np.diag(np.append(precision, precision @ mean**2))
         prior[-1, :-1] = prior[:-1, -1] = precision * mean
         out += prior
         # a simulation may fail for some parameters: those are impossible, not an error
         broken = ~np.isfinite(out.sum(axis=(1, 2)))
-        out[broken] = np.eye(size + 1)
+        out[broken] = np.eye(len(mean) + 1)
         factor = _cholesky(out)
         factor[broken] = np.nan
         return factor, log_noise
@@ -155,15 +187,65 @@ class CollapsedPosterior:
     ) -> tuple[FloatArray, FloatArray]:
         """Draw (c, a) for each u (J, d): arrays of shape (J, p) and (J, q)."""
         p = len(self.model.basis.coefficient_mean)
-        size = len(self._prior[0])
-        if not size:
-            return np.empty((len(u), 0)), np.empty((len(u), 0))
-        factor, _ = self._augmented_factor(u)
-        noise = random_state.standard_normal((len(u), size))
-        right = factor[:, -1, :-1] + noise
-        transposed = np.swapaxes(factor[:, :-1, :-1], 1, 2)
-        draws = np.linalg.solve(transposed, right[..., None])[..., 0]
+        noise = random_state.standard_normal((len(u), len(self._prior[0])))
+        if not noise.size:
+            return noise, noise
+        if self._fixed:
+            draws = self._fixed_rows.draws(np.exp(2 * u[:, -1]), noise)
+            return draws[:, :p], draws[:, p:]
+        pieces = []
+        for block in self._blocks(u):
+            factor, _ = self._augmented_factor(block)
+            first = sum(map(len, pieces))
+            right = factor[:, -1, :-1] + noise[first : first + len(block)]
+            transposed = np.swapaxes(factor[:, :-1, :-1], 1, 2)
+            pieces.append(np.linalg.solve(transposed, right[..., None])[..., 0])
+        draws = np.concatenate(pieces)
         return draws[:, :p], draws[:, p:]
+
+
+@dataclass(frozen=True)
+class _FixedRows:
+    """Rows that do not depend on the unknowns, in coordinates in which they are independent.
+
+    With c = mean + axes @ v the prior of v is standard normal and the rows say v_k times root of
+    ``size_k`` is ``along_k`` with noise variance sigma^2: one spectral decomposition instead of a
+    Cholesky factor for every sigma.
+    """
+
+    mean: FloatArray
+    axes: FloatArray
+    size: FloatArray
+    along: FloatArray
+    rest: float
+    log_noise: float
+
+    def marginal(self, variance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """As `CollapsedPosterior._marginal`, for noise variances (J,)."""
+        total = variance[:, None] + self.size
+        log_det = np.log(total / variance[:, None]).sum(axis=1)
+        left = self.rest / variance + (self.along**2 / total).sum(axis=1)
+        return log_det, left, np.full(len(variance), self.log_noise)
+
+    def draws(self, variance: FloatArray, noise: FloatArray) -> FloatArray:
+        """Return coefficients for noise variances (J,) and standard normal numbers (J, p)."""
+        total = variance[:, None] + self.size
+        v = np.sqrt(self.size) * self.along / total + np.sqrt(variance[:, None] / total) * noise
+        return self.mean + v @ self.axes.T
+
+
+def _fixed_rows(
+    gram: FloatArray, mean: FloatArray, sd: FloatArray, log_noise: float
+) -> _FixedRows:
+    ff, fy, yy = gram[:-1, :-1], gram[:-1, -1], gram[-1, -1]
+    size, vectors = np.linalg.eigh(sd[:, None] * ff * sd)
+    axes = sd[:, None] * vectors
+    # directions that no row speaks about: their size is rounding
+    told = size > 1e-13 * max(size.max(initial=0.0), 1e-300)
+    size = np.where(told, size, 0.0)
+    along = np.where(told, axes.T @ (fy - ff @ mean), 0.0) / np.sqrt(np.where(told, size, 1.0))
+    rest = yy - 2 * mean @ fy + mean @ ff @ mean - along @ along
+    return _FixedRows(mean, axes, size, along, max(float(rest), 0.0), log_noise)
 
 
 def _cholesky(matrices: FloatArray) -> FloatArray:

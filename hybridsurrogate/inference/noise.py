@@ -10,6 +10,8 @@ from .collapsed import ROUNDING
 
 FloatArray = NDArray[np.float64]
 
+_N_TABLE = 1500
+
 
 def noise_grid(noise_prior: Prior, scale: float, n: int) -> tuple[FloatArray, FloatArray]:
     """Return nodes of log sigma and the log prior density there, fine enough for n rows."""
@@ -22,7 +24,11 @@ def noise_grid(noise_prior: Prior, scale: float, n: int) -> tuple[FloatArray, Fl
 
 
 def marginal_over_noise(
-    squares: FloatArray, n: int, log_sigma: FloatArray, log_weight: FloatArray
+    squares: FloatArray,
+    n: int,
+    log_sigma: FloatArray,
+    log_weight: FloatArray,
+    n_nodes: int = 160,
 ) -> FloatArray:
     """Return log of the integral over sigma of prior times likelihood, for each sum of squares.
 
@@ -30,7 +36,7 @@ def marginal_over_noise(
     """
     log_squares = np.log(squares)
     low, high = log_squares.min() - 1e-6, log_squares.max() + 1e-6
-    table = np.linspace(low, high, 160)
+    table = np.linspace(low, high, n_nodes)
     log_terms = log_weight - n * log_sigma - 0.5 * np.exp(table[:, None] - 2 * log_sigma)
     peak = log_terms.max(axis=1)
     width = log_sigma[1] - log_sigma[0]
@@ -40,3 +46,33 @@ def marginal_over_noise(
     index = np.minimum(position.astype(np.intp), len(table) - 2)
     slope = np.diff(values)
     return values[index] + slope[index] * (position - index)
+
+
+class NoiseTable:
+    """Log of the integral over sigma of prior times likelihood, for any residual sum of squares.
+
+    Tabulated once over all sums that can occur, for the many calls of a search.
+
+    Parameters
+    ----------
+    noise_prior : prior of sigma
+    scale : float
+        Spread of the output.
+    n : int
+        Number of rows.
+    """
+
+    def __init__(self, noise_prior: Prior, scale: float, n: int):
+        self._low = np.log(n) + 2 * np.log(ROUNDING * scale)
+        self._high = np.log(n) + 2 * np.log(1e4 * scale)
+        squares = np.exp(np.linspace(self._low, self._high, _N_TABLE))
+        log_sigma, log_weight = noise_grid(noise_prior, scale, n)
+        self._values = marginal_over_noise(squares, n, log_sigma, log_weight, _N_TABLE)
+        self._values -= 0.5 * n * np.log(2 * np.pi)
+
+    def __call__(self, squares: FloatArray) -> FloatArray:
+        """Return the log integral, linear in log squares between the nodes."""
+        step = (self._high - self._low) / (_N_TABLE - 1)
+        position = np.maximum((np.log(squares) - self._low) / step, 0.0)
+        index = np.minimum(position.astype(np.intp), _N_TABLE - 2)
+        return self._values[index] + np.diff(self._values)[index] * (position - index)

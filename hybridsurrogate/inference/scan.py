@@ -13,8 +13,7 @@ of the output, the same for every cause, so that no cause is favoured by the uni
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import reduce
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +21,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ..effects.base import Cause
-from ..priors import to_normal
+from ..priors import Prior, prior_range, to_normal
 from ..surrogates.base import Basis
 from .collapsed import CollapsedPosterior, Statistics
 from .measured import MeasuredModel
@@ -32,6 +31,9 @@ FloatArray = NDArray[np.float64]
 _STEP = 1e-3
 _MAX_CLIMB = 12
 _MAX_STARTS = 5
+# a grid is fine enough when this many nodes an axis lie within two nats of the best
+_ENOUGH_NODES = 4
+_MOST_SPLIT = 40
 # a size that is a parameter of its own keeps within its prior: z displaced by at most this much
 _SIZE_CAP = 1.5
 
@@ -73,6 +75,8 @@ class Layout:
         z at which the cause changes nothing, zero elsewhere.
     grid : ndarray of shape (T, len(nodes))
         Values of the enumerated coordinates in the user's units.
+    edges : ndarray of shape (T, len(nodes), 2)
+        The cell around each node.
     log_weight : ndarray of shape (T,)
         Log prior mass of each node.
     """
@@ -82,6 +86,7 @@ class Layout:
     nodes: NDArray[np.intp]
     neutral: FloatArray
     grid: FloatArray
+    edges: FloatArray
     log_weight: FloatArray
 
 
@@ -89,43 +94,90 @@ def layout(model: MeasuredModel) -> Layout:
     """Return the layout for the last cause of a model; earlier causes count as known shapes."""
     last = len(model.effects) - 1
     neutral = np.zeros(model.n_unknowns)
-    sizes, nodes = [], []
+    sizes, nodes, cells = [], [], []
     axes: dict[str, FloatArray] = model.effects[last].grid() if model.effects else {}
     start = model.effects[last].start() if model.effects else {}
-    weights = []
     for position, (owner, name) in enumerate(model.theta_names, start=model.n_parameters):
         if owner != last:
             continue
         prior = model.priors[position]
         if name in axes:
             nodes.append(position)
-            weights.append(_node_masses(prior, axes[name]))
+            cells.append(_cells(axes[name], prior))
         elif name in start:
             sizes.append(position)
             neutral[position] = to_normal([prior], [start[name]])[0]
-    names = [name for owner, name in model.theta_names if owner == last and name in axes]
+    mesh = np.meshgrid(*(np.arange(len(cell)) for cell in cells), indexing="ij")
+    index = [axis.ravel() for axis in mesh]
+    edges = np.empty((1, 0, 2))
     if nodes:
-        mesh = np.meshgrid(*(axes[name] for name in names), indexing="ij")
-        grid = np.stack(mesh, axis=-1).reshape(-1, len(nodes))
-        log_weight = reduce(np.add.outer, weights).ravel()
-    else:
-        grid, log_weight = np.empty((1, 0)), np.zeros(1)
+        edges = np.stack([cell[k] for cell, k in zip(cells, index, strict=True)], axis=1)
     taken = {*sizes, *nodes}
     fixed = [k for k in range(model.n_unknowns) if k not in taken]
-    return Layout(
-        np.array(fixed, dtype=int),
-        np.array(sizes, dtype=int),
-        np.array(nodes, dtype=int),
-        neutral,
-        grid,
-        log_weight,
+    return _with_cells(
+        model,
+        Layout(
+            np.array(fixed, dtype=int),
+            np.array(sizes, dtype=int),
+            np.array(nodes, dtype=int),
+            neutral,
+            np.empty((0, 0)),
+            edges,
+            np.empty(0),
+        ),
+        edges,
     )
 
 
-def _node_masses(prior: object, nodes: FloatArray) -> FloatArray:
-    edges = np.concatenate([[-np.inf], 0.5 * (nodes[1:] + nodes[:-1]), [np.inf]])
-    mass = np.diff(prior.cdf(edges))  # type: ignore[attr-defined]
-    return np.log(np.maximum(mass, 1e-12) / np.sum(np.maximum(mass, 1e-12)))
+def _cells(nodes: FloatArray, prior: Prior) -> FloatArray:
+    """Return cells (T, 2) whose borders lie between the nodes and at the ends of the prior."""
+    low, high = prior_range(prior)
+    middle = 0.5 * (nodes[1:] + nodes[:-1])
+    borders = np.concatenate([[min(low, nodes[0])], middle, [max(high, nodes[-1])]])
+    return np.column_stack([borders[:-1], borders[1:]])
+
+
+def _with_cells(model: MeasuredModel, plan: Layout, edges: FloatArray) -> Layout:
+    """Return the plan with other cells: nodes in their middle, weighed by their prior mass."""
+    log_mass = np.zeros(len(edges))
+    for k, position in enumerate(plan.nodes):
+        mass = np.diff(model.priors[position].cdf(edges[:, k]), axis=1)[:, 0]
+        log_mass += np.log(np.maximum(mass, 1e-300))
+    return replace(
+        plan,
+        grid=edges.mean(axis=2),
+        edges=edges,
+        log_weight=log_mass - special.logsumexp(log_mass),
+    )
+
+
+def refine(model: MeasuredModel, plan: Layout, log_evidence: FloatArray) -> Layout:
+    """Split the cells that carry the evidence, three ways along every axis.
+
+    Parameters
+    ----------
+    log_evidence : ndarray of shape (T,)
+        As from `scan`, for one response.
+
+    Returns
+    -------
+    Layout
+        The same plan when enough nodes share the evidence already.
+    """
+    if not len(plan.nodes):
+        return plan
+    density = log_evidence - plan.log_weight
+    near = np.sum(density > density.max() - 2.0)
+    if near >= _ENOUGH_NODES ** len(plan.nodes):
+        return plan
+    split = density > density.max() - 30.0
+    split &= np.argsort(np.argsort(-density)) < _MOST_SPLIT
+    pieces = plan.edges[split]
+    for k in range(len(plan.nodes)):
+        borders = np.linspace(pieces[:, k, 0], pieces[:, k, 1], 4, axis=1)
+        pieces = np.repeat(pieces, 3, axis=0)
+        pieces[:, k, 0], pieces[:, k, 1] = borders[:, :-1].ravel(), borders[:, 1:].ravel()
+    return _with_cells(model, plan, np.concatenate([plan.edges[~split], pieces]))
 
 
 @dataclass(frozen=True)
@@ -190,7 +242,7 @@ def linearise(
 
     own = np.array([owner == len(model.effects) - 1 for owner, _ in model.column_names], dtype=bool)
     if len(own):
-        at_nodes = np.broadcast_to(model.values(z[None]), (T, len(z))).copy()
+        at_nodes = np.repeat(values.reshape(-1, len(z))[:1], T, axis=0)
         at_nodes[:, plan.nodes] = plan.grid
         columns = model.added(X, at_nodes) / noise[0][..., None]
         earlier = columns[:1, :, ~own] * model.column_sd[~own]
@@ -211,24 +263,12 @@ def linearise(
     return Linearised(mean, G, H / rms[:, None, :], rms, cap, U, plan.log_weight)
 
 
-@dataclass(frozen=True)
-class Noise:
-    """What a scan knows about the noise.
-
-    Attributes
-    ----------
-    sigma : float
-        Reference value, used where priors are compared with the noise.
-    log_marginal : callable
-        Log integral over sigma as a function of the residual sum of squares.
-    """
-
-    sigma: float
-    log_marginal: Callable[[FloatArray], FloatArray]
-
-
 def scan(
-    parts: Linearised, responses: FloatArray, noise: Noise, sizes: FloatArray
+    parts: Linearised,
+    responses: FloatArray,
+    sigma: float,
+    log_marginal: Callable[[FloatArray], FloatArray],
+    sizes: FloatArray,
 ) -> FloatArray:
     """Return the log evidence of every node for every response, (R, T).
 
@@ -236,15 +276,18 @@ def scan(
     ----------
     parts : Linearised
     responses : ndarray of shape (R, n)
-    noise : Noise
+    sigma : float
+        Noise scale against which the priors of parameters and sizes are weighed.
+    log_marginal : callable
+        Log integral over sigma as a function of the residual sum of squares.
     sizes : ndarray of shape (K,)
         Prior scales of the effect's root mean square, equally probable.
     """
-    whiten, log_det = _whitener(parts.U, noise.sigma)
+    whiten, log_det = _whitener(parts.U, sigma)
     G, mean = whiten(parts.G, 1), whiten(parts.mean[..., None], 1)[..., 0]
     y = whiten(responses.T, 0).T
     d, n = G.shape[2], y.shape[1]
-    inner = np.swapaxes(G, 1, 2) @ G + noise.sigma**2 * np.eye(d)
+    inner = np.swapaxes(G, 1, 2) @ G + sigma**2 * np.eye(d)
     factor = np.linalg.cholesky(inner)
     project = np.linalg.solve(factor, np.swapaxes(G, 1, 2))  # (M, d, n)
     residual = y[:, None, :] - mean  # (R, M, n)
@@ -252,13 +295,13 @@ def scan(
     squares = np.einsum("rmn,rmn->rm", residual, residual) - np.einsum("rmd,rmd->rm", along, along)
     log_base = (
         -np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-        + d * np.log(noise.sigma)
+        + d * np.log(sigma)
         - log_det
     )
     T, _, q = parts.H.shape
     floor = 1e-12 * np.maximum(np.einsum("rn,rn->r", y, y), 1e-300)[:, None]
     if not q:
-        out = noise.log_marginal(np.maximum(squares, floor)) + log_base
+        out = log_marginal(np.maximum(squares, floor)) + log_base
         return out + parts.log_weight
     H = whiten(parts.H, 1)
     rest = H - np.swapaxes(project, 1, 2) @ (project @ H)  # (T, n, q), G projected out
@@ -274,11 +317,11 @@ def scan(
     for size in sizes:
         # one size for all directions of a cause; caps bind only parameters, which come alone
         scale = np.minimum(size, parts.cap.min(axis=1))[:, None]
-        ridge = (noise.sigma / scale) ** 2
+        ridge = (sigma / scale) ** 2
         reduced = squares - np.sum(along_h**2 / (eigenvalue + ridge), axis=2)
         log_det_h = 0.5 * np.sum(np.log1p(eigenvalue / ridge), axis=1)
-        terms.append(noise.log_marginal(np.maximum(reduced, floor)) - log_det_h)
-    out = special.logsumexp(terms, axis=0) - np.log(len(sizes))
+        terms.append(log_marginal(np.maximum(reduced, floor)) - log_det_h)
+    out = np.logaddexp.reduce(terms, axis=0) - np.log(len(sizes))
     return out + log_base + parts.log_weight
 
 

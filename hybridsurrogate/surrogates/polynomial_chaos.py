@@ -31,7 +31,8 @@ class PolynomialChaos(Surrogate):
         Total degree.
     coefficient_prior : frozen scipy.stats distribution or None, default=None
         Prior of each coefficient; its mean and standard deviation are used, as a Gaussian.
-        None: sd of five standard deviations of the output, the intercept around its mean.
+        None: mean zero and five standard deviations of the output as sd; the mean of the output
+        is then added as a known part, so the intercept is the difference from it.
 
     Examples
     --------
@@ -52,13 +53,15 @@ class PolynomialChaos(Surrogate):
         powers = multi_indices(len(ranges), int(self.degree))
         if self.coefficient_prior is None:
             mean = np.zeros(len(powers))
-            mean[0] = domain.location
             sd = np.full(len(powers), _DEFAULT_RELATIVE_SD * domain.scale)
+            # not as the intercept's prior mean: a large offset would cost the digits of the rest
+            location = domain.location
         else:
             prior = check_prior(self.coefficient_prior, "coefficient_prior")
             mean = np.full(len(powers), float(prior.mean()))
             sd = np.full(len(powers), float(prior.std()))
-        return _ChaosBasis(mean, sd, ranges, len(domain.input_ranges), powers)
+            location = 0.0
+        return _ChaosBasis(mean, sd, ranges, len(domain.input_ranges), powers, location)
 
 
 @dataclass(frozen=True)
@@ -66,9 +69,10 @@ class _ChaosBasis(Basis):
     ranges: FloatArray
     n_inputs: int
     powers: NDArray[np.int_]
+    location: float
 
     def known(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        return np.zeros(len(X))
+        return np.full(len(X), self.location)
 
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         out = self._terms_of_inputs(X) * self._terms_of_parameters(omega)
@@ -78,7 +82,7 @@ class _ChaosBasis(Basis):
     def outer(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
         features = self._terms_of_inputs(X) * self._terms_of_parameters(omega)[:, None]
         features[..., 0] = 1.0
-        return np.zeros(features.shape[:2]), features
+        return np.full(features.shape[:2], self.location), features
 
     def _terms_of_inputs(self, X: FloatArray) -> FloatArray:
         return _products(X, self.ranges[: self.n_inputs], self.powers[:, : self.n_inputs])

@@ -1,0 +1,455 @@
+"""From measured data to a named cause, an extended model and its gain."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import BaseEstimator, RegressorMixin, clone
+from sklearn.model_selection import KFold
+from sklearn.utils import check_random_state
+from sklearn.utils.validation import check_is_fitted
+
+from ..effects.base import Cause
+from ..effects.catalogue import Skipped, catalogue
+from ..estimators.fitting import Problem, make_context, make_problem
+from ..estimators.power_scaled import PowerScaledSurrogate
+from ..exceptions import DiagnosisWarning, HybridSurrogateWarning
+from .discrepancy import estimate_discrepancy, next_measurement
+from .evidence import Search, Weighed, kind_of, search
+from .extension import extend_simulator
+from .gain import Gain, cross_validated_gain, gain_from, pointwise
+from .null import null_test
+
+FloatArray = NDArray[np.float64]
+
+# one cause is "named" when it is three times as probable as all its rivals together
+_NAMED = 0.75
+_SET_MASS = 0.9
+_MIN_ROWS = 8
+
+
+@dataclass(frozen=True)
+class CauseFinding:
+    """What a diagnosis found.
+
+    Attributes
+    ----------
+    kind : str
+    target : str or None
+        The input, parameter, constant or column concerned.
+    formula : str
+        The extended simulation in words, with numbers.
+    probability : float
+        Posterior probability of the cause.
+    estimates : dict of str to (mean, low, high)
+        With 90 % intervals, in the user's units.
+    """
+
+    kind: str
+    target: str | None
+    formula: str
+    probability: float
+    estimates: dict[str, tuple[float, float, float]]
+
+
+class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
+    """Find out what a simulation gets wrong, name the cause, extend the model, measure the gain.
+
+    Parameters
+    ----------
+    estimator : PowerScaledSurrogate
+        The model before, with its simulation; without effects.
+    causes : sequence of Cause, default=()
+        Mechanisms of your own, weighed beside the catalogue.
+    false_alarm_rate : float, default=0.05
+        The verdict is "adequate" unless the p-value of the whole search is at most this.
+    n_replicates : int, default=200
+        Replicated data sets for the p-value.
+    cv : int, default=5
+        Folds for ``gain_``.
+    random_state : int, RandomState or None, default=None
+
+    Attributes
+    ----------
+    estimator_ : PowerScaledSurrogate
+        The model before, fitted.
+    verdict_ : {"adequate", "named", "ambiguous", "unexplained"}
+    p_value_ : float
+        Of the whole search under "the simulation is right".
+    causes_ : pandas.DataFrame
+        Columns kind, target, probability, log_evidence (against "none"), remainder (probability
+        that a smooth remainder is needed beside the cause), note; most probable first.
+    best_cause_ : CauseFinding
+    indistinguishable_ : list of str
+        Kinds that together reach 90 % probability, given that something is wrong.
+    discrepancy_ : Discrepancy
+    extended_estimator_ : PowerScaledSurrogate
+        Fitted, with the cause as an effect; ``predict`` and ``score`` are its. The estimator
+        before where the verdict is "adequate".
+    extended_simulator_ : Simulator or None
+        The simulation with the cause in it; None when there are only runs, or nothing to add.
+    gain_ : Gain
+        On held-out rows, the search repeated in each fold.
+    next_measurement_ : dict of str to float
+        Inputs at which one more measurement would best tell the rivals apart.
+    search_ : Search
+        All causes at their best, for plots.
+
+    Examples
+    --------
+    >>> import hybridsurrogate as hs
+    >>> from hybridsurrogate.datasets import make_log_sin
+    >>> case = make_log_sin(random_state=0)
+    >>> model = hs.PowerScaledSurrogate(
+    ...     case.simulator, surrogate=hs.ExactSurrogate(), random_state=0)
+    >>> diagnosis = hs.DiscrepancyDiagnosis(model, random_state=0).fit(case.X, case.y)
+    >>> diagnosis.best_cause_.kind
+    'periodic'
+    """
+
+    def __init__(
+        self,
+        estimator: PowerScaledSurrogate | None = None,
+        causes: Sequence[Cause] = (),
+        false_alarm_rate: float = 0.05,
+        n_replicates: int = 200,
+        cv: int = 5,
+        random_state: Any = None,
+    ):
+        self.estimator = estimator
+        self.causes = causes
+        self.false_alarm_rate = false_alarm_rate
+        self.n_replicates = n_replicates
+        self.cv = cv
+        self.random_state = random_state
+
+    # ---------------------------------------------------------------------------------- fit
+
+    def fit(self, X: ArrayLike, y: ArrayLike) -> DiscrepancyDiagnosis:
+        """Diagnose measured data.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_columns)
+            May carry columns that the simulation ignores: by name (DataFrame) or after its inputs
+            (array). They are weighed as missing inputs.
+        y : array-like of shape (n,)
+
+        Returns
+        -------
+        self
+        """
+        self._check_parameters()
+        random = check_random_state(self.random_state)
+        self.estimator_ = clone(self.estimator).fit(X, y)
+        problem, causes, skipped = self._problem(self.estimator_)
+        if len(problem.y) < _MIN_ROWS:
+            raise ValueError(
+                f"A diagnosis needs at least {_MIN_ROWS} measured rows, got {len(problem.y)}."
+            )
+        self.search_ = search(problem, causes)
+        test = null_test(self.search_, int(self.n_replicates), random)
+        self.p_value_ = test.p_value
+        self.causes_ = _table(self.search_, skipped)
+        self.indistinguishable_ = _credible_kinds(self.search_)
+        chosen = self._choose(self.search_)
+        self.verdict_ = self._verdict(chosen)
+        self.extended_estimator_ = self._extended(self.estimator_, chosen.cause, X, y)
+        self.best_cause_ = self._finding(chosen)
+        self.extended_simulator_ = self._extended_simulator(problem, chosen.cause)
+        self.discrepancy_ = estimate_discrepancy(self.search_, self._column(chosen, problem))
+        self.next_measurement_ = self._next_measurement(problem)
+        self.gain_ = self._cross_validate(X, np.asarray(y, dtype=float), random)
+        self.n_features_in_ = self.estimator_.n_features_in_
+        if hasattr(self.estimator_, "feature_names_in_"):
+            self.feature_names_in_ = self.estimator_.feature_names_in_
+        return self
+
+    def _check_parameters(self) -> None:
+        if not isinstance(self.estimator, PowerScaledSurrogate):
+            raise TypeError(
+                "estimator must be a PowerScaledSurrogate, whose effects a diagnosis can extend; "
+                f"got {type(self.estimator).__name__}."
+            )
+        if self.estimator.simulation is None:
+            raise ValueError(
+                "There is no simulation to diagnose: give the estimator simulation=..."
+            )
+        if tuple(self.estimator.effects):
+            raise ValueError(
+                "The estimator has effects already. Diagnose the estimator without them: a cause "
+                "found now is named beside the catalogue, not beside another cause."
+            )
+        if not 0 < self.false_alarm_rate < 1:
+            raise ValueError(f"false_alarm_rate must be in (0, 1), got {self.false_alarm_rate}.")
+        if self.n_replicates < 1 / self.false_alarm_rate - 1:
+            raise ValueError(
+                f"n_replicates = {self.n_replicates} cannot give a p-value of "
+                f"{self.false_alarm_rate}: use at least {int(1 / self.false_alarm_rate)}."
+            )
+
+    def _problem(
+        self, fitted: PowerScaledSurrogate
+    ) -> tuple[Problem, list[Cause], list[Skipped]]:
+        """Return the problem, the catalogue and what was left out, for a fitted estimator."""
+        surrogate, likelihood = fitted._check_parameters()
+        X, y = fitted._measured
+        columns = fitted.posterior_.model.columns
+        problem = make_problem(
+            fitted.simulation, surrogate, likelihood, fitted.noise_prior, (), columns, X, y
+        )
+        context = make_context(
+            fitted.simulation, columns, problem.model.n_inputs, X, problem.scale, likelihood
+        )
+        causes, skipped = catalogue(context, tuple(self.causes))
+        return problem, causes, skipped
+
+    # ------------------------------------------------------------------------------ verdict
+
+    def _choose(self, found: Search) -> Weighed:
+        """Return the most probable cause, or "none" where the p-value allows it."""
+        if self.p_value_ > self.false_alarm_rate:
+            return found.weighed[0]
+        return found.weighed[_leader(found)]
+
+    def _verdict(self, chosen: Weighed) -> str:
+        kind = kind_of(chosen)
+        if kind == "none":
+            return "adequate"
+        if kind == "unexplained":
+            return "unexplained"
+        shares = _kind_shares(self.search_)
+        return "named" if shares[kind] >= _NAMED else "ambiguous"
+
+    def _finding(self, chosen: Weighed) -> CauseFinding:
+        probability = float(
+            self.search_.probability[[w is chosen for w in self.search_.weighed]].sum()
+        )
+        if chosen.cause is None:
+            return CauseFinding("none", None, "the simulation as it is", probability, {})
+        draws = self.extended_estimator_.posterior_.estimates(0)
+        estimates = {
+            name: (float(v.mean()), *(float(q) for q in np.quantile(v, [0.05, 0.95])))
+            for name, v in draws.items()
+        }
+        means = {name: value[0] for name, value in estimates.items()}
+        return CauseFinding(
+            chosen.cause.kind,
+            chosen.cause.target,
+            chosen.cause.formula(means),
+            probability,
+            estimates,
+        )
+
+    # ---------------------------------------------------------------------------- extension
+
+    def _extended(
+        self, before: PowerScaledSurrogate, cause: Cause | None, X: ArrayLike, y: ArrayLike
+    ) -> PowerScaledSurrogate:
+        if cause is None:
+            return before
+        return clone(before).set_params(effects=(cause,)).fit(X, y)
+
+    def _extended_simulator(self, problem: Problem, cause: Cause | None) -> Any:
+        simulator = self.estimator_.simulation.simulator
+        if cause is None or simulator is None or cause.kind == "unexplained":
+            return None
+        return extend_simulator(simulator, cause, problem)
+
+    def _column(self, chosen: Weighed, problem: Problem) -> str:
+        inputs = problem.model.columns[: problem.model.n_inputs]
+        column = getattr(chosen.cause, "column", None)
+        return column if column in inputs else inputs[0]
+
+    def _next_measurement(self, problem: Problem) -> dict[str, float]:
+        """Search a grid over the simulated range of every input, one column at a time."""
+        columns = problem.model.columns
+        point = np.median(problem.X, axis=0)
+        ranges = self.estimator_.simulation.input_ranges
+        for k, name in enumerate(columns):
+            low, high = ranges.get(name, (problem.X[:, k].min(), problem.X[:, k].max()))
+            grid = np.repeat(point[None], 100, axis=0)
+            grid[:, k] = np.linspace(low, high, 100)
+            point = grid[int(np.argmax(next_measurement(self.search_, grid)))]
+        return {name: float(value) for name, value in zip(columns, point, strict=True)}
+
+    # --------------------------------------------------------------------------------- gain
+
+    def _cross_validate(
+        self, X: ArrayLike, y: FloatArray, random_state: np.random.RandomState
+    ) -> Gain:
+        """Repeat search and extension in each fold; selection is part of what is scored."""
+        take = X.iloc.__getitem__ if hasattr(X, "iloc") else np.asarray(X).__getitem__
+
+        def fit_pair(train: NDArray[np.intp]) -> tuple[Any, Any, str]:
+            before = clone(self.estimator).fit(take(train), y[train])
+            problem, causes, _ = self._problem(before)
+            found = search(problem, causes, with_remainder=False)
+            best = int(np.argmax(found.probability))
+            chosen = found.weighed[best]
+            after = self._extended(before, chosen.cause, take(train), y[train])
+            return before, after, kind_of(chosen)
+
+        n_folds = min(int(self.cv), len(y) // 2)
+        folds = list(KFold(n_folds, shuffle=True, random_state=random_state).split(y))
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", HybridSurrogateWarning)
+            gain = cross_validated_gain(folds, fit_pair, take, y)
+        doubtful = {str(w.message) for w in caught if "doubtful" in str(w.message)}
+        if doubtful:
+            warnings.warn(
+                f"{len(doubtful)} of the fits behind gain_ have doubtful draws, for example: "
+                f"{sorted(doubtful)[0]}",
+                DiagnosisWarning,
+                stacklevel=3,
+            )
+        return gain
+
+    def gain_on(self, X_test: ArrayLike, y_test: ArrayLike) -> Gain:
+        """Return the gain on a test set, from the fitted models before and after.
+
+        Parameters
+        ----------
+        X_test : array-like of shape (n, n_columns)
+        y_test : array-like of shape (n,)
+        """
+        check_is_fitted(self)
+        y = np.asarray(y_test, dtype=float)
+        return gain_from(
+            pointwise(self.estimator_, X_test, y), pointwise(self.extended_estimator_, X_test, y)
+        )
+
+    def beta_scan(
+        self, X: ArrayLike, y: ArrayLike, betas: ArrayLike | None = None
+    ) -> pd.DataFrame:
+        """Return held-out ELPD against beta, before and after the extension.
+
+        How far the best beta rises is how far trust in the simulation rises once its fault is
+        named. Five folds, the cause held fixed.
+
+        Parameters
+        ----------
+        X, y
+            Measured data, as for ``fit``.
+        betas : array-like, default=0, 0.1, ..., 1
+
+        Returns
+        -------
+        pandas.DataFrame
+            Columns beta, before, after.
+        """
+        check_is_fitted(self)
+        y = np.asarray(y, dtype=float)
+        take = X.iloc.__getitem__ if hasattr(X, "iloc") else np.asarray(X).__getitem__
+        grid = np.linspace(0, 1, 11) if betas is None else np.asarray(betas, dtype=float)
+        folds = list(KFold(min(5, len(y) // 2), shuffle=True, random_state=0).split(y))
+        rows = []
+        with warnings.catch_warnings():
+            # single fits at extreme beta are often doubtful; the curve shows it
+            warnings.simplefilter("ignore", HybridSurrogateWarning)
+            for beta in grid:
+                scores = []
+                for model in (self.estimator_, self.extended_estimator_):
+                    fitted = clone(model).set_params(beta=float(beta))
+                    scores.append(
+                        np.concatenate(
+                            [
+                                clone(fitted)
+                                .fit(take(train), y[train])
+                                .log_predictive_density(take(test), y[test])
+                                for train, test in folds
+                            ]
+                        ).mean()
+                    )
+                rows.append((beta, *scores))
+        return pd.DataFrame(rows, columns=["beta", "before", "after"])
+
+    # -------------------------------------------------------------------------- predictions
+
+    def predict(self, X: ArrayLike, return_std: bool = False) -> Any:
+        """Return predictions of the extended estimator."""
+        check_is_fitted(self)
+        return self.extended_estimator_.predict(X, return_std=return_std)
+
+    def score(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
+        """Return the mean ELPD per row of the extended estimator."""
+        check_is_fitted(self)
+        return self.extended_estimator_.score(X, y, sample_weight)
+
+    def report(self, test: tuple[ArrayLike, ArrayLike] | None = None) -> Any:
+        """Return the report: prints as text, shows as HTML, ``.save("report.html")``.
+
+        Parameters
+        ----------
+        test : (X_test, y_test) or None
+            Rows held back, for example beyond the measured range, to be drawn and scored too.
+        """
+        check_is_fitted(self)
+        from .report import make_report
+
+        return make_report(self, test)
+
+
+def _leader(found: Search) -> int:
+    """Return the position of the most probable cause other than "none", by kind then target."""
+    shares = _kind_shares(found)
+    kind = max(shares, key=lambda name: shares[name])
+    member = [k for k, w in enumerate(found.weighed) if kind_of(w) == kind]
+    return max(member, key=lambda k: found.probability[k])
+
+
+def _kind_shares(found: Search) -> dict[str, float]:
+    """Return the probability of each kind, given that something is wrong."""
+    shares: dict[str, float] = {}
+    for w, probability in zip(found.weighed[1:], found.probability[1:], strict=True):
+        shares[kind_of(w)] = shares.get(kind_of(w), 0.0) + float(probability)
+    total = sum(shares.values())
+    return {kind: value / total for kind, value in shares.items()} if total else shares
+
+
+def _credible_kinds(found: Search) -> list[str]:
+    kinds, mass = [], 0.0
+    for kind, share in sorted(_kind_shares(found).items(), key=lambda item: -item[1]):
+        kinds.append(kind)
+        mass += share
+        if mass >= _SET_MASS:
+            break
+    return kinds
+
+
+def _table(found: Search, skipped: list[Skipped]) -> pd.DataFrame:
+    base = found.weighed[0].log_evidence
+    rows = [
+        {
+            "kind": kind_of(w),
+            "target": w.cause.target if w.cause else None,
+            "probability": probability,
+            "log_evidence": w.log_evidence - base,
+            "remainder": remainder,
+            "note": "",
+        }
+        for w, probability, remainder in zip(
+            found.weighed, found.probability, found.remainder, strict=True
+        )
+    ]
+    rows += [
+        {
+            "kind": s.kind,
+            "target": s.target,
+            "probability": 0.0,
+            "log_evidence": np.nan,
+            "remainder": np.nan,
+            "note": f"not weighed: {s.reason}",
+        }
+        for s in skipped
+    ]
+    table = pd.DataFrame(rows).sort_values(
+        "probability", ascending=False, kind="stable", ignore_index=True
+    )
+    return table

@@ -1,0 +1,287 @@
+"""How well each cause explains the measured rows: closed-form evidence, and probabilities.
+
+The surrogate's coefficients come from the simulation alone (beta = 1), so that a fault of the
+simulation is not absorbed by its emulator; the emulator's own uncertainty is part of the
+covariance (DESIGN section 6).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from ..effects.base import Cause
+from ..effects.discrepancy_process import GaussianProcessDiscrepancy
+from ..estimators.fitting import Problem
+from ..inference.measured import MeasuredModel
+from ..inference.noise import NoiseTable
+from ..inference.scan import (
+    Belief,
+    Layout,
+    Linearised,
+    Peak,
+    climb,
+    coefficient_belief,
+    layout,
+    linearise,
+    refine,
+    scan,
+)
+
+FloatArray = NDArray[np.float64]
+
+# effects between a fraction of the noise and a few times the spread of the output
+_SMALLEST_SIZE, _LARGEST_SIZE, _N_SIZES = 0.3, 3.0, 10
+# prior odds: half on "none", a small share for "unexplained", the rest shared by kinds
+_PRIOR_NONE, _PRIOR_UNEXPLAINED = 0.5, 0.02
+# prior probability that a named cause leaves a smooth remainder
+_PRIOR_REMAINDER = 0.1
+_MAX_REFINEMENTS = 5
+_NEUTRAL_MOVES = (0.0, 0.7, -0.7)
+
+
+class Weighed(NamedTuple):
+    """One cause (None: nothing is wrong) at its best, with its evidence."""
+
+    cause: Cause | None
+    model: MeasuredModel
+    plan: Layout
+    peak: Peak
+    sigma: float
+    log_evidence: float
+    log_evidence_with_remainder: float
+
+
+@dataclass(frozen=True)
+class Search:
+    """A finished search over the catalogue.
+
+    Attributes
+    ----------
+    problem : Problem
+    belief : Belief
+        About the surrogate's coefficients, from the simulation alone.
+    weighed : list of Weighed
+        "None" first, then the causes in the order of the catalogue.
+    probability : ndarray
+        Posterior probability of each.
+    remainder : ndarray
+        Probability that a smooth remainder is needed beside each cause.
+    sizes : ndarray
+        Prior scales of effect sizes, in units of eta.
+    noise : NoiseTable
+        Sigma integrated out under the problem's prior.
+    """
+
+    problem: Problem
+    belief: Belief
+    weighed: list[Weighed]
+    probability: FloatArray
+    remainder: FloatArray
+    sizes: FloatArray
+    noise: NoiseTable
+
+
+def search(problem: Problem, causes: Sequence[Cause], with_remainder: bool = True) -> Search:
+    """Weigh "nothing is wrong" and every cause.
+
+    Parameters
+    ----------
+    problem : Problem
+        Without effects.
+    causes : sequence of Cause
+        Prepared.
+    with_remainder : bool
+        Also weigh the winners beside a smooth remainder of unknown shape.
+    """
+    belief = coefficient_belief(problem.model.basis, problem.simulation)
+    noise = NoiseTable(problem.noise_prior, problem.scale, len(problem.y))
+    null = best_null(problem, belief, noise)
+    peaks = [null, *(best_peak(problem, cause, belief, noise, null) for cause in causes)]
+    smallest = min(sigma for *_, sigma in peaks)
+    sizes = np.geomspace(
+        _SMALLEST_SIZE * smallest,
+        max(_LARGEST_SIZE * problem.scale, 2 * _SMALLEST_SIZE * smallest),
+        _N_SIZES,
+    )
+    weighed = []
+    for cause, (model, plan, peak, sigma) in zip([None, *causes], peaks, strict=True):
+        parts = linearise(model, problem.X, belief, plan, peak.z)
+        nodes = scan(parts, problem.y[None], sigma, noise, sizes)[0]
+        weighed.append(
+            Weighed(
+                cause, model, plan, peak, sigma, float(special.logsumexp(nodes)), -np.inf
+            )
+        )
+    if with_remainder:
+        weighed = _weigh_remainder(problem, belief, noise, weighed, sizes)
+    probability, remainder = probabilities(weighed)
+    return Search(problem, belief, weighed, probability, remainder, sizes, noise)
+
+
+class _Fitted(NamedTuple):
+    model: MeasuredModel
+    plan: Layout
+    peak: Peak
+    sigma: float
+
+
+def best_null(problem: Problem, belief: Belief, noise: NoiseTable) -> _Fitted:
+    """Fit "nothing is wrong" from several starting points."""
+    model = problem.model
+    plan = layout(model)
+    d = model.n_unknowns
+    # a fixed spread of starts: the search has no randomness of its own
+    z = np.vstack([np.zeros(d), np.random.RandomState(0).standard_normal((16 * d, d))])
+    known, features, factor = model.simulated(problem.X, model.values(z))
+    squares = np.sum(((problem.y - known - features @ belief.mean) / factor) ** 2, axis=1)
+    squares = np.where(np.isfinite(squares), squares, np.inf)
+    starts = z[np.argsort(squares)[:2]]
+    return _best(problem, belief, noise, model, plan, [z[0], *starts], 0.3 * problem.scale)
+
+
+def best_peak(
+    problem: Problem, cause: Cause, belief: Belief, noise: NoiseTable, null: _Fitted
+) -> _Fitted:
+    """Fit one cause, starting from the null fit and from the prior's centre."""
+    model = replace(problem.model, effects=(cause,))
+    plan = layout(model)
+    starts = []
+    for z_parameters in (null.peak.z, np.zeros(len(null.peak.z))):
+        for move in _NEUTRAL_MOVES if len(plan.sizes) else (0.0,):
+            z = plan.neutral.copy()
+            z[: len(z_parameters)] = z_parameters
+            z[plan.sizes] += move
+            starts.append(z)
+    return _best(problem, belief, noise, model, plan, starts, null.sigma)
+
+
+def _best(
+    problem: Problem,
+    belief: Belief,
+    noise: NoiseTable,
+    model: MeasuredModel,
+    plan: Layout,
+    starts: Sequence[FloatArray],
+    sigma: float,
+) -> _Fitted:
+    """Climb from every start, then again with the noise that the best fit suggests."""
+    largest = _LARGEST_SIZE * problem.scale
+    floor = 1e-6 * problem.scale
+    peaks = [
+        climb(model, problem.X, problem.y, belief, plan, z, sigma, largest) for z in starts
+    ]
+    peak = min(peaks, key=lambda found: found.objective)
+    sizes = np.array([largest])
+    for round_ in range(_MAX_REFINEMENTS):
+        sigma = max(float(np.sqrt(peak.squares / len(problem.y))), floor)
+        finer = plan
+        if len(plan.nodes):
+            parts = linearise(model, problem.X, belief, plan, peak.z)
+            log_evidence = scan(parts, problem.y[None], sigma, noise, sizes)[0]
+            finer = refine(model, plan, log_evidence)
+        settled = finer is plan and round_ > 0
+        plan = finer
+        if settled:
+            break
+        peak = climb(model, problem.X, problem.y, belief, plan, peak.z, sigma, largest)
+    return _Fitted(model, plan, peak, sigma)
+
+
+def _weigh_remainder(
+    problem: Problem,
+    belief: Belief,
+    noise: NoiseTable,
+    weighed: list[Weighed],
+    sizes: FloatArray,
+) -> list[Weighed]:
+    """Weigh the winners of the quick search beside a smooth discrepancy of unknown shape."""
+    quick, _ = probabilities(weighed)
+    process = next(
+        (w for w in weighed if isinstance(w.cause, GaussianProcessDiscrepancy)), None
+    )
+    if process is None:
+        return weighed
+    model, lengths = process.model, layout(process.model)
+    values = np.repeat(model.values(np.zeros((1, model.n_unknowns))), len(lengths.grid), axis=0)
+    values[:, lengths.nodes] = lengths.grid
+    bases = model.added(problem.X, values)
+    bases = bases / np.sqrt(np.mean(np.sum(bases**2, axis=2), axis=1))[:, None, None]
+    out = []
+    for w, probability in zip(weighed, quick, strict=True):
+        if w is process or (probability < 0.01 and w.cause is not None):
+            out.append(w)
+            continue
+        if w.cause is None:
+            out.append(w._replace(log_evidence_with_remainder=process.log_evidence))
+            continue
+        parts = linearise(w.model, problem.X, belief, w.plan, w.peak.z)
+        nodes = scan(parts, problem.y[None], w.sigma, noise, sizes)[0]
+        parts = _at_nodes(parts, np.flatnonzero(nodes > nodes.max() - 10.0))
+        terms = [
+            np.logaddexp.reduce(
+                scan(
+                    replace(parts, U=np.hstack([parts.U, size * basis])),
+                    problem.y[None],
+                    w.sigma,
+                    noise,
+                    sizes,
+                )[0]
+            )
+            for basis in bases
+            for size in sizes[::2]
+        ]
+        total = float(np.logaddexp.reduce(terms) - np.log(len(terms)))
+        out.append(w._replace(log_evidence_with_remainder=total))
+    return out
+
+
+def _at_nodes(parts: Linearised, index: NDArray[np.intp]) -> Linearised:
+    several = len(parts.mean) > 1
+    return replace(
+        parts,
+        mean=parts.mean[index] if several else parts.mean,
+        G=parts.G[index] if several else parts.G,
+        H=parts.H[index],
+        H_rms=parts.H_rms[index],
+        cap=parts.cap[index],
+        log_weight=parts.log_weight[index],
+    )
+
+
+def probabilities(weighed: Sequence[Weighed]) -> tuple[FloatArray, FloatArray]:
+    """Return the posterior probability of each cause, and that of a remainder beside it.
+
+    Kinds share the prior equally, targets share that of their kind.
+    """
+    kinds = [kind_of(w) for w in weighed]
+    named = {kind for kind in kinds if kind not in ("none", "unexplained")}
+    prior = np.empty(len(weighed))
+    for k, kind in enumerate(kinds):
+        if kind == "none":
+            prior[k] = _PRIOR_NONE
+        elif kind == "unexplained":
+            prior[k] = _PRIOR_UNEXPLAINED
+        else:
+            share = (1 - _PRIOR_NONE - _PRIOR_UNEXPLAINED) / len(named)
+            prior[k] = share / kinds.count(kind)
+    alone = np.array([w.log_evidence for w in weighed])
+    beside = np.array([w.log_evidence_with_remainder for w in weighed])
+    # "none" with a remainder is "unexplained", which is weighed on its own
+    splits = np.array([np.isfinite(b) and kind != "none" for b, kind in zip(beside, kinds, strict=True)])
+    with np.errstate(divide="ignore"):
+        plain = alone + np.where(splits, np.log1p(-_PRIOR_REMAINDER), 0.0)
+        extra = np.where(splits, beside + np.log(_PRIOR_REMAINDER), -np.inf)
+    log_total = np.logaddexp(plain, extra) + np.log(prior)
+    remainder = np.exp(extra - np.logaddexp(plain, extra))
+    return np.exp(log_total - special.logsumexp(log_total)), remainder
+
+
+def kind_of(weighed: Weighed) -> str:
+    """Return the kind of a weighed cause, "none" for the null."""
+    return "none" if weighed.cause is None else weighed.cause.kind

@@ -1,0 +1,93 @@
+"""The user's simulation with a cause in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from ..effects.base import Cause
+from ..estimators.fitting import Problem
+from ..likelihoods import Likelihood
+from ..simulation import Simulator
+
+FloatArray = NDArray[np.float64]
+
+
+class ExtendedFunction:
+    """A simulation function that a cause rewrites; a class so that it can be pickled."""
+
+    def __init__(
+        self,
+        simulator: Simulator,
+        cause: Cause,
+        likelihood: Likelihood,
+        theta_names: Mapping[str, str],
+        coefficient_names: Mapping[str, str],
+    ):
+        self.simulator, self.cause, self.likelihood = simulator, cause, likelihood
+        self.theta_names, self.coefficient_names = theta_names, coefficient_names
+        self.__name__ = f"{simulator.name}_with_{cause.kind.replace('-', '_')}"
+
+    def __call__(self, **values: FloatArray) -> FloatArray:
+        """Run the extended simulation; arguments by name, arrays or numbers."""
+        arrays = dict(zip(values, np.broadcast_arrays(*values.values()), strict=True))
+        shape = next(iter(arrays.values())).shape
+        rows = {name: np.ravel(array).astype(float) for name, array in arrays.items()}
+        simulator = self.simulator
+        own = {*self.theta_names.values(), *self.coefficient_names.values()}
+        parameters = (*simulator.parameter_names, *simulator.assumed_names)
+        X = {k: v for k, v in rows.items() if k not in own and k not in parameters}
+        n = len(next(iter(rows.values())))
+        assumed = {name: np.full(n, c.value) for name, c in simulator.assumed.items()}
+        omega = {name: rows.get(name, assumed.get(name)) for name in parameters}
+        theta = {name: rows[public] for name, public in self.theta_names.items()}
+        run_X, run_omega = self.cause.inputs(X, omega, theta)
+        inputs = np.column_stack([run_X[name] for name in simulator.input_names])
+        points = np.column_stack([run_omega[name] for name in parameters]) if parameters else None
+        eta = self.likelihood.transform(simulator(inputs, points))
+        eta = self.cause.gain(X, theta) * eta
+        columns = self.cause.columns(X, theta)
+        if columns is not None:
+            coefficients = [rows[public] for public in self.coefficient_names.values()]
+            eta = eta + np.sum(columns * np.column_stack(coefficients), axis=1)
+        return self.likelihood.inverse(eta).reshape(shape)
+
+
+def extend_simulator(simulator: Simulator, cause: Cause, problem: Problem) -> Simulator:
+    """Return a simulator whose function contains the cause.
+
+    The cause's numbers become parameters with their priors; a wrong constant moves from the
+    assumed constants to the parameters; a missing input becomes an input.
+    """
+    taken = {*simulator.input_names, *simulator.parameter_names, *simulator.assumed_names}
+
+    def public(name: str) -> str:
+        if cause.replaces is not None:
+            return cause.replaces
+        return name if name not in taken else f"{cause.kind.replace('-', '_')}_{name}"
+
+    theta_names = {name: public(name) for name in cause.parameters}
+    coefficient_names = {name: public(name) for name in cause.coefficients}
+    sd = cause.coefficient_sd or problem.model.default_sd
+    parameters = {
+        **simulator.parameters,
+        **{theta_names[name]: prior for name, prior in cause.parameters.items()},
+        **{name: stats.norm(0, sd) for name in coefficient_names.values()},
+    }
+    inputs = dict(simulator.input_ranges)
+    if cause.kind == "missing-input" and cause.target is not None:
+        values = problem.X[:, problem.model.columns.index(cause.target)]
+        inputs[cause.target] = (float(values.min()), float(values.max()))
+    function = ExtendedFunction(
+        simulator, cause, problem.likelihood, theta_names, coefficient_names
+    )
+    return Simulator(
+        function,
+        inputs,
+        parameters,
+        {name: c for name, c in simulator.assumed.items() if name != cause.replaces},
+        simulator.output,
+    )

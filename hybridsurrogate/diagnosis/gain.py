@@ -1,0 +1,112 @@
+"""What an extension is worth on rows it has not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..scoring import elpd, paired_difference
+
+FloatArray = NDArray[np.float64]
+
+COVERAGE_LEVEL = 0.9
+
+
+@dataclass(frozen=True)
+class Gain:
+    """Scores before and after an extension on the same held-out rows.
+
+    Attributes
+    ----------
+    elpd_before, elpd_after : float
+        Mean log predictive density per row.
+    elpd_difference, standard_error : float
+        Their paired difference and its standard error.
+    rmse_before, rmse_after : float
+        Root mean square error of the predictive mean, in the units of y.
+    coverage_before, coverage_after : float
+        Share of rows inside the 90 % predictive interval.
+    n_rows : int
+    kinds : tuple of str
+        What each fold's own search chose; empty for a test set.
+    """
+
+    elpd_before: float
+    elpd_after: float
+    elpd_difference: float
+    standard_error: float
+    rmse_before: float
+    rmse_after: float
+    coverage_before: float
+    coverage_after: float
+    n_rows: int
+    kinds: tuple[str, ...] = ()
+
+
+class Scores(NamedTuple):
+    """Pointwise scores of one fitted estimator on held-out rows."""
+
+    log_density: FloatArray
+    error: FloatArray
+    inside: FloatArray
+
+
+def pointwise(estimator: Any, X: ArrayLike, y: FloatArray) -> Scores:
+    """Return log density, error of the mean and whether the interval holds y, for each row."""
+    lower, upper = estimator.predict_interval(X, COVERAGE_LEVEL)
+    return Scores(
+        estimator.log_predictive_density(X, y),
+        np.asarray(y, dtype=float) - estimator.predict(X),
+        ((y >= lower) & (y <= upper)).astype(float),
+    )
+
+
+def gain_from(before: Scores, after: Scores, kinds: tuple[str, ...] = ()) -> Gain:
+    """Summarise two sets of pointwise scores of the same rows."""
+    difference = paired_difference(after.log_density, before.log_density)
+    return Gain(
+        elpd(before.log_density)[0],
+        elpd(after.log_density)[0],
+        difference.difference,
+        difference.standard_error,
+        float(np.sqrt(np.mean(before.error**2))),
+        float(np.sqrt(np.mean(after.error**2))),
+        float(np.mean(before.inside)),
+        float(np.mean(after.inside)),
+        len(before.error),
+        kinds,
+    )
+
+
+def cross_validated_gain(
+    folds: list[tuple[NDArray[np.intp], NDArray[np.intp]]],
+    fit_pair: Callable[[NDArray[np.intp]], tuple[Any, Any, str]],
+    take: Callable[[NDArray[np.intp]], ArrayLike],
+    y: FloatArray,
+) -> Gain:
+    """Return the gain on held-out folds.
+
+    Parameters
+    ----------
+    folds : list of (train, test) row indices
+    fit_pair : callable
+        Given training rows, searches anew and returns the estimator before, the one after, and
+        the kind that the search chose.
+    take : callable
+        Returns X at given rows.
+    y : ndarray of shape (n,)
+    """
+    befores, afters, kinds = [], [], []
+    for train, test in folds:
+        before, after, kind = fit_pair(train)
+        befores.append(pointwise(before, take(test), y[test]))
+        afters.append(
+            befores[-1] if after is before else pointwise(after, take(test), y[test])
+        )
+        kinds.append(kind)
+    merge = [Scores(*map(np.concatenate, zip(*scores, strict=True))) for scores in (befores, afters)]
+    return gain_from(merge[0], merge[1], tuple(kinds))

@@ -1,0 +1,81 @@
+"""The p-value of the whole search under "the simulation is right"."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from ..inference.scan import linearise, scan
+from .evidence import Search
+
+FloatArray = NDArray[np.float64]
+
+
+class NullTest(NamedTuple):
+    """Result of the test.
+
+    Attributes
+    ----------
+    p_value : float
+        (1 + #{T_rep >= T}) / (1 + R).
+    statistic : float
+        T, the log of the best evidence ratio over the whole catalogue.
+    replicates : ndarray of shape (R,)
+        T of data sets in which nothing is wrong.
+    """
+
+    p_value: float
+    statistic: float
+    replicates: FloatArray
+
+
+def null_test(
+    found: Search, n_replicates: int, random_state: np.random.RandomState
+) -> NullTest:
+    """Repeat the whole search on replicates of "nothing is wrong" at the same inputs.
+
+    Every cause is linearised once, at the null fit and where it changes nothing: designs do not
+    depend on y, so measured and replicated responses are weighed in one batch, by the same
+    statistic.
+    """
+    problem, null = found.problem, found.weighed[0]
+    responses = np.vstack([problem.y, _replicates(found, n_replicates, random_state)])
+    base = null.peak.z
+    evidence = []
+    for w in found.weighed:
+        z = w.plan.neutral.copy()
+        z[: len(base)] = base
+        parts = linearise(w.model, problem.X, found.belief, w.plan, z)
+        evidence.append(
+            special.logsumexp(
+                scan(parts, responses, null.sigma, found.noise, found.sizes), axis=1
+            )
+        )
+    if len(evidence) == 1:
+        return NullTest(1.0, 0.0, np.zeros(n_replicates))
+    statistic = np.max(evidence[1:], axis=0) - evidence[0]
+    exceed = int(np.sum(statistic[1:] >= statistic[0]))
+    return NullTest((1 + exceed) / (1 + n_replicates), float(statistic[0]), statistic[1:])
+
+
+def _replicates(
+    found: Search, n: int, random_state: np.random.RandomState
+) -> FloatArray:
+    """Draw measured responses from the posterior predictive of the linearised null, (n, rows)."""
+    problem, null = found.problem, found.weighed[0]
+    parts = linearise(null.model, problem.X, found.belief, null.plan, null.peak.z)
+    G, U = parts.G[0], parts.U
+    rows, d = G.shape
+    degrees = max(rows - d, 1)
+    sigma = np.sqrt(null.peak.squares / random_state.chisquare(degrees, size=n))
+    precision = np.eye(d) + G.T @ G / null.sigma**2
+    residual = problem.y - parts.mean[0]
+    mean = np.linalg.solve(precision, G.T @ residual) / null.sigma**2
+    factor = np.linalg.cholesky(np.linalg.inv(precision))
+    g = mean + random_state.standard_normal((n, d)) @ factor.T
+    emulator = random_state.standard_normal((n, U.shape[1])) @ U.T
+    noise = sigma[:, None] * random_state.standard_normal((n, rows))
+    return parts.mean[0] + g @ G.T + emulator + noise

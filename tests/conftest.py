@@ -1,0 +1,62 @@
+import warnings
+
+import numpy as np
+import pytest
+
+import hybridsurrogate as hs
+from hybridsurrogate.simulation import Simulator
+
+
+def fall(t, gravity):
+    return 100 - gravity / 2 * t**2
+
+
+@pytest.fixture(scope="session")
+def simulator():
+    """A body that falls: one input, one parameter."""
+    return Simulator(
+        fall,
+        inputs={"t": (0, 4)},
+        parameters={"gravity": hs.truncated_normal(9.8, 1, 5, 15)},
+        output="height",
+    )
+
+
+@pytest.fixture(scope="session")
+def simulation(simulator):
+    return simulator.run(32, random_state=0)
+
+
+@pytest.fixture(scope="session")
+def measured():
+    """As many measured rows as there are runs of the simulation: t in seconds, height."""
+    rng = np.random.default_rng(1)
+    t = np.linspace(0.1, 3.9, 32)
+    return t[:, None], fall(t, 9.3) + rng.normal(0, 1, 32)
+
+
+@pytest.fixture(scope="session")
+def fitted(simulation, measured):
+    """A power-scaled surrogate of the fall, fitted; nobody may change it."""
+    model = hs.PowerScaledSurrogate(
+        simulation, surrogate=hs.PolynomialChaos(degree=2), n_draws=400, random_state=0
+    )
+    return model.fit(*measured)
+
+
+@pytest.fixture(scope="session")
+def fitted_mixture(simulation, measured):
+    """Predictive weighting of the fall with unequal weights, fitted."""
+    model = hs.PredictiveWeightedSurrogate(
+        simulation, surrogate=hs.PolynomialChaos(degree=2), beta=0.3, n_draws=400, random_state=0
+    )
+    return model.fit(*measured)
+
+
+@pytest.fixture(scope="session")
+def arviz():
+    with warnings.catch_warnings():
+        # ArviZ 0.x announces its own successor at import
+        warnings.simplefilter("ignore", FutureWarning)
+        import arviz
+    return arviz
