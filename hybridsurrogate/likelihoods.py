@@ -28,8 +28,8 @@ class Likelihood(ABC):
     log_scale = False
 
     @abstractmethod
-    def check(self, y: FloatArray) -> None:
-        """Raise ValueError when y cannot come from this likelihood."""
+    def check(self, y: FloatArray, source: str = "measured") -> None:
+        """Raise ValueError when y cannot come from this likelihood; name its source."""
 
     @abstractmethod
     def transform(self, y: FloatArray) -> FloatArray:
@@ -74,7 +74,7 @@ class Likelihood(ABC):
 class Normal(Likelihood):
     """Normal noise with standard deviation ``sigma`` in the units of y."""
 
-    def check(self, y: FloatArray) -> None:
+    def check(self, y: FloatArray, source: str = "measured") -> None:
         """Accept every finite y."""
 
     def transform(self, y: FloatArray) -> FloatArray:
@@ -104,14 +104,15 @@ class LogNormal(Likelihood):
 
     log_scale = True
 
-    def check(self, y: FloatArray) -> None:
+    def check(self, y: FloatArray, source: str = "measured") -> None:
         """Raise ValueError unless all y are positive."""
         bad = np.flatnonzero(~(y > 0))
         if bad.size:
             raise ValueError(
-                f"The log-normal likelihood needs y > 0, but {bad.size} of {y.size} values are "
-                f"zero or negative (first at row {bad[0]}: {y[bad[0]]:g}). Use "
-                "likelihood='normal', or shift y to positive values (counts: y + 1)."
+                f"The log-normal likelihood needs y > 0, but {bad.size} of {y.size} {source} "
+                f"values are zero or negative (first at row {bad[0]}: {y[bad[0]]:g}). Use "
+                "likelihood='normal', or shift measured and simulated values alike (counts: "
+                "y + 1)."
             )
 
     def transform(self, y: FloatArray) -> FloatArray:
@@ -132,7 +133,8 @@ class LogNormal(Likelihood):
 
     def variance(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return (exp(sigma^2) - 1) exp(2 eta + sigma^2)."""
-        return np.expm1(np.square(sigma)) * self.inverse(2 * eta + np.square(sigma))
+        with np.errstate(over="ignore"):
+            return np.expm1(np.square(sigma)) * self.inverse(2 * eta + np.square(sigma))
 
 
 LIKELIHOODS: dict[str, Likelihood] = {"normal": Normal(), "lognormal": LogNormal()}

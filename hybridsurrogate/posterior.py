@@ -84,7 +84,7 @@ class Diagnostics:
                 f"The posterior draws are doubtful: {'; '.join(problems)}. Try "
                 "sampler='emcee', more n_draws, tighter priors, or a lower surrogate degree.",
                 SamplingWarning,
-                stacklevel=4,
+                stacklevel=3,
             )
 
 

@@ -71,8 +71,8 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         The verdict is "adequate" unless the p-value of the whole search is at most this.
     n_replicates : int, default=200
         Replicated data sets for the p-value.
-    cv : int, default=5
-        Folds for ``gain_``.
+    cv : int or None, default=5
+        Folds for ``gain_``; None: no cross-validation, ``gain_`` is None.
     random_state : int, RandomState or None, default=None
 
     Attributes
@@ -94,7 +94,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         before where the verdict is "adequate".
     extended_simulator_ : Simulator or None
         The simulation with the cause in it; None when there are only runs, or nothing to add.
-    gain_ : Gain
+    gain_ : Gain or None
         On held-out rows, the search repeated in each fold.
     next_measurement_ : dict of str to float
         Inputs at which one more measurement would best tell the rivals apart.
@@ -119,7 +119,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         causes: Sequence[Cause] = (),
         false_alarm_rate: float = 0.05,
         n_replicates: int = 200,
-        cv: int = 5,
+        cv: int | None = 5,
         random_state: Any = None,
     ):
         self.estimator = estimator
@@ -165,7 +165,9 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         self.extended_simulator_ = self._extended_simulator(problem, chosen.cause)
         self.discrepancy_ = estimate_discrepancy(self.search_, self._column(chosen, problem))
         self.next_measurement_ = self._next_measurement(problem)
-        self.gain_ = self._cross_validate(X, np.asarray(y, dtype=float), random)
+        self.gain_ = None
+        if self.cv is not None:
+            self.gain_ = self._cross_validate(X, np.asarray(y, dtype=float), random)
         self.n_features_in_ = self.estimator_.n_features_in_
         if hasattr(self.estimator_, "feature_names_in_"):
             self.feature_names_in_ = self.estimator_.feature_names_in_
@@ -296,7 +298,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
             after = self._extended(before, chosen.cause, take(train), y[train])
             return before, after, kind_of(chosen)
 
-        n_folds = min(int(self.cv), len(y) // 2)
+        n_folds = min(int(self.cv or 5), len(y) // 2)
         folds = list(KFold(n_folds, shuffle=True, random_state=random_state).split(y))
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", HybridSurrogateWarning)

@@ -152,7 +152,10 @@ def best_peak(
     model = replace(problem.model, effects=(cause,))
     plan = layout(model)
     starts = []
-    for z_parameters in (null.peak.z, np.zeros(len(null.peak.z))):
+    centres = [null.peak.z]
+    if np.linalg.norm(null.peak.z) > 1.0:
+        centres.append(np.zeros(len(null.peak.z)))
+    for z_parameters in centres:
         for move in _NEUTRAL_MOVES if len(plan.sizes) else (0.0,):
             z = plan.neutral.copy()
             z[: len(z_parameters)] = z_parameters

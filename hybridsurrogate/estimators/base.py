@@ -49,12 +49,9 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
                 "surrogate must be a surrogate object such as PolynomialChaos(degree=5) or "
                 f"ExactSurrogate(), got {surrogate!r}."
             )
-        if isinstance(self.simulation, Simulator) and isinstance(surrogate, PolynomialChaos):
-            raise ValueError(
-                "PolynomialChaos is trained on runs, but simulation is a Simulator that has not "
-                "been run: pass simulator.run(100), or surrogate=ExactSurrogate()."
-            )
         check_scalar(self.beta, "beta", Real, min_val=0, max_val=1)
+        if np.isnan(self.beta):
+            raise ValueError("beta must lie between 0 and 1, got NaN.")
         check_scalar(self.n_draws, "n_draws", Integral, min_val=10)
         if self.sampler not in SAMPLERS:
             raise ValueError(f"sampler must be one of {SAMPLERS}, got {self.sampler!r}.")
@@ -112,12 +109,12 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
                 continue
             low, high = self.simulation.input_ranges[name]
             slack = 1e-9 * (high - low)
-            share = np.mean((values < low - slack) | (values > high + slack))
-            if share > 0:
+            outside = (values < low - slack) | (values > high + slack)
+            if outside.any():
                 warnings.warn(
-                    f"{share:.0%} of the measured rows have {name!r} outside the simulated range "
-                    f"[{low:g}, {high:g}]: there the surrogate extrapolates. Simulate a wider "
-                    "range.",
+                    f"{outside.sum()} of {len(values)} measured rows ({outside.mean():.0%}) have "
+                    f"{name!r} outside the simulated range [{low:g}, {high:g}]: there the "
+                    "surrogate extrapolates. Simulate a wider range.",
                     ExtrapolationWarning,
                     stacklevel=4,
                 )
@@ -147,11 +144,13 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         mean = sum(w * m.mean(axis=0) for (w, *_), m in zip(parts, means, strict=True))
         if not return_std:
             return mean
-        # law of total variance, around the mean so that a large offset costs no digits
-        variance = sum(
-            w * (p.likelihood.variance(eta, sigma) + (m - mean) ** 2).mean(axis=0)
-            for (w, p, eta, sigma), m in zip(parts, means, strict=True)
-        )
+        # law of total variance, around the mean so that a large offset costs no digits; far outside
+        # the data a log-normal variance is infinite for practical purposes
+        with np.errstate(over="ignore"):
+            variance = sum(
+                w * (p.likelihood.variance(eta, sigma) + (m - mean) ** 2).mean(axis=0)
+                for (w, p, eta, sigma), m in zip(parts, means, strict=True)
+            )
         return mean, np.sqrt(variance)
 
     def predict_interval(
@@ -278,7 +277,8 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         X, y = self._measured
         random = check_random_state(self.random_state)
         drawn = self._drawn(None, random)
-        eta, sigma = (np.concatenate(pieces) for pieces in zip(*(p.eta(X) for p in drawn), strict=True))
+        pieces = zip(*(p.eta(X) for p in drawn), strict=True)
+        eta, sigma = (np.concatenate(piece) for piece in pieces)
         likelihood = drawn[0].likelihood
         named = [p.named() for p in drawn]
         shared = [k for k in named[0] if all(k in other for other in named)]

@@ -94,7 +94,7 @@ def make_problem(
     runs = simulation if isinstance(simulation, SimulationData) and not measured_only else None
     run_eta = None
     if runs is not None:
-        likelihood.check(runs.y)
+        likelihood.check(runs.y, "simulated")
         run_eta = likelihood.transform(runs.y)
     outputs = eta if run_eta is None else run_eta
     n_inputs = len(simulation.input_names) if simulation is not None else X.shape[1]
@@ -108,6 +108,11 @@ def make_problem(
     )
     context = make_context(world, columns, n_inputs, X, scale, likelihood)
     basis = surrogate.build(domain)
+    if isinstance(world, Simulator) and len(basis.coefficient_mean):
+        raise ValueError(
+            f"{type(surrogate).__name__} is trained on runs, but simulation is a Simulator that "
+            "has not been run: pass simulator.run(100), or surrogate=ExactSurrogate()."
+        )
     model = MeasuredModel(
         basis,
         columns,
@@ -117,6 +122,7 @@ def make_problem(
         tuple(effect.prepare(context) for effect in effects),
         3 * scale,
     )
+    model.check_effects(X)
     run_statistics = None
     if runs is not None and run_eta is not None and len(basis.coefficient_mean):
         known = basis.known(runs.X, runs.omega)

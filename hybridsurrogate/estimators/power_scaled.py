@@ -125,7 +125,7 @@ class PowerScaledSurrogate(SurrogateEstimator):
             surrogate,
             likelihood,
             self.noise_prior,
-            tuple(self.effects),
+            _as_causes(self.effects),
             columns,
             X,
             y,
@@ -140,3 +140,16 @@ class PowerScaledSurrogate(SurrogateEstimator):
 
     def _mixture(self) -> list[tuple[float, Posterior]]:
         return [(1.0, self.posterior_)]
+
+
+def _as_causes(effects: Any) -> tuple[Cause, ...]:
+    try:
+        causes = tuple(effects)
+    except TypeError:  # one cause, or its class
+        causes = (None,)
+    if not all(isinstance(cause, Cause) for cause in causes):
+        raise TypeError(
+            "effects must be a sequence of causes such as [Trend('t'), Offset()], "
+            f"got {effects!r}."
+        )
+    return causes

@@ -92,14 +92,12 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         surrogate, likelihood = self._check_parameters()
         columns, X, y = self._check_fit_data(X, y, likelihood)
         random = check_random_state(self.random_state)
-        self.diagnostics_ = {}
-        posteriors: dict[str, Posterior | None] = {"simulation": None}
-        for source in ("measured", "simulation"):
-            if source == "simulation" and self.simulation is None:
-                continue
+        sources = ("measured",) if self.simulation is None else ("measured", "simulation")
+        fits = {}
+        for source in sources:
             problem = make_problem(
                 self.simulation,
-                surrogate,
+                surrogate if source == "simulation" else surrogate.of_measured_data(),
                 likelihood,
                 self.noise_prior,
                 (),
@@ -108,20 +106,18 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
                 y,
                 measured_only=source == "measured",
             )
-            fit = fit_problem(problem, 1.0, self.sampler, int(self.n_draws), random)
-            posteriors[source] = fit.second
-            self.diagnostics_[source] = fit.diagnostics
-            fit.diagnostics.warn()
-        self.simulation_posterior_ = posteriors["simulation"]
-        self.measured_posterior_ = posteriors["measured"]
+            fits[source] = fit_problem(problem, 1.0, self.sampler, int(self.n_draws), random)
+        self.measured_posterior_ = fits["measured"].second
+        self.simulation_posterior_ = fits["simulation"].second if "simulation" in fits else None
+        self.diagnostics_ = {source: fit.diagnostics for source, fit in fits.items()}
+        for diagnostics in self.diagnostics_.values():
+            diagnostics.warn()
         self._measured = (X, y)
         return self
 
     def _mixture(self) -> list[tuple[float, Posterior]]:
-        parts = [
-            (float(self.beta), self.simulation_posterior_),
-            (1.0 - float(self.beta), self.measured_posterior_),
-        ]
         if self.simulation_posterior_ is None:
             return [(1.0, self.measured_posterior_)]
-        return [(weight, posterior) for weight, posterior in parts if weight > 0]
+        weights = (float(self.beta), 1.0 - float(self.beta))
+        posteriors = (self.simulation_posterior_, self.measured_posterior_)
+        return [pair for pair in zip(weights, posteriors, strict=True) if pair[0] > 0]

@@ -145,13 +145,13 @@ class MeasuredModel:
         features = self.basis.features(inputs, points)
         noise: FloatArray = np.ones((J, 1))
         for effect, own in zip(self.effects, theta, strict=True):
-            gain = effect.gain(rows, own)
-            if np.ndim(gain):
+            gain = np.asarray(effect.gain(rows, own))
+            if gain.ndim or gain != 1.0:
                 known = known * gain
-                features = features * np.asarray(gain)[:, None]
-            factor = effect.noise(rows, own)
-            if np.ndim(factor):
-                noise = noise * np.reshape(factor, (J, n))
+                features = features * gain.reshape(-1, 1)
+            factor = np.asarray(effect.noise(rows, own))
+            if factor.ndim or factor != 1.0:
+                noise = noise * np.broadcast_to(factor, J * n).reshape(J, n)
         return known.reshape(J, n), features.reshape(J, n, features.shape[1]), noise
 
     def added(self, X: FloatArray, values: FloatArray) -> FloatArray:
@@ -161,11 +161,33 @@ class MeasuredModel:
             return np.empty((J, n, 0))
         rows, _, theta = self._rows(X, values)
         added = [
-            _checked_columns(effect, rows, own, J * n)
+            effect.columns(rows, own)
             for effect, own in zip(self.effects, theta, strict=True)
             if effect.coefficients
         ]
         return np.hstack(added).reshape(J, n, len(self.column_names))
+
+    def check_effects(self, X: FloatArray) -> None:
+        """Raise ValueError, by name, for causes whose methods do not fit measured rows.
+
+        At the middle of every prior, for two draws at once: enough to see a wrong shape or NaN
+        before it disappears in algebra.
+        """
+        rows, omega, theta = self._rows(X, self.values(np.zeros((2, self.n_unknowns))))
+        n = 2 * len(X)
+        for effect, own in zip(self.effects, theta, strict=True):
+            run_rows, run_omega = effect.inputs(rows, omega, own)
+            for name in (*self.columns[: self.n_inputs], *omega):
+                moved = run_omega if name in omega else run_rows
+                _check_array(effect, f"inputs, {name!r}", moved.get(name), [(n,)])
+            _check_array(effect, "gain", effect.gain(rows, own), [(), (n,)])
+            noise = effect.noise(rows, own)
+            _check_array(effect, "noise", noise, [(), (n,)])
+            if np.min(noise) <= 0:
+                raise ValueError(f"The cause {effect.name!r} returned a noise that is not positive.")
+            if effect.coefficients:
+                expected = [(n, len(effect.coefficients))]
+                _check_array(effect, "columns", effect.columns(rows, own), expected)
 
     def _rows(self, X: FloatArray, values: FloatArray) -> tuple[Rows, Rows, list[Rows]]:
         """Return columns, omega and each cause's theta, every row of every draw after another."""
@@ -182,16 +204,21 @@ class MeasuredModel:
         return rows, omega, theta
 
 
-def _checked_columns(effect: Cause, rows: Rows, theta: Rows, n: int) -> FloatArray:
-    columns = effect.columns(rows, theta)
-    expected = (n, len(effect.coefficients))
-    if columns is None or np.shape(columns) != expected:
+def _check_array(
+    effect: Cause, method: str, value: object, shapes: Sequence[tuple[int, ...]]
+) -> None:
+    shape = None if value is None else np.shape(np.asarray(value))
+    if shape not in shapes:
+        hint = f" for its coefficients {effect.coefficients}" if method == "columns" else ""
         raise ValueError(
-            f"The cause {effect.name!r} must return columns of shape {expected}, one for each of "
-            f"its coefficients {effect.coefficients}, got "
-            f"{None if columns is None else np.shape(columns)}."
+            f"The cause {effect.name!r} must return shape {' or '.join(map(str, shapes))} from "
+            f"{method}{hint}, got {shape}."
         )
-    return columns
+    if not np.isfinite(np.asarray(value, dtype=float)).all():
+        raise ValueError(
+            f"The cause {effect.name!r} returned NaN or infinity from {method}: its parameters "
+            "were at the medians of their priors."
+        )
 
 
 def prior_log_density(z: FloatArray) -> FloatArray:

@@ -211,12 +211,27 @@ class Linearised:
     log_weight: FloatArray
 
 
+def columns_at_nodes(
+    model: MeasuredModel, X: FloatArray, plan: Layout, z: FloatArray
+) -> FloatArray:
+    """Return the columns of all causes at every node, (T, n, q)."""
+    values = np.repeat(model.values(z[None]), len(plan.grid), axis=0)
+    values[:, plan.nodes] = plan.grid
+    return model.added(X, values)
+
+
 def linearise(
-    model: MeasuredModel, X: FloatArray, belief: Belief, plan: Layout, z: FloatArray
+    model: MeasuredModel,
+    X: FloatArray,
+    belief: Belief,
+    plan: Layout,
+    z: FloatArray,
+    columns: FloatArray | None = None,
 ) -> Linearised:
     """Linearise around z (n_unknowns,), at all nodes of the grid.
 
     The columns of earlier causes join G with their prior sd; those of the last one are sizes.
+    ``columns`` may be given where they are known from `columns_at_nodes`.
     """
     in_simulation = bool(len(plan.nodes)) and model.effects[-1].touches_simulation
     T = len(plan.grid)
@@ -242,9 +257,10 @@ def linearise(
 
     own = np.array([owner == len(model.effects) - 1 for owner, _ in model.column_names], dtype=bool)
     if len(own):
-        at_nodes = np.repeat(values.reshape(-1, len(z))[:1], T, axis=0)
-        at_nodes[:, plan.nodes] = plan.grid
-        columns = model.added(X, at_nodes) / noise[0][..., None]
+        if columns is None:
+            columns = columns_at_nodes(model, X, plan, z)
+        if noise.shape[1] > 1:
+            columns = columns / noise[0][:, None]
         earlier = columns[:1, :, ~own] * model.column_sd[~own]
         G = np.concatenate([G, np.broadcast_to(earlier, (M, *earlier.shape[1:]))], axis=2)
         if H.shape[2]:
@@ -388,8 +404,10 @@ def climb(
     best: Peak | None = None
     point, step = np.array(z, dtype=float), 1.0
     proposal = point
+    # columns move only with the cause's own parameters, and these are enumerated or fixed
+    columns = columns_at_nodes(model, X, plan, point)
     for _ in range(_MAX_CLIMB):
-        parts = linearise(model, X, belief, plan, proposal)
+        parts = linearise(model, X, belief, plan, proposal, columns)
         here, move = _solve(parts, y, plan, proposal, sigma, size)
         if best is None or here.objective < best.objective - 1e-4:
             gain = np.inf if best is None else best.objective - here.objective

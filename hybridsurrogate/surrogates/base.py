@@ -97,3 +97,7 @@ class Surrogate(BaseEstimator, ABC):
     @abstractmethod
     def build(self, domain: Domain) -> Basis:
         """Return the basis on a domain."""
+
+    def of_measured_data(self) -> Surrogate:
+        """Return the surrogate of measured data alone that predictive weighting puts beside it."""
+        return self

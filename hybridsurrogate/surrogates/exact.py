@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .base import Basis, Domain, FloatArray, Surrogate
+from .polynomial_chaos import PolynomialChaos
 
 
 class ExactSurrogate(Surrogate):
@@ -37,6 +38,10 @@ class ExactSurrogate(Surrogate):
                 "emulator such as PolynomialChaos."
             )
         return _ExactBasis(np.empty(0), np.empty(0), domain.simulate)
+
+    def of_measured_data(self) -> Surrogate:
+        """Return a polynomial: measured data have no simulation to evaluate."""
+        return PolynomialChaos()
 
 
 @dataclass(frozen=True)
