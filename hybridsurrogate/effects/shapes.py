@@ -81,10 +81,20 @@ class Trend(_OverColumn):
 
 
 class MissingInput(_OverColumn):
-    """A linear influence of a measured column that the simulation ignores."""
+    """A linear influence of a measured column that the simulation ignores.
+
+    The simulation is taken to be right at the column's mean over the measured rows.
+    """
 
     kind = "missing-input"
     coefficients = ("slope",)
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in mean and span of the column from the measured rows."""
+        prepared = super().prepare(context)
+        if self.center is None:
+            prepared.center = float(np.mean(context.column(self.column)))
+        return prepared
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the column, centred and scaled by its range."""

@@ -34,8 +34,8 @@ _MAX_STARTS = 5
 # a grid is fine enough when this many nodes an axis lie within two nats of the best
 _ENOUGH_NODES = 4
 _MOST_SPLIT = 40
-# a size that is a parameter of its own keeps within its prior: z displaced by at most this much
-_SIZE_CAP = 1.5
+# a size that is a parameter of its own keeps within its prior: z displaced by its prior sd at most
+_SIZE_CAP = 1.0
 
 
 class Belief(NamedTuple):
