@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,11 @@ from ..effects.catalogue import Skipped, catalogue
 from ..estimators.fitting import Problem, make_context, make_problem
 from ..estimators.power_scaled import PowerScaledSurrogate
 from ..exceptions import DiagnosisWarning, HybridSurrogateWarning
+from ..inference.scan import Belief, coefficient_belief
+from ..simulation import SimulationData
+from ..surrogates.base import Basis
 from .discrepancy import estimate_discrepancy, next_measurement
+from .emulator_error import correct_emulator
 from .evidence import Search, Weighed, kind_of, search
 from .extension import extend_simulator
 from .gain import Gain, cross_validated_gain, gain_from, pointwise
@@ -32,6 +36,8 @@ FloatArray = NDArray[np.float64]
 _NAMED = 0.75
 _SET_MASS = 0.9
 _MIN_ROWS = 8
+# enough for scores whose own standard error is that of a handful of rows
+_FOLD_DRAWS = 400
 
 
 @dataclass(frozen=True)
@@ -149,11 +155,13 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         random = check_random_state(self.random_state)
         self.estimator_ = clone(self.estimator).fit(X, y)
         problem, causes, skipped = self._problem(self.estimator_)
+        basis, belief = self._emulator(problem)
+        problem = _with_basis(problem, basis)
         if len(problem.y) < _MIN_ROWS:
             raise ValueError(
                 f"A diagnosis needs at least {_MIN_ROWS} measured rows, got {len(problem.y)}."
             )
-        self.search_ = search(problem, causes)
+        self.search_ = search(problem, causes, belief)
         test = null_test(self.search_, int(self.n_replicates), random)
         self.p_value_ = test.p_value
         self.causes_ = _table(self.search_, skipped)
@@ -211,6 +219,15 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         )
         causes, skipped = catalogue(context, tuple(self.causes))
         return problem, causes, skipped
+
+    def _emulator(self, problem: Problem) -> tuple[Basis, Belief]:
+        """Return the surrogate as the runs alone tell it, its own error corrected."""
+        belief = coefficient_belief(problem.model.basis, problem.simulation)
+        runs = self.estimator_.simulation
+        if problem.simulation is None or not isinstance(runs, SimulationData):
+            return problem.model.basis, belief
+        run_eta = problem.likelihood.transform(runs.y)
+        return correct_emulator(problem.model.basis, belief, runs, run_eta)
 
     # ------------------------------------------------------------------------------ verdict
 
@@ -290,9 +307,13 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         take = X.iloc.__getitem__ if hasattr(X, "iloc") else np.asarray(X).__getitem__
 
         def fit_pair(train: NDArray[np.intp]) -> tuple[Any, Any, str]:
-            before = clone(self.estimator).fit(take(train), y[train])
+            before = clone(self.estimator)
+            before.set_params(n_draws=min(int(before.n_draws), _FOLD_DRAWS))
+            before.fit(take(train), y[train])
             problem, causes, _ = self._problem(before)
-            found = search(problem, causes, with_remainder=False)
+            # emulator and belief come from the runs alone, which are the same in every fold
+            problem = _with_basis(problem, self.search_.problem.model.basis)
+            found = search(problem, causes, self.search_.belief, with_remainder=False)
             best = int(np.argmax(found.probability))
             chosen = found.weighed[best]
             after = self._extended(before, chosen.cause, take(train), y[train])
@@ -396,6 +417,10 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         from .report import make_report
 
         return make_report(self, test)
+
+
+def _with_basis(problem: Problem, basis: Basis) -> Problem:
+    return replace(problem, model=replace(problem.model, basis=basis))
 
 
 def _leader(found: Search) -> int:

@@ -26,7 +26,6 @@ from ..inference.scan import (
     Linearised,
     Peak,
     climb,
-    coefficient_belief,
     layout,
     linearise,
     refine,
@@ -87,7 +86,9 @@ class Search:
     noise: NoiseTable
 
 
-def search(problem: Problem, causes: Sequence[Cause], with_remainder: bool = True) -> Search:
+def search(
+    problem: Problem, causes: Sequence[Cause], belief: Belief, with_remainder: bool = True
+) -> Search:
     """Weigh "nothing is wrong" and every cause.
 
     Parameters
@@ -96,10 +97,11 @@ def search(problem: Problem, causes: Sequence[Cause], with_remainder: bool = Tru
         Without effects.
     causes : sequence of Cause
         Prepared.
+    belief : Belief
+        About the surrogate's coefficients, from the simulation alone.
     with_remainder : bool
         Also weigh the winners beside a smooth remainder of unknown shape.
     """
-    belief = coefficient_belief(problem.model.basis, problem.simulation)
     noise = NoiseTable(problem.noise_prior, problem.scale, len(problem.y))
     null = best_null(problem, belief, noise)
     peaks = [null, *(best_peak(problem, cause, belief, noise, null) for cause in causes)]

@@ -11,7 +11,7 @@ from scipy import stats
 from ..effects.base import Cause, Context
 from ..inference.collapsed import CollapsedPosterior, Statistics, powers_of, statistics
 from ..inference.ensemble import ensemble_draws
-from ..inference.importance import KHAT_LIMIT, Gaussian, find_modes, importance_draws
+from ..inference.importance import KHAT_LIMIT, find_modes, importance_draws
 from ..inference.measured import MeasuredModel
 from ..inference.scan import starting_points
 from ..inference.two_step import second_step
@@ -252,24 +252,18 @@ def _first_draws(
     best = modes[0].log_mass
     minor = [mode for mode in modes if mode.log_mass > best + np.log(_PROPOSAL_SHARE)]
     modes = [mode for mode in modes if mode.log_mass > best + np.log(_MODE_SHARE)]
-    if sampler == "importance" or (sampler == "auto" and len(modes) == 1):
+    equilibrium = None
+    if sampler != "emcee":
         sampled = importance_draws(
             target.log_density, minor, _OVERSAMPLING * n_draws, n_draws, random_state
         )
-        if sampler == "importance" or sampled.khat <= KHAT_LIMIT:
+        trusted = sampled.khat <= KHAT_LIMIT
+        if sampler == "importance" or (trusted and len(modes) == 1):
             return sampled.draws, Diagnostics(
                 "importance", sampled.khat, sampled.effective_draws, np.nan, len(modes)
             )
-    return _ensemble(target, modes, n_draws, random_state)
-
-
-def _ensemble(
-    target: CollapsedPosterior,
-    modes: list[Gaussian],
-    n_draws: int,
-    random_state: np.random.RandomState,
-) -> tuple[FloatArray, Diagnostics]:
-    run = ensemble_draws(target.log_density, modes, n_draws, random_state)
+        equilibrium = sampled.draws if trusted else None
+    run = ensemble_draws(target.log_density, modes, n_draws, random_state, equilibrium)
     return run.draws, Diagnostics(
         "emcee", np.nan, run.effective_draws, run.autocorrelation_time, len(modes)
     )

@@ -14,6 +14,7 @@ FloatArray = NDArray[np.float64]
 
 _BLOCK = 200
 _MAX_STEPS = 4000
+_EQUILIBRIUM_WALKERS, _EQUILIBRIUM_STEPS = 400, 50
 
 
 @dataclass(frozen=True)
@@ -45,15 +46,73 @@ def ensemble_draws(
     modes: list[Gaussian],
     n_draws: int,
     random_state: np.random.RandomState,
-    n_walkers: int | None = None,
+    equilibrium: FloatArray | None = None,
 ) -> EnsembleDraws:
-    """Run emcee from walkers spread over the modes by their mass; stop by autocorrelation time.
+    """Run emcee and stop by autocorrelation time.
 
     Differential-evolution moves (Ter Braak 2006, Statistics and Computing 16:239) beside the
     stretch move, and now and then jumps of full length between modes.
+
+    Parameters
+    ----------
+    log_density : callable
+    modes : list of Gaussian
+        Walkers start spread over the modes by their mass.
+    n_draws : int
+    random_state : RandomState
+    equilibrium : ndarray of shape (m, d) or None
+        Draws that already follow the density, for example trustworthy importance draws. Walkers
+        start there: modes far apart keep their shares, and a short run is enough.
     """
     d = len(modes[0].mean)
-    n_walkers = n_walkers or max(40, 4 * d)
+    start = (
+        _spread_over(modes, max(40, 4 * d), log_density, random_state)
+        if equilibrium is None
+        else equilibrium[:_EQUILIBRIUM_WALKERS]
+    )
+    moves = [
+        (emcee.moves.DEMove(), 0.6),
+        (emcee.moves.DEMove(gamma0=1.0), 0.1),
+        (emcee.moves.StretchMove(), 0.3),
+    ]
+    sampler = emcee.EnsembleSampler(len(start), d, log_density, vectorize=True, moves=moves)
+    state = emcee.State(
+        start, random_state=np.random.RandomState(random_state.randint(2**31 - 1)).get_state()
+    )
+    if equilibrium is not None:
+        sampler.run_mcmc(state, _EQUILIBRIUM_STEPS)
+        tau, burn, converged = _autocorrelation_time(sampler), 0, True
+    else:
+        tau, converged = np.inf, False
+        while sampler.iteration < _MAX_STEPS and not converged:
+            state = sampler.run_mcmc(state, _BLOCK)
+            tau = _autocorrelation_time(sampler)
+            converged = sampler.iteration > 50 * tau
+        burn = int(min(5 * tau, sampler.iteration // 2))
+    chain = sampler.get_chain(discard=burn, flat=True)
+    index = np.linspace(0, len(chain) - 1, n_draws).astype(int)
+    return EnsembleDraws(
+        random_state.permutation(chain[index]),
+        tau,
+        len(chain) / tau,
+        float(np.mean(sampler.acceptance_fraction)),
+        bool(converged),
+    )
+
+
+def _autocorrelation_time(sampler: emcee.EnsembleSampler) -> float:
+    tau = float(np.max(sampler.get_autocorr_time(tol=0)))
+    return tau if np.isfinite(tau) else np.inf
+
+
+def _spread_over(
+    modes: list[Gaussian],
+    n_walkers: int,
+    log_density: LogDensity,
+    random_state: np.random.RandomState,
+) -> FloatArray:
+    """Return walkers spread over the modes by their mass, all at finite density."""
+    d = len(modes[0].mean)
     mass = np.exp(np.array([mode.log_mass for mode in modes]) - modes[0].log_mass)
     member = random_state.choice(len(modes), size=n_walkers, p=mass / mass.sum())
     pool = np.stack([student_draws(mode, n_walkers, random_state) for mode in modes])
@@ -66,28 +125,4 @@ def ensemble_draws(
             "The ensemble sampler cannot start: the log density is minus infinity at every "
             "walker. Check priors and units."
         )
-    moves = [
-        (emcee.moves.DEMove(), 0.6),
-        (emcee.moves.DEMove(gamma0=1.0), 0.1),
-        (emcee.moves.StretchMove(), 0.3),
-    ]
-    sampler = emcee.EnsembleSampler(n_walkers, d, log_density, vectorize=True, moves=moves)
-    state = emcee.State(
-        start, random_state=np.random.RandomState(random_state.randint(2**31 - 1)).get_state()
-    )
-    tau = np.inf
-    while sampler.iteration < _MAX_STEPS:
-        state = sampler.run_mcmc(state, _BLOCK)
-        tau = float(np.max(sampler.get_autocorr_time(tol=0)))
-        if np.isfinite(tau) and sampler.iteration > 50 * tau:
-            break
-    burn = min(int(5 * tau), sampler.iteration // 2) if np.isfinite(tau) else sampler.iteration // 2
-    chain = sampler.get_chain(discard=burn, flat=True)
-    index = np.linspace(0, len(chain) - 1, n_draws).astype(int)
-    return EnsembleDraws(
-        random_state.permutation(chain[index]),
-        tau,
-        len(chain) / tau,
-        float(np.mean(sampler.acceptance_fraction)),
-        bool(sampler.iteration > 50 * tau),
-    )
+    return start

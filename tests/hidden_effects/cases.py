@@ -419,5 +419,8 @@ def same_curve(case: Case, kind_a: str, kind_b: str) -> bool:
     if "none" in (kind_a, kind_b) or (kind_a, kind_b) in _CONTAINED:
         return False
     rng = np.random.default_rng(0)
-    best = fit_kind(case.simulator, case.X, case.truth["mu"], kind_b, rng)[0]
+    fits = fit_kind(case.simulator, case.X, case.truth["mu"], kind_b, rng)
+    if not fits:  # "unexplained" and the like name no curve
+        return False
+    best = fits[0]
     return bool(np.sqrt(best.rss / len(case.X)) < _SAME_CURVE * rms(case.truth["left"]))

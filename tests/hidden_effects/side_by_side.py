@@ -19,7 +19,7 @@ from .cases import Case, make_case
 def diagnose(case: Case, seed: int) -> dict[str, Any]:
     """Diagnose one case by the package; the truth in it is not looked at."""
     model = hs.PowerScaledSurrogate(
-        case.simulator, surrogate=hs.ExactSurrogate(), n_draws=400, random_state=seed
+        case.simulator, surrogate=hs.ExactSurrogate(), random_state=seed
     )
     diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=seed)
     with warnings.catch_warnings():
