@@ -182,6 +182,8 @@ def _best(
         climb(model, problem.X, problem.y, belief, plan, z, sigma, largest) for z in starts
     ]
     peak = min(peaks, key=lambda found: found.objective)
+    if not np.isfinite(peak.objective):
+        return _Fitted(model, plan, peak, sigma)
     sizes = np.array([largest])
     for round_ in range(_MAX_REFINEMENTS):
         sigma = max(float(np.sqrt(peak.squares / len(problem.y))), floor)

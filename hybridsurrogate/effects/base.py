@@ -135,12 +135,19 @@ class Cause(BaseEstimator):
     def grid(self) -> dict[str, FloatArray]:
         """Return nodes of those parameters that a search has to enumerate.
 
-        Parameters without nodes are followed by linearisation from their prior median.
+        By default quantiles of the prior, for every parameter that is not in ``start``; a search
+        refines them where the data ask for it.
         """
-        return {}
+        names = [name for name in self.parameters if name not in self.start()]
+        n = {0: 0, 1: 15, 2: 8}.get(len(names), 4)
+        share = (np.arange(n) + 0.5) / max(n, 1)
+        return {name: np.asarray(self.parameters[name].ppf(share)) for name in names}
 
     def start(self) -> dict[str, float]:
-        """Return values at which the cause changes nothing, for parameters without nodes."""
+        """Return parameters that are sizes, and the values at which they change nothing.
+
+        A size, such as a slope or a factor, is followed from there by linearisation.
+        """
         return {}
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:

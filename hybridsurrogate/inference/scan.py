@@ -34,6 +34,7 @@ _MAX_STARTS = 5
 # a grid is fine enough when this many nodes an axis lie within two nats of the best
 _ENOUGH_NODES = 4
 _MOST_SPLIT = 40
+_ABSURD = 1e100
 # a size that is a parameter of its own keeps within its prior: z displaced by its prior sd at most
 _SIZE_CAP = 1.0
 
@@ -246,6 +247,8 @@ def linearise(
         values[:, :, plan.nodes] = plan.grid[:, None, :]
     known, features, noise = model.simulated(X, values.reshape(-1, len(z)))
     response = (known + features @ belief.mean) / noise
+    # a simulation may fail far out: NaN marks the place and is never better than another one
+    response = np.where(np.abs(response) < _ABSURD, response, np.nan)
     response = response.reshape(M, 1 + 2 * len(directions), len(X))
     slopes = (response[:, 1::2] - response[:, 2::2]) / (2 * _STEP)
     slopes = np.where(np.isfinite(slopes), slopes, 0.0)
@@ -317,8 +320,8 @@ def scan(
     T, _, q = parts.H.shape
     floor = 1e-12 * np.maximum(np.einsum("rn,rn->r", y, y), 1e-300)[:, None]
     if not q:
-        out = log_marginal(np.maximum(squares, floor)) + log_base
-        return out + parts.log_weight
+        out = log_marginal(np.maximum(squares, floor)) + log_base + parts.log_weight
+        return np.where(np.isnan(out), -np.inf, out)
     H = whiten(parts.H, 1)
     rest = H - np.swapaxes(project, 1, 2) @ (project @ H)  # (T, n, q), G projected out
     eigenvalue, vector = np.linalg.eigh(np.swapaxes(H, 1, 2) @ rest)
@@ -338,7 +341,8 @@ def scan(
         log_det_h = 0.5 * np.sum(np.log1p(eigenvalue / ridge), axis=1)
         terms.append(log_marginal(np.maximum(reduced, floor)) - log_det_h)
     out = np.logaddexp.reduce(terms, axis=0) - np.log(len(sizes))
-    return out + log_base + parts.log_weight
+    out = out + log_base + parts.log_weight
+    return np.where(np.isnan(out), -np.inf, out)
 
 
 def _whitener(
@@ -409,15 +413,19 @@ def climb(
     for _ in range(_MAX_CLIMB):
         parts = linearise(model, X, belief, plan, proposal, columns)
         here, move = _solve(parts, y, plan, proposal, sigma, size)
-        if best is None or here.objective < best.objective - 1e-4:
+        if not np.isfinite(here.objective):
+            if best is None:
+                return here
+            step *= 0.3
+        elif best is None or here.objective < best.objective - 1e-4:
             gain = np.inf if best is None else best.objective - here.objective
             best, point, target, step = here, proposal, move, 1.0
             if gain < 1e-3:
                 break
         else:
             step *= 0.3
-            if step < 0.02:
-                break
+        if step < 0.02:
+            break
         proposal = point + step * (target - point)
     assert best is not None
     return best
@@ -440,11 +448,15 @@ def _solve(
     normal = np.swapaxes(design, 1, 2) @ design
     normal[:, np.arange(d + q), np.arange(d + q)] += penalty
     right = np.einsum("tnk,tn->tk", design, residual)
-    solution = np.linalg.solve(normal, right[..., None])[..., 0]
+    try:
+        solution = np.linalg.solve(normal, right[..., None])[..., 0]
+    except np.linalg.LinAlgError:  # slopes without bound: the simulation breaks down around here
+        return Peak(z.copy(), np.inf, np.inf, 0), z
     best_linear = np.einsum("tn,tn->t", residual, residual) - np.einsum(
         "tk,tk->t", right, solution
     )
-    node = int(np.argmin(best_linear / sigma**2 - 2 * parts.log_weight))
+    badness = best_linear / sigma**2 - 2 * parts.log_weight
+    node = int(np.argmin(np.where(np.isnan(badness), np.inf, badness)))
     # the fit at z itself: what is nonlinear stays, columns are estimated anew
     held = np.concatenate(
         [z[plan.fixed], (z[plan.sizes] - plan.neutral[plan.sizes]) * parts.H_rms[node, :s]]
@@ -457,7 +469,8 @@ def _solve(
     rest = rest - columns @ fitted
     squares = float(rest @ rest)
     prior = float(penalty[node, kept] @ held**2 + penalty[node, free] @ fitted**2)
-    peak = Peak(z.copy(), squares, (squares + prior) / sigma**2, node)
+    objective = (squares + prior) / sigma**2
+    peak = Peak(z.copy(), squares, objective if np.isfinite(objective) else np.inf, node)
     move = z.copy()
     move[plan.fixed] = np.clip(solution[node, : len(plan.fixed)], -6, 6)
     size_move = solution[node, d : d + s] / parts.H_rms[node, :s]

@@ -1,0 +1,244 @@
+"""The diagnosis as its user meets it: attributes, verdicts, bad input."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import halfnorm, norm, uniform
+from sklearn.base import clone
+
+import hybridsurrogate as hs
+
+
+def cooling(t, start, rate, ambient):
+    return ambient + start * np.exp(-rate * t)
+
+
+@pytest.fixture(scope="module")
+def simulator():
+    return hs.Simulator(
+        cooling,
+        inputs={"t": (0, 20)},
+        parameters={
+            "start": hs.truncated_normal(60, 10, 20, 100),
+            "rate": hs.truncated_normal(0.3, 0.1, 0.05, 0.8),
+        },
+        assumed={"ambient": hs.Assumed(20.0, norm(20, 4))},
+        output="temperature",
+    )
+
+
+def exact(simulator, **settings):
+    return hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), random_state=0, n_draws=400, **settings
+    )
+
+
+def measure(effect, seed=0, n=40, noise=0.5):
+    rng = np.random.default_rng(seed)
+    t = np.linspace(0, 12, n)
+    y = cooling(t, 63.0, 0.25, 20.0) + effect(t) + noise * rng.standard_normal(n)
+    return t[:, None], y
+
+
+@pytest.fixture(scope="module")
+def periodic(simulator):
+    X, y = measure(lambda t: 2 * np.sin(2 * np.pi * t / 3.1))
+    return hs.DiscrepancyDiagnosis(exact(simulator), random_state=0).fit(X, y)
+
+
+def test_every_attribute_of_a_named_cause(periodic):
+    assert periodic.verdict_ == "named"
+    assert periodic.p_value_ == pytest.approx(1 / 201)
+    best = periodic.best_cause_
+    assert (best.kind, best.target) == ("periodic", "t")
+    mean, low, high = best.estimates["period"]
+    assert low < 3.1 < high
+    assert low < mean < high
+    assert best.estimates["amplitude"][0] == pytest.approx(2, abs=0.3)
+    assert best.probability > 0.9
+    assert "sin" in best.formula
+    assert periodic.indistinguishable_ == ["periodic"]
+    assert list(periodic.causes_["kind"])[0] == "periodic"
+    assert periodic.causes_["probability"].is_monotonic_decreasing
+    assert periodic.causes_["probability"].sum() == pytest.approx(1)
+    assert periodic.extended_estimator_.effects[0].kind == "periodic"
+
+
+def test_the_gain_is_paired_and_repeats_the_search(periodic):
+    gain = periodic.gain_
+    assert gain.n_rows == 40
+    assert gain.kinds == ("periodic",) * 5
+    assert gain.elpd_difference == pytest.approx(gain.elpd_after - gain.elpd_before)
+    assert gain.elpd_difference > 3 * gain.standard_error
+    assert gain.rmse_after < 0.5 * gain.rmse_before
+    assert 0.75 <= gain.coverage_after <= 1
+
+
+def test_gain_on_rows_beyond_the_measured_ones(periodic):
+    t = np.linspace(12.5, 20, 30)
+    truth = cooling(t, 63.0, 0.25, 20.0) + 2 * np.sin(2 * np.pi * t / 3.1)
+    y = truth + 0.5 * np.random.default_rng(1).standard_normal(30)
+    gain = periodic.gain_on(t[:, None], y)
+    assert gain.rmse_after < 0.6 * gain.rmse_before
+    assert gain.kinds == ()
+
+
+def test_predict_and_score_are_those_of_the_extended_estimator(periodic):
+    X = [[1.0], [7.0]]
+    np.testing.assert_array_equal(periodic.predict(X), periodic.extended_estimator_.predict(X))
+    y = [70.0, 31.0]
+    assert periodic.score(X, y) == periodic.extended_estimator_.score(X, y)
+
+
+def test_the_extended_simulator_runs_and_equals_the_estimator(periodic, simulator):
+    extended = periodic.extended_simulator_
+    assert {"start", "rate", "period", "sine", "cosine"} == set(extended.parameter_names)
+    posterior = periodic.extended_estimator_.posterior_
+    X = np.array([[0.5], [9.0], [15.0]])
+    eta, _ = posterior.eta(X)
+    draw = np.concatenate([posterior.values[7], posterior.effect_coefficients[7]])
+    np.testing.assert_allclose(extended(X, np.tile(draw, (3, 1))), eta[7])
+    assert extended.run(16, random_state=0).n_runs == 16
+
+
+def test_the_band_excludes_zero_where_the_simulation_is_wrong(periodic):
+    band = periodic.discrepancy_
+    t = band.grid[:, 0]
+    assert t.min() == 0
+    assert t.max() == 12
+    truth = 2 * np.sin(2 * np.pi * t / 3.1)
+    peaks = np.abs(truth) > 1.8
+    assert np.mean(np.sign(band.mean[peaks]) == np.sign(truth[peaks])) > 0.9
+    assert band.share_outside > 0.5
+
+
+def test_the_next_measurement_lies_in_the_simulated_range(periodic):
+    assert 0 <= periodic.next_measurement_["t"] <= 20
+
+
+def test_nothing_hidden_is_adequate(simulator):
+    X, y = measure(lambda t: 0 * t, seed=3)
+    diagnosis = hs.DiscrepancyDiagnosis(exact(simulator), cv=None, random_state=0).fit(X, y)
+    assert diagnosis.verdict_ == "adequate"
+    assert diagnosis.best_cause_.kind == "none"
+    assert diagnosis.p_value_ > 0.05
+    assert diagnosis.extended_estimator_ is diagnosis.estimator_
+    assert diagnosis.extended_simulator_ is None
+    assert diagnosis.gain_ is None
+
+
+def test_a_constant_that_is_added_cannot_be_told_from_an_offset(simulator):
+    rng = np.random.default_rng(5)
+    t = np.linspace(0, 18, 60)
+    y = cooling(t, 63.0, 0.25, 27.0) + 0.3 * rng.standard_normal(60)
+    diagnosis = hs.DiscrepancyDiagnosis(exact(simulator), cv=None, random_state=0).fit(
+        t[:, None], y
+    )
+    assert {"wrong-constant", "offset"} <= set(diagnosis.indistinguishable_)
+    assert diagnosis.verdict_ == "ambiguous"
+    model = exact(simulator, effects=(hs.WrongConstant("ambient"),)).fit(t[:, None], y)
+    low, high = np.quantile(model.posterior_.estimates(0)["value"], [0.01, 0.99])
+    assert low < 27.0 < high
+
+
+def test_a_missing_input_by_name(simulator):
+    X, y = measure(lambda t: 0 * t)
+    wind = np.random.default_rng(2).standard_normal(40)
+    frame = pd.DataFrame({"wind": wind, "t": X[:, 0]})
+    diagnosis = hs.DiscrepancyDiagnosis(exact(simulator), cv=None, random_state=0).fit(
+        frame, y + 1.5 * wind
+    )
+    assert (diagnosis.best_cause_.kind, diagnosis.best_cause_.target) == ("missing-input", "wind")
+    mean, low, high = diagnosis.best_cause_.estimates["slope"]
+    assert low < 1.5 < high
+    assert diagnosis.extended_simulator_.input_names == ("t", "wind")
+    # without the column there is nothing to weigh, and the table says so
+    bare = hs.DiscrepancyDiagnosis(exact(simulator), cv=None, random_state=0).fit(X, y)
+    row = bare.causes_[bare.causes_["kind"] == "missing-input"].iloc[0]
+    assert "no measured column" in row["note"]
+
+
+class Leak(hs.Cause):
+    kind = "leak"
+    target = "t"
+    parameters = {"rate": halfnorm(scale=1.0)}  # noqa: RUF012
+    coefficients = ("amplitude",)
+
+    def columns(self, X, theta):
+        return (1 - np.exp(-theta["rate"] * X["t"] ** 2))[:, None]
+
+
+def test_a_mechanism_of_the_users_own(simulator):
+    X, y = measure(lambda t: 3 * (1 - np.exp(-0.8 * t**2)), noise=0.1)
+    diagnosis = hs.DiscrepancyDiagnosis(
+        exact(simulator), causes=[Leak()], cv=None, random_state=0
+    ).fit(X, y)
+    assert "leak" in set(diagnosis.causes_["kind"])
+    assert "leak" in diagnosis.indistinguishable_
+
+
+def test_the_same_seed_gives_the_same_diagnosis(simulator):
+    X, y = measure(lambda t: 0.5 * np.sin(t))
+    first, second = (
+        hs.DiscrepancyDiagnosis(exact(simulator), cv=None, random_state=4).fit(X, y)
+        for _ in range(2)
+    )
+    assert first.p_value_ == second.p_value_
+    np.testing.assert_array_equal(first.predict(X), second.predict(X))
+
+
+def test_clone_and_parameters(simulator):
+    diagnosis = hs.DiscrepancyDiagnosis(exact(simulator), false_alarm_rate=0.1)
+    assert clone(diagnosis).get_params()["false_alarm_rate"] == 0.1
+    assert clone(diagnosis).set_params(estimator__beta=0.2).estimator.beta == 0.2
+
+
+def test_an_emulators_own_error_is_not_blamed_on_the_simulation():
+    # a kink that a cubic polynomial cannot follow, and nothing wrong with the simulation
+    def kinked(x, level):
+        return level + 3 * np.abs(x - 4.0)
+
+    simulator = hs.Simulator(kinked, {"x": (0, 10)}, {"level": uniform(0, 2)})
+    model = hs.PowerScaledSurrogate(
+        simulator.run(100, random_state=0), surrogate=hs.PolynomialChaos(degree=3), random_state=0
+    )
+    rng = np.random.default_rng(0)
+    x = np.linspace(0.1, 9.9, 40)
+    alarms = 0
+    for _ in range(10):
+        y = kinked(x, 1.0) + 0.3 * rng.standard_normal(40)
+        diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(x[:, None], y)
+        alarms += diagnosis.verdict_ != "adequate"
+    assert alarms <= 2
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"estimator": None}, TypeError, "must be a PowerScaledSurrogate"),
+        ({"estimator": hs.PredictiveWeightedSurrogate()}, TypeError, "effects a diagnosis can"),
+        ({"estimator": hs.PowerScaledSurrogate()}, ValueError, "no simulation to diagnose"),
+        ({"false_alarm_rate": 1.5}, ValueError, "false_alarm_rate"),
+        ({"n_replicates": 5}, ValueError, "use at least 20"),
+    ],
+)
+def test_parameters_that_cannot_work(simulator, change, error, message):
+    X, y = measure(lambda t: 0 * t)
+    diagnosis = hs.DiscrepancyDiagnosis(exact(simulator)).set_params(**change)
+    with pytest.raises(error, match=message):
+        diagnosis.fit(X, y)
+
+
+def test_too_few_rows(simulator):
+    X, y = measure(lambda t: 0 * t, n=6)
+    with pytest.raises(ValueError, match="at least 8 measured rows, got 6"):
+        hs.DiscrepancyDiagnosis(exact(simulator)).fit(X, y)
+
+
+def test_an_estimator_with_effects_is_refused(simulator):
+    X, y = measure(lambda t: 0 * t)
+    model = exact(simulator, effects=(hs.Offset(),))
+    with pytest.raises(ValueError, match="has effects already"):
+        hs.DiscrepancyDiagnosis(model).fit(X, y)

@@ -1,0 +1,54 @@
+"""Blind: an effect is hidden in the data and has to be found; or nothing is, and nothing may be.
+
+A slice of `python -m tests.hidden_effects.side_by_side`, whose full figures are in the docs. The
+thresholds leave room for the binomial scatter of so few cases and for nothing else.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from .hidden_effects.by_hand import KINDS, judge
+from .hidden_effects.cases import make_case
+from .hidden_effects.side_by_side import diagnose
+
+SIMULATED = [kind for kind in KINDS if kind != "none"]
+
+
+@pytest.fixture(scope="module")
+def found():
+    rows = []
+    for kind in SIMULATED:
+        for seed in range(900, 904):
+            case = make_case(kind, 2.0, seed)
+            result = diagnose(case, seed)
+            row = judge(case, result, 0.0)
+            rows.append(row | {"covered": kind in result["set"], "p_value": result["p_value"]})
+    return rows
+
+
+def test_the_right_kind_comes_first(found):
+    # 92 % expected: at most 6 of 36 wrong has probability 0.97
+    assert sum(row["equivalent"] for row in found) >= 30
+
+
+def test_the_90_percent_sets_cover_the_truth(found):
+    assert sum(row["covered"] for row in found) >= 0.9 * len(found) - 2
+
+
+def test_effects_of_twice_the_noise_are_not_missed(found):
+    assert np.mean([row["p_value"] <= 0.05 for row in found]) >= 0.97
+
+
+def test_the_extended_model_predicts_out_of_range(found):
+    assert np.median([row["ratio"] for row in found]) < 0.25
+
+
+def test_false_alarms():
+    # at 5 % more than six of 50 has probability 0.01
+    alarms = sum(
+        diagnose(make_case("none", 0.0, seed), seed)["verdict"] != "adequate"
+        for seed in range(900, 950)
+    )
+    assert alarms <= 6

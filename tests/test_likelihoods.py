@@ -1,0 +1,79 @@
+import numpy as np
+import pytest
+from scipy import stats
+
+from hybridsurrogate.likelihoods import LogNormal, Normal, as_likelihood, log_mean_exp
+
+ETA = np.array([[-0.5, 0.2, 1.3], [0.0, 1.0, -2.0]])
+SIGMA = np.array([[0.3], [0.8]])
+Y = np.array([0.4, 1.5, 2.5])
+
+CASES = [
+    (Normal(), stats.norm(ETA, SIGMA)),
+    (LogNormal(), stats.lognorm(s=SIGMA, scale=np.exp(ETA))),
+]
+
+
+@pytest.mark.parametrize(("likelihood", "distribution"), CASES)
+def test_is_the_distribution_of_scipy(likelihood, distribution):
+    np.testing.assert_allclose(likelihood.log_density(Y, ETA, SIGMA), distribution.logpdf(Y))
+    np.testing.assert_allclose(likelihood.cumulative(Y, ETA, SIGMA), distribution.cdf(Y))
+    np.testing.assert_allclose(likelihood.mean(ETA, SIGMA), distribution.mean())
+    np.testing.assert_allclose(likelihood.variance(ETA, SIGMA), distribution.var())
+    np.testing.assert_allclose(likelihood.inverse(ETA), distribution.median())
+
+
+@pytest.mark.parametrize(("likelihood", "distribution"), CASES)
+def test_draws_have_the_distribution(likelihood, distribution):
+    random = np.random.RandomState(0)
+    shape = (4000, *ETA.shape)
+    draws = likelihood.sample(np.broadcast_to(ETA, shape), SIGMA, random)
+    assert draws.shape == shape
+    u = distribution.cdf(draws)
+    for index in np.ndindex(ETA.shape):
+        assert stats.kstest(u[:, *index], "uniform").pvalue > 1e-3
+
+
+@pytest.mark.parametrize(("likelihood", "distribution"), CASES)
+def test_transform_and_back(likelihood, distribution):
+    np.testing.assert_allclose(likelihood.inverse(likelihood.transform(Y)), Y)
+    step = 1e-6
+    slope = (likelihood.transform(Y + step) - likelihood.transform(Y - step)) / (2 * step)
+    np.testing.assert_allclose(likelihood.log_jacobian(Y), np.log(slope), atol=1e-8)
+
+
+def test_only_the_log_normal_is_on_a_log_scale():
+    assert LogNormal.log_scale
+    assert not Normal.log_scale
+
+
+def test_log_normal_needs_positive_values():
+    Normal().check(np.array([-1.0, 0.0]))
+    LogNormal().check(np.array([1e-9, 1.0]))
+    with pytest.raises(ValueError, match=r"needs y > 0, but 2 of 4 measured .*row 1: 0\).*y \+ 1"):
+        LogNormal().check(np.array([1.0, 0.0, 2.0, -3.0]))
+    with pytest.raises(ValueError, match="1 of 2 simulated values"):
+        LogNormal().check(np.array([1.0, -3.0]), "simulated")
+
+
+def test_log_normal_far_out_overflows_in_silence():
+    eta, sigma = np.array([[900.0]]), np.array([[2.0]])
+    assert np.isfinite(LogNormal().inverse(eta))
+    assert LogNormal().mean(eta, sigma) > 1e300
+    assert LogNormal().variance(eta, sigma) > 1e300
+
+
+def test_names():
+    assert as_likelihood("normal") == Normal()
+    assert as_likelihood("lognormal") == LogNormal()
+    own = LogNormal()
+    assert as_likelihood(own) is own
+    for wrong in ("poisson", None, ["normal"]):
+        with pytest.raises(ValueError, match=r"one of \['lognormal', 'normal'\]"):
+            as_likelihood(wrong)
+
+
+def test_log_mean_exp_does_not_underflow():
+    values = np.array([[-1000.0, -1.0], [-1000.0, -3.0]])
+    expected = [-1000.0, np.log((np.exp(-1) + np.exp(-3)) / 2)]
+    np.testing.assert_allclose(log_mean_exp(values), expected)

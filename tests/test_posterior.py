@@ -1,0 +1,139 @@
+import warnings
+
+import numpy as np
+import pytest
+
+import hybridsurrogate as hs
+from hybridsurrogate.posterior import Diagnostics, arviz_groups
+
+GOOD = Diagnostics("importance", -0.2, 900.0, np.nan, 1)
+
+
+def test_good_draws_raise_no_warning():
+    assert GOOD.problems() == []
+    GOOD.warn()
+
+
+@pytest.mark.parametrize(
+    ("diagnostics", "match"),
+    [
+        (Diagnostics("importance", 0.83, 900.0, np.nan, 1), r"k-hat of step 1 is 0.83 \(limit 0.7"),
+        (Diagnostics("emcee", np.nan, 31.0, 120.0, 1), "step 1 has only 31 effective draws"),
+        (
+            Diagnostics("importance", 0.1, 900.0, np.nan, 1, "importance", 1.2, 50.0),
+            "k-hat of step 2 is 1.20",
+        ),
+        (
+            Diagnostics("importance", 0.1, 900.0, np.nan, 1, "importance", 0.1, 3.2),
+            "step 2 rests on 3.2 effective proposals",
+        ),
+    ],
+)
+def test_doubtful_draws_warn_with_the_number_and_its_limit(diagnostics, match):
+    with pytest.warns(hs.SamplingWarning, match=match) as record:
+        diagnostics.warn()
+    assert "sampler='emcee'" in str(record[0].message)
+
+
+def test_fit_warns_where_it_was_called(simulation, measured):
+    model = hs.PowerScaledSurrogate(
+        simulation, surrogate=hs.PolynomialChaos(2), n_draws=10, random_state=0
+    )
+    with pytest.warns(hs.SamplingWarning, match="effective draws") as record:
+        model.fit(*measured)
+    assert record[0].filename == __file__
+
+
+def test_take_keeps_draws_together(fitted):
+    posterior = fitted.posterior_
+    index = np.array([5, 0, 5])
+    some = posterior.take(index)
+    assert some.n_draws == 3
+    for name in ("values", "sigma", "coefficients", "effect_coefficients"):
+        np.testing.assert_array_equal(getattr(some, name), getattr(posterior, name)[index])
+
+
+def test_prediction_in_blocks_is_the_same(fitted, measured, monkeypatch):
+    X, _ = measured
+    eta, noise = fitted.posterior_.eta(X)
+    monkeypatch.setattr("hybridsurrogate.posterior._BLOCK", 5000)
+    again, noise_again = fitted.posterior_.eta(X)
+    np.testing.assert_allclose(eta, again, rtol=1e-12)
+    np.testing.assert_array_equal(noise, noise_again)
+
+
+def test_named_draws(fitted):
+    named = fitted.posterior_.named()
+    assert list(named) == ["gravity", "sigma", "coefficients"]
+    assert named["gravity"].shape == named["sigma"].shape == (400,)
+    # two variables up to degree 2 are six terms
+    assert named["coefficients"].shape == (400, 6)
+
+
+def test_names_of_causes_do_not_hide_each_other(simulation, measured):
+    X, y = measured
+    model = hs.PowerScaledSurrogate(
+        simulation,
+        surrogate=hs.PolynomialChaos(2),
+        effects=[hs.Step("t"), hs.Bump("t")],
+        n_draws=100,
+        random_state=0,
+    )
+    with warnings.catch_warnings():
+        # nothing steps or bumps here: how well that is sampled is beside the point
+        warnings.simplefilter("ignore", hs.SamplingWarning)
+        named = model.fit(X, y).posterior_.named()
+    assert set(named) == {
+        *("gravity", "step_0_location", "bump_1_location", "width"),
+        *("sigma", "coefficients", "effect_coefficients"),
+    }
+    assert named["effect_coefficients"].shape == (100, 2)
+
+
+def group(data, name):
+    """A group of an InferenceData or of a DataTree."""
+    return data[name]
+
+
+def test_to_arviz_has_the_groups_of_arviz(fitted, measured, arviz):
+    X, y = measured
+    data = fitted.to_arviz()
+    posterior = group(data, "posterior")
+    assert posterior["gravity"].dims == ("chain", "draw")
+    assert posterior["gravity"].shape == (1, 400)
+    assert posterior["coefficients"].shape == (1, 400, 6)
+    np.testing.assert_array_equal(posterior["sigma"][0], fitted.posterior_.sigma)
+    np.testing.assert_array_equal(group(data, "observed_data")["y"], y)
+    pointwise = group(data, "log_likelihood")["y"]
+    assert pointwise.shape == (1, 400, len(y))
+    np.testing.assert_allclose(
+        np.log(np.mean(np.exp(np.asarray(pointwise)[0]), axis=0)),
+        fitted.log_predictive_density(X, y),
+    )
+    drawn = np.asarray(group(data, "posterior_predictive")["y"])[0]
+    mean, sd = fitted.predict(X, return_std=True)
+    assert drawn.shape == (400, len(y))
+    assert np.abs((drawn.mean(axis=0) - mean) / (sd / 20)).max() < 4.5
+
+
+def test_arviz_summarises_what_it_is_given(fitted, arviz):
+    table = arviz.summary(fitted.to_arviz(), var_names=["gravity", "sigma"], kind="stats")
+    assert list(table.index) == ["gravity", "sigma"]
+    assert float(table.loc["gravity", "mean"]) == pytest.approx(
+        fitted.posterior_.values.mean(), abs=0.02
+    )
+
+
+def test_to_arviz_of_a_mixture(fitted_mixture, measured):
+    data = fitted_mixture.to_arviz()
+    # coefficients and gravity belong to one of the two surrogates only
+    assert set(group(data, "posterior").data_vars) == {"sigma"}
+    assert group(data, "log_likelihood")["y"].shape == (1, 400, len(measured[1]))
+
+
+def test_groups_of_both_generations_of_arviz(arviz):
+    data = arviz_groups({"posterior": {"a": np.arange(4.0)}, "observed_data": {"y": np.ones(2)}})
+    expected = "InferenceData" if arviz.__version__.startswith("0.") else "DataTree"
+    assert type(data).__name__ == expected
+    assert group(data, "posterior")["a"].shape == (1, 4)
+    assert group(data, "observed_data")["y"].shape == (2,)
