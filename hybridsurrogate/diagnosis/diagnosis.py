@@ -379,12 +379,12 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
             for beta in grid:
                 scores = []
                 for model in (self.estimator_, self.extended_estimator_):
-                    fitted = clone(model).set_params(beta=float(beta))
+                    draws = min(int(model.n_draws), _FOLD_DRAWS)
+                    fitted = clone(model).set_params(beta=float(beta), n_draws=draws)
                     scores.append(
                         np.concatenate(
                             [
-                                clone(fitted)
-                                .fit(take(train), y[train])
+                                fitted.fit(take(train), y[train])
                                 .log_predictive_density(take(test), y[test])
                                 for train, test in folds
                             ]

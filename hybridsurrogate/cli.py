@@ -1,0 +1,194 @@
+"""Command line: ``hybridsurrogate demo`` and ``hybridsurrogate diagnose``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import warnings
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from .datasets import load_mauna_loa_co2, load_nile, make_log_sin
+from .diagnosis import DiscrepancyDiagnosis
+from .estimators import PowerScaledSurrogate
+from .exceptions import HybridSurrogateWarning
+from .priors import Prior, truncated_normal
+from .simulation import read_simulation
+from .surrogates import ExactSurrogate, PolynomialChaos
+
+
+class Demo(NamedTuple):
+    """A demonstration: what it is, its simulation and its data, rows held back."""
+
+    introduction: str
+    simulator: Any
+    X: Any
+    y: Any
+    test: tuple[Any, Any] | None
+
+
+def _co2() -> Demo:
+    data = load_mauna_loa_co2()
+    early = (data.data["year"] < 1996).to_numpy()
+    return Demo(
+        "Monthly CO2 at Mauna Loa, 1958 to 1995 (1996 to 2001 held back), against a simulation of "
+        "smooth growth: a pre-industrial level plus an excess that grows exponentially.",
+        data.simulator,
+        data.data[early],
+        np.asarray(data.target)[early],
+        (data.data[~early], np.asarray(data.target)[~early]),
+    )
+
+
+def _log_sin() -> Demo:
+    case = make_log_sin(random_state=0)
+    return Demo(
+        "Case study 1 of arXiv 2412.11875: 30 rows of a process in x = 1 to 100, against a "
+        "simulation that lacks one of its terms (x = 100 to 200 held back).",
+        case.simulator,
+        case.X,
+        case.y,
+        (case.X_out, case.y_out),
+    )
+
+
+def _nile() -> Demo:
+    data = load_nile()
+    return Demo(
+        "Annual flow of the Nile at Aswan, 1871 to 1970, against a simulation of constant flow.",
+        data.simulator,
+        data.data,
+        np.asarray(data.target),
+        None,
+    )
+
+
+DEMOS = {
+    "co2": (_co2, "Mauna Loa CO2 against smooth growth (measured, public domain)"),
+    "log-sin": (_log_sin, "the published case study 1 (generated)"),
+    "nile": (_nile, "flow of the Nile against a constant (measured, public domain)"),
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit code."""
+    parser = _parser()
+    given = parser.parse_args(argv)
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", HybridSurrogateWarning)
+        warnings.showwarning = _print_warning  # catch_warnings restores it
+        try:
+            return int(given.run(given))
+        except (ValueError, TypeError, OSError) as error:
+            print(f"hybridsurrogate: {error}", file=sys.stderr)
+            return 2
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="hybridsurrogate", description="Find out what a simulation gets wrong."
+    )
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    demo = commands.add_parser("demo", help="diagnose a simulation on data inside the package")
+    demo.add_argument("name", nargs="?", default="co2", choices=DEMOS, help="which one (co2)")
+    demo.add_argument("--list", action="store_true", help="list the demonstrations")
+    demo.set_defaults(run=_demo)
+    own = commands.add_parser("diagnose", help="diagnose a simulation from its runs and your data")
+    own.add_argument("measured", help="csv file of measurements")
+    own.add_argument("--simulation", required=True, help="csv file of simulation runs")
+    own.add_argument("--inputs", nargs="+", required=True, help="columns known for both")
+    own.add_argument("--parameters", nargs="*", default=[], help="columns known for runs only")
+    own.add_argument("--output", required=True, help="column of the output")
+    own.add_argument(
+        "--prior",
+        action="append",
+        default=[],
+        metavar="NAME=MEAN,SD",
+        help="normal prior of a parameter, cut off at the range of the runs; else uniform",
+    )
+    own.add_argument("--likelihood", default="normal", choices=("normal", "lognormal"))
+    own.add_argument("--degree", type=int, default=5, help="degree of the polynomial (5)")
+    own.add_argument("--beta", type=float, default=0.5, help="weight of the simulation (0.5)")
+    own.set_defaults(run=_diagnose)
+    for command in (demo, own):
+        command.add_argument("--report", default="report.html", help="file to write (report.html)")
+        command.add_argument("--seed", type=int, default=0, help="random seed (0)")
+    return parser
+
+
+def _demo(given: argparse.Namespace) -> int:
+    if given.list:
+        for name, (_, description) in DEMOS.items():
+            print(f"{name:8} {description}")
+        return 0
+    demo = DEMOS[given.name][0]()
+    print(demo.introduction, end="\n\n", flush=True)
+    model = PowerScaledSurrogate(
+        demo.simulator, surrogate=ExactSurrogate(), random_state=given.seed
+    )
+    _finish(model, demo.X, demo.y, demo.test, given)
+    return 0
+
+
+def _diagnose(given: argparse.Namespace) -> int:
+    runs = pd.read_csv(given.simulation, comment="#")
+    measured = pd.read_csv(given.measured, comment="#")
+    missing = [name for name in (*given.inputs, given.output) if name not in measured]
+    if missing:
+        raise ValueError(
+            f"{given.measured} has no columns {missing}; its columns are {list(measured)}."
+        )
+    simulation = read_simulation(
+        given.simulation, given.inputs, _priors(given, runs), given.output
+    )
+    model = PowerScaledSurrogate(
+        simulation,
+        surrogate=PolynomialChaos(degree=given.degree),
+        beta=given.beta,
+        likelihood=given.likelihood,
+        random_state=given.seed,
+    )
+    y = measured.pop(given.output).to_numpy(dtype=float)
+    _finish(model, measured.select_dtypes("number"), y, None, given)
+    return 0
+
+
+def _priors(given: argparse.Namespace, runs: pd.DataFrame) -> dict[str, Prior]:
+    missing = [name for name in given.parameters if name not in runs]
+    if missing:
+        raise ValueError(f"{given.simulation} has no columns {missing}; it has {list(runs)}.")
+    ends = {name: (float(runs[name].min()), float(runs[name].max())) for name in given.parameters}
+    priors: dict[str, Prior] = {
+        name: stats.uniform(low, high - low) for name, (low, high) in ends.items() if low < high
+    }
+    for text in given.prior:
+        name, _, numbers = text.partition("=")
+        if name not in ends:
+            raise ValueError(f"--prior {text}: {name!r} is not one of --parameters.")
+        try:
+            mean, sd = map(float, numbers.split(","))
+        except ValueError:
+            raise ValueError(f"--prior {text}: write NAME=MEAN,SD, such as {name}=2,0.5.") from None
+        priors[name] = truncated_normal(mean, sd, *ends[name])
+    fixed = [name for name in given.parameters if name not in priors]
+    if fixed:
+        raise ValueError(f"The parameters {fixed} have one value in all runs: leave them out.")
+    return priors
+
+
+def _finish(
+    model: PowerScaledSurrogate, X: Any, y: Any, test: Any, given: argparse.Namespace
+) -> None:
+    diagnosis = DiscrepancyDiagnosis(model, random_state=given.seed).fit(X, y)
+    report = diagnosis.report(test=test)
+    print(report)
+    report.save(given.report)
+    print(f"\nWith pictures: {given.report}")
+
+
+def _print_warning(message: Any, *_: Any, **__: Any) -> None:
+    print(f"Warning: {message}", file=sys.stderr)
