@@ -142,9 +142,7 @@ def _diagnose(given: argparse.Namespace) -> int:
         raise ValueError(
             f"{given.measured} has no columns {missing}; its columns are {list(measured)}."
         )
-    simulation = read_simulation(
-        given.simulation, given.inputs, _priors(given, runs), given.output
-    )
+    simulation = read_simulation(given.simulation, given.inputs, _priors(given, runs), given.output)
     model = PowerScaledSurrogate(
         simulation,
         surrogate=PolynomialChaos(degree=given.degree),

@@ -54,9 +54,7 @@ class Likelihood(ABC):
     def log_density(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the log density of each y."""
         standardised = (self.transform(y) - eta) / sigma
-        return (
-            -0.5 * standardised**2 - np.log(sigma) - 0.5 * _LOG_2PI + self.log_jacobian(y)
-        )
+        return -0.5 * standardised**2 - np.log(sigma) - 0.5 * _LOG_2PI + self.log_jacobian(y)
 
     def cumulative(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return P(Y <= y)."""

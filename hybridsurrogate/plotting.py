@@ -136,9 +136,7 @@ def plot_before_after(
     return axes
 
 
-def plot_residuals(
-    diagnosis: DiscrepancyDiagnosis, axes: list[Axes] | None = None
-) -> list[Axes]:
+def plot_residuals(diagnosis: DiscrepancyDiagnosis, axes: list[Axes] | None = None) -> list[Axes]:
     """Draw measured minus predicted, before and after the extension.
 
     Parameters
@@ -157,7 +155,9 @@ def plot_residuals(
         ax.axhline(0, color=QUIET, lw=1)
         residual = y - model.predict(rows)
         ax.plot(X[:, column], residual, ".", color=colour, ms=4)
-        ax.set_title(f"{title}: root mean square {np.sqrt(np.mean(residual**2)):.3g}", fontsize="medium")
+        ax.set_title(
+            f"{title}: root mean square {np.sqrt(np.mean(residual**2)):.3g}", fontsize="medium"
+        )
         ax.set_xlabel(diagnosis.search_.problem.model.columns[column])
         ax.set_ylabel("measured - predicted")
     limit = max(np.max(np.abs(ax.get_ylim())) for ax in axes)

@@ -145,10 +145,7 @@ def test_predictive_weighting_mixes_densities_exactly(fitted_mixture, measured, 
     )
     # and the mean and variance are those of the mixture
     means, sds = zip(
-        *(
-            copy.copy(fitted_mixture).set_params(beta=b).predict(X, return_std=True)
-            for b in (1, 0)
-        ),
+        *(copy.copy(fitted_mixture).set_params(beta=b).predict(X, return_std=True) for b in (1, 0)),
         strict=True,
     )
     mean, sd = mixed.predict(X, return_std=True)

@@ -168,9 +168,7 @@ def _two_features(x, omega):
 
 def test_large_batches_are_cut_without_a_seam(drifting, monkeypatch):
     runs, X, y = drifting
-    problem = make_problem(
-        runs, hs.PolynomialChaos(2), hs.Normal(), None, (), ("x",), X, y
-    )
+    problem = make_problem(runs, hs.PolynomialChaos(2), hs.Normal(), None, (), ("x",), X, y)
     target = CollapsedPosterior(
         problem.model, X, y, problem.simulation, 1.0, 1.0, problem.noise_prior, problem.scale
     )
@@ -197,9 +195,7 @@ def test_beta_zero_ignores_the_runs(drifting):
 
 def test_beta_one_ignores_the_measured_data_in_step_one(drifting):
     runs, X, y = drifting
-    models = [
-        known_sigma_fit(runs, X, values, beta=1.0, degree=2) for values in (y, 5 + y[::-1])
-    ]
+    models = [known_sigma_fit(runs, X, values, beta=1.0, degree=2) for values in (y, 5 + y[::-1])]
     first = [model.first_step_ for model in models]
     F = _two_features(runs.X[:, 0], runs.omega[:, 0])
     expected = conjugate(F, runs.y, np.full(20, NOISE**2), 0.3, 2)
@@ -382,7 +378,9 @@ def test_second_step_draws_from_the_exact_conditional(names):
     Every draw has its own intercept, so each has its own conditional; all are checked at once by
     where the draws lie in their exact distributions.
     """
-    priors = {name: stats.norm(mean, 1.0) for name, mean in zip(names, (1, -0.5, 0.3), strict=False)}
+    priors = {
+        name: stats.norm(mean, 1.0) for name, mean in zip(names, (1, -0.5, 0.3), strict=False)
+    }
     simulator = hs.Simulator(parabola, {"t": (-1, 1)}, priors)
     rng = np.random.default_rng(8)
     X = np.linspace(-1, 1, 10)[:, None]
@@ -464,7 +462,9 @@ def cooling(t, rate):
 
 def test_coefficients_of_causes_recover_a_line():
     simulator = hs.Simulator(
-        cooling, inputs={"t": (0, 10)}, parameters={"rate": hs.truncated_normal(0.3, 0.02, 0.1, 0.5)}
+        cooling,
+        inputs={"t": (0, 10)},
+        parameters={"rate": hs.truncated_normal(0.3, 0.02, 0.1, 0.5)},
     )
     simulation = simulator.run(128, random_state=0)
     t = np.linspace(0, 10, 60)

@@ -204,9 +204,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
                 f"{self.false_alarm_rate}: use at least {int(1 / self.false_alarm_rate)}."
             )
 
-    def _problem(
-        self, fitted: PowerScaledSurrogate
-    ) -> tuple[Problem, list[Cause], list[Skipped]]:
+    def _problem(self, fitted: PowerScaledSurrogate) -> tuple[Problem, list[Cause], list[Skipped]]:
         """Return the problem, the catalogue and what was left out, for a fitted estimator."""
         surrogate, likelihood = fitted._check_parameters()
         X, y = fitted._measured
@@ -348,9 +346,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
             pointwise(self.estimator_, X_test, y), pointwise(self.extended_estimator_, X_test, y)
         )
 
-    def beta_scan(
-        self, X: ArrayLike, y: ArrayLike, betas: ArrayLike | None = None
-    ) -> pd.DataFrame:
+    def beta_scan(self, X: ArrayLike, y: ArrayLike, betas: ArrayLike | None = None) -> pd.DataFrame:
         """Return held-out ELPD against beta, before and after the extension.
 
         How far the best beta rises is how far trust in the simulation rises once its fault is
@@ -384,8 +380,9 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
                     scores.append(
                         np.concatenate(
                             [
-                                fitted.fit(take(train), y[train])
-                                .log_predictive_density(take(test), y[test])
+                                fitted.fit(take(train), y[train]).log_predictive_density(
+                                    take(test), y[test]
+                                )
                                 for train, test in folds
                             ]
                         ).mean()

@@ -54,9 +54,7 @@ def _design(found: Search, w: Weighed, X: FloatArray) -> tuple[FloatArray, Float
     plan = w.plan
     if len(plan.nodes):
         index = slice(w.peak.node, w.peak.node + 1)
-        plan = replace(
-            plan, grid=plan.grid[index], edges=plan.edges[index], log_weight=np.zeros(1)
-        )
+        plan = replace(plan, grid=plan.grid[index], edges=plan.edges[index], log_weight=np.zeros(1))
     parts = linearise(w.model, X, found.belief, plan, w.peak.z)
     H = parts.H[0] * parts.H_rms[0]
     design = np.hstack([parts.G[0], parts.U, H])
@@ -77,9 +75,7 @@ def _posterior(found: Search, w: Weighed, size: float) -> _Local:
     return _Local(mean, covariance)
 
 
-def predict_locally(
-    found: Search, w: Weighed, X: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def predict_locally(found: Search, w: Weighed, X: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return mean and variance of a new noisy eta at rows X (n, n_columns) under one cause."""
     local = _posterior(found, w, float(found.sizes[-1]))
     offset, design, _ = _design(found, w, X)

@@ -116,9 +116,7 @@ def search(
         parts = linearise(model, problem.X, belief, plan, peak.z)
         nodes = scan(parts, problem.y[None], sigma, noise, sizes)[0]
         weighed.append(
-            Weighed(
-                cause, model, plan, peak, sigma, float(special.logsumexp(nodes)), -np.inf
-            )
+            Weighed(cause, model, plan, peak, sigma, float(special.logsumexp(nodes)), -np.inf)
         )
     if with_remainder:
         weighed = _weigh_remainder(problem, belief, noise, weighed, sizes)
@@ -178,9 +176,7 @@ def _best(
     """Climb from every start, then again with the noise that the best fit suggests."""
     largest = _LARGEST_SIZE * problem.scale
     floor = 1e-6 * problem.scale
-    peaks = [
-        climb(model, problem.X, problem.y, belief, plan, z, sigma, largest) for z in starts
-    ]
+    peaks = [climb(model, problem.X, problem.y, belief, plan, z, sigma, largest) for z in starts]
     peak = min(peaks, key=lambda found: found.objective)
     if not np.isfinite(peak.objective):
         return _Fitted(model, plan, peak, sigma)
@@ -209,9 +205,7 @@ def _weigh_remainder(
 ) -> list[Weighed]:
     """Weigh the winners of the quick search beside a smooth discrepancy of unknown shape."""
     quick, _ = probabilities(weighed)
-    process = next(
-        (w for w in weighed if isinstance(w.cause, GaussianProcessDiscrepancy)), None
-    )
+    process = next((w for w in weighed if isinstance(w.cause, GaussianProcessDiscrepancy)), None)
     if process is None:
         return weighed
     model, lengths = process.model, layout(process.model)
@@ -280,7 +274,9 @@ def probabilities(weighed: Sequence[Weighed]) -> tuple[FloatArray, FloatArray]:
     alone = np.array([w.log_evidence for w in weighed])
     beside = np.array([w.log_evidence_with_remainder for w in weighed])
     # "none" with a remainder is "unexplained", which is weighed on its own
-    splits = np.array([np.isfinite(b) and kind != "none" for b, kind in zip(beside, kinds, strict=True)])
+    splits = np.array(
+        [np.isfinite(b) and kind != "none" for b, kind in zip(beside, kinds, strict=True)]
+    )
     with np.errstate(divide="ignore"):
         plain = alone + np.where(splits, np.log1p(-_PRIOR_REMAINDER), 0.0)
         extra = np.where(splits, beside + np.log(_PRIOR_REMAINDER), -np.inf)

@@ -104,9 +104,9 @@ def cross_validated_gain(
     for train, test in folds:
         before, after, kind = fit_pair(train)
         befores.append(pointwise(before, take(test), y[test]))
-        afters.append(
-            befores[-1] if after is before else pointwise(after, take(test), y[test])
-        )
+        afters.append(befores[-1] if after is before else pointwise(after, take(test), y[test]))
         kinds.append(kind)
-    merge = [Scores(*map(np.concatenate, zip(*scores, strict=True))) for scores in (befores, afters)]
+    merge = [
+        Scores(*map(np.concatenate, zip(*scores, strict=True))) for scores in (befores, afters)
+    ]
     return gain_from(merge[0], merge[1], tuple(kinds))

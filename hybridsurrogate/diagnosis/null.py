@@ -32,9 +32,7 @@ class NullTest(NamedTuple):
     replicates: FloatArray
 
 
-def null_test(
-    found: Search, n_replicates: int, random_state: np.random.RandomState
-) -> NullTest:
+def null_test(found: Search, n_replicates: int, random_state: np.random.RandomState) -> NullTest:
     """Repeat the whole search on replicates of "nothing is wrong" at the same inputs.
 
     Every cause is linearised once, at the null fit and where it changes nothing: designs do not
@@ -50,9 +48,7 @@ def null_test(
         z[: len(base)] = base
         parts = linearise(w.model, problem.X, found.belief, w.plan, z)
         evidence.append(
-            special.logsumexp(
-                scan(parts, responses, null.sigma, found.noise, found.sizes), axis=1
-            )
+            special.logsumexp(scan(parts, responses, null.sigma, found.noise, found.sizes), axis=1)
         )
     if len(evidence) == 1:
         return NullTest(1.0, 0.0, np.zeros(n_replicates))
@@ -61,9 +57,7 @@ def null_test(
     return NullTest((1 + exceed) / (1 + n_replicates), float(statistic[0]), statistic[1:])
 
 
-def _replicates(
-    found: Search, n: int, random_state: np.random.RandomState
-) -> FloatArray:
+def _replicates(found: Search, n: int, random_state: np.random.RandomState) -> FloatArray:
     """Draw measured responses from the posterior predictive of the linearised null, (n, rows)."""
     problem, null = found.problem, found.weighed[0]
     parts = linearise(null.model, problem.X, found.belief, null.plan, null.peak.z)

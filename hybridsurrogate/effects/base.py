@@ -106,7 +106,7 @@ class Cause(BaseEstimator):
 
     kind: str = "cause"
     target: str | None = None
-    parameters: Mapping[str, Prior] = {}  # noqa: RUF012 - a constant that subclasses replace
+    parameters: Mapping[str, Prior] = {}
     coefficients: tuple[str, ...] = ()
     coefficient_sd: float | None = None
 
@@ -114,9 +114,7 @@ class Cause(BaseEstimator):
         """Return the cause with every default filled in from the context."""
         return self
 
-    def inputs(
-        self, X: Rows, omega: Rows, theta: Rows
-    ) -> tuple[Rows, Rows]:
+    def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
         """Return the inputs and parameters with which the simulation is run for these rows."""
         return X, omega
 

@@ -26,9 +26,7 @@ class Skipped:
     reason: str
 
 
-def catalogue(
-    context: Context, extra: Sequence[Cause] = ()
-) -> tuple[list[Cause], list[Skipped]]:
+def catalogue(context: Context, extra: Sequence[Cause] = ()) -> tuple[list[Cause], list[Skipped]]:
     """Return the prepared causes, and those left out with reasons.
 
     Parameters

@@ -88,8 +88,8 @@ class GaussianProcessDiscrepancy(Cause):
             order = np.unique(indices[:, k])
             root = np.pi * order / (2 * _BOUNDARY)
             wave = np.sin(root * (scaled[:, None] + _BOUNDARY)) / np.sqrt(_BOUNDARY)
-            density = np.sqrt(2 * np.pi) * length[:, None] * np.exp(
-                -0.5 * (length[:, None] * root) ** 2
+            density = (
+                np.sqrt(2 * np.pi) * length[:, None] * np.exp(-0.5 * (length[:, None] * root) ** 2)
             )
             factor = wave * np.sqrt(density)
             factor[:, order == 0] = 1.0

@@ -153,9 +153,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
             )
         return mean, np.sqrt(variance)
 
-    def predict_interval(
-        self, X: ArrayLike, level: float = 0.9
-    ) -> tuple[FloatArray, FloatArray]:
+    def predict_interval(self, X: ArrayLike, level: float = 0.9) -> tuple[FloatArray, FloatArray]:
         """Return a central interval that holds a new y with the given probability.
 
         Quantiles of the mixture over draws, found by bisection: exact up to the draws.
@@ -195,9 +193,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         """
         X = self._check_data(X)
         random = check_random_state(self.random_state if random_state is None else random_state)
-        return np.concatenate(
-            [p.likelihood.mean(*p.eta(X)) for p in self._drawn(n_draws, random)]
-        )
+        return np.concatenate([p.likelihood.mean(*p.eta(X)) for p in self._drawn(n_draws, random)])
 
     def sample_posterior_predictive(
         self, X: ArrayLike, n_draws: int | None = None, random_state: Any = None
@@ -214,9 +210,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
             [p.likelihood.sample(*p.eta(X), random) for p in self._drawn(n_draws, random)]
         )
 
-    def _drawn(
-        self, n_draws: int | None, random_state: np.random.RandomState
-    ) -> list[Posterior]:
+    def _drawn(self, n_draws: int | None, random_state: np.random.RandomState) -> list[Posterior]:
         """Return posteriors whose draws together make n_draws of the mixture."""
         mixture = self._mixture()
         n = sum(p.n_draws for _, p in mixture) // len(mixture) if n_draws is None else n_draws
@@ -303,9 +297,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         return tags
 
 
-def _quantile(
-    parts: list[tuple[float, FloatArray, FloatArray]], probability: float
-) -> FloatArray:
+def _quantile(parts: list[tuple[float, FloatArray, FloatArray]], probability: float) -> FloatArray:
     """Return the quantile of a mixture of normals on the scale of eta, by bisection."""
     reach = 9 * np.concatenate([sigma for _, _, sigma in parts]).max(axis=0)
     low = np.concatenate([eta for _, eta, _ in parts]).min(axis=0) - reach
@@ -316,7 +308,8 @@ def _quantile(
             weight * special.ndtr((middle - eta) / sigma).mean(axis=0)
             for weight, eta, sigma in parts
         )
-        low, high = np.where(below < probability, middle, low), np.where(
-            below < probability, high, middle
+        low, high = (
+            np.where(below < probability, middle, low),
+            np.where(below < probability, high, middle),
         )
     return 0.5 * (low + high)

@@ -206,9 +206,7 @@ def fit_problem(
     c, a = target.draw_coefficients(u, random_state)
 
     def posterior(z: FloatArray, sigma: FloatArray, effect_coefficients: FloatArray) -> Posterior:
-        return Posterior(
-            model, problem.likelihood, model.values(z), sigma, c, effect_coefficients
-        )
+        return Posterior(model, problem.likelihood, model.values(z), sigma, c, effect_coefficients)
 
     first = posterior(u[:, :-1], np.exp(u[:, -1]), a)
     if not emulated:

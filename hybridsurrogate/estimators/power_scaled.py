@@ -149,7 +149,6 @@ def _as_causes(effects: Any) -> tuple[Cause, ...]:
         causes = (None,)
     if not all(isinstance(cause, Cause) for cause in causes):
         raise TypeError(
-            "effects must be a sequence of causes such as [Trend('t'), Offset()], "
-            f"got {effects!r}."
+            f"effects must be a sequence of causes such as [Trend('t'), Offset()], got {effects!r}."
         )
     return causes

@@ -234,9 +234,7 @@ class _FixedRows:
         return self.mean + v @ self.axes.T
 
 
-def _fixed_rows(
-    gram: FloatArray, mean: FloatArray, sd: FloatArray, log_noise: float
-) -> _FixedRows:
+def _fixed_rows(gram: FloatArray, mean: FloatArray, sd: FloatArray, log_noise: float) -> _FixedRows:
     ff, fy, yy = gram[:-1, :-1], gram[:-1, -1], gram[-1, -1]
     size, vectors = np.linalg.eigh(sd[:, None] * ff * sd)
     axes = sd[:, None] * vectors

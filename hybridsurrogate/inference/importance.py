@@ -200,7 +200,9 @@ def mixture_draws(
     points = np.concatenate(
         [student_draws(g, k, random_state) for g, k in zip(components, counts, strict=True)]
     )
-    terms = [np.log(w) + student_log_density(g, points) for w, g in zip(share, components, strict=True)]
+    terms = [
+        np.log(w) + student_log_density(g, points) for w, g in zip(share, components, strict=True)
+    ]
     return points, special.logsumexp(terms, axis=0)
 
 

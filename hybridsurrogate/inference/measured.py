@@ -184,7 +184,9 @@ class MeasuredModel:
             noise = effect.noise(rows, own)
             _check_array(effect, "noise", noise, [(), (n,)])
             if np.min(noise) <= 0:
-                raise ValueError(f"The cause {effect.name!r} returned a noise that is not positive.")
+                raise ValueError(
+                    f"The cause {effect.name!r} returned a noise that is not positive."
+                )
             if effect.coefficients:
                 expected = [(n, len(effect.coefficients))]
                 _check_array(effect, "columns", effect.columns(rows, own), expected)

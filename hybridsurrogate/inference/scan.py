@@ -313,9 +313,7 @@ def scan(
     along = np.einsum("mdn,rmn->rmd", project, residual)
     squares = np.einsum("rmn,rmn->rm", residual, residual) - np.einsum("rmd,rmd->rm", along, along)
     log_base = (
-        -np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-        + d * np.log(sigma)
-        - log_det
+        -np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1) + d * np.log(sigma) - log_det
     )
     T, _, q = parts.H.shape
     floor = 1e-12 * np.maximum(np.einsum("rn,rn->r", y, y), 1e-300)[:, None]
@@ -345,9 +343,7 @@ def scan(
     return np.where(np.isnan(out), -np.inf, out)
 
 
-def _whitener(
-    U: FloatArray, sigma: float
-) -> tuple[Callable[[FloatArray, int], FloatArray], float]:
+def _whitener(U: FloatArray, sigma: float) -> tuple[Callable[[FloatArray, int], FloatArray], float]:
     """Return a map that gives rows with covariance sigma^2 I + U U' the covariance sigma^2 I."""
     if not U.size:
         return (lambda values, axis: values), 0.0
@@ -452,9 +448,7 @@ def _solve(
         solution = np.linalg.solve(normal, right[..., None])[..., 0]
     except np.linalg.LinAlgError:  # slopes without bound: the simulation breaks down around here
         return Peak(z.copy(), np.inf, np.inf, 0), z
-    best_linear = np.einsum("tn,tn->t", residual, residual) - np.einsum(
-        "tk,tk->t", right, solution
-    )
+    best_linear = np.einsum("tn,tn->t", residual, residual) - np.einsum("tk,tk->t", right, solution)
     badness = best_linear / sigma**2 - 2 * parts.log_weight
     node = int(np.argmin(np.where(np.isnan(badness), np.inf, badness)))
     # the fit at z itself: what is nonlinear stays, columns are estimated anew
@@ -478,9 +472,7 @@ def _solve(
     return peak, move
 
 
-def starting_points(
-    target: CollapsedPosterior, random_state: np.random.RandomState
-) -> FloatArray:
+def starting_points(target: CollapsedPosterior, random_state: np.random.RandomState) -> FloatArray:
     """Return points u from which an optimiser should climb: best prior draws, best nodes."""
     model = target.model
     free = MeasuredModel(
@@ -518,9 +510,7 @@ def starting_points(
         )
         plan = layout(partial)
         start = np.concatenate([z, plan.neutral[len(z) :]])
-        peak = climb(
-            partial, target.X, target.y, belief, plan, start, sigma, 10 * target.scale
-        )
+        peak = climb(partial, target.X, target.y, belief, plan, start, sigma, 10 * target.scale)
         z = peak.z.copy()
         if len(plan.nodes):
             priors = [partial.priors[k] for k in plan.nodes]

@@ -286,9 +286,7 @@ def _log_density(problem: _Problem, u: FloatArray, c: FloatArray) -> FloatArray:
         projected = np.linalg.solve(factor, transposed @ np.concatenate([features, residual], 2))
         total = total - _quadratic(projected[..., :-1], projected[..., -1:], c)
     with np.errstate(divide="ignore"):
-        prior = (
-            prior_log_density(u[:, :-1]) + problem.noise_prior.logpdf(sigma) + u[:, -1]
-        )
+        prior = prior_log_density(u[:, :-1]) + problem.noise_prior.logpdf(sigma) + u[:, -1]
     log_det = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1) - np.log(
         np.broadcast_to(scaled, (len(u), len(y)))
     ).sum(axis=1)
