@@ -24,7 +24,7 @@ PER = 100_000.0
 
 
 def infected(t, contact_rate, recovery_rate, initial):
-    """Infected per 100,000 of an SIR epidemic on day t, by fixed-step Runge-Kutta, all runs at once."""
+    """Infected per 100,000 of an SIR epidemic on day t, all runs at once (Runge-Kutta)."""
     t = np.asarray(t, dtype=float)
     steps = int(np.ceil((t.max() - 1) * STEPS_PER_DAY)) + 1
     state = np.stack([PER - initial + 0 * t, initial + 0 * t])

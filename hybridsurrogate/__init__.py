@@ -1,7 +1,7 @@
 """Surrogates trained on simulations and measurements, and what the simulation gets wrong."""
 
-from .diagnosis import CauseFinding, DiscrepancyDiagnosis
-from .effects import (
+from hybridsurrogate.diagnosis import CauseFinding, DiscrepancyDiagnosis
+from hybridsurrogate.effects import (
     Bump,
     Cause,
     Gain,
@@ -14,8 +14,8 @@ from .effects import (
     Trend,
     WrongConstant,
 )
-from .estimators import PowerScaledSurrogate, PredictiveWeightedSurrogate
-from .exceptions import (
+from hybridsurrogate.estimators import PowerScaledSurrogate, PredictiveWeightedSurrogate
+from hybridsurrogate.exceptions import (
     DiagnosisWarning,
     ExtrapolationWarning,
     FailedRunsWarning,
@@ -23,10 +23,10 @@ from .exceptions import (
     PriorWarning,
     SamplingWarning,
 )
-from .likelihoods import LogNormal, Normal
-from .priors import truncated_normal
-from .simulation import Assumed, SimulationData, Simulator, read_simulation
-from .surrogates import ExactSurrogate, PolynomialChaos
+from hybridsurrogate.likelihoods import LogNormal, Normal
+from hybridsurrogate.priors import truncated_normal
+from hybridsurrogate.simulation import Assumed, SimulationData, Simulator, read_simulation
+from hybridsurrogate.surrogates import ExactSurrogate, PolynomialChaos
 
 __version__ = "0.1.0"
 

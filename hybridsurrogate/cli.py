@@ -12,13 +12,13 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from .datasets import load_mauna_loa_co2, load_nile, make_log_sin
-from .diagnosis import DiscrepancyDiagnosis
-from .estimators import PowerScaledSurrogate
-from .exceptions import HybridSurrogateWarning
-from .priors import Prior, truncated_normal
-from .simulation import read_simulation
-from .surrogates import ExactSurrogate, PolynomialChaos
+from hybridsurrogate.datasets import load_mauna_loa_co2, load_nile, make_log_sin
+from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
+from hybridsurrogate.estimators import PowerScaledSurrogate
+from hybridsurrogate.exceptions import HybridSurrogateWarning
+from hybridsurrogate.priors import Prior, truncated_normal
+from hybridsurrogate.simulation import read_simulation
+from hybridsurrogate.surrogates import ExactSurrogate, PolynomialChaos
 
 
 class Demo(NamedTuple):

@@ -13,12 +13,13 @@ from matplotlib import ticker
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from hybridsurrogate.priors import FloatArray
 
 if TYPE_CHECKING:
-    from .diagnosis import DiscrepancyDiagnosis
+    from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
 
-FloatArray = NDArray[np.float64]
 Test = tuple[ArrayLike, ArrayLike] | None
 
 BEFORE, AFTER, DATA, HELD_OUT, QUIET = "#0072B2", "#D55E00", "#222222", "#009E73", "#999999"
@@ -177,7 +178,7 @@ def plot_beta_scan(table: pd.DataFrame, ax: Axes | None = None) -> Axes:
     """
     ax = ax or new_axes()[0]
     for word, colour in (("before", BEFORE), ("after", AFTER)):
-        best = table.loc[table[word].idxmax()]
+        best = table.iloc[int(np.argmax(table[word]))]
         ax.plot(table["beta"], table[word], "-o", ms=3, color=colour, label=word)
         ax.plot(best["beta"], best[word], "o", ms=9, mfc="none", color=colour)
     ax.set_xlabel("beta (0: measured data only, 1: simulation only)")
@@ -224,10 +225,10 @@ def _labelled(ax: Axes, diagnosis: DiscrepancyDiagnosis, column: int) -> Axes:
 
 def _share_range(axes: list[Axes], y: FloatArray) -> None:
     """Give both Axes one range, wide enough for the data but not for a runaway extrapolation."""
-    low, high = np.min(y), np.max(y)
+    low, high = float(np.min(y)), float(np.max(y))
     room = 0.5 * (high - low) + 1e-12
-    bottom = max(min(ax.get_ylim()[0] for ax in axes), low - room)
-    top = min(max(ax.get_ylim()[1] for ax in axes), high + room)
+    bottom = max(min(float(ax.get_ylim()[0]) for ax in axes), low - room)
+    top = min(max(float(ax.get_ylim()[1]) for ax in axes), high + room)
     for ax in axes:
         ax.set_ylim(bottom, top)
 

@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .exceptions import SamplingWarning
-from .inference.importance import KHAT_LIMIT
-from .inference.measured import MeasuredModel, names_of
-from .likelihoods import Likelihood
-
-FloatArray = NDArray[np.float64]
+from hybridsurrogate.exceptions import SamplingWarning
+from hybridsurrogate.inference.importance import KHAT_LIMIT
+from hybridsurrogate.inference.measured import MeasuredModel, names_of
+from hybridsurrogate.likelihoods import Likelihood
+from hybridsurrogate.priors import FloatArray
 
 # numbers in one block of predictions
 _BLOCK = 20_000_000

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import special, stats
 
 Prior = Any  # a frozen scipy.stats distribution; scipy has no public type for it
-FloatArray = NDArray[np.float64]
+FloatArray = NDArray[np.floating[Any]]
 
 # Phi(8) is the last step before 1 in double precision
 _Z_LIMIT = 8.0
@@ -61,7 +61,7 @@ def truncated_normal(mean: float, sd: float, low: float, high: float) -> Prior:
 
 
 def check_prior(prior: Prior, name: str) -> Prior:
-    """Return ``prior`` if it is a frozen continuous scipy.stats distribution, else raise TypeError."""
+    """Return ``prior`` if it is a frozen continuous distribution, else raise TypeError."""
     words = ("logpdf", "cdf", "ppf", "support")
     unfrozen = isinstance(prior, stats.rv_continuous)
     if unfrozen or not all(callable(getattr(prior, word, None)) for word in words):

@@ -60,7 +60,7 @@ def test_every_attribute_of_a_named_cause(periodic):
     assert best.probability > 0.9
     assert "sin" in best.formula
     assert periodic.indistinguishable_ == ["periodic"]
-    assert list(periodic.causes_["kind"])[0] == "periodic"
+    assert periodic.causes_["kind"].iloc[0] == "periodic"
     assert periodic.causes_["probability"].is_monotonic_decreasing
     assert periodic.causes_["probability"].sum() == pytest.approx(1)
     assert periodic.extended_estimator_.effects[0].kind == "periodic"
@@ -151,7 +151,7 @@ def test_a_missing_input_by_name(simulator):
         frame, y + 1.5 * wind
     )
     assert (diagnosis.best_cause_.kind, diagnosis.best_cause_.target) == ("missing-input", "wind")
-    mean, low, high = diagnosis.best_cause_.estimates["slope"]
+    _, low, high = diagnosis.best_cause_.estimates["slope"]
     assert low < 1.5 < high
     assert diagnosis.extended_simulator_.input_names == ("t", "wind")
     # without the column there is nothing to weigh, and the table says so

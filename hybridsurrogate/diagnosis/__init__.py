@@ -1,5 +1,5 @@
 """What the simulation gets wrong: search, verdict, extension, gain, report."""
 
-from .diagnosis import CauseFinding, DiscrepancyDiagnosis
+from hybridsurrogate.diagnosis.diagnosis import CauseFinding, DiscrepancyDiagnosis
 
 __all__ = ["CauseFinding", "DiscrepancyDiagnosis"]

@@ -15,22 +15,21 @@ from sklearn.model_selection import KFold
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
-from ..effects.base import Cause
-from ..effects.catalogue import Skipped, catalogue
-from ..estimators.fitting import Problem, make_context, make_problem
-from ..estimators.power_scaled import PowerScaledSurrogate
-from ..exceptions import DiagnosisWarning, HybridSurrogateWarning
-from ..inference.scan import Belief, coefficient_belief
-from ..simulation import SimulationData
-from ..surrogates.base import Basis
-from .discrepancy import estimate_discrepancy, next_measurement
-from .emulator_error import correct_emulator
-from .evidence import Search, Weighed, kind_of, search
-from .extension import extend_simulator
-from .gain import Gain, cross_validated_gain, gain_from, pointwise
-from .null import null_test
-
-FloatArray = NDArray[np.float64]
+from hybridsurrogate.diagnosis.discrepancy import estimate_discrepancy, next_measurement
+from hybridsurrogate.diagnosis.emulator_error import correct_emulator
+from hybridsurrogate.diagnosis.evidence import Search, Weighed, kind_of, search
+from hybridsurrogate.diagnosis.extension import extend_simulator
+from hybridsurrogate.diagnosis.gain import Gain, cross_validated_gain, gain_from, pointwise
+from hybridsurrogate.diagnosis.null import null_test
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.catalogue import Skipped, catalogue
+from hybridsurrogate.estimators.fitting import Problem, make_context, make_problem
+from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning
+from hybridsurrogate.inference.scan import Belief, coefficient_belief
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.simulation import SimulationData
+from hybridsurrogate.surrogates.base import Basis
 
 # one cause is "named" when it is three times as probable as all its rivals together
 _NAMED = 0.75
@@ -252,7 +251,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
             return CauseFinding("none", None, "the simulation as it is", probability, {})
         draws = self.extended_estimator_.posterior_.estimates(0)
         estimates = {
-            name: (float(v.mean()), *(float(q) for q in np.quantile(v, [0.05, 0.95])))
+            name: (float(v.mean()), float(np.quantile(v, 0.05)), float(np.quantile(v, 0.95)))
             for name, v in draws.items()
         }
         means = {name: value[0] for name, value in estimates.items()}

@@ -6,12 +6,10 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..inference.scan import linearise
-from .evidence import Search, Weighed
-
-FloatArray = NDArray[np.float64]
+from hybridsurrogate.diagnosis.evidence import Search, Weighed
+from hybridsurrogate.inference.scan import linearise
+from hybridsurrogate.priors import FloatArray
 
 _Z90 = 1.6448536269514722
 

@@ -13,17 +13,15 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Kernel, WhiteKernel
 
-from ..inference.scan import Belief
-from ..simulation import SimulationData
-from ..surrogates.base import Basis
-
-FloatArray = NDArray[np.float64]
+from hybridsurrogate.inference.scan import Belief
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.simulation import SimulationData
+from hybridsurrogate.surrogates.base import Basis
 
 # length scales are learned from at most this many runs; all runs up to the second limit correct
 _LEARN, _CORRECT = 200, 1000

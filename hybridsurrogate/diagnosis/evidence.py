@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from ..effects.base import Cause
-from ..effects.discrepancy_process import GaussianProcessDiscrepancy
-from ..estimators.fitting import Problem
-from ..inference.measured import MeasuredModel
-from ..inference.noise import NoiseTable
-from ..inference.scan import (
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.discrepancy_process import GaussianProcessDiscrepancy
+from hybridsurrogate.estimators.fitting import Problem
+from hybridsurrogate.inference.measured import MeasuredModel
+from hybridsurrogate.inference.noise import NoiseTable
+from hybridsurrogate.inference.scan import (
     Belief,
     Layout,
     Linearised,
@@ -31,8 +31,7 @@ from ..inference.scan import (
     refine,
     scan,
 )
-
-FloatArray = NDArray[np.float64]
+from hybridsurrogate.priors import FloatArray
 
 # effects between a fraction of the noise and a few times the spread of the output
 _SMALLEST_SIZE, _LARGEST_SIZE, _N_SIZES = 0.3, 3.0, 10

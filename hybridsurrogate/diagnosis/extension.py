@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
-from ..effects.base import Cause
-from ..estimators.fitting import Problem
-from ..likelihoods import Likelihood
-from ..simulation import Simulator
-
-FloatArray = NDArray[np.float64]
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.estimators.fitting import Problem
+from hybridsurrogate.likelihoods import Likelihood
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.simulation import Simulator
 
 
 class ExtendedFunction:
@@ -42,7 +40,7 @@ class ExtendedFunction:
         X = {k: v for k, v in rows.items() if k not in own and k not in parameters}
         n = len(next(iter(rows.values())))
         assumed = {name: np.full(n, c.value) for name, c in simulator.assumed.items()}
-        omega = {name: rows.get(name, assumed.get(name)) for name in parameters}
+        omega = {name: rows[name] if name in rows else assumed[name] for name in parameters}
         theta = {name: rows[public] for name, public in self.theta_names.items()}
         run_X, run_omega = self.cause.inputs(X, omega, theta)
         inputs = np.column_stack([run_X[name] for name in simulator.input_names])

@@ -9,9 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..scoring import elpd, paired_difference
-
-FloatArray = NDArray[np.float64]
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.scoring import elpd, paired_difference
 
 COVERAGE_LEVEL = 0.9
 
@@ -102,9 +101,10 @@ def cross_validated_gain(
     """
     befores, afters, kinds = [], [], []
     for train, test in folds:
-        before, after, kind = fit_pair(train)
-        befores.append(pointwise(before, take(test), y[test]))
-        afters.append(befores[-1] if after is before else pointwise(after, take(test), y[test]))
+        plain, extended, kind = fit_pair(train)
+        befores.append(pointwise(plain, take(test), y[test]))
+        same = extended is plain
+        afters.append(befores[-1] if same else pointwise(extended, take(test), y[test]))
         kinds.append(kind)
     merge = [
         Scores(*map(np.concatenate, zip(*scores, strict=True))) for scores in (befores, afters)

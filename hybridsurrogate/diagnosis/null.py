@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
-from ..inference.scan import linearise, scan
-from .evidence import Search
-
-FloatArray = NDArray[np.float64]
+from hybridsurrogate.diagnosis.evidence import Search
+from hybridsurrogate.inference.scan import linearise, scan
+from hybridsurrogate.priors import FloatArray
 
 
 class NullTest(NamedTuple):

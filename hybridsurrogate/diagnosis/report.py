@@ -17,11 +17,11 @@ import pandas as pd
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from .. import plotting
-from .gain import Gain
+from hybridsurrogate import plotting
+from hybridsurrogate.diagnosis.gain import Gain
 
 if TYPE_CHECKING:
-    from .diagnosis import DiscrepancyDiagnosis
+    from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
 
 Test = tuple[ArrayLike, ArrayLike] | None
 _BETAS = (0.05, 0.25, 0.5, 0.75, 0.95)
@@ -282,7 +282,7 @@ def _trust(scan: pd.DataFrame | None) -> list[str]:
             "The surrogate is the simulation itself and has nothing to learn from the data, so "
             "that there is nothing for beta to weigh."
         ]
-    before, after = (scan.loc[scan[word].idxmax()] for word in ("before", "after"))
+    before, after = (scan.iloc[int(np.argmax(scan[word]))] for word in ("before", "after"))
     return [
         f"Before the extension the best weight of the simulation is beta = {before['beta']:g} "
         f"(held-out ELPD {before['before']:.3f}), after it beta = {after['beta']:g} "
@@ -349,7 +349,9 @@ _STYLE = (
 
 def _picture(description: str, axes: Sequence[Axes]) -> tuple[str, bytes]:
     buffer = io.BytesIO()
-    axes[0].figure.savefig(buffer, format="png", dpi=110)
+    figure = axes[0].get_figure(root=True)
+    assert figure is not None
+    figure.savefig(buffer, format="png", dpi=110)
     return description, buffer.getvalue()
 
 

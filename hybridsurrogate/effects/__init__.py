@@ -1,9 +1,9 @@
 """The catalogue of causes: one small file a group."""
 
-from .base import Cause, Context
-from .discrepancy_process import GaussianProcessDiscrepancy
-from .shapes import Bump, MissingInput, Offset, Periodic, Step, Trend
-from .simulation_faults import Gain, ParameterDrift, WrongConstant
+from hybridsurrogate.effects.base import Cause, Context
+from hybridsurrogate.effects.discrepancy_process import GaussianProcessDiscrepancy
+from hybridsurrogate.effects.shapes import Bump, MissingInput, Offset, Periodic, Step, Trend
+from hybridsurrogate.effects.simulation_faults import Gain, ParameterDrift, WrongConstant
 
 __all__ = [
     "Bump",

@@ -12,12 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from sklearn.base import BaseEstimator
 
-from ..priors import Prior
+from hybridsurrogate.priors import FloatArray, Prior
 
-FloatArray = NDArray[np.float64]
 Rows = Mapping[str, FloatArray]  # a name and its values in n rows
 
 

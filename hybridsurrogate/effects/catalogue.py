@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .base import Cause, Context
-from .discrepancy_process import GaussianProcessDiscrepancy
-from .shapes import Bump, MissingInput, Offset, Periodic, Step, Trend
-from .simulation_faults import Gain, ParameterDrift, WrongConstant
+from hybridsurrogate.effects.base import Cause, Context
+from hybridsurrogate.effects.discrepancy_process import GaussianProcessDiscrepancy
+from hybridsurrogate.effects.shapes import Bump, MissingInput, Offset, Periodic, Step, Trend
+from hybridsurrogate.effects.simulation_faults import Gain, ParameterDrift, WrongConstant
 
 # a shape over an input needs as many distinct values as it has numbers, and some to spare
 _MIN_DISTINCT = {"trend": 3, "parameter-drift": 3, "step": 6, "periodic": 8, "bump": 8}

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
-from ..priors import Prior
-from .base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.priors import Prior
 
 # basis functions an input: enough for the shortest length scale below (Riutort-Mayol et al. 2023,
 # Statistics and Computing 33:17, eq. 17: m >= 1.75 boundary / length scale)
@@ -59,10 +60,11 @@ class GaussianProcessDiscrepancy(Cause):
 
     def grid(self) -> dict[str, FloatArray]:
         """Return six length scales."""
+        assert self.length_scale is not None
         low, high = self.length_scale.support()
         return {"length_scale": np.geomspace(1.05 * low, high / 1.05, 6)}
 
-    def _indices(self) -> FloatArray:
+    def _indices(self) -> NDArray[np.int_]:
         assert self.ranges is not None
         d = len(self.ranges)
         if d <= 2:
@@ -70,7 +72,7 @@ class GaussianProcessDiscrepancy(Cause):
             return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, d)
         rows = []
         for k in range(d):
-            index = np.zeros((10, d))
+            index = np.zeros((10, d), dtype=int)
             index[:, k] = np.arange(1, 11)
             rows.append(index)
         return np.vstack(rows)

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import stats
 
-from ..priors import Prior
-from .base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.priors import Prior
 
 
 class Offset(Cause):
@@ -50,6 +50,8 @@ class _OverColumn(Cause):
         return type(self)(**{**self.get_params(deep=False), **changes})
 
     def _scaled(self, X: Rows) -> FloatArray:
+        assert self.center is not None
+        assert self.span is not None
         return 2 * (X[self.column] - self.center) / self.span
 
 
@@ -147,12 +149,14 @@ class Periodic(_OverColumn):
     def grid(self) -> dict[str, FloatArray]:
         """Return periods evenly spaced in frequency, five per independent frequency."""
         assert self.span is not None
+        assert self.period is not None
         low, high = self.period.ppf([0.0, 1.0])
         n = int(np.ceil(5 * self.span * (1 / low - 1 / high))) + 1
         return {"period": 1 / np.linspace(1 / low, 1 / high, max(n, 8))}
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return sine and cosine around the middle of the measured rows."""
+        assert self.center is not None
         phase = 2 * np.pi * (X[self.column] - self.center) / theta["period"]
         return np.stack([np.sin(phase), np.cos(phase)], axis=-1)
 
@@ -196,8 +200,9 @@ class _Located(_OverColumn):
         return prepared
 
     def _locations(self, most: int) -> FloatArray:
-        low, high = self.location.support()
+        assert self.location is not None
         assert self.spacing is not None
+        low, high = self.location.support()
         n = int(np.clip(2 * (high - low) / self.spacing, 8, most))
         return low + (high - low) * (np.arange(n) + 0.5) / n
 

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import stats
 
-from ..priors import Prior
-from .base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.priors import Prior
 
 
 class Gain(Cause):
@@ -168,6 +168,7 @@ class ParameterDrift(Cause):
 
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
         """Let the parameter pass through its mean value in the middle of the measured rows."""
+        assert self.center is not None
         shift = theta["slope"] * (X[self.column] - self.center)
         return X, {**omega, self.parameter: omega[self.parameter] + shift}
 

@@ -1,6 +1,6 @@
 """The two estimators."""
 
-from .power_scaled import PowerScaledSurrogate
-from .predictive_weighted import PredictiveWeightedSurrogate
+from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.estimators.predictive_weighted import PredictiveWeightedSurrogate
 
 __all__ = ["PowerScaledSurrogate", "PredictiveWeightedSurrogate"]

@@ -8,21 +8,20 @@ from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import special
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_random_state, check_scalar
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from ..exceptions import ExtrapolationWarning
-from ..likelihoods import Likelihood, as_likelihood
-from ..posterior import Posterior, arviz_groups
-from ..priors import check_prior
-from ..simulation import SimulationData, Simulator
-from ..surrogates.base import Surrogate
-from ..surrogates.polynomial_chaos import PolynomialChaos
+from hybridsurrogate.exceptions import ExtrapolationWarning
+from hybridsurrogate.likelihoods import Likelihood, as_likelihood
+from hybridsurrogate.posterior import Posterior, arviz_groups
+from hybridsurrogate.priors import FloatArray, check_prior
+from hybridsurrogate.simulation import SimulationData, Simulator
+from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
 
-FloatArray = NDArray[np.float64]
 SAMPLERS = ("auto", "importance", "emcee")
 
 
@@ -62,21 +61,21 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
     def _check_fit_data(
         self, X: ArrayLike, y: ArrayLike, likelihood: Likelihood
     ) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
-        X, y = validate_data(
+        rows, output = validate_data(
             self, X, y, reset=True, dtype=np.float64, y_numeric=True, ensure_min_samples=2
         )
-        y = np.asarray(y, dtype=float)
+        output = np.asarray(output, dtype=float)
         columns, order = self._columns()
         self._column_order = order
-        likelihood.check(y)
-        X = X[:, order]
-        self._warn_outside(columns, X)
-        return columns, X, y
+        likelihood.check(output)
+        rows = rows[:, order]
+        self._warn_outside(columns, rows)
+        return columns, rows, output
 
     def _check_data(self, X: ArrayLike) -> FloatArray:
         check_is_fitted(self)
-        X = validate_data(self, X, reset=False, dtype=np.float64)
-        return X[:, self._column_order]
+        rows = validate_data(self, X, reset=False, dtype=np.float64)
+        return rows[:, self._column_order]
 
     def _columns(self) -> tuple[tuple[str, ...], list[int]]:
         """Return column names, the simulation's inputs first, and their positions in X."""
@@ -237,12 +236,12 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         ndarray of shape (n,)
         """
         check_is_fitted(self)
-        X, y = validate_data(self, X, y, reset=False, dtype=np.float64, y_numeric=True)
-        X, y = X[:, self._column_order], np.asarray(y, dtype=float)
+        rows, output = validate_data(self, X, y, reset=False, dtype=np.float64, y_numeric=True)
+        rows, output = rows[:, self._column_order], np.asarray(output, dtype=float)
         terms = []
         for weight, posterior in self._mixture():
-            posterior.likelihood.check(y)
-            log_density = posterior.likelihood.log_density(y, *posterior.eta(X))
+            posterior.likelihood.check(output)
+            log_density = posterior.likelihood.log_density(output, *posterior.eta(rows))
             terms.append(special.logsumexp(log_density, axis=0) + np.log(weight / len(log_density)))
         return special.logsumexp(terms, axis=0)
 
@@ -257,7 +256,8 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
             Weights of the rows in the mean.
         """
         values = self.log_predictive_density(X, y)
-        return float(np.average(values, weights=sample_weight))
+        weights = None if sample_weight is None else np.asarray(sample_weight, dtype=float)
+        return float(np.average(values, weights=weights))
 
     def to_arviz(self) -> Any:
         """Return posterior, log likelihood, posterior predictive and observed data for ArviZ.

@@ -5,23 +5,25 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
-from ..effects.base import Cause, Context
-from ..inference.collapsed import CollapsedPosterior, Statistics, powers_of, statistics
-from ..inference.ensemble import ensemble_draws
-from ..inference.importance import KHAT_LIMIT, find_modes, importance_draws
-from ..inference.measured import MeasuredModel
-from ..inference.scan import starting_points
-from ..inference.two_step import second_step
-from ..likelihoods import Likelihood
-from ..posterior import Diagnostics, Posterior
-from ..priors import Prior
-from ..simulation import SimulationData, Simulator
-from ..surrogates.base import Domain, Surrogate
-
-FloatArray = NDArray[np.float64]
+from hybridsurrogate.effects.base import Cause, Context
+from hybridsurrogate.inference.collapsed import (
+    CollapsedPosterior,
+    Statistics,
+    powers_of,
+    statistics,
+)
+from hybridsurrogate.inference.ensemble import ensemble_draws
+from hybridsurrogate.inference.importance import KHAT_LIMIT, find_modes, importance_draws
+from hybridsurrogate.inference.measured import MeasuredModel
+from hybridsurrogate.inference.scan import starting_points
+from hybridsurrogate.inference.two_step import second_step
+from hybridsurrogate.likelihoods import Likelihood
+from hybridsurrogate.posterior import Diagnostics, Posterior
+from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.simulation import SimulationData, Simulator
+from hybridsurrogate.surrogates.base import Domain, Surrogate
 
 # proposals of the importance sampler: three for each draw that is kept
 _OVERSAMPLING = 3

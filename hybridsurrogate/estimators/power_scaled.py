@@ -8,14 +8,14 @@ from typing import Any
 from numpy.typing import ArrayLike
 from sklearn.utils import check_random_state
 
-from ..effects.base import Cause
-from ..likelihoods import Likelihood
-from ..posterior import Posterior
-from ..priors import Prior
-from ..simulation import SimulationData, Simulator
-from ..surrogates.base import Surrogate
-from .base import SurrogateEstimator
-from .fitting import fit_problem, make_problem
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.estimators.base import SurrogateEstimator
+from hybridsurrogate.estimators.fitting import fit_problem, make_problem
+from hybridsurrogate.likelihoods import Likelihood
+from hybridsurrogate.posterior import Posterior
+from hybridsurrogate.priors import Prior
+from hybridsurrogate.simulation import SimulationData, Simulator
+from hybridsurrogate.surrogates.base import Surrogate
 
 
 class PowerScaledSurrogate(SurrogateEstimator):

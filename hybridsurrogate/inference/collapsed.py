@@ -10,12 +10,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..priors import Prior
-from .measured import MeasuredModel, prior_log_density
+from hybridsurrogate.inference.measured import MeasuredModel, prior_log_density
+from hybridsurrogate.priors import FloatArray, Prior
 
-FloatArray = NDArray[np.float64]
 _LOG_2PI = float(np.log(2 * np.pi))
 
 # a fit can be exact to the last digit (a polynomial fitted to a polynomial): this share of the
@@ -110,7 +108,7 @@ class CollapsedPosterior:
         if self._fixed:
             return self._fixed_rows.marginal(np.exp(2 * u[:, -1]))
         _, precision = self._prior
-        pieces = []
+        pieces: list[FloatArray] = []
         for block in self._blocks(u):
             factor, log_noise = self._augmented_factor(block)
             diagonal = np.diagonal(factor, axis1=1, axis2=2)
@@ -193,10 +191,10 @@ class CollapsedPosterior:
         if self._fixed:
             draws = self._fixed_rows.draws(np.exp(2 * u[:, -1]), noise)
             return draws[:, :p], draws[:, p:]
-        pieces = []
+        pieces: list[FloatArray] = []
         for block in self._blocks(u):
             factor, _ = self._augmented_factor(block)
-            first = sum(map(len, pieces))
+            first = sum(len(piece) for piece in pieces)
             right = factor[:, -1, :-1] + noise[first : first + len(block)]
             transposed = np.swapaxes(factor[:, :-1, :-1], 1, 2)
             pieces.append(np.linalg.solve(transposed, right[..., None])[..., 0])

@@ -6,11 +6,9 @@ from dataclasses import dataclass
 
 import emcee
 import numpy as np
-from numpy.typing import NDArray
 
-from .importance import Gaussian, LogDensity, student_draws
-
-FloatArray = NDArray[np.float64]
+from hybridsurrogate.inference.importance import Gaussian, LogDensity, student_draws
+from hybridsurrogate.priors import FloatArray
 
 _BLOCK = 200
 _MAX_STEPS = 4000

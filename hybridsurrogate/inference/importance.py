@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-FloatArray = NDArray[np.float64]
+from hybridsurrogate.priors import FloatArray
+
 LogDensity = Callable[[FloatArray], FloatArray]
 
 DEGREES_OF_FREEDOM = 5.0

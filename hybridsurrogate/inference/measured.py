@@ -7,13 +7,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..effects.base import Cause, Rows
-from ..priors import Prior, from_normal
-from ..surrogates.base import Basis
-
-FloatArray = NDArray[np.float64]
+from hybridsurrogate.effects.base import Cause, Rows
+from hybridsurrogate.priors import FloatArray, Prior, from_normal
+from hybridsurrogate.surrogates.base import Basis
 
 # numbers in one block of features; larger batches are cut so that memory stays bounded
 _BLOCK = 8_000_000
@@ -161,7 +158,7 @@ class MeasuredModel:
             return np.empty((J, n, 0))
         rows, _, theta = self._rows(X, values)
         added = [
-            effect.columns(rows, own)
+            np.asarray(effect.columns(rows, own))
             for effect, own in zip(self.effects, theta, strict=True)
             if effect.coefficients
         ]

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..priors import Prior
-from .collapsed import ROUNDING
-
-FloatArray = NDArray[np.float64]
+from hybridsurrogate.inference.collapsed import ROUNDING
+from hybridsurrogate.priors import FloatArray, Prior
 
 _N_TABLE = 1500
 

@@ -20,13 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from ..effects.base import Cause
-from ..priors import Prior, prior_range, to_normal
-from ..surrogates.base import Basis
-from .collapsed import CollapsedPosterior, Statistics
-from .measured import MeasuredModel
-
-FloatArray = NDArray[np.float64]
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.inference.collapsed import CollapsedPosterior, Statistics
+from hybridsurrogate.inference.measured import MeasuredModel
+from hybridsurrogate.priors import FloatArray, Prior, prior_range, to_normal
+from hybridsurrogate.surrogates.base import Basis
 
 _STEP = 1e-3
 _MAX_CLIMB = 12
@@ -271,7 +269,7 @@ def linearise(
         else:
             H = columns[:, :, own]
     H = np.broadcast_to(H, (T, len(X), H.shape[2]))
-    rms = np.sqrt(np.mean(H**2, axis=1))
+    rms: FloatArray = np.sqrt(np.mean(H**2, axis=1))
     if model.effects and model.effects[-1].kind == "unexplained":
         # the basis of a process is one object: its prior variance per row, not per column
         rms = np.broadcast_to(np.sqrt(np.sum(rms**2, axis=1, keepdims=True)), rms.shape)
@@ -430,7 +428,7 @@ def climb(
 def _solve(
     parts: Linearised, y: FloatArray, plan: Layout, z: FloatArray, sigma: float, size: float
 ) -> tuple[Peak, FloatArray]:
-    """Return the fit at z with sizes of columns free, and the z at which the linear model is best."""
+    """Return the fit at z, columns free, and the z at which the linear model is best."""
     whiten, _ = _whitener(parts.U, sigma)
     T, n, q = parts.H.shape
     d, s = parts.G.shape[2], len(plan.sizes)

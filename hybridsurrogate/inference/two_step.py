@@ -13,19 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..priors import Prior
-from .collapsed import ROUNDING
-from .importance import (
+from hybridsurrogate.inference.collapsed import ROUNDING
+from hybridsurrogate.inference.importance import (
     Gaussian,
     find_modes,
     mixture_draws,
     moment_match,
     pareto_smooth,
 )
-from .measured import MeasuredModel, prior_log_density
-from .noise import marginal_over_noise, noise_grid
-
-FloatArray = NDArray[np.float64]
+from hybridsurrogate.inference.measured import MeasuredModel, prior_log_density
+from hybridsurrogate.inference.noise import marginal_over_noise, noise_grid
+from hybridsurrogate.priors import FloatArray, Prior
 
 _GRID_NODES = {0: 1, 1: 101, 2: 41}
 _Z_RANGE = 7.0

@@ -1,7 +1,7 @@
 """Surrogates: one file a family."""
 
-from .base import Basis, Domain, Surrogate
-from .exact import ExactSurrogate
-from .polynomial_chaos import PolynomialChaos
+from hybridsurrogate.surrogates.base import Basis, Domain, Surrogate
+from hybridsurrogate.surrogates.exact import ExactSurrogate
+from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
 
 __all__ = ["Basis", "Domain", "ExactSurrogate", "PolynomialChaos", "Surrogate"]

@@ -13,10 +13,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from sklearn.base import BaseEstimator
 
-FloatArray = NDArray[np.float64]
+from hybridsurrogate.priors import FloatArray
 
 
 @dataclass(frozen=True)

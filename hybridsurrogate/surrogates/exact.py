@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .base import Basis, Domain, FloatArray, Surrogate
-from .polynomial_chaos import PolynomialChaos
+from hybridsurrogate.surrogates.base import Basis, Domain, FloatArray, Surrogate
+from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
 
 
 class ExactSurrogate(Surrogate):

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.utils import check_scalar
 
-from ..priors import Prior, check_prior
-from .base import Basis, Domain, FloatArray, Surrogate
+from hybridsurrogate.priors import Prior, check_prior
+from hybridsurrogate.surrogates.base import Basis, Domain, FloatArray, Surrogate
 
 # scale-aware default: five times the spread of the outputs, as N(0, 5) is for the published
 # case studies, whose outputs have a spread of about one

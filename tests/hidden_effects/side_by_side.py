@@ -1,4 +1,7 @@
-"""The diagnosis and the engineer on the same blind cases: `python -m tests.hidden_effects.side_by_side`."""
+"""The diagnosis and the engineer on the same blind cases.
+
+`python -m tests.hidden_effects.side_by_side` prints both tables.
+"""
 
 from __future__ import annotations
 

@@ -1,0 +1,64 @@
+"""Speed: `pytest tests/benchmarks --benchmark-only`; figures are compared within one run."""
+
+import numpy as np
+import pytest
+from scipy.stats import halfnorm, norm
+from sklearn.model_selection import GridSearchCV
+
+import hybridsurrogate as hs
+from hybridsurrogate.datasets import make_log_sin
+
+BETAS = np.linspace(0, 1, 21)
+
+
+@pytest.fixture(scope="module")
+def case():
+    return make_log_sin(random_state=0)
+
+
+@pytest.fixture(scope="module")
+def model(case):
+    return hs.PowerScaledSurrogate(
+        case.simulation,
+        surrogate=hs.PolynomialChaos(degree=5, coefficient_prior=norm(0, 5)),
+        noise_prior=halfnorm(scale=0.5),
+        n_draws=1000,
+        random_state=0,
+    )
+
+
+def test_one_fit(benchmark, case, model):
+    benchmark.pedantic(lambda: model.set_params(beta=0.5).fit(case.X, case.y), rounds=5)
+
+
+def test_scan_of_21_betas(benchmark, case, model):
+    def scan():
+        for beta in BETAS:
+            model.set_params(beta=float(beta)).fit(case.X, case.y)
+
+    benchmark.pedantic(scan, rounds=3, warmup_rounds=1)
+
+
+@pytest.mark.filterwarnings("ignore::hybridsurrogate.SamplingWarning")
+def test_grid_search_over_21_betas_in_5_folds(benchmark, case, model):
+    search = GridSearchCV(model, {"beta": BETAS}, cv=5)
+    benchmark.pedantic(lambda: search.fit(case.X, case.y), rounds=1)
+
+
+@pytest.mark.filterwarnings("ignore::hybridsurrogate.HybridSurrogateWarning")
+def test_one_diagnosis_of_40_rows(benchmark):
+    case = make_log_sin(n_measured=40, random_state=0)
+    exact = hs.PowerScaledSurrogate(
+        case.simulator, surrogate=hs.ExactSurrogate(), n_draws=1000, random_state=0
+    )
+    diagnosis = hs.DiscrepancyDiagnosis(exact, n_replicates=200, random_state=0)
+    benchmark.pedantic(lambda: diagnosis.fit(case.X, case.y), rounds=3)
+
+
+def test_one_search_of_40_rows_without_folds(benchmark):
+    case = make_log_sin(n_measured=40, random_state=0)
+    exact = hs.PowerScaledSurrogate(
+        case.simulator, surrogate=hs.ExactSurrogate(), n_draws=1000, random_state=0
+    )
+    diagnosis = hs.DiscrepancyDiagnosis(exact, cv=None, random_state=0)
+    benchmark.pedantic(lambda: diagnosis.fit(case.X, case.y), rounds=3)

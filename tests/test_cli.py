@@ -1,0 +1,77 @@
+"""The command line, as a newcomer types it."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from hybridsurrogate.cli import main
+
+
+@pytest.fixture
+def files(tmp_path):
+    rng = np.random.default_rng(0)
+    runs = pd.DataFrame({"t": rng.uniform(0, 10, 80), "speed": rng.uniform(1, 3, 80)})
+    runs["distance"] = runs["t"] * runs["speed"]
+    runs.to_csv(tmp_path / "runs.csv", index=False)
+    t = np.linspace(0, 9, 30)
+    measured = pd.DataFrame({"t": t, "wind": rng.standard_normal(30)})
+    measured["distance"] = 2 * t + 1.5 * measured["wind"] + 0.2 * rng.standard_normal(30)
+    measured.to_csv(tmp_path / "measured.csv", index=False)
+    return tmp_path
+
+
+def arguments(folder, *more):
+    return [
+        "diagnose",
+        str(folder / "measured.csv"),
+        "--simulation",
+        str(folder / "runs.csv"),
+        *("--inputs", "t", "--parameters", "speed", "--output", "distance", "--degree", "2"),
+        *("--report", str(folder / "report.html")),
+        *more,
+    ]
+
+
+def test_the_list_of_demonstrations(capsys):
+    assert main(["demo", "--list"]) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == [
+        "co2",
+        "log-sin",
+        "nile",
+    ]
+
+
+def test_a_demonstration_prints_its_verdict_and_writes_a_report(capsys, tmp_path):
+    assert main(["demo", "nile", "--report", str(tmp_path / "report.html")]) == 0
+    out = capsys.readouterr().out
+    assert "step in year, with location 1898" in out
+    assert (tmp_path / "report.html").exists()
+
+
+def test_files_of_ones_own(files, capsys):
+    assert main(arguments(files, "--prior", "speed=2,0.5")) == 0
+    assert "missing-input in wind" in capsys.readouterr().out
+    assert (files / "report.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("--prior", "speed=fast"), "write NAME=MEAN,SD"),
+        (("--prior", "mass=1,2"), "'mass' is not one of --parameters"),
+        (("--inputs", "depth"), "has no columns ['depth']"),
+        (("--parameters", "mass"), "has no columns ['mass']"),
+        (("--simulation", "nowhere.csv"), "nowhere.csv"),
+    ],
+)
+def test_a_mistake_ends_with_one_clear_line(files, capsys, change, message):
+    assert main(arguments(files, *change)) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert len(error.splitlines()) == 1
+
+
+def test_an_unknown_demonstration(capsys):
+    with pytest.raises(SystemExit, match="2"):
+        main(["demo", "moon"])
+    assert "invalid choice: 'moon'" in capsys.readouterr().err
