@@ -96,6 +96,8 @@ def test_an_adequate_simulation(diagnose):
     assert "Nothing was added" in text
 
 
+# a step under a coarse emulator strains the draws, and the diagnosis says so
+@pytest.mark.filterwarnings("ignore::hybridsurrogate.HybridSurrogateWarning")
 def test_an_emulator_gets_its_beta_scan(diagnose):
     diagnosis = diagnose(lambda t: 2.0 * (t > 5), hs.PolynomialChaos(degree=4))
     report = diagnosis.report()

@@ -147,8 +147,8 @@ def _distinct(x: FloatArray, value: FloatArray, hessian: FloatArray) -> list[Gau
     modes: list[Gaussian] = []
     for k in np.argsort(-value):
         eigenvalue, vector = np.linalg.eigh(-hessian[k])
-        # a plateau has no curvature; half the prior's is the widest that z can be
-        eigenvalue = np.maximum(eigenvalue, 0.5)
+        # saddles and rounding: no direction is wider than a few of the prior's deviations
+        eigenvalue = np.maximum(eigenvalue, 0.05)
         inside = any(
             np.linalg.norm(np.linalg.solve(mode.factor, x[k] - mode.mean)) < 3.0 + len(mode.mean)
             for mode in modes

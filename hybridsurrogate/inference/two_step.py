@@ -28,10 +28,10 @@ from hybridsurrogate.priors import FloatArray, Prior
 _GRID_NODES = {0: 1, 1: 101, 2: 41}
 _Z_RANGE = 7.0
 # a posterior on fewer nodes than this gets a grid this many times finer
-_FEW_NODES = {1: 6.0, 2: 12.0}
-_REFINEMENT = {1: 10, 2: 2}
-_N_PROPOSALS = 2000
-_N_ROUNDS = 3
+_FEW_NODES = {1: 8.0, 2: 50.0}
+_REFINEMENT = {1: 10, 2: 3}
+_N_PROPOSALS = 3000
+_N_ROUNDS = 4
 
 
 @dataclass(frozen=True)
