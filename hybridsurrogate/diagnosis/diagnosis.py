@@ -73,7 +73,8 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
     causes : sequence of Cause, default=()
         Mechanisms of your own, weighed beside the catalogue.
     false_alarm_rate : float, default=0.05
-        The verdict is "adequate" unless the p-value of the whole search is at most this.
+        The verdict is "adequate" unless the p-value of the whole search is at most this (and
+        "none" has no more than half of the probability).
     n_replicates : int, default=200
         Replicated data sets for the p-value.
     cv : int or None, default=5
@@ -229,8 +230,8 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
     # ------------------------------------------------------------------------------ verdict
 
     def _choose(self, found: Search) -> Weighed:
-        """Return the most probable cause, or "none" where the p-value allows it."""
-        if self.p_value_ > self.false_alarm_rate:
+        """Return the most probable cause, or "none" where p-value or probability speak for it."""
+        if self.p_value_ > self.false_alarm_rate or found.probability[0] > 0.5:
             return found.weighed[0]
         return found.weighed[_leader(found)]
 

@@ -252,7 +252,7 @@ def linearise(
     slopes = np.where(np.isfinite(slopes), slopes, 0.0)
     d = len(plan.fixed)
     G = np.swapaxes(slopes[:, :d], 1, 2)
-    H = np.swapaxes(slopes[:, d:], 1, 2)
+    H: FloatArray = np.swapaxes(slopes[:, d:], 1, 2)
     # expand around the prior's centre: fixed directions at 0, sizes at their neutral value
     mean = response[:, 0] - G @ z[plan.fixed] - H @ (z[plan.sizes] - plan.neutral[plan.sizes])
 
