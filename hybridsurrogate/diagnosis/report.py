@@ -172,7 +172,8 @@ def _verdict(diagnosis: DiscrepancyDiagnosis) -> list[str]:
     name, best = _name(diagnosis), diagnosis.best_cause_
     if diagnosis.verdict_ == "adequate":
         return [
-            f"The data give no reason to doubt the simulation {name} ({p}).",
+            f"The data give no reason to doubt the simulation {name} ({p}; 'none' has "
+            f"{100 * best.probability:.0f} % of the probability).",
             meaning,
             "That is not a proof: an effect well below the noise would not show.",
         ]
