@@ -218,8 +218,8 @@ def importance_draws(
     """Draw from a density through Student-t proposals with Pareto-smoothed weights.
 
     Where fewer than a tenth of the proposals are effective, the main proposal is moved to the
-    weighted mean and covariance of the draws and the round is repeated (adaptive importance
-    sampling).
+    weighted mean and covariance of the draws, and where only the tail of the weights is bad, such a
+    proposal is added; the round is then repeated (adaptive importance sampling).
     """
     for round_ in range(max_rounds):
         points, log_proposal = mixture_draws(components, n_proposals, random_state)
@@ -227,9 +227,12 @@ def importance_draws(
         smoothed, khat = pareto_smooth(log_weight)
         weight = np.exp(smoothed - special.logsumexp(smoothed))
         effective = 1 / np.sum(weight**2)
-        if effective >= 0.1 * n_proposals or round_ == max_rounds - 1:
+        enough = effective >= 0.1 * n_proposals
+        if (enough and khat <= KHAT_LIMIT) or round_ == max_rounds - 1:
             break
-        components = [moment_match(points, weight, components[0]), *components[1:]]
+        matched = moment_match(points, weight, components[0])
+        # draws that are many but badly tailed lack a wide proposal rather than a better centre
+        components = [*components, matched] if enough else [matched, *components[1:]]
     index = systematic_resample(weight, n_draws, random_state)
     log_evidence = float(special.logsumexp(log_weight) - np.log(len(log_weight)))
     return ImportanceDraws(points[index], khat, float(effective), log_evidence)
