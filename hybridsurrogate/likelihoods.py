@@ -10,7 +10,6 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy import special
 
 from hybridsurrogate.priors import FloatArray
@@ -150,9 +149,3 @@ def as_likelihood(likelihood: str | Likelihood) -> Likelihood:
             f"likelihood must be one of {sorted(LIKELIHOODS)} or a Likelihood object, "
             f"got {likelihood!r}."
         ) from None
-
-
-def log_mean_exp(values: ArrayLike, axis: int = 0) -> FloatArray:
-    """Return the log of the mean of exponentials along an axis."""
-    values = np.asarray(values, dtype=float)
-    return special.logsumexp(values, axis=axis) - np.log(values.shape[axis])

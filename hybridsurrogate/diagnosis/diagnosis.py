@@ -21,6 +21,7 @@ from hybridsurrogate.diagnosis.evidence import Search, Weighed, kind_of, search
 from hybridsurrogate.diagnosis.extension import extend_simulator
 from hybridsurrogate.diagnosis.gain import Gain, cross_validated_gain, gain_from, pointwise
 from hybridsurrogate.diagnosis.null import null_test
+from hybridsurrogate.diagnosis.verdict import cause_table, credible_kinds, kind_shares, leader
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.catalogue import Skipped, catalogue
 from hybridsurrogate.estimators.fitting import Problem, make_context, make_problem
@@ -33,7 +34,6 @@ from hybridsurrogate.surrogates.base import Basis
 
 # one cause is "named" when it is three times as probable as all its rivals together
 _NAMED = 0.75
-_SET_MASS = 0.9
 _MIN_ROWS = 8
 # enough for scores whose own standard error is that of a handful of rows
 _FOLD_DRAWS = 400
@@ -164,8 +164,8 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         self.search_ = search(problem, causes, belief)
         test = null_test(self.search_, int(self.n_replicates), random)
         self.p_value_ = test.p_value
-        self.causes_ = _table(self.search_, skipped)
-        self.indistinguishable_ = _credible_kinds(self.search_)
+        self.causes_ = cause_table(self.search_, skipped)
+        self.indistinguishable_ = credible_kinds(self.search_)
         chosen = self._choose(self.search_)
         self.verdict_ = self._verdict(chosen)
         self.extended_estimator_ = self._extended(self.estimator_, chosen.cause, X, y)
@@ -233,7 +233,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         """Return the most probable cause, or "none" where p-value or probability speak for it."""
         if self.p_value_ > self.false_alarm_rate or found.probability[0] > 0.5:
             return found.weighed[0]
-        return found.weighed[_leader(found)]
+        return found.weighed[leader(found)]
 
     def _verdict(self, chosen: Weighed) -> str:
         kind = kind_of(chosen)
@@ -241,7 +241,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
             return "adequate"
         if kind == "unexplained":
             return "unexplained"
-        shares = _kind_shares(self.search_)
+        shares = kind_shares(self.search_)
         return "named" if shares[kind] >= _NAMED else "ambiguous"
 
     def _finding(self, chosen: Weighed) -> CauseFinding:
@@ -418,62 +418,3 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
 
 def _with_basis(problem: Problem, basis: Basis) -> Problem:
     return replace(problem, model=replace(problem.model, basis=basis))
-
-
-def _leader(found: Search) -> int:
-    """Return the position of the most probable cause other than "none", by kind then target."""
-    shares = _kind_shares(found)
-    kind = max(shares, key=lambda name: shares[name])
-    member = [k for k, w in enumerate(found.weighed) if kind_of(w) == kind]
-    return max(member, key=lambda k: found.probability[k])
-
-
-def _kind_shares(found: Search) -> dict[str, float]:
-    """Return the probability of each kind, given that something is wrong."""
-    shares: dict[str, float] = {}
-    for w, probability in zip(found.weighed[1:], found.probability[1:], strict=True):
-        shares[kind_of(w)] = shares.get(kind_of(w), 0.0) + float(probability)
-    total = sum(shares.values())
-    return {kind: value / total for kind, value in shares.items()} if total else shares
-
-
-def _credible_kinds(found: Search) -> list[str]:
-    kinds, mass = [], 0.0
-    for kind, share in sorted(_kind_shares(found).items(), key=lambda item: -item[1]):
-        kinds.append(kind)
-        mass += share
-        if mass >= _SET_MASS:
-            break
-    return kinds
-
-
-def _table(found: Search, skipped: list[Skipped]) -> pd.DataFrame:
-    base = found.weighed[0].log_evidence
-    rows = [
-        {
-            "kind": kind_of(w),
-            "target": w.cause.target if w.cause else None,
-            "probability": probability,
-            "log_evidence": w.log_evidence - base,
-            "remainder": remainder,
-            "note": "",
-        }
-        for w, probability, remainder in zip(
-            found.weighed, found.probability, found.remainder, strict=True
-        )
-    ]
-    rows += [
-        {
-            "kind": s.kind,
-            "target": s.target,
-            "probability": 0.0,
-            "log_evidence": np.nan,
-            "remainder": np.nan,
-            "note": f"not weighed: {s.reason}",
-        }
-        for s in skipped
-    ]
-    table = pd.DataFrame(rows).sort_values(
-        "probability", ascending=False, kind="stable", ignore_index=True
-    )
-    return table

@@ -18,17 +18,15 @@ from scipy import special
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.discrepancy_process import GaussianProcessDiscrepancy
 from hybridsurrogate.estimators.fitting import Problem
+from hybridsurrogate.inference.layout import Layout, layout, refine
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.noise import NoiseTable
 from hybridsurrogate.inference.scan import (
     Belief,
-    Layout,
     Linearised,
     Peak,
     climb,
-    layout,
     linearise,
-    refine,
     scan,
 )
 from hybridsurrogate.priors import FloatArray

@@ -17,7 +17,7 @@ from hybridsurrogate.inference.collapsed import (
 from hybridsurrogate.inference.ensemble import ensemble_draws
 from hybridsurrogate.inference.importance import KHAT_LIMIT, find_modes, importance_draws
 from hybridsurrogate.inference.measured import MeasuredModel
-from hybridsurrogate.inference.scan import starting_points
+from hybridsurrogate.inference.starts import starting_points
 from hybridsurrogate.inference.two_step import second_step
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.posterior import Diagnostics, Posterior

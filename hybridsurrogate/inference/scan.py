@@ -13,25 +13,19 @@ of the output, the same for every cause, so that no cause is favoured by the uni
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy import special
 
-from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.inference.collapsed import CollapsedPosterior, Statistics
+from hybridsurrogate.inference.collapsed import Statistics
+from hybridsurrogate.inference.layout import Layout
 from hybridsurrogate.inference.measured import MeasuredModel
-from hybridsurrogate.priors import FloatArray, Prior, prior_range, to_normal
+from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.surrogates.base import Basis
 
 _STEP = 1e-3
 _MAX_CLIMB = 12
-_MAX_STARTS = 5
-# a grid is fine enough when this many nodes an axis lie within two nats of the best
-_ENOUGH_NODES = 4
-_MOST_SPLIT = 40
 _ABSURD = 1e100
 # a size that is a parameter of its own keeps within its prior: z displaced by its prior sd at most
 _SIZE_CAP = 1.0
@@ -60,123 +54,6 @@ def coefficient_belief(basis: Basis, simulation: Statistics | None, power: float
         variance = max(squares, 1e-14 * simulation.yy) / max(simulation.n - used, 1.0)
     lower = np.linalg.cholesky(np.diag(precision) + power * simulation.ff / variance)
     return Belief(mean, np.linalg.inv(lower).T)
-
-
-@dataclass(frozen=True)
-class Layout:
-    """Which coordinates of z are enumerated, which are sizes, and the grid.
-
-    Attributes
-    ----------
-    fixed, sizes, nodes : ndarray of int
-        Positions in z: unit-normal directions, sizes of the cause, enumerated coordinates.
-    neutral : ndarray of shape (n_unknowns,)
-        z at which the cause changes nothing, zero elsewhere.
-    grid : ndarray of shape (T, len(nodes))
-        Values of the enumerated coordinates in the user's units.
-    edges : ndarray of shape (T, len(nodes), 2)
-        The cell around each node.
-    log_weight : ndarray of shape (T,)
-        Log prior mass of each node.
-    """
-
-    fixed: NDArray[np.intp]
-    sizes: NDArray[np.intp]
-    nodes: NDArray[np.intp]
-    neutral: FloatArray
-    grid: FloatArray
-    edges: FloatArray
-    log_weight: FloatArray
-
-
-def layout(model: MeasuredModel) -> Layout:
-    """Return the layout for the last cause of a model; earlier causes count as known shapes."""
-    last = len(model.effects) - 1
-    neutral = np.zeros(model.n_unknowns)
-    sizes, nodes, cells = [], [], []
-    axes: dict[str, FloatArray] = model.effects[last].grid() if model.effects else {}
-    start = model.effects[last].start() if model.effects else {}
-    for position, (owner, name) in enumerate(model.theta_names, start=model.n_parameters):
-        if owner != last:
-            continue
-        prior = model.priors[position]
-        if name in axes:
-            nodes.append(position)
-            cells.append(_cells(axes[name], prior))
-        elif name in start:
-            sizes.append(position)
-            neutral[position] = to_normal([prior], [start[name]])[0]
-    mesh = np.meshgrid(*(np.arange(len(cell)) for cell in cells), indexing="ij")
-    index = [axis.ravel() for axis in mesh]
-    edges = np.empty((1, 0, 2))
-    if nodes:
-        edges = np.stack([cell[k] for cell, k in zip(cells, index, strict=True)], axis=1)
-    taken = {*sizes, *nodes}
-    fixed = [k for k in range(model.n_unknowns) if k not in taken]
-    return _with_cells(
-        model,
-        Layout(
-            np.array(fixed, dtype=int),
-            np.array(sizes, dtype=int),
-            np.array(nodes, dtype=int),
-            neutral,
-            np.empty((0, 0)),
-            edges,
-            np.empty(0),
-        ),
-        edges,
-    )
-
-
-def _cells(nodes: FloatArray, prior: Prior) -> FloatArray:
-    """Return cells (T, 2) whose borders lie between the nodes and at the ends of the prior."""
-    low, high = prior_range(prior)
-    middle = 0.5 * (nodes[1:] + nodes[:-1])
-    borders = np.concatenate([[min(low, nodes[0])], middle, [max(high, nodes[-1])]])
-    return np.column_stack([borders[:-1], borders[1:]])
-
-
-def _with_cells(model: MeasuredModel, plan: Layout, edges: FloatArray) -> Layout:
-    """Return the plan with other cells: nodes in their middle, weighed by their prior mass."""
-    log_mass = np.zeros(len(edges))
-    for k, position in enumerate(plan.nodes):
-        mass = np.diff(model.priors[position].cdf(edges[:, k]), axis=1)[:, 0]
-        log_mass += np.log(np.maximum(mass, 1e-300))
-    return replace(
-        plan,
-        grid=edges.mean(axis=2),
-        edges=edges,
-        log_weight=log_mass - special.logsumexp(log_mass),
-    )
-
-
-def refine(model: MeasuredModel, plan: Layout, log_evidence: FloatArray) -> Layout:
-    """Split the cells that carry the evidence, three ways along every axis.
-
-    Parameters
-    ----------
-    log_evidence : ndarray of shape (T,)
-        As from `scan`, for one response.
-
-    Returns
-    -------
-    Layout
-        The same plan when enough nodes share the evidence already.
-    """
-    if not len(plan.nodes):
-        return plan
-    density = log_evidence - plan.log_weight
-    near = np.sum(density > density.max() - 2.0)
-    if near >= _ENOUGH_NODES ** len(plan.nodes):
-        return plan
-    split = density > density.max() - 30.0
-    split &= np.argsort(np.argsort(-density)) < _MOST_SPLIT
-    pieces = plan.edges[split]
-    for k in range(len(plan.nodes)):
-        borders = np.linspace(pieces[:, k, 0], pieces[:, k, 1], 4, axis=1)
-        pieces = np.repeat(pieces, 3, axis=0)
-        pieces[:, k, 0], pieces[:, k, 1] = borders[:, :-1].ravel(), borders[:, 1:].ravel()
-    return _with_cells(model, plan, np.concatenate([plan.edges[~split], pieces]))
 
 
 @dataclass(frozen=True)
@@ -468,78 +345,3 @@ def _solve(
     size_move = solution[node, d : d + s] / parts.H_rms[node, :s]
     move[plan.sizes] = np.clip(plan.neutral[plan.sizes] + size_move, -6, 6)
     return peak, move
-
-
-def starting_points(target: CollapsedPosterior, random_state: np.random.RandomState) -> FloatArray:
-    """Return points u from which an optimiser should climb: best prior draws, best nodes."""
-    model = target.model
-    free = MeasuredModel(
-        model.basis, model.columns, model.n_inputs, model.parameters, model.constants, (), 1.0
-    )
-    base = _best_prior_points(
-        CollapsedPosterior(
-            free,
-            target.X,
-            target.y,
-            target.simulation,
-            target.simulation_power,
-            target.measured_power,
-            target.noise_prior,
-            target.scale,
-        ),
-        random_state,
-    )
-    if not model.effects:
-        return base
-    belief = coefficient_belief(model.basis, target.simulation, target.simulation_power)
-    z = base[0, :-1]
-    sigma = float(np.exp(base[0, -1]))
-    causes: tuple[Cause, ...] = ()
-    for cause in model.effects:
-        causes = (*causes, cause)
-        partial = MeasuredModel(
-            model.basis,
-            model.columns,
-            model.n_inputs,
-            model.parameters,
-            model.constants,
-            causes,
-            model.default_sd,
-        )
-        plan = layout(partial)
-        start = np.concatenate([z, plan.neutral[len(z) :]])
-        peak = climb(partial, target.X, target.y, belief, plan, start, sigma, 10 * target.scale)
-        z = peak.z.copy()
-        if len(plan.nodes):
-            priors = [partial.priors[k] for k in plan.nodes]
-            z[plan.nodes] = to_normal(priors, plan.grid[peak.node])
-        sigma = float(np.sqrt(max(peak.squares, 1e-12) / len(target.y)))
-    return np.array([[*z, np.log(sigma * factor)] for factor in (1.0, 2.0)])
-
-
-def _best_prior_points(
-    target: CollapsedPosterior, random_state: np.random.RandomState
-) -> FloatArray:
-    """Return the local maxima among points spread over the prior and beyond, best first.
-
-    Posteriors can have a second mode far in a tail, where the surrogate bends back to the data.
-    """
-    d = target.model.n_unknowns
-    if d == 1:
-        z = np.linspace(-6.5, 6.5, 41)[:, None]
-    else:
-        z = random_state.standard_normal((1 + 40 * d, d))
-        z[0], z[1::2] = 0.0, 2.5 * z[1::2]
-    log_sigma = np.log(target.scale) + np.log([1e-3, 0.03, 0.1, 0.3, 1.0])
-    grid = np.concatenate(
-        [np.repeat(z, len(log_sigma), axis=0), np.tile(log_sigma, len(z))[:, None]], axis=1
-    )
-    value = target.log_density(grid).reshape(len(z), -1)
-    u = grid.reshape(len(z), len(log_sigma), -1)[np.arange(len(z)), value.argmax(axis=1)]
-    value = value.max(axis=1)
-    if not d:
-        return u[:1]
-    distance = np.linalg.norm(z[:, None] - z, axis=2)
-    neighbours = np.argsort(distance, axis=1)[:, 1 : 2 * d + 1]
-    peaks = np.flatnonzero(value >= value[neighbours].max(axis=1))
-    return u[peaks[np.argsort(-value[peaks])][:_MAX_STARTS]]

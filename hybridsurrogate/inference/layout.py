@@ -1,0 +1,133 @@
+"""Which unknowns of a cause are enumerated, which are sizes, and the grid of the former."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from hybridsurrogate.inference.measured import MeasuredModel
+from hybridsurrogate.priors import FloatArray, Prior, prior_range, to_normal
+
+# a grid is fine enough when this many nodes an axis lie within two nats of the best
+_ENOUGH_NODES = 4
+_MOST_SPLIT = 40
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Which coordinates of z are enumerated, which are sizes, and the grid.
+
+    Attributes
+    ----------
+    fixed, sizes, nodes : ndarray of int
+        Positions in z: unit-normal directions, sizes of the cause, enumerated coordinates.
+    neutral : ndarray of shape (n_unknowns,)
+        z at which the cause changes nothing, zero elsewhere.
+    grid : ndarray of shape (T, len(nodes))
+        Values of the enumerated coordinates in the user's units.
+    edges : ndarray of shape (T, len(nodes), 2)
+        The cell around each node.
+    log_weight : ndarray of shape (T,)
+        Log prior mass of each node.
+    """
+
+    fixed: NDArray[np.intp]
+    sizes: NDArray[np.intp]
+    nodes: NDArray[np.intp]
+    neutral: FloatArray
+    grid: FloatArray
+    edges: FloatArray
+    log_weight: FloatArray
+
+
+def layout(model: MeasuredModel) -> Layout:
+    """Return the layout for the last cause of a model; earlier causes count as known shapes."""
+    last = len(model.effects) - 1
+    neutral = np.zeros(model.n_unknowns)
+    sizes, nodes, cells = [], [], []
+    axes: dict[str, FloatArray] = model.effects[last].grid() if model.effects else {}
+    start = model.effects[last].start() if model.effects else {}
+    for position, (owner, name) in enumerate(model.theta_names, start=model.n_parameters):
+        if owner != last:
+            continue
+        prior = model.priors[position]
+        if name in axes:
+            nodes.append(position)
+            cells.append(_cells(axes[name], prior))
+        elif name in start:
+            sizes.append(position)
+            neutral[position] = to_normal([prior], [start[name]])[0]
+    mesh = np.meshgrid(*(np.arange(len(cell)) for cell in cells), indexing="ij")
+    index = [axis.ravel() for axis in mesh]
+    edges = np.empty((1, 0, 2))
+    if nodes:
+        edges = np.stack([cell[k] for cell, k in zip(cells, index, strict=True)], axis=1)
+    taken = {*sizes, *nodes}
+    fixed = [k for k in range(model.n_unknowns) if k not in taken]
+    return _with_cells(
+        model,
+        Layout(
+            np.array(fixed, dtype=int),
+            np.array(sizes, dtype=int),
+            np.array(nodes, dtype=int),
+            neutral,
+            np.empty((0, 0)),
+            edges,
+            np.empty(0),
+        ),
+        edges,
+    )
+
+
+def _cells(nodes: FloatArray, prior: Prior) -> FloatArray:
+    """Return cells (T, 2) whose borders lie between the nodes and at the ends of the prior."""
+    low, high = prior_range(prior)
+    middle = 0.5 * (nodes[1:] + nodes[:-1])
+    borders = np.concatenate([[min(low, nodes[0])], middle, [max(high, nodes[-1])]])
+    return np.column_stack([borders[:-1], borders[1:]])
+
+
+def _with_cells(model: MeasuredModel, plan: Layout, edges: FloatArray) -> Layout:
+    """Return the plan with other cells: nodes in their middle, weighed by their prior mass."""
+    log_mass = np.zeros(len(edges))
+    for k, position in enumerate(plan.nodes):
+        mass = np.diff(model.priors[position].cdf(edges[:, k]), axis=1)[:, 0]
+        log_mass += np.log(np.maximum(mass, 1e-300))
+    return replace(
+        plan,
+        grid=edges.mean(axis=2),
+        edges=edges,
+        log_weight=log_mass - special.logsumexp(log_mass),
+    )
+
+
+def refine(model: MeasuredModel, plan: Layout, log_evidence: FloatArray) -> Layout:
+    """Split the cells that carry the evidence, three ways along every axis.
+
+    Parameters
+    ----------
+    log_evidence : ndarray of shape (T,)
+        As from `scan`, for one response.
+
+    Returns
+    -------
+    Layout
+        The same plan when enough nodes share the evidence already.
+    """
+    if not len(plan.nodes):
+        return plan
+    density = log_evidence - plan.log_weight
+    near = np.sum(density > density.max() - 2.0)
+    if near >= _ENOUGH_NODES ** len(plan.nodes):
+        return plan
+    split = density > density.max() - 30.0
+    split &= np.argsort(np.argsort(-density)) < _MOST_SPLIT
+    pieces = plan.edges[split]
+    for k in range(len(plan.nodes)):
+        borders = np.linspace(pieces[:, k, 0], pieces[:, k, 1], 4, axis=1)
+        pieces = np.repeat(pieces, 3, axis=0)
+        pieces[:, k, 0], pieces[:, k, 1] = borders[:, :-1].ravel(), borders[:, 1:].ravel()
+    return _with_cells(model, plan, np.concatenate([plan.edges[~split], pieces]))

@@ -1,0 +1,67 @@
+"""Where an optimiser should start: the best prior points, the best nodes of each cause."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.inference.collapsed import CollapsedPosterior
+from hybridsurrogate.inference.layout import layout
+from hybridsurrogate.inference.scan import climb, coefficient_belief
+from hybridsurrogate.priors import FloatArray, to_normal
+
+_MAX_STARTS = 5
+
+
+def starting_points(target: CollapsedPosterior, random_state: np.random.RandomState) -> FloatArray:
+    """Return points u from which an optimiser should climb: best prior draws, best nodes."""
+    model = target.model
+    base = _best_prior_points(replace(target, model=replace(model, effects=())), random_state)
+    if not model.effects:
+        return base
+    belief = coefficient_belief(model.basis, target.simulation, target.simulation_power)
+    z = base[0, :-1]
+    sigma = float(np.exp(base[0, -1]))
+    causes: tuple[Cause, ...] = ()
+    for cause in model.effects:
+        causes = (*causes, cause)
+        partial = replace(model, effects=causes)
+        plan = layout(partial)
+        start = np.concatenate([z, plan.neutral[len(z) :]])
+        peak = climb(partial, target.X, target.y, belief, plan, start, sigma, 10 * target.scale)
+        z = peak.z.copy()
+        if len(plan.nodes):
+            priors = [partial.priors[k] for k in plan.nodes]
+            z[plan.nodes] = to_normal(priors, plan.grid[peak.node])
+        sigma = float(np.sqrt(max(peak.squares, 1e-12) / len(target.y)))
+    return np.array([[*z, np.log(sigma * factor)] for factor in (1.0, 2.0)])
+
+
+def _best_prior_points(
+    target: CollapsedPosterior, random_state: np.random.RandomState
+) -> FloatArray:
+    """Return the local maxima among points spread over the prior and beyond, best first.
+
+    Posteriors can have a second mode far in a tail, where the surrogate bends back to the data.
+    """
+    d = target.model.n_unknowns
+    if d == 1:
+        z = np.linspace(-6.5, 6.5, 41)[:, None]
+    else:
+        z = random_state.standard_normal((1 + 40 * d, d))
+        z[0], z[1::2] = 0.0, 2.5 * z[1::2]
+    log_sigma = np.log(target.scale) + np.log([1e-3, 0.03, 0.1, 0.3, 1.0])
+    grid = np.concatenate(
+        [np.repeat(z, len(log_sigma), axis=0), np.tile(log_sigma, len(z))[:, None]], axis=1
+    )
+    value = target.log_density(grid).reshape(len(z), -1)
+    u = grid.reshape(len(z), len(log_sigma), -1)[np.arange(len(z)), value.argmax(axis=1)]
+    value = value.max(axis=1)
+    if not d:
+        return u[:1]
+    distance = np.linalg.norm(z[:, None] - z, axis=2)
+    neighbours = np.argsort(distance, axis=1)[:, 1 : 2 * d + 1]
+    peaks = np.flatnonzero(value >= value[neighbours].max(axis=1))
+    return u[peaks[np.argsort(-value[peaks])][:_MAX_STARTS]]
