@@ -99,7 +99,8 @@ def ensemble_draws(
 
 
 def _autocorrelation_time(sampler: emcee.EnsembleSampler) -> float:
-    tau = float(np.max(sampler.get_autocorr_time(tol=0)))
+    with np.errstate(invalid="ignore"):  # a walker that never moved has no autocorrelation
+        tau = float(np.max(sampler.get_autocorr_time(tol=0)))
     return tau if np.isfinite(tau) else np.inf
 
 
