@@ -180,27 +180,6 @@ def test_large_batches_are_cut_without_a_seam(drifting, monkeypatch):
         np.testing.assert_allclose(one, other, rtol=1e-10)
 
 
-@pytest.mark.parametrize("effects", [(), (hs.Offset(),)], ids=["grid", "proposals"])
-def test_large_second_steps_are_cut_without_a_seam(drifting, monkeypatch, effects):
-    runs, X, y = drifting
-
-    def step():
-        model = hs.PowerScaledSurrogate(
-            runs,
-            surrogate=hs.PolynomialChaos(2, stats.norm(0, 3)),
-            effects=effects,
-            n_draws=200,
-            random_state=0,
-        )
-        return model.fit(X, y).posterior_
-
-    whole = step()
-    monkeypatch.setattr("hybridsurrogate.inference.two_step._BLOCK", 5000)
-    cut = step()
-    for name in ("values", "sigma", "effect_coefficients"):
-        np.testing.assert_allclose(getattr(whole, name), getattr(cut, name), rtol=1e-7, atol=1e-9)
-
-
 def test_beta_zero_ignores_the_runs(drifting):
     runs, X, y = drifting
     other = hs.SimulationData(
@@ -286,14 +265,6 @@ def test_khat_condemns_a_proposal_that_is_too_narrow():
         max_rounds=1,
     )
     assert narrow.khat > 0.7
-
-
-def test_pareto_smoothing_of_one_weight_that_has_it_all():
-    log_weight = np.random.default_rng(0).normal(0, 300, size=1000)
-    smoothed, khat = pareto_smooth(log_weight)
-    assert khat > 10
-    assert smoothed.max() <= 0
-    assert np.isfinite(smoothed).all()
 
 
 @pytest.mark.parametrize("df", [1.5, 4, 30])

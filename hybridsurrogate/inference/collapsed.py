@@ -130,8 +130,7 @@ class CollapsedPosterior:
 
     def _blocks(self, u: FloatArray) -> list[FloatArray]:
         """Cut a batch so that the matrices of one piece fit into memory."""
-        size = len(self._prior[0]) + 1
-        length = max(1, _BLOCK // (size * max(size, len(self.y))))
+        length = max(1, _BLOCK // (len(self._prior[0]) + 1) ** 2)
         return [u[k : k + length] for k in range(0, max(len(u), 1), length)]
 
     def _gram(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -291,12 +291,11 @@ def pareto_smooth(log_weight: FloatArray) -> tuple[FloatArray, float]:
     shape, scale = pareto_fit(np.maximum(excess, 1e-300))
     if np.isfinite(shape):
         probability = (np.arange(n_tail) + 0.5) / n_tail
-        with np.errstate(over="ignore"):  # no weight exceeds the largest anyway
-            quantile = (
-                scale * np.expm1(-shape * np.log1p(-probability)) / shape
-                if abs(shape) > 1e-9
-                else -scale * np.log1p(-probability)
-            )
+        quantile = (
+            scale * np.expm1(-shape * np.log1p(-probability)) / shape
+            if abs(shape) > 1e-9
+            else -scale * np.log1p(-probability)
+        )
         out[tail] = np.minimum(np.log(quantile + np.exp(cutoff)), 0.0)
     return out, float(shape)
 

@@ -8,7 +8,6 @@ product serves all pairs.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,8 +30,6 @@ _Z_RANGE = 7.0
 # a posterior on fewer nodes than this gets a grid this many times finer
 _FEW_NODES = {1: 8.0, 2: 50.0}
 _REFINEMENT = {1: 10, 2: 3}
-# numbers in one block: pairs of nodes and draws, or features; larger batches are cut
-_BLOCK = 4_000_000
 _N_PROPOSALS = 3000
 _N_ROUNDS = 4
 
@@ -110,42 +107,24 @@ def second_step(
 
 def _on_grid(problem: _Problem, random_state: np.random.RandomState) -> MeasuredDraws:
     """Draw on a grid over z, first over the whole prior, then where the posterior lies."""
-    d, S = problem.model.n_unknowns, len(problem.c)
+    d = problem.model.n_unknowns
     low, high = np.full(d, -_Z_RANGE), np.full(d, _Z_RANGE)
     noise = noise_grid(problem.noise_prior, problem.scale, len(problem.y))
+    nodes, width, squares, share = _weighed_grid(problem, low, high, _GRID_NODES[d], noise)
     if d:
-        nodes, width = _grid(low, high, _GRID_NODES[d])
-        total = sum(share.sum(axis=1) for _, share in _weighed(problem, nodes, noise))
-        low, high = _occupied(nodes, total / S, width)
-    z, squares, effective = _grid_draws(problem, low, high, _GRID_NODES[d], noise, random_state)
+        low, high = _occupied(nodes, share.mean(axis=1), width)
+        nodes, width, squares, share = _weighed_grid(problem, low, high, _GRID_NODES[d], noise)
     # far from the simulation's guidance every draw has a narrow posterior at a place of its own
-    if d and effective < _FEW_NODES[d]:
+    if d and np.median(1 / np.sum(share**2, axis=0)) < _FEW_NODES[d]:
         n = _GRID_NODES[d] * _REFINEMENT[d]
-        z, squares, _ = _grid_draws(problem, low, high, n, noise, random_state)
+        nodes, width, squares, share = _weighed_grid(problem, low, high, n, noise)
+    pick = _one_index_per_column(share, random_state)
+    S = len(problem.c)
+    z = nodes[pick] + width * (random_state.uniform(size=(S, d)) - 0.5)
     # sigma at the node, not at the jittered point: the jitter is below the posterior's width
-    sigma = _draw_noise(squares, len(problem.y), *noise, random_state)
+    chosen = squares[pick, np.arange(S)]
+    sigma = _draw_noise(chosen, len(problem.y), *noise, random_state)
     return MeasuredDraws(z, sigma, np.empty((S, 0)), -np.inf, np.nan)
-
-
-def _grid_draws(
-    problem: _Problem,
-    low: FloatArray,
-    high: FloatArray,
-    n: int,
-    noise: tuple[FloatArray, FloatArray],
-    random_state: np.random.RandomState,
-) -> tuple[FloatArray, FloatArray, float]:
-    """Return z (S, d), the sums of squares there (S,), and the median number of nodes in use."""
-    nodes, width = _grid(low, high, n)
-    picked, chosen, effective = [], [], []
-    for squares, share in _weighed(problem, nodes, noise):
-        pick = _one_index_per_column(share, random_state)
-        picked.append(nodes[pick])
-        chosen.append(squares[pick, np.arange(len(pick))])
-        effective.append(1 / np.sum(share**2, axis=0))
-    z = np.concatenate(picked)
-    z += width * (random_state.uniform(size=z.shape) - 0.5)
-    return z, np.concatenate(chosen), float(np.median(np.concatenate(effective)))
 
 
 def _grid(low: FloatArray, high: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
@@ -156,41 +135,18 @@ def _grid(low: FloatArray, high: FloatArray, n: int) -> tuple[FloatArray, FloatA
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)), width
 
 
-def _weighed(
-    problem: _Problem, nodes: FloatArray, noise: tuple[FloatArray, FloatArray]
-) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield residual sums of squares and posterior shares (J, s), block by block of draws."""
-    y = problem.y
-    form = _joined([_form_at(problem, block) for block in _blocks(problem, nodes)])
-    rounding = len(y) * (ROUNDING * problem.scale) ** 2
-    log_prior = prior_log_density(nodes)[:, None]
-    size = max(1, _BLOCK // len(nodes))
-    for first in range(0, len(problem.c), size):
-        squares = form.at(problem.c[first : first + size]) + rounding
-        marginal = marginal_over_noise(squares, len(y), *noise)
-        yield squares, _shares(marginal + log_prior)
-
-
-def _blocks(problem: _Problem, points: FloatArray) -> list[FloatArray]:
-    """Cut points (J, d) so that the features of all measured rows at one piece fit into memory."""
-    width = problem.c.shape[1] + len(problem.model.column_sd) + 2
-    length = max(1, _BLOCK // (len(problem.y) * width))
-    return [points[k : k + length] for k in range(0, len(points), length)]
-
-
-def _form_at(problem: _Problem, nodes: FloatArray) -> _QuadraticForm:
-    parts = problem.model.parts(problem.X, problem.model.values(nodes))
-    residual = (problem.y - parts.known)[..., None]
-    return _quadratic_form(parts.features, residual, problem.c.mean(axis=0))
-
-
-def _joined(forms: list[_QuadraticForm]) -> _QuadraticForm:
-    return _QuadraticForm(
-        forms[0].centre,
-        np.concatenate([form.constant for form in forms]),
-        np.concatenate([form.linear for form in forms]),
-        np.concatenate([form.squares for form in forms]),
-    )
+def _weighed_grid(
+    problem: _Problem,
+    low: FloatArray,
+    high: FloatArray,
+    n: int,
+    noise: tuple[FloatArray, FloatArray],
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return nodes (J, d), their width, sums of squares (J, S) and posterior shares (J, S)."""
+    nodes, width = _grid(low, high, n)
+    squares = _sums_of_squares(problem, nodes)
+    marginal = marginal_over_noise(squares, len(problem.y), *noise)
+    return nodes, width, squares, _shares(marginal + prior_log_density(nodes)[:, None])
 
 
 def _occupied(
@@ -202,38 +158,33 @@ def _occupied(
     return nodes[keep].min(axis=0) - width / 2, nodes[keep].max(axis=0) + width / 2
 
 
-@dataclass(frozen=True)
-class _QuadraticForm:
-    """|residual_j - features_j c|^2 of every node j, for c around a centre."""
-
-    centre: FloatArray
-    constant: FloatArray
-    linear: FloatArray
-    squares: FloatArray
-
-    def at(self, c: FloatArray) -> FloatArray:
-        """Return the values for draws c (S, p): (J, S)."""
-        delta = c - self.centre
-        row, column = np.triu_indices(c.shape[1])
-        products = delta[:, row] * delta[:, column] * np.where(row == column, 1.0, 2.0)
-        total = self.constant[:, None] + self.squares @ products.T
-        total -= 2 * self.linear @ delta.T
-        return np.maximum(total, 0.0)
+def _sums_of_squares(problem: _Problem, z: FloatArray) -> FloatArray:
+    """Return the residual sums of squares of every node and draw, (J, S)."""
+    model, y = problem.model, problem.y
+    parts = model.parts(problem.X, model.values(z))
+    residual = (y - parts.known)[..., None]
+    rounding = len(y) * (ROUNDING * problem.scale) ** 2
+    return _quadratic(parts.features, residual, problem.c) + rounding
 
 
-def _quadratic_form(
-    features: FloatArray, residual: FloatArray, centre: FloatArray
-) -> _QuadraticForm:
-    """Return the form from p-dimensional products; a centre near c lets nothing large cancel."""
+def _quadratic(features: FloatArray, residual: FloatArray, c: FloatArray) -> FloatArray:
+    """Return |residual_j - features_j c_s|^2 for all j and s, from p-dimensional products.
+
+    Centred at the mean draw, so that nothing large cancels.
+    """
+    centre = c.mean(axis=0)
+    delta = c - centre
     rest = residual - features @ centre[:, None]
     transposed = np.swapaxes(features, 1, 2)
-    row, column = np.triu_indices(features.shape[2])
-    return _QuadraticForm(
-        centre,
-        np.einsum("jnk,jnk->j", rest, rest),
-        (transposed @ rest)[..., 0],
-        (transposed @ features)[:, row, column],
-    )
+    p = features.shape[2]
+    upper = np.triu_indices(p)
+    twice = np.where(upper[0] == upper[1], 1.0, 2.0)
+    squares = (transposed @ features)[:, upper[0], upper[1]]
+    products = delta[:, upper[0]] * delta[:, upper[1]] * twice
+    cross = (transposed @ rest)[..., 0]
+    total = np.einsum("jnk,jnk->j", rest, rest)[:, None] + squares @ products.T
+    total -= 2 * cross @ delta.T
+    return np.maximum(total, 0.0)
 
 
 def _draw_noise(
@@ -312,13 +263,7 @@ def _by_proposals(
 
 
 def _log_density(problem: _Problem, u: FloatArray, c: FloatArray) -> FloatArray:
-    """Return the log density of proposals (J, d) given coefficient draws (S, p): (J, S)."""
-    blocks = _blocks(problem, u)
-    return np.concatenate([_log_density_of_block(problem, block, c) for block in blocks])
-
-
-def _log_density_of_block(problem: _Problem, u: FloatArray, c: FloatArray) -> FloatArray:
-    """Return `_log_density` of as many proposals as fit into memory.
+    """Return the log density of proposals (J, d) given coefficient draws (S, p): (J, S).
 
     The causes' coefficients a ~ N(0, diag(sd^2)) are integrated out by Woodbury's identity.
     """
@@ -333,12 +278,11 @@ def _log_density_of_block(problem: _Problem, u: FloatArray, c: FloatArray) -> Fl
     q = columns.shape[2]
     inner = np.eye(q) + transposed @ columns
     factor = np.linalg.cholesky(inner)
-    centre = c.mean(axis=0)
-    total = _quadratic_form(features, residual, centre).at(c)
+    total = _quadratic(features, residual, c)
     if q:
         # |r|^2 - |F^-1 H' r|^2 with F F' = I + H'H, linear in c
         projected = np.linalg.solve(factor, transposed @ np.concatenate([features, residual], 2))
-        total -= _quadratic_form(projected[..., :-1], projected[..., -1:], centre).at(c)
+        total = total - _quadratic(projected[..., :-1], projected[..., -1:], c)
     with np.errstate(divide="ignore"):
         prior = prior_log_density(u[:, :-1]) + problem.noise_prior.logpdf(sigma) + u[:, -1]
     log_det = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1) - np.log(
