@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from hybridsurrogate.likelihoods import LogNormal, Normal, as_likelihood, log_mean_exp
+from hybridsurrogate.likelihoods import LogNormal, Normal, as_likelihood
 
 ETA = np.array([[-0.5, 0.2, 1.3], [0.0, 1.0, -2.0]])
 SIGMA = np.array([[0.3], [0.8]])
@@ -71,9 +71,3 @@ def test_names():
     for wrong in ("poisson", None, ["normal"]):
         with pytest.raises(ValueError, match=r"one of \['lognormal', 'normal'\]"):
             as_likelihood(wrong)
-
-
-def test_log_mean_exp_does_not_underflow():
-    values = np.array([[-1000.0, -1.0], [-1000.0, -3.0]])
-    expected = [-1000.0, np.log((np.exp(-1) + np.exp(-3)) / 2)]
-    np.testing.assert_allclose(log_mean_exp(values), expected)
