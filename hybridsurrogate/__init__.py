@@ -23,10 +23,25 @@ from hybridsurrogate.exceptions import (
     PriorWarning,
     SamplingWarning,
 )
-from hybridsurrogate.likelihoods import LogNormal, Normal
+from hybridsurrogate.inference.ensemble import EnsembleSampler
+from hybridsurrogate.likelihoods import (
+    CustomLikelihood,
+    LogNormal,
+    NegativeBinomial,
+    Normal,
+    Poisson,
+    StudentT,
+)
 from hybridsurrogate.priors import truncated_normal
 from hybridsurrogate.simulation import Assumed, SimulationData, Simulator, read_simulation
-from hybridsurrogate.surrogates import ExactSurrogate, PolynomialChaos
+from hybridsurrogate.surrogates import (
+    ExactSurrogate,
+    FeatureSurrogate,
+    GaussianProcess,
+    NetworkSurrogate,
+    ParametricSurrogate,
+    PolynomialChaos,
+)
 
 __version__ = "0.1.0"
 
@@ -35,20 +50,28 @@ __all__ = [
     "Bump",
     "Cause",
     "CauseFinding",
+    "CustomLikelihood",
     "DiagnosisWarning",
     "DiscrepancyDiagnosis",
+    "EnsembleSampler",
     "ExactSurrogate",
     "ExtrapolationWarning",
     "FailedRunsWarning",
+    "FeatureSurrogate",
     "Gain",
+    "GaussianProcess",
     "GaussianProcessDiscrepancy",
     "HybridSurrogateWarning",
     "LogNormal",
     "MissingInput",
+    "NegativeBinomial",
+    "NetworkSurrogate",
     "Normal",
     "Offset",
     "ParameterDrift",
+    "ParametricSurrogate",
     "Periodic",
+    "Poisson",
     "PolynomialChaos",
     "PowerScaledSurrogate",
     "PredictiveWeightedSurrogate",
@@ -57,6 +80,7 @@ __all__ = [
     "SimulationData",
     "Simulator",
     "Step",
+    "StudentT",
     "Trend",
     "WrongConstant",
     "read_simulation",

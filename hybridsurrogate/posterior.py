@@ -41,9 +41,14 @@ class Diagnostics:
     n_modes : int
         Modes found.
     second_step : str
-        "grid", "importance" or "none" (nothing was left to infer).
+        "grid", "importance", "moves" or "none" (nothing was left to infer).
     second_khat, second_effective_draws : float
-        The same for step 2, medians over the coefficient draws (NaN on a grid).
+        The same for step 2, medians over the coefficient draws (NaN on a grid); for moves the
+        accepted ones.
+    n_steps : int
+        Steps of the ensemble (0 for importance sampling).
+    converged : bool
+        Whether the ensemble ran long enough for its stopping rule.
     """
 
     sampler: str
@@ -54,6 +59,8 @@ class Diagnostics:
     second_step: str = "none"
     second_khat: float = np.nan
     second_effective_draws: float = np.nan
+    n_steps: int = 0
+    converged: bool = True
 
     def problems(self) -> list[str]:
         """Return what is wrong with the draws, in words; empty when nothing is."""
@@ -65,14 +72,18 @@ class Diagnostics:
                 f"step 1 has only {self.effective_draws:.0f} effective draws "
                 f"(at least {_MIN_EFFECTIVE:.0f} wanted)"
             )
+        if not self.converged:
+            found.append(
+                f"the ensemble of step 1 stopped after {self.n_steps} steps, too few for its "
+                f"autocorrelation time of {self.autocorrelation_time:.0f}"
+            )
         if self.second_khat > KHAT_LIMIT:
             found.append(
                 f"the Pareto k-hat of step 2 is {self.second_khat:.2f} (limit {KHAT_LIMIT})"
             )
         if self.second_effective_draws < 10:
-            found.append(
-                f"step 2 rests on {self.second_effective_draws:.1f} effective proposals a draw"
-            )
+            what = "accepted moves" if self.second_step == "moves" else "effective proposals"
+            found.append(f"step 2 rests on {self.second_effective_draws:.1f} {what} a draw")
         return found
 
     def warn(self) -> None:

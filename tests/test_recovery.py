@@ -5,9 +5,9 @@ import pytest
 from scipy import special, stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.estimators.fitting import make_problem
+from hybridsurrogate.estimators.problem import make_problem
 from hybridsurrogate.inference.collapsed import CollapsedPosterior, powers_of
-from hybridsurrogate.inference.ensemble import ensemble_draws
+from hybridsurrogate.inference.ensemble import EnsembleSampler
 from hybridsurrogate.inference.importance import find_modes, importance_draws, pareto_smooth
 from hybridsurrogate.inference.two_step import second_step
 
@@ -121,7 +121,7 @@ def test_collapsed_density_is_the_dense_gaussian(drifting, beta, effects):
     powers = powers_of(beta)
     model = problem.model
     target = CollapsedPosterior(
-        model, X, y, problem.simulation, *powers, noise_prior, problem.scale
+        model, X, y, problem.weights, problem.simulation, *powers, noise_prior, problem.scale
     )
     rng = np.random.default_rng(0)
     u = np.column_stack([rng.normal(size=(6, model.n_unknowns)), rng.normal(-1, 0.7, 6)])
@@ -170,7 +170,7 @@ def test_large_batches_are_cut_without_a_seam(drifting, monkeypatch):
     runs, X, y = drifting
     problem = make_problem(runs, hs.PolynomialChaos(2), hs.Normal(), None, (), ("x",), X, y)
     target = CollapsedPosterior(
-        problem.model, X, y, problem.simulation, 1.0, 1.0, problem.noise_prior, problem.scale
+        problem.model, X, y, problem.weights, problem.simulation, 1.0, 1.0, problem.noise_prior, problem.scale
     )
     u = np.random.default_rng(0).normal(-0.5, 0.5, (23, 2))
     whole = target.log_density(u), target.draw_coefficients(u, np.random.RandomState(0))[0]
@@ -293,7 +293,7 @@ def test_ensemble_draws_of_a_gaussian_in_four_dimensions():
         return np.atleast_1d(target.logpdf(x))
 
     modes = find_modes(log_density, np.zeros((1, 4)))
-    run = ensemble_draws(log_density, modes, 4000, np.random.RandomState(0))
+    run = EnsembleSampler().run(log_density, modes, 4000, np.random.RandomState(0))
     assert run.converged
     assert 0.1 < run.acceptance < 0.9
     assert run.autocorrelation_time > 1
@@ -311,7 +311,7 @@ def bimodal(x):
 def test_ensemble_draws_weigh_two_modes():
     modes = find_modes(bimodal, np.array([[0.5, 0.5], [9.0, 0.0]]))
     assert len(modes) == 2
-    run = ensemble_draws(bimodal, modes, 4000, np.random.RandomState(0))
+    run = EnsembleSampler().run(bimodal, modes, 4000, np.random.RandomState(0))
     right = run.draws[:, 0] > 5
     assert right.mean() == pytest.approx(0.25, abs=0.06)
     assert run.draws[right].mean(axis=0) == pytest.approx([10.0, 0.0], abs=0.2)
@@ -321,7 +321,9 @@ def test_ensemble_draws_weigh_two_modes():
 def test_ensemble_that_cannot_start_says_so():
     modes = find_modes(gaussian, np.zeros((1, 3)))
     with pytest.raises(ValueError, match="minus infinity at every walker"):
-        ensemble_draws(lambda x: np.full(len(x), -np.inf), modes, 100, np.random.RandomState(0))
+        EnsembleSampler().run(
+            lambda x: np.full(len(x), -np.inf), modes, 100, np.random.RandomState(0)
+        )
 
 
 def test_samplers_agree(drifting):
@@ -423,6 +425,7 @@ def test_second_step_draws_from_the_exact_conditional(names):
         problem.model,
         X,
         y,
+        problem.weights,
         coefficients,
         noise_prior,
         problem.scale,

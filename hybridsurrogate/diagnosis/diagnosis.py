@@ -24,8 +24,8 @@ from hybridsurrogate.diagnosis.null import null_test
 from hybridsurrogate.diagnosis.verdict import cause_table, credible_kinds, kind_shares, leader
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.catalogue import Skipped, catalogue
-from hybridsurrogate.estimators.fitting import Problem, make_context, make_problem
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.estimators.problem import Problem, make_context, make_problem
 from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning
 from hybridsurrogate.inference.scan import Belief, coefficient_belief
 from hybridsurrogate.priors import FloatArray
@@ -224,7 +224,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         runs = self.estimator_.simulation
         if problem.simulation is None or not isinstance(runs, SimulationData):
             return problem.model.basis, belief
-        run_eta = problem.likelihood.transform(runs.y)
+        run_eta = problem.likelihood.working(runs.y)
         return correct_emulator(problem.model.basis, belief, runs, run_eta)
 
     # ------------------------------------------------------------------------------ verdict

@@ -37,7 +37,9 @@ class CorrectedBasis(Basis):
     weights: FloatArray
     kernel: Kernel
 
-    def known(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+    def known(
+        self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
+    ) -> FloatArray:
         """Return the basis's known part plus the correction."""
         low, high = self.ranges.T
         # beyond the runs the process knows nothing and would fade to zero: hold it at the edge

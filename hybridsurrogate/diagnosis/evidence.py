@@ -17,7 +17,7 @@ from scipy import special
 
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.discrepancy_process import GaussianProcessDiscrepancy
-from hybridsurrogate.estimators.fitting import Problem
+from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.inference.layout import Layout, layout, refine
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.noise import NoiseTable

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -10,10 +10,14 @@ from sklearn.utils import check_random_state
 
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.base import SurrogateEstimator
-from hybridsurrogate.estimators.fitting import fit_problem, make_problem
+from hybridsurrogate.estimators.fitting import fit_problem
+from hybridsurrogate.estimators.problem import Problem, make_problem
+from hybridsurrogate.estimators.rows import MeasuredRows
+from hybridsurrogate.inference.collapsed import powers_of
+from hybridsurrogate.inference.ensemble import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.posterior import Posterior
-from hybridsurrogate.priors import Prior
+from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
 
@@ -33,14 +37,16 @@ class PowerScaledSurrogate(SurrogateEstimator):
         measured data alone.
     surrogate : Surrogate or None, default=None
         None: ``PolynomialChaos()``.
-    beta : float, default=0.5
-        Weight of the simulation: 0 = measured data only, 1 = simulation only.
-    likelihood : {"normal", "lognormal"} or Likelihood, default="normal"
+    beta : float or callable, default=0.5
+        Weight of the simulation: 0 = measured data only, 1 = simulation only. A callable
+        ``beta(X) -> (n,)`` of the simulation's inputs trusts it more here than there.
+    likelihood : {"normal", "lognormal", "student-t", "negative-binomial", "poisson"} or Likelihood
+        Default "normal".
     noise_prior : frozen scipy.stats distribution or None, default=None
         Prior of sigma. None: half-normal with the spread of the measured output as scale.
     effects : sequence of Cause, default=()
         Causes by which measured rows differ from the simulation.
-    sampler : {"auto", "importance", "emcee"}, default="auto"
+    sampler : {"auto", "importance", "emcee"} or EnsembleSampler, default="auto"
         "auto": importance sampling, emcee where its k-hat exceeds 0.7 or there are several modes.
     n_draws : int, default=1000
         Draws from the posterior.
@@ -86,11 +92,11 @@ class PowerScaledSurrogate(SurrogateEstimator):
         self,
         simulation: SimulationData | Simulator | None = None,
         surrogate: Surrogate | None = None,
-        beta: float = 0.5,
+        beta: float | Callable[[FloatArray], ArrayLike] = 0.5,
         likelihood: str | Likelihood = "normal",
         noise_prior: Prior | None = None,
         effects: Sequence[Cause] = (),
-        sampler: str = "auto",
+        sampler: str | EnsembleSampler = "auto",
         n_draws: int = 1000,
         random_state: Any = None,
     ):
@@ -104,7 +110,9 @@ class PowerScaledSurrogate(SurrogateEstimator):
         self.n_draws = n_draws
         self.random_state = random_state
 
-    def fit(self, X: ArrayLike, y: ArrayLike) -> PowerScaledSurrogate:
+    def fit(
+        self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None
+    ) -> PowerScaledSurrogate:
         """Fit to measured data.
 
         Parameters
@@ -113,32 +121,48 @@ class PowerScaledSurrogate(SurrogateEstimator):
             The simulation's inputs by name (DataFrame) or first (array); further columns are for
             causes that use them.
         y : array-like of shape (n,)
+        sample_weight : array-like of shape (n,) or None, default=None
+            Powers of the likelihoods of single rows, relative to the measured data's: a row of
+            weight two counts like two equal rows.
 
         Returns
         -------
         self
         """
         surrogate, likelihood = self._check_parameters()
-        columns, X, y = self._check_fit_data(X, y, likelihood)
-        problem = make_problem(
+        rows = self._check_fit_data(X, y, likelihood, sample_weight)
+        problem = self._problem(surrogate, likelihood, rows)
+        random = check_random_state(self.random_state)
+        fit = fit_problem(problem, self._powers(rows.X), self.sampler, int(self.n_draws), random)
+        self.posterior_, self.first_step_ = fit.second, fit.first
+        self.diagnostics_ = fit.diagnostics
+        self.diagnostics_.warn()
+        return self
+
+    def _problem(self, surrogate: Surrogate, likelihood: Likelihood, rows: MeasuredRows) -> Problem:
+        run_weights = None
+        if callable(self.beta) and isinstance(self.simulation, SimulationData):
+            run_weights = powers_of(self._beta_at(self.simulation.X))[0]
+        return make_problem(
             self.simulation,
             surrogate,
             likelihood,
             self.noise_prior,
             _as_causes(self.effects),
-            columns,
-            X,
-            y,
+            rows.columns,
+            rows.X,
+            rows.y,
+            weights=rows.weights,
+            run_weights=run_weights,
         )
-        random = check_random_state(self.random_state)
-        fit = fit_problem(problem, float(self.beta), self.sampler, int(self.n_draws), random)
-        self.posterior_, self.first_step_ = fit.second, fit.first
-        self.diagnostics_ = fit.diagnostics
-        self._measured = (X, y)
-        self.diagnostics_.warn()
-        return self
 
-    def _mixture(self) -> list[tuple[float, Posterior]]:
+    def _powers(self, X: FloatArray) -> tuple[float, float | FloatArray]:
+        """Return alpha_S and alpha_R; a weight that changes with x is in the rows' powers."""
+        if not callable(self.beta):
+            return powers_of(float(self.beta))
+        return 1.0, powers_of(self._beta_at(X))[1]
+
+    def _mixture(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
         return [(1.0, self.posterior_)]
 
 

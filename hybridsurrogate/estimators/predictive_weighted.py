@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.utils import check_random_state
 
 from hybridsurrogate.estimators.base import SurrogateEstimator
-from hybridsurrogate.estimators.fitting import fit_problem, make_problem
+from hybridsurrogate.estimators.fitting import fit_problem
+from hybridsurrogate.estimators.problem import make_problem
+from hybridsurrogate.inference.ensemble import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.posterior import Posterior
-from hybridsurrogate.priors import Prior
+from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
 
@@ -30,11 +34,14 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         None: the measured data alone, whatever ``beta``.
     surrogate : Surrogate or None, default=None
         Family of both surrogates (the second is a `PolynomialChaos` where the first is exact).
-    beta : float, default=0.5
-        Weight of the simulation.
-    likelihood : {"normal", "lognormal"} or Likelihood, default="normal"
+    beta : float, callable or "stacking", default=0.5
+        Weight of the simulation. A callable ``beta(X) -> (n,)`` of the simulation's inputs trusts
+        it more here than there. "stacking": the weight that would have predicted each measured row
+        best from the others (Yao, Vehtari, Simpson and Gelman 2018, Bayesian Analysis 13:917).
+    likelihood : {"normal", "lognormal", "student-t", "negative-binomial", "poisson"} or Likelihood
+        Default "normal".
     noise_prior : frozen scipy.stats distribution or None, default=None
-    sampler : {"auto", "importance", "emcee"}, default="auto"
+    sampler : {"auto", "importance", "emcee"} or EnsembleSampler, default="auto"
     n_draws : int, default=1000
         Draws from each of the two posteriors.
     random_state : int, RandomState or None, default=None
@@ -61,10 +68,10 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         self,
         simulation: SimulationData | Simulator | None = None,
         surrogate: Surrogate | None = None,
-        beta: float = 0.5,
+        beta: float | str | Callable[[FloatArray], ArrayLike] = 0.5,
         likelihood: str | Likelihood = "normal",
         noise_prior: Prior | None = None,
-        sampler: str = "auto",
+        sampler: str | EnsembleSampler = "auto",
         n_draws: int = 1000,
         random_state: Any = None,
     ):
@@ -77,20 +84,24 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         self.n_draws = n_draws
         self.random_state = random_state
 
-    def fit(self, X: ArrayLike, y: ArrayLike) -> PredictiveWeightedSurrogate:
+    def fit(
+        self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None
+    ) -> PredictiveWeightedSurrogate:
         """Fit both surrogates to measured data.
 
         Parameters
         ----------
         X : array-like of shape (n, n_columns)
         y : array-like of shape (n,)
+        sample_weight : array-like of shape (n,) or None, default=None
+            A row of weight two counts like two equal rows.
 
         Returns
         -------
         self
         """
         surrogate, likelihood = self._check_parameters()
-        columns, X, y = self._check_fit_data(X, y, likelihood)
+        rows = self._check_fit_data(X, y, likelihood, sample_weight)
         random = check_random_state(self.random_state)
         sources = ("measured",) if self.simulation is None else ("measured", "simulation")
         fits = {}
@@ -101,23 +112,28 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
                 likelihood,
                 self.noise_prior,
                 (),
-                columns,
-                X,
-                y,
+                rows.columns,
+                rows.X,
+                rows.y,
                 measured_only=source == "measured",
+                weights=rows.weights,
             )
-            fits[source] = fit_problem(problem, 1.0, self.sampler, int(self.n_draws), random)
+            fits[source] = fit_problem(problem, (1.0, 0.0), self.sampler, int(self.n_draws), random)
         self.measured_posterior_ = fits["measured"].second
         self.simulation_posterior_ = fits["simulation"].second if "simulation" in fits else None
         self.diagnostics_ = {source: fit.diagnostics for source, fit in fits.items()}
         for diagnostics in self.diagnostics_.values():
             diagnostics.warn()
-        self._measured = (X, y)
         return self
 
-    def _mixture(self) -> list[tuple[float, Posterior]]:
+    def _mixture(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
         if self.simulation_posterior_ is None:
             return [(1.0, self.measured_posterior_)]
-        weights = (float(self.beta), 1.0 - float(self.beta))
-        posteriors = (self.simulation_posterior_, self.measured_posterior_)
-        return [pair for pair in zip(weights, posteriors, strict=True) if pair[0] > 0]
+        weight: Any
+        if callable(self.beta):
+            weight = self._beta_at(self._measured[0] if X is None else X)
+            weight = weight if X is not None else float(weight.mean())
+        else:
+            weight = float(self.beta)
+        pairs = [(weight, self.simulation_posterior_), (1.0 - weight, self.measured_posterior_)]
+        return [pair for pair in pairs if np.max(pair[0]) > 0]

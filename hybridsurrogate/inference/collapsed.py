@@ -1,13 +1,14 @@
 """Step 1 with the Gaussian coefficients integrated out (DESIGN section 6).
 
-What is left are a few unknowns ``u = [z_omega, z_theta, log sigma]``. Given them the coefficients
-of surrogate and causes are Gaussian, so their draws are exact and independent.
+What is left are a few unknowns ``u = [z_omega, z_theta, z_hyper, log sigma]``. Given them the
+coefficients of surrogate and causes are Gaussian, so their draws are exact and independent.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -29,16 +30,22 @@ _BLOCK = 8_000_000
 class Statistics:
     """Sufficient statistics of rows ``y = features @ c + noise``: all that a fit needs of them."""
 
-    n: int
+    n: float
     ff: FloatArray
     fy: FloatArray
     yy: float
 
 
-def statistics(features: FloatArray, y: FloatArray, scale: float) -> Statistics:
-    """Return the sufficient statistics of n rows with features (n, p)."""
-    rounding = len(y) * (ROUNDING * scale) ** 2
-    return Statistics(len(y), features.T @ features, features.T @ y, float(y @ y) + rounding)
+def statistics(
+    features: FloatArray, y: FloatArray, scale: float, weights: FloatArray | None = None
+) -> Statistics:
+    """Return the sufficient statistics of n rows with features (n, p) and weights (n,)."""
+    n = float(len(y))
+    if weights is not None:
+        n = float(weights.sum())
+        features, y = features * np.sqrt(weights)[:, None], y * np.sqrt(weights)
+    rounding = n * (ROUNDING * scale) ** 2
+    return Statistics(n, features.T @ features, features.T @ y, float(y @ y) + rounding)
 
 
 @dataclass(frozen=True)
@@ -48,8 +55,9 @@ class CollapsedPosterior:
     Attributes
     ----------
     model : MeasuredModel
-    X, y : ndarray of shape (n, n_columns), (n,)
-        Measured rows, y on the scale of eta.
+    X, y, weights : ndarray of shape (n, n_columns), (n,), (n,)
+        Measured rows, y on the scale of eta, and the powers of their likelihoods relative to
+        ``measured_power``.
     simulation : Statistics or None
         Sufficient statistics of the simulation runs.
     simulation_power, measured_power : float
@@ -62,6 +70,7 @@ class CollapsedPosterior:
     model: MeasuredModel
     X: FloatArray
     y: FloatArray
+    weights: FloatArray
     simulation: Statistics | None
     simulation_power: float
     measured_power: float
@@ -71,7 +80,11 @@ class CollapsedPosterior:
     @property
     def n_dimensions(self) -> int:
         """Length of u."""
-        return self.model.n_unknowns + 1
+        return self.model.n_unknowns + self.model.n_hyper + 1
+
+    @cached_property
+    def _unequal(self) -> bool:
+        return bool((self.weights != 1).any())
 
     @cached_property
     def _prior(self) -> tuple[FloatArray, FloatArray]:
@@ -95,7 +108,7 @@ class CollapsedPosterior:
     def _log_likelihood(self, u: FloatArray) -> FloatArray:
         log_det, rest, log_noise = self._marginal(u)
         n_simulation = self.simulation.n if self.simulation else 0
-        weight = self.simulation_power * n_simulation + self.measured_power * len(self.y)
+        weight = self.simulation_power * n_simulation + self.measured_power * self.weights.sum()
         return (
             -0.5 * weight * (_LOG_2PI + 2 * u[:, -1])
             - self.measured_power * log_noise
@@ -108,6 +121,8 @@ class CollapsedPosterior:
         if self._fixed:
             return self._fixed_rows.marginal(np.exp(2 * u[:, -1]))
         _, precision = self._prior
+        if self.model.n_hyper:
+            precision = np.ones_like(precision)
         pieces: list[FloatArray] = []
         for block in self._blocks(u):
             factor, log_noise = self._augmented_factor(block)
@@ -120,7 +135,7 @@ class CollapsedPosterior:
     @property
     def _fixed(self) -> bool:
         """Whether the noise scale is all that the coefficients' posterior depends on."""
-        return not self.measured_power or not self.model.n_unknowns
+        return not self.model.n_hyper and (not self.measured_power or not self.model.n_unknowns)
 
     @cached_property
     def _fixed_rows(self) -> _FixedRows:
@@ -145,9 +160,11 @@ class CollapsedPosterior:
             )
             if parts.noise.shape[1] > 1:
                 rows /= parts.noise[..., None]
-                log_noise = np.log(parts.noise).sum(axis=1)
+                log_noise = np.log(parts.noise) @ self.weights
+            if self._unequal:
+                rows *= np.sqrt(self.weights)[:, None]
             np.matmul(np.swapaxes(rows, 1, 2), rows, out=out)
-            out[:, -1, -1] += len(self.y) * (ROUNDING * self.scale) ** 2
+            out[:, -1, -1] += self.weights.sum() * (ROUNDING * self.scale) ** 2
             out *= self.measured_power
         if self.simulation is not None and self.simulation_power:
             index = np.r_[:p, size]
@@ -169,6 +186,9 @@ class CollapsedPosterior:
         """
         mean, precision = self._prior
         out, log_noise = self._gram(u)
+        if self.model.n_hyper:
+            out = self._whitened(out, u)
+            mean, precision = np.zeros_like(mean), np.ones_like(precision)
         out *= np.exp(-2 * u[:, -1])[:, None, None]
         prior = np.diag(np.append(precision, precision @ mean**2))
         prior[-1, :-1] = prior[:-1, -1] = precision * mean
@@ -179,6 +199,32 @@ class CollapsedPosterior:
         factor = _cholesky(out)
         factor[broken] = np.nan
         return factor, log_noise
+
+    def _whitening(self, u: FloatArray) -> FloatArray:
+        """Return T (J, size, size) with ``(c, a) = mean + T v``, v standard normal."""
+        mean, precision = self._prior
+        p = len(self.model.basis.coefficient_mean)
+        out = np.zeros((len(u), len(mean), len(mean)))
+        out[:] = np.diag(precision**-0.5)
+        hyper = self.model.values(u[:, :-1])[:, self.model.n_unknowns :]
+        factor = self.model.basis.factor(hyper)
+        if factor is not None:
+            out[:, :p, :p] = factor
+        return out
+
+    def _whitened(self, gram: FloatArray, u: FloatArray) -> FloatArray:
+        """Return the Gram matrices in the coordinates v whose prior is standard normal.
+
+        The prior mean is zero in every surrogate that has hyperparameters.
+        """
+        whitening = self._whitening(u)
+        out = np.empty_like(gram)
+        transposed = np.swapaxes(whitening, 1, 2)
+        out[:, :-1, :-1] = transposed @ gram[:, :-1, :-1] @ whitening
+        out[:, :-1, -1:] = transposed @ gram[:, :-1, -1:]
+        out[:, -1:, :-1] = np.swapaxes(out[:, :-1, -1:], 1, 2)
+        out[:, -1, -1] = gram[:, -1, -1]
+        return out
 
     def draw_coefficients(
         self, u: FloatArray, random_state: np.random.RandomState
@@ -197,7 +243,10 @@ class CollapsedPosterior:
             first = sum(len(piece) for piece in pieces)
             right = factor[:, -1, :-1] + noise[first : first + len(block)]
             transposed = np.swapaxes(factor[:, :-1, :-1], 1, 2)
-            pieces.append(np.linalg.solve(transposed, right[..., None])[..., 0])
+            drawn = np.linalg.solve(transposed, right[..., None])
+            if self.model.n_hyper:
+                drawn = self._whitening(block) @ drawn
+            pieces.append(drawn[..., 0])
         draws = np.concatenate(pieces)
         return draws[:, :p], draws[:, p:]
 
@@ -256,14 +305,20 @@ def _cholesky(matrices: FloatArray) -> FloatArray:
         return np.linalg.cholesky(matrices)
 
 
-def powers_of(beta: float) -> tuple[float, float]:
+def powers_of(beta: Any) -> tuple[Any, Any]:
     """Return (alpha_S, alpha_R), the powers of the two likelihoods (arXiv 2412.11875, section 2).
+
+    For a weight or an array of weights.
 
     Examples
     --------
     >>> powers_of(0.5), powers_of(0.0), powers_of(1.0)
     ((1.0, 1.0), (0.0, 1.0), (1.0, 0.0))
     """
+    if np.ndim(beta):
+        return np.minimum(beta / np.maximum(1 - beta, 1e-300), 1.0), np.minimum(
+            (1 - beta) / np.maximum(beta, 1e-300), 1.0
+        )
     if beta < 0.5:
         return beta / (1 - beta), 1.0
     return 1.0, (1 - beta) / beta

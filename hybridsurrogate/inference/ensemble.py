@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Integral, Real
+from typing import Any
 
 import emcee
 import numpy as np
+from sklearn.base import BaseEstimator
+from sklearn.utils import check_scalar
 
 from hybridsurrogate.inference.importance import Gaussian, LogDensity, student_draws
 from hybridsurrogate.priors import FloatArray
 
 _BLOCK = 200
-_MAX_STEPS = 4000
 _EQUILIBRIUM_WALKERS, _EQUILIBRIUM_STEPS = 400, 50
+# differential evolution (Ter Braak 2006, Statistics and Computing 16:239) beside the stretch move,
+# and now and then jumps of full length between modes
+_MOVES = (
+    (emcee.moves.DEMove(), 0.6),
+    (emcee.moves.DEMove(gamma0=1.0), 0.1),
+    (emcee.moves.StretchMove(), 0.3),
+)
 
 
 @dataclass(frozen=True)
@@ -26,76 +38,193 @@ class EnsembleDraws:
         Longest over the dimensions, in steps of the ensemble.
     effective_draws : float
         Kept draws divided by the autocorrelation time.
+    n_steps : int
     acceptance : float
         Mean acceptance fraction.
     converged : bool
-        Whether the run is longer than 50 autocorrelation times.
+        Whether the run is longer than ``tol`` autocorrelation times.
     """
 
     draws: FloatArray
     autocorrelation_time: float
     effective_draws: float
+    n_steps: int
     acceptance: float
     converged: bool
 
 
-def ensemble_draws(
-    log_density: LogDensity,
-    modes: list[Gaussian],
-    n_draws: int,
-    random_state: np.random.RandomState,
-    equilibrium: FloatArray | None = None,
-) -> EnsembleDraws:
-    """Run emcee and stop by autocorrelation time.
+class EnsembleSampler(BaseEstimator):
+    """Ensemble MCMC backend (emcee) with a stopping rule.
 
-    Differential-evolution moves (Ter Braak 2006, Statistics and Computing 16:239) beside the
-    stretch move, and now and then jumps of full length between modes.
+    Pass it as ``sampler=`` of an estimator to have it used whatever the importance sampler could
+    do. The run stops when it is longer than ``tol`` autocorrelation times; the first five of them
+    are dropped.
 
     Parameters
     ----------
-    log_density : callable
-    modes : list of Gaussian
-        Walkers start spread over the modes by their mass.
-    n_draws : int
-    random_state : RandomState
-    equilibrium : ndarray of shape (m, d) or None
-        Draws that already follow the density, for example trustworthy importance draws. Walkers
-        start there: modes far apart keep their shares, and a short run is enough.
+    n_walkers : int or None, default=None
+        None: four times the number of dimensions, at least 40.
+    moves : sequence of (emcee move, weight) or None, default=None
+        None: differential evolution beside the stretch move.
+    max_steps : int, default=10000
+        Where the run stops unconverged, with a `SamplingWarning`.
+    tol : float, default=50
+        Length of the run in autocorrelation times.
+    progress : bool, default=False
+        Show a progress bar.
+    file : path or None, default=None
+        HDF5 file that keeps every step (needs h5py). A run that was stopped goes on from there and
+        ends with the result of an unbroken one. Each run has a group of its own, named after its
+        starting points: the estimator must have an int ``random_state``.
+
+    Examples
+    --------
+    >>> import hybridsurrogate as hs
+    >>> model = hs.PowerScaledSurrogate(sampler=hs.EnsembleSampler(max_steps=2000))
+    >>> model.get_params()["sampler__max_steps"]
+    2000
     """
-    d = len(modes[0].mean)
-    start = (
-        _spread_over(modes, max(40, 4 * d), log_density, random_state)
-        if equilibrium is None
-        else equilibrium[:_EQUILIBRIUM_WALKERS]
-    )
-    moves = [
-        (emcee.moves.DEMove(), 0.6),
-        (emcee.moves.DEMove(gamma0=1.0), 0.1),
-        (emcee.moves.StretchMove(), 0.3),
-    ]
-    sampler = emcee.EnsembleSampler(len(start), d, log_density, vectorize=True, moves=moves)
-    state = emcee.State(
-        start, random_state=np.random.RandomState(random_state.randint(2**31 - 1)).get_state()
-    )
-    if equilibrium is not None:
-        sampler.run_mcmc(state, _EQUILIBRIUM_STEPS)
-        tau, burn, converged = _autocorrelation_time(sampler), 0, True
-    else:
+
+    def __init__(
+        self,
+        n_walkers: int | None = None,
+        moves: Sequence[tuple[Any, float]] | None = None,
+        max_steps: int = 10_000,
+        tol: float = 50.0,
+        progress: bool = False,
+        file: str | None = None,
+    ):
+        self.n_walkers = n_walkers
+        self.moves = moves
+        self.max_steps = max_steps
+        self.tol = tol
+        self.progress = progress
+        self.file = file
+
+    def run(
+        self,
+        log_density: LogDensity,
+        modes: list[Gaussian],
+        n_draws: int,
+        random_state: np.random.RandomState,
+    ) -> EnsembleDraws:
+        """Sample a density, walkers starting spread over its modes by their mass.
+
+        Parameters
+        ----------
+        log_density : callable
+            Takes points (J, d) and returns (J,).
+        modes : list of Gaussian
+        n_draws : int
+        random_state : RandomState
+
+        Returns
+        -------
+        EnsembleDraws
+
+        Raises
+        ------
+        ValueError
+            When no walker has a finite density.
+        """
+        d = len(modes[0].mean)
+        self._check(d)
+        n_walkers = self.n_walkers or max(40, 4 * d)
+        start = _spread_over(modes, n_walkers, log_density, random_state)
+        seed = random_state.randint(2**31 - 1)
+        sampler = emcee.EnsembleSampler(
+            len(start),
+            d,
+            log_density,
+            vectorize=True,
+            moves=list(self.moves or _MOVES),
+            backend=self._backend(start, seed),
+        )
+        state = _state(start, seed)
+        if self.file is not None and sampler.backend.iteration:
+            state = sampler.backend.get_last_sample()
         tau, converged = np.inf, False
-        while sampler.iteration < _MAX_STEPS and not converged:
-            state = sampler.run_mcmc(state, _BLOCK)
-            tau = _autocorrelation_time(sampler)
-            converged = sampler.iteration > 50 * tau
+        while True:
+            if sampler.iteration and sampler.iteration % _BLOCK == 0:
+                tau = _autocorrelation_time(sampler)
+                converged = sampler.iteration > self.tol * tau
+            if converged or sampler.iteration >= self.max_steps:
+                break
+            # always to the next multiple: a resumed run decides where an unbroken one would
+            steps = _BLOCK - sampler.iteration % _BLOCK
+            steps = min(steps, self.max_steps - sampler.iteration)
+            state = sampler.run_mcmc(state, steps, progress=self.progress)
         burn = int(min(5 * tau, sampler.iteration // 2))
+        return _thinned(sampler, burn, tau, converged, n_draws, random_state)
+
+    def _check(self, d: int) -> None:
+        check_scalar(self.max_steps, "max_steps", Integral, min_val=1)
+        check_scalar(self.tol, "tol", Real, min_val=0, include_boundaries="neither")
+        if self.n_walkers is not None:
+            check_scalar(self.n_walkers, "n_walkers", Integral, min_val=2)
+            if self.n_walkers < 2 * d or self.n_walkers % 2:
+                raise ValueError(
+                    f"n_walkers must be even and at least twice the {d} dimensions that are "
+                    f"sampled, got {self.n_walkers}."
+                )
+
+    def _backend(self, start: FloatArray, seed: int) -> Any:
+        if self.file is None:
+            return None
+        try:
+            import h5py  # noqa: F401
+        except ImportError:
+            raise ImportError(
+                "EnsembleSampler(file=...) keeps its steps in HDF5, which needs h5py: "
+                "pip install h5py, or leave file=None."
+            ) from None
+        digest = hashlib.sha256(start.tobytes() + str(seed).encode()).hexdigest()[:16]
+        backend = emcee.backends.HDFBackend(str(self.file), name=f"run_{digest}")
+        if not backend.initialized:
+            backend.reset(*start.shape)
+        return backend
+
+
+def short_ensemble(
+    log_density: LogDensity,
+    equilibrium: FloatArray,
+    n_draws: int,
+    random_state: np.random.RandomState,
+) -> EnsembleDraws:
+    """Run a few steps from draws (m, d) that follow the density already.
+
+    Modes far apart keep their shares, and nothing has to be waited for.
+    """
+    start = equilibrium[:_EQUILIBRIUM_WALKERS]
+    sampler = emcee.EnsembleSampler(
+        len(start), start.shape[1], log_density, vectorize=True, moves=list(_MOVES)
+    )
+    sampler.run_mcmc(_state(start, random_state.randint(2**31 - 1)), _EQUILIBRIUM_STEPS)
+    return _thinned(sampler, 0, _autocorrelation_time(sampler), True, n_draws, random_state)
+
+
+def _thinned(
+    sampler: emcee.EnsembleSampler,
+    burn: int,
+    tau: float,
+    converged: bool,
+    n_draws: int,
+    random_state: np.random.RandomState,
+) -> EnsembleDraws:
     chain = sampler.get_chain(discard=burn, flat=True)
     index = np.linspace(0, len(chain) - 1, n_draws).astype(int)
     return EnsembleDraws(
         random_state.permutation(chain[index]),
         tau,
         len(chain) / tau,
+        int(sampler.iteration),
         float(np.mean(sampler.acceptance_fraction)),
         bool(converged),
     )
+
+
+def _state(start: FloatArray, seed: int) -> emcee.State:
+    return emcee.State(start, random_state=np.random.RandomState(seed).get_state())
 
 
 def _autocorrelation_time(sampler: emcee.EnsembleSampler) -> float:

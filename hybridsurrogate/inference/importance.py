@@ -214,8 +214,11 @@ def importance_draws(
     n_draws: int,
     random_state: np.random.RandomState,
     max_rounds: int = 4,
+    n_noise: int = 0,
 ) -> ImportanceDraws:
     """Draw from a density through Student-t proposals with Pareto-smoothed weights.
+
+    The last ``n_noise`` dimensions of the density get standard normal proposals.
 
     Where fewer than a tenth of the proposals are effective, the main proposal is moved to the
     weighted mean and covariance of the draws, and where only the tail of the weights is bad, such a
@@ -223,7 +226,10 @@ def importance_draws(
     """
     for round_ in range(max_rounds):
         points, log_proposal = mixture_draws(components, n_proposals, random_state)
-        log_weight = log_density(points) - log_proposal
+        noise = random_state.standard_normal((n_proposals, n_noise))
+        log_proposal = log_proposal - 0.5 * np.einsum("jk,jk->j", noise, noise)
+        extended = np.hstack([points, noise])
+        log_weight = log_density(extended) - log_proposal
         smoothed, khat = pareto_smooth(log_weight)
         weight = np.exp(smoothed - special.logsumexp(smoothed))
         effective = 1 / np.sum(weight**2)
@@ -235,7 +241,7 @@ def importance_draws(
         components = [*components, matched] if enough else [matched, *components[1:]]
     index = systematic_resample(weight, n_draws, random_state)
     log_evidence = float(special.logsumexp(log_weight) - np.log(len(log_weight)))
-    return ImportanceDraws(points[index], khat, float(effective), log_evidence)
+    return ImportanceDraws(extended[index], khat, float(effective), log_evidence)
 
 
 def moment_match(points: FloatArray, weight: FloatArray, fallback: Gaussian) -> Gaussian:

@@ -78,6 +78,11 @@ class MeasuredModel:
         own = [self.effects[k].parameters[name] for k, name in self.theta_names]
         return [*self.parameters.values(), *own]
 
+    @cached_property
+    def all_priors(self) -> list[Prior]:
+        """Priors of omega, of theta, then of the surrogate's hyperparameters."""
+        return [*self.priors, *self.basis.hyperpriors.values()]
+
     @property
     def n_parameters(self) -> int:
         """Number of unknown parameters of the simulation."""
@@ -99,12 +104,20 @@ class MeasuredModel:
         own = [self.effects[k].coefficient_sd for k, _ in self.column_names]
         return np.array([self.default_sd if sd is None else sd for sd in own], dtype=float)
 
+    @property
+    def n_hyper(self) -> int:
+        """Number of hyperparameters of the surrogate."""
+        return len(self.basis.hyperpriors)
+
     def values(self, z: FloatArray) -> FloatArray:
-        """Map standard normal coordinates (J, n_unknowns) to [omega, theta]."""
-        return from_normal(self.priors, z)
+        """Map standard normal coordinates to [omega, theta], and hyperparameters if z has them."""
+        return from_normal(self.all_priors[: z.shape[-1]], z)
 
     def parts(self, X: FloatArray, values: FloatArray) -> Parts:
-        """Return the parts for measured rows X (n, n_columns) and draws (J, n_unknowns)."""
+        """Return the parts for measured rows X (n, n_columns) and draws of `values`.
+
+        Hyperparameters (the last columns) are needed where the surrogate's known part has some.
+        """
         p, q = len(self.basis.coefficient_mean), len(self.column_names)
         block = max(1, _BLOCK // max(1, len(X) * (p + q + 2)))
         pieces = [
@@ -125,9 +138,11 @@ class MeasuredModel:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return known (J, n), features (J, n, p) and noise (J, n) or (J, 1)."""
         J, n = len(values), len(X)
-        if not self.effects:
+        n_omega = self.n_parameters
+        by_row = self.basis.known_depends_on_hyper
+        if not self.effects and not by_row:
             constants = np.broadcast_to(list(self.constants.values()), (J, len(self.constants)))
-            omega_only = np.hstack([values[:, : self.n_parameters], constants])
+            omega_only = np.hstack([values[:, :n_omega], constants])
             known, features = self.basis.outer(X[:, : self.n_inputs], omega_only)
             return known, features, np.ones((J, 1))
         rows, omega, theta = self._rows(X, values)
@@ -138,7 +153,8 @@ class MeasuredModel:
         points = np.empty((J * n, 0))
         if run_omega:
             points = np.column_stack([run_omega[k] for k in (*self.parameters, *self.constants)])
-        known = self.basis.known(inputs, points)
+        hyper = np.repeat(values[:, self.n_unknowns :], n, axis=0) if by_row else None
+        known = self.basis.known(inputs, points, hyper)
         features = self.basis.features(inputs, points)
         noise: FloatArray = np.ones((J, 1))
         for effect, own in zip(self.effects, theta, strict=True):
@@ -226,11 +242,11 @@ def prior_log_density(z: FloatArray) -> FloatArray:
 
 
 def names_of(model: MeasuredModel) -> Sequence[str]:
-    """Return readable names of omega and theta, those of causes prefixed where they clash."""
+    """Return readable names of all unknowns, those of causes prefixed where they clash."""
     own = [name for _, name in model.theta_names]
     taken = [*model.parameters, *own]
     readable = [
         name if taken.count(name) == 1 else f"{model.effects[k].kind}_{k}_{name}"
         for k, name in model.theta_names
     ]
-    return [*model.parameters, *readable]
+    return [*model.parameters, *readable, *model.basis.hyperpriors]

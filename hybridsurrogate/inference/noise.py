@@ -10,7 +10,7 @@ from hybridsurrogate.priors import FloatArray, Prior
 _N_TABLE = 1500
 
 
-def noise_grid(noise_prior: Prior, scale: float, n: int) -> tuple[FloatArray, FloatArray]:
+def noise_grid(noise_prior: Prior, scale: float, n: float) -> tuple[FloatArray, FloatArray]:
     """Return nodes of log sigma and the log prior density there, fine enough for n rows."""
     top = float(noise_prior.isf(1e-12))
     low, high = np.log(ROUNDING * scale) - 1, np.log(max(top, 10 * scale))
@@ -22,7 +22,7 @@ def noise_grid(noise_prior: Prior, scale: float, n: int) -> tuple[FloatArray, Fl
 
 def marginal_over_noise(
     squares: FloatArray,
-    n: int,
+    n: float,
     log_sigma: FloatArray,
     log_weight: FloatArray,
     n_nodes: int = 160,

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.inference.collapsed import CollapsedPosterior
+from hybridsurrogate.inference.collapsed import CollapsedPosterior, Statistics, statistics
+from hybridsurrogate.inference.laplace import LaplacePosterior
 from hybridsurrogate.inference.layout import layout
 from hybridsurrogate.inference.scan import climb, coefficient_belief
 from hybridsurrogate.priors import FloatArray, to_normal
@@ -15,14 +16,22 @@ from hybridsurrogate.priors import FloatArray, to_normal
 _MAX_STARTS = 5
 
 
-def starting_points(target: CollapsedPosterior, random_state: np.random.RandomState) -> FloatArray:
+def starting_points(
+    target: CollapsedPosterior | LaplacePosterior, random_state: np.random.RandomState
+) -> FloatArray:
     """Return points u from which an optimiser should climb: best prior draws, best nodes."""
     model = target.model
-    base = _best_prior_points(replace(target, model=replace(model, effects=())), random_state)
+    bare = replace(model, effects=())
+    base = _best_prior_points(replace(target, model=bare), random_state)
     if not model.effects:
         return base
-    belief = coefficient_belief(model.basis, target.simulation, target.simulation_power)
-    z = base[0, :-1]
+    z, z_hyper = np.split(base[0, :-1], [model.n_parameters])
+    # causes are placed on the scale of eta, with the surrogate's hyperparameters where they are
+    hyper = bare.values(base[:1, :-1])[0, model.n_parameters :]
+    belief = coefficient_belief(
+        model.basis.given(hyper), _statistics(target, hyper), target.simulation_power
+    )
+    model = replace(model, basis=model.basis.given(hyper))
     sigma = float(np.exp(base[0, -1]))
     causes: tuple[Cause, ...] = ()
     for cause in model.effects:
@@ -36,17 +45,35 @@ def starting_points(target: CollapsedPosterior, random_state: np.random.RandomSt
             priors = [partial.priors[k] for k in plan.nodes]
             z[plan.nodes] = to_normal(priors, plan.grid[peak.node])
         sigma = float(np.sqrt(max(peak.squares, 1e-12) / len(target.y)))
-    return np.array([[*z, np.log(sigma * factor)] for factor in (1.0, 2.0)])
+    return np.array([[*z, *z_hyper, np.log(sigma * factor)] for factor in (1.0, 2.0)])
+
+
+def _statistics(
+    target: CollapsedPosterior | LaplacePosterior, hyper: FloatArray
+) -> Statistics | None:
+    """Return the statistics of the runs in the features at fixed hyperparameters (n_hyper,)."""
+    if isinstance(target, CollapsedPosterior):
+        told = target.simulation
+        factor = target.model.basis.factor(hyper[None])
+        if told is None or factor is None:
+            return told
+        whitened = factor[0].T @ told.ff @ factor[0]
+        return Statistics(told.n, whitened, factor[0].T @ told.fy, told.yy)
+    runs, basis = target.runs, target.model.basis.given(hyper)
+    if runs is None or not len(basis.coefficient_mean):
+        return None
+    eta = target.likelihood.working(runs.y) - basis.known(runs.X, runs.omega)
+    return statistics(basis.features(runs.X, runs.omega), eta, target.scale, runs.weights)
 
 
 def _best_prior_points(
-    target: CollapsedPosterior, random_state: np.random.RandomState
+    target: CollapsedPosterior | LaplacePosterior, random_state: np.random.RandomState
 ) -> FloatArray:
     """Return the local maxima among points spread over the prior and beyond, best first.
 
     Posteriors can have a second mode far in a tail, where the surrogate bends back to the data.
     """
-    d = target.model.n_unknowns
+    d = target.n_dimensions - 1
     if d == 1:
         z = np.linspace(-6.5, 6.5, 41)[:, None]
     else:

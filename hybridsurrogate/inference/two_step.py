@@ -47,7 +47,10 @@ class MeasuredDraws:
     khat : float
         Median Pareto shape over draws; minus infinity on a grid, which has no weights.
     effective_draws : float
-        Median over draws of the number of nodes that share its weight; NaN on a grid.
+        Median over draws of the number of nodes that share its weight, or of the moves accepted;
+        NaN on a grid.
+    method : str
+        "grid", "importance" or "moves".
     """
 
     z: FloatArray
@@ -55,6 +58,7 @@ class MeasuredDraws:
     coefficients: FloatArray
     khat: float
     effective_draws: float
+    method: str
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,7 @@ class _Problem:
     model: MeasuredModel
     X: FloatArray
     y: FloatArray
+    weights: FloatArray
     c: FloatArray
     noise_prior: Prior
     scale: float
@@ -71,6 +76,7 @@ def second_step(
     model: MeasuredModel,
     X: FloatArray,
     y: FloatArray,
+    weights: FloatArray,
     coefficients: FloatArray,
     noise_prior: Prior,
     scale: float,
@@ -82,8 +88,8 @@ def second_step(
     Parameters
     ----------
     model : MeasuredModel
-    X, y : ndarray of shape (n, n_columns), (n,)
-        Measured rows, y on the scale of eta.
+    X, y, weights : ndarray of shape (n, n_columns), (n,), (n,)
+        Measured rows, y on the scale of eta, and powers of their likelihoods.
     coefficients : ndarray of shape (S, p)
     noise_prior : prior of sigma
     scale : float
@@ -96,7 +102,7 @@ def second_step(
     -------
     MeasuredDraws
     """
-    problem = _Problem(model, X, y, coefficients, noise_prior, scale)
+    problem = _Problem(model, X, y, weights, coefficients, noise_prior, scale)
     if model.n_unknowns in _GRID_NODES and not model.effects:
         return _on_grid(problem, random_state)
     return _by_proposals(problem, first_step, random_state)
@@ -109,7 +115,7 @@ def _on_grid(problem: _Problem, random_state: np.random.RandomState) -> Measured
     """Draw on a grid over z, first over the whole prior, then where the posterior lies."""
     d = problem.model.n_unknowns
     low, high = np.full(d, -_Z_RANGE), np.full(d, _Z_RANGE)
-    noise = noise_grid(problem.noise_prior, problem.scale, len(problem.y))
+    noise = noise_grid(problem.noise_prior, problem.scale, problem.weights.sum())
     nodes, width, squares, share = _weighed_grid(problem, low, high, _GRID_NODES[d], noise)
     if d:
         low, high = _occupied(nodes, share.mean(axis=1), width)
@@ -123,8 +129,8 @@ def _on_grid(problem: _Problem, random_state: np.random.RandomState) -> Measured
     z = nodes[pick] + width * (random_state.uniform(size=(S, d)) - 0.5)
     # sigma at the node, not at the jittered point: the jitter is below the posterior's width
     chosen = squares[pick, np.arange(S)]
-    sigma = _draw_noise(chosen, len(problem.y), *noise, random_state)
-    return MeasuredDraws(z, sigma, np.empty((S, 0)), -np.inf, np.nan)
+    sigma = _draw_noise(chosen, problem.weights.sum(), *noise, random_state)
+    return MeasuredDraws(z, sigma, np.empty((S, 0)), -np.inf, np.nan, "grid")
 
 
 def _grid(low: FloatArray, high: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
@@ -145,7 +151,7 @@ def _weighed_grid(
     """Return nodes (J, d), their width, sums of squares (J, S) and posterior shares (J, S)."""
     nodes, width = _grid(low, high, n)
     squares = _sums_of_squares(problem, nodes)
-    marginal = marginal_over_noise(squares, len(problem.y), *noise)
+    marginal = marginal_over_noise(squares, problem.weights.sum(), *noise)
     return nodes, width, squares, _shares(marginal + prior_log_density(nodes)[:, None])
 
 
@@ -160,11 +166,11 @@ def _occupied(
 
 def _sums_of_squares(problem: _Problem, z: FloatArray) -> FloatArray:
     """Return the residual sums of squares of every node and draw, (J, S)."""
-    model, y = problem.model, problem.y
+    model, root = problem.model, np.sqrt(problem.weights)[:, None]
     parts = model.parts(problem.X, model.values(z))
-    residual = (y - parts.known)[..., None]
-    rounding = len(y) * (ROUNDING * problem.scale) ** 2
-    return _quadratic(parts.features, residual, problem.c) + rounding
+    residual = (problem.y - parts.known)[..., None] * root
+    rounding = problem.weights.sum() * (ROUNDING * problem.scale) ** 2
+    return _quadratic(parts.features * root, residual, problem.c) + rounding
 
 
 def _quadratic(features: FloatArray, residual: FloatArray, c: FloatArray) -> FloatArray:
@@ -189,7 +195,7 @@ def _quadratic(features: FloatArray, residual: FloatArray, c: FloatArray) -> Flo
 
 def _draw_noise(
     squares: FloatArray,
-    n: int,
+    n: float,
     log_sigma: FloatArray,
     log_weight: FloatArray,
     random_state: np.random.RandomState,
@@ -259,7 +265,7 @@ def _by_proposals(
     coefficients = _draw_columns(problem, u, random_state)
     some = np.linspace(0, len(problem.c) - 1, min(25, len(problem.c))).astype(int)
     khat = float(np.median([pareto_smooth(log_weight[:, s])[1] for s in some]))
-    return MeasuredDraws(u[:, :-1], np.exp(u[:, -1]), coefficients, khat, effective)
+    return MeasuredDraws(u[:, :-1], np.exp(u[:, -1]), coefficients, khat, effective, "importance")
 
 
 def _log_density(problem: _Problem, u: FloatArray, c: FloatArray) -> FloatArray:
@@ -270,7 +276,8 @@ def _log_density(problem: _Problem, u: FloatArray, c: FloatArray) -> FloatArray:
     model, y = problem.model, problem.y
     sigma = np.exp(u[:, -1])
     parts = model.parts(problem.X, model.values(u[:, :-1]))
-    scaled = 1 / (parts.noise * sigma[:, None])
+    scale = parts.noise * sigma[:, None]
+    scaled = np.sqrt(problem.weights) / scale
     features = parts.features * scaled[..., None]
     residual = ((y - parts.known) * scaled)[..., None]
     columns = parts.columns * model.column_sd * scaled[..., None]
@@ -285,10 +292,9 @@ def _log_density(problem: _Problem, u: FloatArray, c: FloatArray) -> FloatArray:
         total = total - _quadratic(projected[..., :-1], projected[..., -1:], c)
     with np.errstate(divide="ignore"):
         prior = prior_log_density(u[:, :-1]) + problem.noise_prior.logpdf(sigma) + u[:, -1]
-    log_det = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1) - np.log(
-        np.broadcast_to(scaled, (len(u), len(y)))
-    ).sum(axis=1)
-    rounding = 0.5 * len(y) * (ROUNDING * problem.scale / sigma) ** 2
+    log_scale = np.log(np.broadcast_to(scale, (len(u), len(y)))) @ problem.weights
+    log_det = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1) + log_scale
+    rounding = 0.5 * problem.weights.sum() * (ROUNDING * problem.scale / sigma) ** 2
     out = (prior - log_det - rounding)[:, None] - 0.5 * np.maximum(total, 0.0)
     return np.where(np.isfinite(out), out, -np.inf)
 
@@ -302,7 +308,7 @@ def _draw_columns(
     if not q:
         return np.empty((len(u), 0))
     parts = model.parts(problem.X, model.values(u[:, :-1]))
-    scaled = 1 / (parts.noise * np.exp(u[:, -1:]))
+    scaled = np.sqrt(problem.weights) / (parts.noise * np.exp(u[:, -1:]))
     fitted = (parts.features @ problem.c[..., None])[..., 0]
     residual = (problem.y - parts.known - fitted) * scaled
     columns = parts.columns * model.column_sd * scaled[..., None]

@@ -2,6 +2,20 @@
 
 from hybridsurrogate.surrogates.base import Basis, Domain, Surrogate
 from hybridsurrogate.surrogates.exact import ExactSurrogate
+from hybridsurrogate.surrogates.feature import FeatureSurrogate
+from hybridsurrogate.surrogates.gaussian_process import GaussianProcess
+from hybridsurrogate.surrogates.network import NetworkSurrogate
+from hybridsurrogate.surrogates.parametric import ParametricSurrogate
 from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
 
-__all__ = ["Basis", "Domain", "ExactSurrogate", "PolynomialChaos", "Surrogate"]
+__all__ = [
+    "Basis",
+    "Domain",
+    "ExactSurrogate",
+    "FeatureSurrogate",
+    "GaussianProcess",
+    "NetworkSurrogate",
+    "ParametricSurrogate",
+    "PolynomialChaos",
+    "Surrogate",
+]

@@ -10,17 +10,17 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from sklearn.base import BaseEstimator
 
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.priors import FloatArray, Prior
 
 
 @dataclass(frozen=True)
 class Domain:
-    """Where the surrogate lives.
+    """Where the surrogate lives, and the rows that it is trained on.
 
     Attributes
     ----------
@@ -32,6 +32,11 @@ class Domain:
         Mean and standard deviation of the outputs on the scale of eta, for default priors.
     simulate : callable or None
         ``simulate(X, omega) -> (n,)`` on the scale of eta; None when there are only runs.
+    X, omega : ndarray of shape (n, n_inputs), (n, n_parameters)
+        Inputs and parameters of the runs, or of the measured rows where there are no runs.
+    eta : ndarray of shape (n,)
+        Outputs of these rows on the scale of eta.
+    input_names, parameter_names : tuple of str
     """
 
     input_ranges: FloatArray
@@ -39,6 +44,21 @@ class Domain:
     location: float
     scale: float
     simulate: Callable[[FloatArray, FloatArray], FloatArray] | None = None
+    X: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    omega: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    eta: FloatArray = field(default_factory=lambda: np.empty(0))
+    input_names: tuple[str, ...] = ()
+    parameter_names: tuple[str, ...] = ()
+
+    def scaled(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Map inputs and parameters to [-1, 1], (n, n_inputs + n_parameters).
+
+        Parameters beyond the runs are held at the ends: there the runs stop.
+        """
+        low, high = self.parameter_ranges[:, 0], self.parameter_ranges[:, 1]
+        points = np.hstack([X, np.clip(omega, low, high)])
+        ranges = np.vstack([self.input_ranges, self.parameter_ranges])
+        return (2 * points - ranges.sum(axis=1)) / (ranges[:, 1] - ranges[:, 0])
 
 
 @dataclass(frozen=True)
@@ -54,13 +74,48 @@ class Basis(ABC):
     coefficient_mean: FloatArray
     coefficient_sd: FloatArray
 
+    @property
+    def hyperpriors(self) -> dict[str, Prior]:
+        """Priors of unknowns of the surrogate itself, such as length scales; by default none."""
+        return {}
+
+    def factor(self, hyper: FloatArray) -> FloatArray | None:
+        """Return F with ``coefficients = mean + F v``, v standard normal, for hyperparameters.
+
+        Parameters
+        ----------
+        hyper : ndarray of shape (J, n_hyper)
+
+        Returns
+        -------
+        ndarray of shape (J, p, p) or None
+            None: the coefficients do not depend on hyperparameters, F = diag(coefficient_sd).
+        """
+        return None
+
+    def given(self, hyper: FloatArray) -> Basis:
+        """Return the basis with its hyperparameters fixed at values (n_hyper,)."""
+        if not self.hyperpriors:
+            return self
+        return _GivenBasis(
+            np.zeros(len(self.coefficient_mean)), np.ones(len(self.coefficient_sd)), self, hyper
+        )
+
     @abstractmethod
-    def known(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return m0 for rows of inputs (n, n_inputs) and parameters (n, n_parameters): (n,)."""
+    def known(
+        self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
+    ) -> FloatArray:
+        """Return m0 for rows of inputs (n, n_inputs) and parameters (n, n_parameters): (n,).
+
+        A surrogate that is not linear in its unknowns puts them into ``hyper`` (n, n_hyper), row by
+        row; `known_depends_on_hyper` then is True.
+        """
 
     @abstractmethod
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return phi for the same rows: (n, p)."""
+
+    known_depends_on_hyper = False
 
     def outer(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return known part (J, n) and features (J, n, p) of n inputs for each of J parameters.
@@ -73,6 +128,28 @@ class Basis(ABC):
         return self.known(rows, points).reshape(J, n), features.reshape(J, n, features.shape[1])
 
 
+@dataclass(frozen=True)
+class _GivenBasis(Basis):
+    """Another basis at fixed hyperparameters, its features in whitened coordinates."""
+
+    basis: Basis
+    hyper: FloatArray
+
+    def known(
+        self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
+    ) -> FloatArray:
+        rows = np.broadcast_to(self.hyper, (len(X), len(self.hyper)))
+        known = self.basis.known(X, omega, rows)
+        if not len(self.coefficient_mean):
+            return known
+        return known + self.basis.features(X, omega) @ self.basis.coefficient_mean
+
+    def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        features = self.basis.features(X, omega)
+        factor = self.basis.factor(self.hyper[None])
+        return features if factor is None else features @ factor[0]
+
+
 class Surrogate(BaseEstimator, ABC):
     """Base of the surrogates: constructor parameters only, no state.
 
@@ -83,7 +160,7 @@ class Surrogate(BaseEstimator, ABC):
     >>> import numpy as np
     >>> from hybridsurrogate.surrogates import Basis, Surrogate
     >>> class LineBasis(Basis):
-    ...     def known(self, X, omega):
+    ...     def known(self, X, omega, hyper=None):
     ...         return np.zeros(len(X))
     ...     def features(self, X, omega):
     ...         return np.column_stack([np.ones(len(X)), X, omega])

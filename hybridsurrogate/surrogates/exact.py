@@ -48,7 +48,9 @@ class ExactSurrogate(Surrogate):
 class _ExactBasis(Basis):
     simulate: Callable[[FloatArray, FloatArray], FloatArray]
 
-    def known(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+    def known(
+        self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
+    ) -> FloatArray:
         return self.simulate(X, omega)
 
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:

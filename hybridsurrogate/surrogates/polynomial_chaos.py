@@ -71,7 +71,9 @@ class _ChaosBasis(Basis):
     powers: NDArray[np.int_]
     location: float
 
-    def known(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+    def known(
+        self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
+    ) -> FloatArray:
         return np.full(len(X), self.location)
 
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:

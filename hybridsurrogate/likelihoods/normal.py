@@ -1,64 +1,51 @@
-"""Likelihoods: how a measured value scatters around what the surrogate says.
+"""Likelihoods that are normal after a transformation of y.
 
-A likelihood that is normal after a transformation of y keeps everything conditionally Gaussian:
-the surrogate then describes the transformed output ``eta``, and ``sigma`` is the scatter there.
+The surrogate describes the transformed output ``eta``, and ``sigma`` is the scatter there.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
+from scipy import stats
 
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.likelihoods.base import Likelihood
+from hybridsurrogate.priors import FloatArray, Prior
 
 _LOG_2PI = float(np.log(2 * np.pi))
 
 
-class Likelihood(ABC):
+class TransformedNormal(Likelihood):
     """Normal noise with scale ``sigma`` around ``eta`` after a transformation of y.
 
-    ``eta`` and ``sigma`` broadcast against each other; by convention draws come first and rows
-    last, so ``eta`` has shape (n_draws, n) and ``sigma`` (n_draws, 1). ``log_scale`` says whether
-    eta is the logarithm of the output.
+    Everything stays conditionally Gaussian.
     """
-
-    log_scale = False
-
-    @abstractmethod
-    def check(self, y: FloatArray, source: str = "measured") -> None:
-        """Raise ValueError when y cannot come from this likelihood; name its source."""
-
-    @abstractmethod
-    def transform(self, y: FloatArray) -> FloatArray:
-        """Return y on the scale of eta."""
-
-    @abstractmethod
-    def inverse(self, eta: FloatArray) -> FloatArray:
-        """Return the noise-free output in the units of y."""
 
     @abstractmethod
     def log_jacobian(self, y: FloatArray) -> FloatArray:
-        """Return log |d transform / dy|, shape of y."""
+        """Return log |d link / dy|, shape of y."""
 
-    @abstractmethod
-    def mean(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
-        """Return the mean of y."""
+    def working(self, y: FloatArray) -> FloatArray:
+        """Return the link of y."""
+        return self.link(y)
 
-    @abstractmethod
-    def variance(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
-        """Return the variance of y."""
+    def noise_prior(self, scale: float) -> Prior:
+        """Return a half-normal prior with the spread of the output as scale."""
+        return stats.halfnorm(scale=scale)
 
     def log_density(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the log density of each y."""
-        standardised = (self.transform(y) - eta) / sigma
+        standardised = (self.link(y) - eta) / sigma
         return -0.5 * standardised**2 - np.log(sigma) - 0.5 * _LOG_2PI + self.log_jacobian(y)
 
-    def cumulative(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
-        """Return P(Y <= y)."""
-        return special.ndtr((self.transform(y) - eta) / sigma)
+    def derivatives(
+        self, y: FloatArray, eta: FloatArray, sigma: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return (link(y) - eta) / sigma^2, and 1 / sigma^2."""
+        precision = np.broadcast_to(np.asarray(sigma) ** -2.0, np.shape(eta))
+        return (self.link(y) - eta) * precision, precision
 
     def sample(
         self, eta: FloatArray, sigma: FloatArray, random_state: np.random.RandomState
@@ -69,15 +56,17 @@ class Likelihood(ABC):
 
 
 @dataclass(frozen=True)
-class Normal(Likelihood):
+class Normal(TransformedNormal):
     """Normal noise with standard deviation ``sigma`` in the units of y."""
+
+    name = "normal"
 
     def check(self, y: FloatArray, source: str = "measured") -> None:
         """Accept every finite y."""
 
-    def transform(self, y: FloatArray) -> FloatArray:
-        """Return y."""
-        return np.asarray(y, dtype=float)
+    def link(self, output: FloatArray) -> FloatArray:
+        """Return the output."""
+        return np.asarray(output, dtype=float)
 
     def inverse(self, eta: FloatArray) -> FloatArray:
         """Return eta."""
@@ -97,9 +86,10 @@ class Normal(Likelihood):
 
 
 @dataclass(frozen=True)
-class LogNormal(Likelihood):
+class LogNormal(TransformedNormal):
     """Log-normal noise: log y is normal around eta with standard deviation ``sigma``."""
 
+    name = "log-normal"
     log_scale = True
 
     def check(self, y: FloatArray, source: str = "measured") -> None:
@@ -113,9 +103,9 @@ class LogNormal(Likelihood):
                 "y + 1)."
             )
 
-    def transform(self, y: FloatArray) -> FloatArray:
-        """Return log y."""
-        return np.log(y)
+    def link(self, output: FloatArray) -> FloatArray:
+        """Return the logarithm of the output."""
+        return np.log(output)
 
     def inverse(self, eta: FloatArray) -> FloatArray:
         """Return exp(eta), the median of y."""
@@ -133,19 +123,3 @@ class LogNormal(Likelihood):
         """Return (exp(sigma^2) - 1) exp(2 eta + sigma^2)."""
         with np.errstate(over="ignore"):
             return np.expm1(np.square(sigma)) * self.inverse(2 * eta + np.square(sigma))
-
-
-LIKELIHOODS: dict[str, Likelihood] = {"normal": Normal(), "lognormal": LogNormal()}
-
-
-def as_likelihood(likelihood: str | Likelihood) -> Likelihood:
-    """Return the likelihood object for a name, or the object itself."""
-    if isinstance(likelihood, Likelihood):
-        return likelihood
-    try:
-        return LIKELIHOODS[likelihood]
-    except (KeyError, TypeError):
-        raise ValueError(
-            f"likelihood must be one of {sorted(LIKELIHOODS)} or a Likelihood object, "
-            f"got {likelihood!r}."
-        ) from None

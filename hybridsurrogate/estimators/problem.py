@@ -1,0 +1,200 @@
+"""From checked data to a problem that can be fitted: surrogate, causes and priors wired up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hybridsurrogate.effects.base import Cause, Context
+from hybridsurrogate.inference.collapsed import Statistics, statistics
+from hybridsurrogate.inference.laplace import Runs
+from hybridsurrogate.inference.measured import MeasuredModel
+from hybridsurrogate.likelihoods import Likelihood, TransformedNormal
+from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.simulation import SimulationData, Simulator
+from hybridsurrogate.surrogates.base import Domain, Surrogate
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Everything a fit needs, checked.
+
+    Attributes
+    ----------
+    model : MeasuredModel
+    X, y, weights : ndarray of shape (n, n_columns), (n,), (n,)
+        Measured rows, y on the scale of eta, and their weights.
+    observed : ndarray of shape (n,)
+        y as measured.
+    likelihood : Likelihood
+    simulation : Statistics or None
+        Of the runs, on the scale of eta; None when there is no surrogate to train.
+    runs : Runs or None
+        The runs themselves.
+    noise_prior : prior of sigma
+    scale : float
+        Spread of the measured output on the scale of eta.
+    """
+
+    model: MeasuredModel
+    X: FloatArray
+    y: FloatArray
+    weights: FloatArray
+    observed: FloatArray
+    likelihood: Likelihood
+    simulation: Statistics | None
+    runs: Runs | None
+    noise_prior: Prior
+    scale: float
+
+    @property
+    def collapses(self) -> bool:
+        """Whether the coefficients are Gaussian given everything else."""
+        linear = not self.model.basis.known_depends_on_hyper
+        return linear and isinstance(self.likelihood, TransformedNormal)
+
+    def given(self, hyper: FloatArray) -> Problem:
+        """Return the problem with the surrogate's hyperparameters fixed at values (n_hyper,)."""
+        if not self.model.n_hyper:
+            return self
+        basis = self.model.basis.given(hyper)
+        simulation = None
+        if self.runs is not None and len(basis.coefficient_mean):
+            X, omega = self.runs.X, self.runs.omega
+            eta = self.likelihood.working(self.runs.y) - basis.known(X, omega)
+            simulation = statistics(basis.features(X, omega), eta, spread(eta), self.runs.weights)
+        return replace(self, model=replace(self.model, basis=basis), simulation=simulation)
+
+
+def spread(values: FloatArray, weights: FloatArray | None = None) -> float:
+    """Return the standard deviation, or the size, or one: a scale that is never zero."""
+    mean = np.average(values, weights=weights)
+    sd = float(np.sqrt(np.average((values - mean) ** 2, weights=weights)))
+    size = float(np.max(np.abs(values), initial=0.0))
+    if sd > 1e-10 * size:
+        return sd
+    return size or 1.0
+
+
+def make_problem(
+    simulation: SimulationData | Simulator | None,
+    surrogate: Surrogate,
+    likelihood: Likelihood,
+    noise_prior: Prior | None,
+    effects: tuple[Cause, ...],
+    columns: tuple[str, ...],
+    X: FloatArray,
+    y: FloatArray,
+    measured_only: bool = False,
+    weights: FloatArray | None = None,
+    run_weights: FloatArray | None = None,
+) -> Problem:
+    """Wire surrogate, causes and priors; compute the statistics of the simulation runs once.
+
+    With ``measured_only`` the simulation lends its input ranges and nothing else. Weights are
+    powers of the likelihoods of single rows and runs.
+    """
+    weights = np.ones(len(y)) if weights is None else weights
+    eta = likelihood.working(y)
+    scale = spread(eta, weights)
+    runs = simulation if isinstance(simulation, SimulationData) and not measured_only else None
+    run_eta = None
+    if runs is not None:
+        likelihood.check(runs.y, "simulated")
+        run_eta = likelihood.working(runs.y)
+    outputs = eta if run_eta is None else run_eta
+    shares = weights if run_eta is None else None
+    n_inputs = len(simulation.input_names) if simulation is not None else X.shape[1]
+    world = None if measured_only else simulation
+    ranges = dict(world.parameter_ranges) if world else {}
+    domain = Domain(
+        _ranges_of_inputs(simulation, X[:, :n_inputs]),
+        np.array(list(ranges.values())).reshape(-1, 2),
+        float(np.average(outputs, weights=shares)),
+        spread(outputs, shares),
+        _callable(world, likelihood),
+        X[:, :n_inputs] if runs is None else runs.X,
+        np.tile(np.mean(list(ranges.values()) or np.empty((0, 2)), axis=1), (len(X), 1))
+        if runs is None
+        else runs.omega,
+        outputs,
+        columns[:n_inputs],
+        tuple(ranges),
+    )
+    context = make_context(world, columns, n_inputs, X, scale, likelihood)
+    basis = surrogate.build(domain)
+    trained = bool(len(basis.coefficient_mean) or basis.hyperpriors)
+    if isinstance(world, Simulator) and trained:
+        raise ValueError(
+            f"{type(surrogate).__name__} is trained on runs, but simulation is a Simulator that "
+            "has not been run: pass simulator.run(100), or surrogate=ExactSurrogate()."
+        )
+    model = MeasuredModel(
+        basis,
+        columns,
+        n_inputs,
+        dict(world.parameters) if world else {},
+        {name: c.value for name, c in world.assumed.items()} if world else {},
+        tuple(effect.prepare(context) for effect in effects),
+        3 * scale,
+    )
+    model.check_effects(X)
+    kept, run_statistics = None, None
+    if runs is not None and run_eta is not None and trained:
+        run_weights = np.ones(len(runs.y)) if run_weights is None else run_weights
+        kept = Runs(runs.y, run_weights, runs.X, runs.omega)
+        if not basis.known_depends_on_hyper:
+            centred = run_eta - basis.known(runs.X, runs.omega)
+            features = basis.features(runs.X, runs.omega)
+            run_statistics = statistics(features, centred, domain.scale, run_weights)
+    prior = noise_prior if noise_prior is not None else likelihood.noise_prior(scale)
+    return Problem(model, X, eta, weights, y, likelihood, run_statistics, kept, prior, scale)
+
+
+def make_context(
+    simulation: SimulationData | Simulator | None,
+    columns: tuple[str, ...],
+    n_inputs: int,
+    X: FloatArray,
+    scale: float,
+    likelihood: Likelihood,
+) -> Context:
+    """Return what causes may know about the measured rows."""
+    return Context(
+        dict(zip(columns, X.T, strict=True)),
+        n_inputs,
+        dict(simulation.parameters) if simulation else {},
+        dict(simulation.assumed) if simulation else {},
+        scale,
+        log_scale=likelihood.log_scale,
+    )
+
+
+def _ranges_of_inputs(
+    simulation: SimulationData | Simulator | None, inputs: FloatArray
+) -> FloatArray:
+    if simulation is not None:
+        return np.array(list(simulation.input_ranges.values()), dtype=float)
+    low, high = inputs.min(axis=0), inputs.max(axis=0)
+    return np.column_stack([low, np.where(high > low, high, low + 1.0)])
+
+
+class _Transformed:
+    """The simulation on the scale of eta; a class so that it can be pickled."""
+
+    def __init__(self, simulator: Simulator, likelihood: Likelihood):
+        self.simulator, self.likelihood = simulator, likelihood
+
+    def __call__(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        # parameters far in the tails may break a simulation: NaN there means impossible
+        with np.errstate(all="ignore"):
+            return self.likelihood.link(self.simulator(X, omega))
+
+
+def _callable(
+    simulation: SimulationData | Simulator | None, likelihood: Likelihood
+) -> _Transformed | None:
+    if simulation is None or simulation.simulator is None:
+        return None
+    return _Transformed(simulation.simulator, likelihood)

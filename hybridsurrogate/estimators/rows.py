@@ -1,0 +1,58 @@
+"""Measured rows as an estimator gets them: checked weights, equal rows merged."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hybridsurrogate.priors import FloatArray
+
+
+class MeasuredRows(NamedTuple):
+    """Column names, measured rows (n, n_columns), outputs (n,) and weights (n,)."""
+
+    columns: tuple[str, ...]
+    X: FloatArray
+    y: FloatArray
+    weights: FloatArray
+
+
+def check_weights(sample_weight: ArrayLike | None, n: int) -> FloatArray:
+    """Return n weights; raise ValueError when they are unusable.
+
+    Examples
+    --------
+    >>> check_weights(None, 3)
+    array([1., 1., 1.])
+    """
+    if sample_weight is None:
+        return np.ones(n)
+    weights = np.asarray(sample_weight, dtype=float)
+    if weights.ndim == 0:
+        weights = np.full(n, float(weights))
+    if weights.shape != (n,):
+        raise ValueError(f"sample_weight must have shape ({n},), got {weights.shape}.")
+    if not (np.isfinite(weights) & (weights >= 0)).all():
+        raise ValueError("sample_weight must be finite and not negative.")
+    if not weights.sum() > 0:
+        raise ValueError("sample_weight sums to zero: no measured row would count.")
+    if np.count_nonzero(weights) < 2:
+        raise ValueError("sample_weight leaves 1 sample; at least 2 measured rows are needed.")
+    return weights
+
+
+def merged_rows(
+    X: FloatArray, y: FloatArray, weights: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return distinct rows, sorted, with the sums of their weights; rows without weight go.
+
+    A row of weight two and a row given twice are then the same numbers in the same order, and so
+    are their fits.
+    """
+    kept = weights > 0
+    table, index = np.unique(np.column_stack([X, y])[kept], axis=0, return_inverse=True)
+    total = np.zeros(len(table))
+    np.add.at(total, index.ravel(), weights[kept])
+    return table[:, :-1], table[:, -1], total

@@ -1,0 +1,92 @@
+"""What an estimator asks of a likelihood."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from hybridsurrogate.priors import FloatArray, Prior
+
+
+class Likelihood(ABC):
+    """How a measured value scatters around what the surrogate says.
+
+    ``eta``, the surrogate's output, and ``sigma``, the second parameter, broadcast against each
+    other; by convention draws come first and rows last, so ``eta`` has shape (n_draws, n) and
+    ``sigma`` (n_draws, 1).
+
+    Attributes
+    ----------
+    name : str
+        The word for it in messages.
+    log_scale : bool
+        Whether eta is the logarithm of the output.
+    has_scale : bool
+        Whether there is a second parameter.
+    discrete : bool
+        Whether y is a count.
+    """
+
+    name = "likelihood"
+    log_scale = False
+    has_scale = True
+    discrete = False
+
+    @abstractmethod
+    def check(self, y: FloatArray, source: str = "measured") -> None:
+        """Raise ValueError when y cannot come from this likelihood; name its source."""
+
+    @abstractmethod
+    def working(self, y: FloatArray) -> FloatArray:
+        """Return y on the scale of eta, nudged off the ends where that is not finite.
+
+        Scales, defaults and starting points come from it.
+        """
+
+    @abstractmethod
+    def link(self, output: FloatArray) -> FloatArray:
+        """Return the eta of a noise-free output."""
+
+    @abstractmethod
+    def inverse(self, eta: FloatArray) -> FloatArray:
+        """Return the noise-free output of eta."""
+
+    @abstractmethod
+    def log_density(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the log density (or log probability) of each y."""
+
+    @abstractmethod
+    def mean(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the mean of y."""
+
+    @abstractmethod
+    def variance(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the variance of y."""
+
+    @abstractmethod
+    def sample(
+        self, eta: FloatArray, sigma: FloatArray, random_state: np.random.RandomState
+    ) -> FloatArray:
+        """Draw y once for each eta."""
+
+    @abstractmethod
+    def noise_prior(self, scale: float) -> Prior:
+        """Return the default prior of sigma for outputs with this spread on the scale of eta."""
+
+    def derivatives(
+        self, y: FloatArray, eta: FloatArray, sigma: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return d log_density / d eta and a positive curvature, -d^2 / d eta^2 where it is.
+
+        By central differences unless a subclass knows better. Curvature only shapes proposals, so
+        where the density is not log-concave a positive stand-in does.
+        """
+        step = 1e-5 * (1 + np.abs(eta))
+        if self.has_scale:
+            step = np.maximum(step, 1e-3 * sigma)
+        middle = self.log_density(y, eta, sigma)
+        above, below = (self.log_density(y, eta + d, sigma) for d in (step, -step))
+        gradient = (above - below) / (2 * step)
+        curvature = (2 * middle - above - below) / step**2
+        return gradient, np.maximum(curvature, 0.1 * gradient**2 + 1e-12)

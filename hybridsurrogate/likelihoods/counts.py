@@ -1,0 +1,139 @@
+"""Counts: negative binomial and Poisson, with the logarithm of the mean as eta."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special, stats
+
+from hybridsurrogate.likelihoods.base import Likelihood
+from hybridsurrogate.priors import FloatArray, Prior
+
+# beyond this eta a mean has no use and its square no number
+_MAX_ETA = 60.0
+# below this sigma a negative binomial is a Poisson distribution to all digits
+_MIN_SIGMA = 1e-4
+# the largest mean that numpy draws from
+_MAX_MEAN = 1e15
+
+
+class _Counts(Likelihood):
+    log_scale = True
+    discrete = True
+
+    def check(self, y: FloatArray, source: str = "measured") -> None:
+        """Raise ValueError unless all y are whole numbers from zero on."""
+        bad = np.flatnonzero(~((y >= 0) & (y == np.round(y))))
+        if bad.size:
+            what = "negative" if y[bad[0]] < 0 else "no whole number"
+            raise ValueError(
+                f"The {self.name} likelihood needs counts 0, 1, 2, ..., but {bad.size} of {y.size} "
+                f"{source} values are not (first at row {bad[0]}: {y[bad[0]]:g} is {what}). Round "
+                "simulated values, or use likelihood='lognormal' for outputs that are no counts."
+            )
+
+    def working(self, y: FloatArray) -> FloatArray:
+        """Return log(y + 1/2)."""
+        return np.log(y + 0.5)
+
+    def link(self, output: FloatArray) -> FloatArray:
+        """Return the logarithm of the output."""
+        return np.log(output)
+
+    def inverse(self, eta: FloatArray) -> FloatArray:
+        """Return exp(eta)."""
+        return np.exp(np.minimum(eta, _MAX_ETA))
+
+    def mean(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return exp(eta)."""
+        return self.inverse(eta)
+
+
+@dataclass(frozen=True)
+class Poisson(_Counts):
+    """Counts whose variance is their mean; there is no second parameter."""
+
+    name = "Poisson"
+    has_scale = False
+
+    def log_density(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the log probability of each y."""
+        return y * eta - self.inverse(eta) - special.gammaln(y + 1)
+
+    def variance(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return exp(eta)."""
+        return self.inverse(eta)
+
+    def sample(
+        self, eta: FloatArray, sigma: FloatArray, random_state: np.random.RandomState
+    ) -> FloatArray:
+        """Draw y once for each eta."""
+        return random_state.poisson(np.minimum(self.inverse(eta), _MAX_MEAN)).astype(float)
+
+    def noise_prior(self, scale: float) -> Prior:
+        """Return the prior of a number that nothing depends on."""
+        return stats.lognorm(1.0)
+
+    def derivatives(
+        self, y: FloatArray, eta: FloatArray, sigma: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return y - mean, and the mean."""
+        mean = self.inverse(eta)
+        return y - mean, mean + 1e-12
+
+
+@dataclass(frozen=True)
+class NegativeBinomial(_Counts):
+    """Counts with mean mu and precision phi: variance mu + mu^2 / phi.
+
+    ``sigma`` is 1 / sqrt(phi), the relative scatter beyond a Poisson distribution's; phi is
+    ``sigma ** -2``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> eta, sigma = np.log([[20.0]]), np.array([[5.0**-0.5]])
+    >>> NegativeBinomial().variance(eta, sigma).round(6)
+    array([[100.]])
+    """
+
+    name = "negative binomial"
+
+    def log_density(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the log probability of each y."""
+        precision = np.maximum(sigma, _MIN_SIGMA) ** -2.0
+        ratio = self.inverse(eta) / precision
+        return (
+            special.gammaln(y + precision)
+            - special.gammaln(precision)
+            - special.gammaln(y + 1)
+            - (precision + y) * np.log1p(ratio)
+            + y * (np.minimum(eta, _MAX_ETA) - np.log(precision))
+        )
+
+    def variance(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return mu + sigma^2 mu^2."""
+        mean = self.inverse(eta)
+        return mean + np.square(sigma * mean)
+
+    def sample(
+        self, eta: FloatArray, sigma: FloatArray, random_state: np.random.RandomState
+    ) -> FloatArray:
+        """Draw y once for each eta: a Poisson count whose mean is gamma distributed."""
+        precision = np.broadcast_to(np.maximum(sigma, _MIN_SIGMA) ** -2.0, np.shape(eta))
+        factor = random_state.standard_gamma(precision) / precision
+        return random_state.poisson(np.minimum(self.inverse(eta) * factor, _MAX_MEAN)).astype(float)
+
+    def noise_prior(self, scale: float) -> Prior:
+        """Return a half-normal prior with scale one: a relative scatter of up to 200 %."""
+        return stats.halfnorm(scale=1.0)
+
+    def derivatives(
+        self, y: FloatArray, eta: FloatArray, sigma: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return score and curvature in eta."""
+        precision = np.maximum(sigma, _MIN_SIGMA) ** -2.0
+        mean = self.inverse(eta)
+        share = precision / (precision + mean)
+        return (y - mean) * share, mean * share * (precision + y) / (precision + mean) + 1e-12

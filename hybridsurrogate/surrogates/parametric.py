@@ -1,0 +1,99 @@
+"""A function of the user's with unknown constants, which need not enter linearly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hybridsurrogate.priors import FloatArray, Prior, check_priors
+from hybridsurrogate.surrogates.base import Basis, Domain, Surrogate
+
+Function = Callable[[FloatArray, FloatArray, dict[str, FloatArray]], Any]
+
+
+class ParametricSurrogate(Surrogate):
+    """A surrogate of your own: any function of inputs, parameters and unknown constants.
+
+    Parameters
+    ----------
+    function : callable
+        ``function(X, omega, constants) -> (n,)`` on the scale of eta: X of shape (n, n_inputs),
+        omega (n, n_parameters), constants a dict of name to (n,), all in the user's units. All
+        rows of all draws come in one call, so it must be vectorised.
+    prior : dict of name to frozen scipy.stats distribution
+        Priors of the constants.
+
+    Notes
+    -----
+    The constants are sampled together with the simulation's parameters: up to about twenty.
+    A surrogate that is linear in its unknowns is faster as a subclass of `Surrogate`.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> from scipy.stats import norm
+    >>> def growth(X, omega, c):
+    ...     return c["height"] * omega[:, 0] / (1 + np.exp(-c["rate"] * X[:, 0]))
+    >>> surrogate = hs.ParametricSurrogate(growth, {"height": norm(1, 1), "rate": norm(1, 1)})
+    >>> sorted(surrogate.prior)
+    ['height', 'rate']
+    """
+
+    def __init__(self, function: Function | None = None, prior: Mapping[str, Prior] | None = None):
+        self.function = function
+        self.prior = prior
+
+    def build(self, domain: Domain) -> Basis:
+        """Return the basis on a domain; raise ValueError when the function does not fit it."""
+        if not callable(self.function):
+            raise TypeError(
+                f"ParametricSurrogate needs a function(X, omega, constants), got {self.function!r}."
+            )
+        priors = check_priors(self.prior)
+        if not priors:
+            raise ValueError("ParametricSurrogate needs a prior for at least one constant.")
+        basis = _ParametricBasis(np.empty(0), np.empty(0), self.function, priors)
+        medians = np.array([float(prior.ppf(0.5)) for prior in priors.values()])
+        values = basis.known(domain.X, domain.omega, np.tile(medians, (len(domain.X), 1)))
+        if not np.isfinite(values).any():
+            raise ValueError(
+                f"{self._name()} is NaN or infinite at every training row, with its constants at "
+                "the medians of their priors. Check units and priors."
+            )
+        return basis
+
+    def _name(self) -> str:
+        return f"The surrogate function {getattr(self.function, '__name__', self.function)!r}"
+
+
+@dataclass(frozen=True)
+class _ParametricBasis(Basis):
+    function: Function
+    priors: dict[str, Prior]
+
+    known_depends_on_hyper = True
+
+    @property
+    def hyperpriors(self) -> dict[str, Prior]:
+        return self.priors
+
+    def known(
+        self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
+    ) -> FloatArray:
+        assert hyper is not None
+        constants = dict(zip(self.priors, hyper.T, strict=True))
+        with np.errstate(all="ignore"):  # constants far in their tails are impossible, no error
+            values = np.asarray(self.function(X, omega, constants), dtype=float)
+        if values.shape != (len(X),):
+            name = getattr(self.function, "__name__", repr(self.function))
+            raise ValueError(
+                f"The surrogate function {name!r} must return shape ({len(X)},) for {len(X)} rows, "
+                f"got {values.shape}. It gets all rows of all draws at once: use numpy functions."
+            )
+        return values
+
+    def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        return np.empty((len(X), 0))
