@@ -320,7 +320,11 @@ def power_scaled(simulation, **parameters):
         ({"n_draws": 3}, ValueError, "n_draws == 3, must be >= 10"),
         ({"n_draws": 100.0}, TypeError, "n_draws must be an instance of"),
         ({"sampler": "nuts"}, ValueError, r"sampler must be one of .*, got 'nuts'"),
-        ({"likelihood": "gamma"}, ValueError, r"one of \['lognormal', 'negative-binomial', 'normal'"),
+        (
+            {"likelihood": "gamma"},
+            ValueError,
+            r"one of \['lognormal', 'negative-binomial', 'normal'",
+        ),
         ({"noise_prior": 0.5}, TypeError, "prior of 'noise_prior' must be a frozen"),
         ({"surrogate": "pce"}, TypeError, "must be a surrogate object such as Polynomial"),
         ({"surrogate": hs.PolynomialChaos}, TypeError, "must be a surrogate object"),

@@ -170,7 +170,15 @@ def test_large_batches_are_cut_without_a_seam(drifting, monkeypatch):
     runs, X, y = drifting
     problem = make_problem(runs, hs.PolynomialChaos(2), hs.Normal(), None, (), ("x",), X, y)
     target = CollapsedPosterior(
-        problem.model, X, y, problem.weights, problem.simulation, 1.0, 1.0, problem.noise_prior, problem.scale
+        problem.model,
+        X,
+        y,
+        problem.weights,
+        problem.simulation,
+        1.0,
+        1.0,
+        problem.noise_prior,
+        problem.scale,
     )
     u = np.random.default_rng(0).normal(-0.5, 0.5, (23, 2))
     whole = target.log_density(u), target.draw_coefficients(u, np.random.RandomState(0))[0]

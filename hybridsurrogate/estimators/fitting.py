@@ -16,9 +16,11 @@ from hybridsurrogate.inference.importance import (
     importance_draws,
 )
 from hybridsurrogate.inference.laplace import LaplacePosterior
+from hybridsurrogate.inference.scale_mixture import mixture_draws as scale_mixture_draws
 from hybridsurrogate.inference.second_step import conditional_draws
 from hybridsurrogate.inference.starts import starting_points
 from hybridsurrogate.inference.two_step import MeasuredDraws, second_step
+from hybridsurrogate.likelihoods import StudentT
 from hybridsurrogate.posterior import Diagnostics, Posterior
 from hybridsurrogate.priors import FloatArray
 
@@ -195,6 +197,13 @@ def first_step(
     if isinstance(target, CollapsedPosterior):
         u, diagnostics = _collapsed_draws(target, modes, minor, sampler, n_draws, random_state)
         return FirstStep(u, *target.draw_coefficients(u, random_state), diagnostics)
+    linear = not target.model.basis.known_depends_on_hyper
+    if isinstance(target.likelihood, StudentT) and linear and sampler == "auto":
+        start = importance_draws(target.log_density, minor, 500, 500, random_state)
+        drawn = scale_mixture_draws(target, start.draws, n_draws, random_state)
+        tau, effective = drawn.autocorrelation_time, drawn.effective_draws
+        found = Diagnostics("gibbs", np.nan, effective, tau, len(modes))
+        return FirstStep(drawn.u, drawn.c, drawn.a, found)
     w, diagnostics = _full_draws(target, modes, minor, sampler, n_draws, random_state)
     return FirstStep(w[:, : target.n_dimensions], *target.unwhitened(w), diagnostics)
 

@@ -121,13 +121,12 @@ class CollapsedPosterior:
         if self._fixed:
             return self._fixed_rows.marginal(np.exp(2 * u[:, -1]))
         _, precision = self._prior
-        if self.model.n_hyper:
-            precision = np.ones_like(precision)
+        log_prior = 0.0 if self.model.n_hyper else float(np.log(precision).sum())
         pieces: list[FloatArray] = []
         for block in self._blocks(u):
             factor, log_noise = self._augmented_factor(block)
             diagonal = np.diagonal(factor, axis1=1, axis2=2)
-            log_det = 2 * np.log(diagonal[:, :-1]).sum(axis=1) - np.log(precision).sum()
+            log_det = 2 * np.log(diagonal[:, :-1]).sum(axis=1) - log_prior
             pieces.append(np.stack([log_det, diagonal[:, -1] ** 2, log_noise]))
         log_det, rest, log_noise = np.concatenate(pieces, axis=1)
         return log_det, rest, log_noise
@@ -188,28 +187,30 @@ class CollapsedPosterior:
         out, log_noise = self._gram(u)
         if self.model.n_hyper:
             out = self._whitened(out, u)
-            mean, precision = np.zeros_like(mean), np.ones_like(precision)
+            mean, precision = np.zeros(out.shape[1] - 1), np.ones(out.shape[1] - 1)
         out *= np.exp(-2 * u[:, -1])[:, None, None]
         prior = np.diag(np.append(precision, precision @ mean**2))
         prior[-1, :-1] = prior[:-1, -1] = precision * mean
         out += prior
         # a simulation may fail for some parameters: those are impossible, not an error
         broken = ~np.isfinite(out.sum(axis=(1, 2)))
-        out[broken] = np.eye(len(mean) + 1)
-        factor = _cholesky(out)
+        out[broken] = np.eye(out.shape[1])
+        factor = nudged_cholesky(out)
         factor[broken] = np.nan
         return factor, log_noise
 
     def _whitening(self, u: FloatArray) -> FloatArray:
-        """Return T (J, size, size) with ``(c, a) = mean + T v``, v standard normal."""
-        mean, precision = self._prior
-        p = len(self.model.basis.coefficient_mean)
-        out = np.zeros((len(u), len(mean), len(mean)))
-        out[:] = np.diag(precision**-0.5)
+        """Return T (J, size, r) with ``(c, a) = T v``, v standard normal."""
         hyper = self.model.values(u[:, :-1])[:, self.model.n_unknowns :]
-        factor = self.model.basis.factor(hyper)
-        if factor is not None:
-            out[:, :p, :p] = factor
+        factor = self.model.basis.factor(hyper, truncated=True)
+        assert factor is not None
+        q = len(self.model.column_sd)
+        if not q:
+            return factor
+        J, p, r = factor.shape
+        out = np.zeros((J, p + q, r + q))
+        out[:, :p, :r] = factor
+        out[:, p:, r:] = np.diag(self.model.column_sd)
         return out
 
     def _whitened(self, gram: FloatArray, u: FloatArray) -> FloatArray:
@@ -218,7 +219,8 @@ class CollapsedPosterior:
         The prior mean is zero in every surrogate that has hyperparameters.
         """
         whitening = self._whitening(u)
-        out = np.empty_like(gram)
+        size = whitening.shape[2] + 1
+        out = np.empty((len(u), size, size))
         transposed = np.swapaxes(whitening, 1, 2)
         out[:, :-1, :-1] = transposed @ gram[:, :-1, :-1] @ whitening
         out[:, :-1, -1:] = transposed @ gram[:, :-1, -1:]
@@ -241,7 +243,8 @@ class CollapsedPosterior:
         for block in self._blocks(u):
             factor, _ = self._augmented_factor(block)
             first = sum(len(piece) for piece in pieces)
-            right = factor[:, -1, :-1] + noise[first : first + len(block)]
+            size = factor.shape[1] - 1
+            right = factor[:, -1, :-1] + noise[first : first + len(block), :size]
             transposed = np.swapaxes(factor[:, :-1, :-1], 1, 2)
             drawn = np.linalg.solve(transposed, right[..., None])
             if self.model.n_hyper:
@@ -293,7 +296,8 @@ def _fixed_rows(gram: FloatArray, mean: FloatArray, sd: FloatArray, log_noise: f
     return _FixedRows(mean, axes, size, along, max(float(rest), 0.0), log_noise)
 
 
-def _cholesky(matrices: FloatArray) -> FloatArray:
+def nudged_cholesky(matrices: FloatArray) -> FloatArray:
+    """Return Cholesky factors (J, p, p); where rounding made a matrix indefinite, all are nudged."""
     try:
         return np.linalg.cholesky(matrices)
     except np.linalg.LinAlgError:

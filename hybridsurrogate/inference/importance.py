@@ -148,7 +148,7 @@ def _distinct(x: FloatArray, value: FloatArray, hessian: FloatArray) -> list[Gau
     for k in np.argsort(-value):
         eigenvalue, vector = np.linalg.eigh(-hessian[k])
         # saddles and rounding: no direction is wider than a few of the prior's deviations
-        eigenvalue = np.maximum(eigenvalue, 0.05)
+        eigenvalue = np.clip(eigenvalue, 0.05, 1e10)
         inside = any(
             np.linalg.norm(np.linalg.solve(mode.factor, x[k] - mode.mean)) < 3.0 + len(mode.mean)
             for mode in modes

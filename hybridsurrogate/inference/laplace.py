@@ -12,14 +12,19 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
+from hybridsurrogate.inference.collapsed import nudged_cholesky
 from hybridsurrogate.inference.measured import MeasuredModel, prior_log_density
 from hybridsurrogate.likelihoods.base import Likelihood
 from hybridsurrogate.priors import FloatArray, Prior
 
 _LOG_2PI = float(np.log(2 * np.pi))
 _NEWTON_STEPS = 25
-_TOLERANCE = 1e-8
+# the mode shapes proposals only: a thousandth of a nat from it is near enough
+_TOLERANCE = 1e-3
+# a direction of v that moves eta by less than this share of the first one is left to its prior
+_NEGLIGIBLE = 1e-4
 # numbers in one block of features; larger batches are cut so that memory stays bounded
 _BLOCK = 4_000_000
 
@@ -99,7 +104,7 @@ class LaplacePosterior:
         pieces = []
         for block in self._blocks(w):
             u, v = block[:, :d], block[:, d:]
-            design = self._design(u)
+            design = self._design(u, truncated=False)
             pieces.append(self._prior(u) + prior_log_density(v) + self._likelihood(design, u, v))
         out = np.concatenate(pieces)
         return np.where(np.isfinite(out), out, -np.inf)
@@ -114,7 +119,8 @@ class LaplacePosterior:
         total = np.zeros(len(u))
         with np.errstate(over="ignore", invalid="ignore"):
             for rows, part in zip(self._rows, design.parts, strict=True):
-                density = self.likelihood.log_density(rows.y, part.eta(v), sigma * part.noise)
+                eta = part.eta(v[:, design.kept])
+                density = self.likelihood.log_density(rows.y, eta, sigma * part.noise)
                 total += density @ rows.weights
         return total
 
@@ -132,18 +138,24 @@ class LaplacePosterior:
     def _with_runs(self) -> bool:
         return self.runs is not None and bool(self.simulation_power)
 
-    def _design(self, u: FloatArray) -> _Design:
+    def _design(self, u: FloatArray, truncated: bool) -> _Design:
         """Return what is linear in v, for the runs and for the measured rows."""
         model = self.model
         values = model.values(u[:, :-1])
         hyper = values[:, model.n_unknowns :]
         factor = model.basis.factor(hyper) if model.n_hyper else None
+        kept = np.arange(self.n_coefficients)
+        if factor is not None and truncated:
+            size = np.sqrt(np.sum(factor**2, axis=1))
+            large = (size > _NEGLIGIBLE * size.max(axis=1, keepdims=True)).any(axis=0)
+            factor = factor[:, :, large]
+            kept = kept[np.concatenate([large, np.ones(len(model.column_sd), dtype=bool)])]
         parts = []
         if self._with_runs:
             parts.append(self._run_part(hyper, factor))
         if self.measured_power:
             parts.append(self._measured_part(values, factor))
-        return _Design(parts)
+        return _Design(parts, kept)
 
     def _run_part(self, hyper: FloatArray, factor: FloatArray | None) -> _Part:
         assert self.runs is not None
@@ -188,7 +200,7 @@ class LaplacePosterior:
         pieces = []
         for block in self._blocks(u):
             fit = self._fit(block)
-            pieces.append(fit.log_joint - fit.log_det + 0.5 * self.n_coefficients * _LOG_2PI)
+            pieces.append(fit.log_joint - fit.log_det + 0.5 * fit.mode.shape[1] * _LOG_2PI)
         out = np.concatenate(pieces)
         return np.where(np.isfinite(out), out, -np.inf)
 
@@ -230,12 +242,14 @@ class LaplacePosterior:
 
     def _fit(self, u: FloatArray) -> _Fit:
         """Climb to the mode of v given each u by Newton steps, halved where they overshoot."""
-        design, sigma = self._design(u), np.exp(u[:, -1:])
+        whole, sigma = self._design(u, truncated=True), np.exp(u[:, -1:])
+        # inside, v holds the directions that are kept and nothing else
+        design = _Design(whole.parts, np.arange(len(whole.kept)))
         prior = self._prior(u)
-        v = np.zeros((len(u), self.n_coefficients))
+        v = np.zeros((len(u), len(whole.kept)))
         value = prior_log_density(v) + self._likelihood(design, u, v)
         active = np.ones(len(u), dtype=bool)
-        for _ in range(_NEWTON_STEPS if self.n_coefficients else 0):
+        for _ in range(_NEWTON_STEPS if v.shape[1] else 0):
             some = design.take(active)
             step = self._newton_step(some, sigma[active], v[active])
             # a full step, a quarter and a sixteenth: the best of them counts
@@ -256,10 +270,10 @@ class LaplacePosterior:
                 break
         factor = self._factor(design, sigma, v)
         log_det = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-        return _Fit(design, v, factor, log_det, prior + value)
+        return _Fit(whole, v, factor, log_det, prior + value)
 
     def _newton_step(self, design: _Design, sigma: FloatArray, v: FloatArray) -> FloatArray:
-        gradient, hessian = -v, self._identity(len(v))
+        gradient, hessian = -v, _identity(v)
         for rows, part in zip(self._rows, design.parts, strict=True):
             score, curvature = self._derivatives(rows, part, sigma, v)
             gradient = gradient + part.back(score)
@@ -267,10 +281,10 @@ class LaplacePosterior:
         return np.linalg.solve(hessian, gradient[..., None])[..., 0]
 
     def _factor(self, design: _Design, sigma: FloatArray, v: FloatArray) -> FloatArray:
-        hessian = self._identity(len(v))
+        hessian = _identity(v)
         for rows, part in zip(self._rows, design.parts, strict=True):
             hessian = hessian + part.gram(self._derivatives(rows, part, sigma, v)[1])
-        return np.linalg.cholesky(hessian)
+        return nudged_cholesky(hessian)
 
     def _derivatives(
         self, rows: Rows, part: _Part, sigma: FloatArray, v: FloatArray
@@ -281,8 +295,9 @@ class LaplacePosterior:
         score, curvature = (np.where(np.isfinite(a), a, 0.0) for a in (score, curvature))
         return score * rows.weights, curvature * rows.weights
 
-    def _identity(self, n: int) -> FloatArray:
-        return np.broadcast_to(np.eye(self.n_coefficients), (n, *(self.n_coefficients,) * 2))
+
+def _identity(v: FloatArray) -> FloatArray:
+    return np.broadcast_to(np.eye(v.shape[1]), (*v.shape, v.shape[1]))
 
 
 @dataclass(frozen=True)
@@ -323,10 +338,15 @@ class _Part:
 
 @dataclass(frozen=True)
 class _Design:
+    """Parts linear in ``v[:, kept]``."""
+
     parts: list[_Part]
+    kept: NDArray[np.intp]
 
     def take(self, active: FloatArray) -> _Design:
-        return self if active.all() else _Design([part.take(active) for part in self.parts])
+        if active.all():
+            return self
+        return _Design([part.take(active) for part in self.parts], self.kept)
 
 
 @dataclass(frozen=True)
@@ -340,6 +360,9 @@ class _Fit:
     log_joint: FloatArray
 
     def draw(self, e: FloatArray) -> FloatArray:
-        """Return v for standard normal e (J, p)."""
+        """Return v for standard normal e (J, p); directions that are not kept stay e."""
+        kept = self.design.kept
         transposed = np.swapaxes(self.factor, 1, 2)
-        return self.mode + np.linalg.solve(transposed, e[..., None])[..., 0]
+        out = e.copy()
+        out[:, kept] = self.mode + np.linalg.solve(transposed, e[:, kept, None])[..., 0]
+        return out

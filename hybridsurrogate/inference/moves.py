@@ -66,7 +66,7 @@ def moved_draws(
     halves = np.array_split(random_state.permutation(S), 2)
     for step in range(n_steps):
         for mine, other in (halves, halves[::-1]):
-            trial = points[mine] + _differences(points[other], len(mine), random_state, step)
+            trial = points[mine] + differences(points[other], len(mine), random_state, step)
             new = log_density(trial, mine)
             with np.errstate(invalid="ignore"):  # both may be minus infinity
                 take = np.log(random_state.uniform(size=len(mine))) < new - value[mine]
@@ -93,10 +93,10 @@ def _best_of_pool(
     return points, value[pick, chains]
 
 
-def _differences(
+def differences(
     others: FloatArray, n: int, random_state: np.random.RandomState, step: int
 ) -> FloatArray:
-    """Return n moves: scaled differences of two other chains, now and then of full length."""
+    """Return n moves: scaled differences of two other chains, every tenth step of full length."""
     d = others.shape[1]
     first = random_state.randint(len(others), size=n)
     second = random_state.randint(len(others), size=n)

@@ -79,16 +79,18 @@ class Basis(ABC):
         """Priors of unknowns of the surrogate itself, such as length scales; by default none."""
         return {}
 
-    def factor(self, hyper: FloatArray) -> FloatArray | None:
+    def factor(self, hyper: FloatArray, truncated: bool = False) -> FloatArray | None:
         """Return F with ``coefficients = mean + F v``, v standard normal, for hyperparameters.
 
         Parameters
         ----------
         hyper : ndarray of shape (J, n_hyper)
+        truncated : bool, default=False
+            Leave out columns that are negligible for all J.
 
         Returns
         -------
-        ndarray of shape (J, p, p) or None
+        ndarray of shape (J, p, r), r <= p, or None
             None: the coefficients do not depend on hyperparameters, F = diag(coefficient_sd).
         """
         return None

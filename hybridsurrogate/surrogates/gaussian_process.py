@@ -17,10 +17,12 @@ from hybridsurrogate.surrogates.polynomial_chaos import legendre, multi_indices
 KERNELS = ("squared-exponential", "matern-5/2", "matern-3/2")
 
 # total degree by number of dimensions: accuracy against a matrix of a few hundred rows
-_DEGREE = {1: 30, 2: 14, 3: 9, 4: 6}
+_DEGREE = {1: 30, 2: 10, 3: 7, 4: 5}
 _MAX_DIMENSIONS_DEGREE = 4
 # the polynomials live on a range this much wider, beyond which the process is held constant
 _MARGIN = 1.15
+# a direction whose standard deviation is this share of the first one's does not matter
+_NEGLIGIBLE = 1e-4
 # share of the prior variance that stands for rounding
 _JITTER = 1e-10
 
@@ -46,7 +48,7 @@ class GaussianProcess(Surrogate):
         as scale (the paper: half-normal(1), for outputs with a spread of one).
     degree : int or None, default=None
         Total degree of the polynomials. None: 30 in one dimension (inputs and parameters
-        together), 14 in two, 9 in three, 6 beyond: enough for length scales from 0.5 on in two
+        together), 10 in two, 7 in three, 5 beyond: enough for length scales from 0.5 on in two
         dimensions. Rough functions need more.
 
     Notes
@@ -114,12 +116,21 @@ class _ProcessBasis(Basis):
     def hyperpriors(self) -> dict[str, Prior]:
         return self.priors
 
-    def factor(self, hyper: FloatArray) -> FloatArray:
-        out = np.ones((len(hyper), len(self.powers), len(self.powers)))
-        for k in range(self.powers.shape[1]):
-            one = _one_dimensional_factor(self.kernel, hyper[:, k], int(self.powers.max()))
-            out *= one[:, self.powers[:, None, k], self.powers[None, :, k]]
-        return out * hyper[:, -1, None, None]
+    def factor(self, hyper: FloatArray, truncated: bool = False) -> FloatArray:
+        J, d, m = len(hyper), self.powers.shape[1], int(self.powers.max()) + 1
+        ones = [_one_dimensional_factor(self.kernel, hyper[:, k], m - 1) for k in range(d)]
+        kept = self.powers
+        if truncated:
+            # the size of a column is the product of the sizes of its one-dimensional parts
+            sizes = [np.sqrt(np.sum(one**2, axis=1)) for one in ones]
+            size = np.prod([s[:, kept[:, k]] for k, s in enumerate(sizes)], axis=0)
+            kept = kept[(size > _NEGLIGIBLE * size[:, :1]).any(axis=0)]
+        ones[0] = ones[0] * hyper[:, -1, None, None]
+        out = np.ones((1, 1))
+        for k, one in enumerate(ones):
+            index = (self.powers[:, None, k] * m + kept[None, :, k]).ravel()
+            out = out * np.take(one.reshape(J, m * m), index, axis=1)
+        return out.reshape(J, len(self.powers), len(kept))
 
     def known(
         self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
