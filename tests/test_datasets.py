@@ -2,9 +2,13 @@ import pickle
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.optimize import curve_fit
+from shared_files import ReferenceCase, needs_reference
 
-from hybridsurrogate.datasets import load_mauna_loa_co2, load_nile, make_log_sin
+import hybridsurrogate as hs
+from hybridsurrogate.datasets import load_mauna_loa_co2, load_nile, make_log_sin, make_sir
+from hybridsurrogate.datasets.sir import infected
 
 
 def test_log_sin_is_the_published_case_study():
@@ -39,6 +43,102 @@ def test_log_sin_repeats_with_its_seed():
 
 
 @pytest.mark.parametrize(
+    ("t", "contact_rate", "recovery_rate"),
+    [(14, 3, 0.3), (14, 3, 0.9), (14, 1, 0.9), (1, 2, 0.55), (7.5, 1.6, 0.7), (20, 3, 0.3)],
+)
+def test_infected_agrees_with_an_adaptive_solver(t, contact_rate, recovery_rate):
+    def rates(_, state):
+        susceptible, ill = state
+        new = contact_rate * susceptible * ill / 763
+        return [-new, new - recovery_rate * ill]
+
+    solved = solve_ivp(rates, (0, t), [762, 1], method="DOP853", rtol=1e-12, atol=1e-10)
+    number = infected(t, contact_rate, recovery_rate)
+    assert number.shape == ()
+    assert number == pytest.approx(solved.y[1, -1], rel=1e-8)
+
+
+def test_infected_has_the_closed_form_of_an_epidemic_without_recovery():
+    # di/dt = contact_rate i (1 - i): logistic growth from 1 / 763
+    t = np.linspace(0, 14, 50)
+    np.testing.assert_allclose(infected(t, 1.5, 0.0), 763 / (1 + 762 * np.exp(-1.5 * t)))
+
+
+def test_infected_does_one_row_as_it_does_many():
+    rng = np.random.default_rng(0)
+    rows = rng.uniform((1, 1, 0.3), (14, 3, 0.9), (40, 3))
+    together = infected(*rows.T)
+    alone = np.concatenate([infected(*row[:, None]) for row in rows])
+    np.testing.assert_allclose(together, alone, rtol=1e-12)
+
+
+@needs_reference
+def test_sir_is_the_published_case_study():
+    case = ReferenceCase("case2")
+    data = make_sir(random_state=0)
+    np.testing.assert_allclose(data.X, case.X)
+    assert data.simulation.n_runs == len(case.tables["sim"])
+    assert data.simulation.input_ranges == {"t": case.x_range}
+    assert data.simulation.parameter_ranges["contact_rate"] == pytest.approx(case.omega_range)
+    prior, published = data.simulator.parameters["contact_rate"], case.omega_prior
+    np.testing.assert_allclose(prior.ppf([0.1, 0.5, 0.9]), published.ppf([0.1, 0.5, 0.9]))
+    runs = case.tables["sim"]
+    simulated = data.simulator(runs["x"], runs["omega"])
+    np.testing.assert_allclose(simulated, runs["I"] + 1, rtol=1e-8)
+    # the authors' runs are whole numbers, rounded up or down at random
+    assert (np.abs(simulated - runs["y"]) < 1).all()
+    for name in ("real", "oos", "ood"):
+        table = case.tables[name]
+        truth = data.simulator(table["x"], np.tile([1.6, 0.7], (len(table), 1)))
+        np.testing.assert_allclose(truth, table["mu"], rtol=1e-8)
+
+
+@pytest.mark.parametrize(("word", "low", "high"), [("in", 1, 7.5), ("out", 7.5, 14)])
+@pytest.mark.parametrize("add_one", [True, False])
+def test_sir_test_sets(word, low, high, add_one):
+    data = make_sir(n_test=8000, add_one=add_one, random_state=1)
+    X, mu, y = data[f"X_{word}"], data[f"mu_{word}"], data[f"y_{word}"]
+    assert X.shape == (8000, 1)
+    assert low <= X.min() < low + 0.1
+    assert high - 0.1 < X.max() <= high
+    np.testing.assert_allclose(mu, data.simulator(X, np.tile([1.6, 0.7], (8000, 1))))
+    number, counts = mu - add_one, y - add_one
+    np.testing.assert_allclose(number, infected(X[:, 0], 1.6, 0.7))
+    assert (counts == np.round(counts)).all()
+    assert counts.min() >= 0
+    error = (counts - number) / np.sqrt(number + number**2 / 5)
+    # of 8000 standardised errors, whose kurtosis is about 5
+    assert error.mean() == pytest.approx(0, abs=0.04)
+    assert np.mean(error**2) == pytest.approx(1, abs=0.1)
+
+
+def test_sir_simulation_assumes_a_slow_recovery():
+    data = make_sir(random_state=0)
+    assert data.simulator.assumed["recovery_rate"].value == 0.55
+    assert data.simulation.parameter_ranges["recovery_rate"] == pytest.approx((0.3, 0.9))
+    np.testing.assert_allclose(
+        data.simulator([3.0, 9.0], [2.0, 1.2]), infected([3, 9], [2.0, 1.2], 0.55) + 1
+    )
+
+
+def test_sir_rounds_what_the_simulation_says():
+    data = make_sir(add_one=False, round_counts=True, random_state=0)
+    exact = make_sir(add_one=False, random_state=0)
+    np.testing.assert_array_equal(data.simulation.y, np.round(exact.simulation.y))
+    np.testing.assert_array_equal(data.y, exact.y)
+    # runs and counts are such as a likelihood of counts takes
+    hs.NegativeBinomial().check(data.simulation.y)
+    hs.NegativeBinomial().check(data.y)
+
+
+def test_sir_repeats_with_its_seed():
+    one, two, other = (make_sir(random_state=seed) for seed in (5, 5, 6))
+    np.testing.assert_array_equal(one.y, two.y)
+    np.testing.assert_array_equal(one.simulation.y, two.simulation.y)
+    assert not np.array_equal(one.y, other.y)
+
+
+@pytest.mark.parametrize(
     ("load", "n_rows", "start", "sd"),
     [(load_mauna_loa_co2, 521, (280, 35, 0.02), 2.2), (load_nile, 100, (1000,), 169)],
 )
@@ -57,7 +157,7 @@ def test_simulation_follows_all_but_the_hidden_cause(load, n_rows, start, sd):
     assert residual.std() == pytest.approx(sd, rel=0.01)
 
 
-@pytest.mark.parametrize("make", [make_log_sin, load_mauna_loa_co2, load_nile])
+@pytest.mark.parametrize("make", [make_log_sin, make_sir, load_mauna_loa_co2, load_nile])
 def test_simulators_can_be_pickled(make):
     simulator = make().simulator
     assert repr(pickle.loads(pickle.dumps(simulator))) == repr(simulator)
