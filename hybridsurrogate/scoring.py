@@ -1,13 +1,20 @@
-"""Scores of predictions: expected log predictive density, error, coverage, paired gains."""
+"""Scores of predictions, as functions of arrays and as scorers for scikit-learn's searches."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hybridsurrogate.design import random_generator
 from hybridsurrogate.priors import FloatArray
+
+# of y, behind a scorer's continuous ranked probability score
+_SCORER_DRAWS = 1000
+_SCORER_LEVEL = 0.9
 
 
 def elpd(log_predictive_density: ArrayLike) -> tuple[float, float]:
@@ -58,6 +65,137 @@ def coverage(y: ArrayLike, lower: ArrayLike, upper: ArrayLike) -> float:
     return float(np.mean((y >= np.asarray(lower)) & (y <= np.asarray(upper))))
 
 
+def interval_width(lower: ArrayLike, upper: ArrayLike) -> float:
+    """Return the mean width of the intervals.
+
+    Parameters
+    ----------
+    lower, upper : array-like of shape (n,)
+
+    Examples
+    --------
+    >>> interval_width([0.0, 1.0], [1.0, 4.0])
+    2.0
+    """
+    lower, upper = _same_rows({"lower": lower, "upper": upper})
+    return float(np.mean(upper - lower))
+
+
+def interval_score(
+    y: ArrayLike, lower: ArrayLike, upper: ArrayLike, level: float = 0.9
+) -> FloatArray:
+    """Return the interval score of each row: smaller is better.
+
+    The width of a central interval, and 2 / (1 - level) for every unit by which y lies outside
+    (equation 43 of [1]_): a narrow interval pays off only if it still holds y often enough.
+
+    Parameters
+    ----------
+    y, lower, upper : array-like of shape (n,)
+    level : float, default=0.9
+        Probability that the intervals are meant to hold.
+
+    Returns
+    -------
+    ndarray of shape (n,)
+
+    References
+    ----------
+    .. [1] T. Gneiting, A. E. Raftery, "Strictly proper scoring rules, prediction, and estimation",
+       Journal of the American Statistical Association 102, 2007.
+
+    Examples
+    --------
+    >>> interval_score([0.5, 2.0], [0.0, 0.0], [1.0, 1.0], level=0.5)
+    array([1., 5.])
+    """
+    if not 0 < level < 1:
+        raise ValueError(f"level must lie between 0 and 1, got {level!r}.")
+    y, lower, upper = _same_rows({"y": y, "lower": lower, "upper": upper})
+    outside = np.maximum(lower - y, 0) + np.maximum(y - upper, 0)
+    return upper - lower + 2 / (1 - level) * outside
+
+
+def crps(draws: ArrayLike, y: ArrayLike) -> FloatArray:
+    """Return the continuous ranked probability score of each row: smaller is better.
+
+    E|Y - y| - E|Y - Y'| / 2 for independent predictions Y and Y' (equation 21 of [1]_), in the
+    units of y; of a prediction without scatter it is the absolute error. The second mean is over
+    pairs of different draws (the fair version of [2]_), so that the result estimates the score of
+    the distribution behind the draws without bias, however few they are; it can then be slightly
+    negative. Sorting the draws turns the sum over pairs into one over draws.
+
+    Parameters
+    ----------
+    draws : array-like of shape (n_draws, n)
+        Predictions with noise, as from ``sample_posterior_predictive``; at least two.
+    y : array-like of shape (n,)
+
+    Returns
+    -------
+    ndarray of shape (n,)
+
+    References
+    ----------
+    .. [1] T. Gneiting, A. E. Raftery, "Strictly proper scoring rules, prediction, and estimation",
+       Journal of the American Statistical Association 102, 2007.
+    .. [2] C. A. T. Ferro, "Fair scores for ensemble forecasts", Quarterly Journal of the Royal
+       Meteorological Society 140, 2014.
+
+    Examples
+    --------
+    >>> crps([[0.0, 5.0], [2.0, 5.0]], [1.0, 2.0])
+    array([0., 3.])
+    """
+    draws, y = _draws_and_rows(draws, y)
+    n_draws = len(draws)
+    if n_draws < 2:
+        raise ValueError("crps needs at least two draws, got 1.")
+    error = draws - y
+    error.sort(axis=0)
+    # in the sum over pairs the k-th smallest of S draws is added k - 1 and subtracted S - k times
+    times = 2 * np.arange(1, n_draws + 1) - n_draws - 1.0
+    spread = times @ error / (n_draws * (n_draws - 1))
+    return np.abs(error, out=error).mean(axis=0) - spread
+
+
+def pit(draws: ArrayLike, y: ArrayLike, random_state: Any = None) -> FloatArray:
+    """Return the probability integral transform of each row: where y falls among its predictions.
+
+    If the predictions are right the values are uniform on (0, 1), whatever the number of draws and
+    for counts as well: y has a rank among its draws, drawn at random where they are equal
+    (as in [1]_), and a place drawn uniformly within that rank's share. A histogram shaped like a
+    bowl says that predictions are too sure, one like a hill that they are not sure enough.
+
+    Parameters
+    ----------
+    draws : array-like of shape (n_draws, n)
+        Predictions with noise, as from ``sample_posterior_predictive``.
+    y : array-like of shape (n,)
+    random_state : None, int, numpy Generator or RandomState
+
+    Returns
+    -------
+    ndarray of shape (n,)
+
+    References
+    ----------
+    .. [1] C. Czado, T. Gneiting, L. Held, "Predictive model assessment for count data", Biometrics
+       65, 2009.
+
+    Examples
+    --------
+    >>> draws = [[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]
+    >>> np.floor(4 * pit(draws, [-1.0, 3.0], random_state=0))  # the quarter of each
+    array([0., 3.])
+    """
+    draws, y = _draws_and_rows(draws, y)
+    below = (draws < y).sum(axis=0)
+    equal = (draws == y).sum(axis=0)
+    share = random_generator(random_state).uniform(size=len(y))
+    return (below + share * (equal + 1)) / (len(draws) + 1)
+
+
 @dataclass(frozen=True)
 class PairedDifference:
     """A difference of two scores on the same rows, and its standard error."""
@@ -76,6 +214,94 @@ def paired_difference(after: ArrayLike, before: ArrayLike) -> PairedDifference:
     """
     values = np.asarray(after, dtype=float) - np.asarray(before, dtype=float)
     return PairedDifference(float(values.mean()), _standard_error(values))
+
+
+def elpd_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
+    """Return the mean log predictive density per row, for ``GridSearchCV(scoring=...)``.
+
+    Parameters
+    ----------
+    estimator : fitted estimator with ``log_predictive_density``
+    X : array-like of shape (n, n_columns)
+    y : array-like of shape (n,)
+    """
+    density = _method(estimator, "log_predictive_density", "elpd_scorer")
+    return elpd(density(X, y))[0]
+
+
+def neg_crps_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
+    """Return minus the mean continuous ranked probability score of 1000 draws a row.
+
+    Arguments as in `elpd_scorer`; the estimator needs ``sample_posterior_predictive``. The draws
+    have a fixed seed, so that the same fit has the same score.
+    """
+    sample = _method(estimator, "sample_posterior_predictive", "neg_crps_scorer")
+    draws = sample(X, n_draws=_SCORER_DRAWS, random_state=0)
+    return -float(crps(draws, y).mean())
+
+
+def neg_rmse_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
+    """Return minus the root mean square error of ``estimator.predict``.
+
+    Arguments as in `elpd_scorer`.
+    """
+    predict = _method(estimator, "predict", "neg_rmse_scorer")
+    predicted, y = _same_rows({"predict(X)": predict(X), "y": y})
+    return -float(np.sqrt(np.mean((predicted - y) ** 2)))
+
+
+def interval_score_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
+    """Return minus the mean `interval_score` of 90 % intervals.
+
+    Arguments as in `elpd_scorer`; the estimator needs ``predict_interval``.
+    """
+    interval = _method(estimator, "predict_interval", "interval_score_scorer")
+    lower, upper = interval(X, level=_SCORER_LEVEL)
+    return -float(interval_score(y, lower, upper, _SCORER_LEVEL).mean())
+
+
+#: All scorers by name, as in ``GridSearchCV(model, grid, scoring=SCORERS, refit="elpd")``.
+SCORERS: dict[str, Callable[[Any, ArrayLike, ArrayLike], float]] = {
+    "elpd": elpd_scorer,
+    "neg_crps": neg_crps_scorer,
+    "neg_rmse": neg_rmse_scorer,
+    "neg_interval_score": interval_score_scorer,
+}
+
+
+def _method(estimator: Any, name: str, scorer: str) -> Callable[..., Any]:
+    method = getattr(estimator, name, None)
+    if method is None:
+        raise TypeError(
+            f"{scorer} needs an estimator with the method {name}, such as PowerScaledSurrogate; "
+            f"{type(estimator).__name__} has none."
+        )
+    return method
+
+
+def _same_rows(arrays: dict[str, ArrayLike]) -> list[FloatArray]:
+    """Return the arrays as floats; ValueError unless all have one shape (n,), n at least 1."""
+    values = {name: np.asarray(array, dtype=float) for name, array in arrays.items()}
+    shapes = {array.shape for array in values.values()}
+    if len(shapes) > 1 or len(shape := shapes.pop()) != 1 or shape == (0,):
+        got = ", ".join(f"{name} {array.shape}" for name, array in values.items())
+        raise ValueError(f"Scores need arrays of one shape (n,), one value a row; got {got}.")
+    return list(values.values())
+
+
+def _draws_and_rows(draws: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Return both as floats; ValueError unless they are finite and of shapes (S, n) and (n,)."""
+    draws = np.asarray(draws, dtype=float)
+    (y,) = _same_rows({"y": y})
+    if draws.ndim != 2 or draws.shape[1] != len(y) or len(draws) == 0:
+        raise ValueError(
+            f"draws must have shape (n_draws, {len(y)}), a column for each of the {len(y)} values "
+            f"of y; got {draws.shape}."
+        )
+    for name, array in {"draws": draws, "y": y}.items():
+        if not np.isfinite(array).all():
+            raise ValueError(f"{name} must be finite, without NaN and infinity.")
+    return draws, y
 
 
 def _standard_error(values: FloatArray) -> float:
