@@ -297,7 +297,7 @@ def _fixed_rows(gram: FloatArray, mean: FloatArray, sd: FloatArray, log_noise: f
 
 
 def nudged_cholesky(matrices: FloatArray) -> FloatArray:
-    """Return Cholesky factors (J, p, p); where rounding made a matrix indefinite, all are nudged."""
+    """Return Cholesky factors (J, p, p), all nudged where rounding made one indefinite."""
     try:
         return np.linalg.cholesky(matrices)
     except np.linalg.LinAlgError:

@@ -1,12 +1,12 @@
 """Step 1 under Student-t noise: a scale mixture of normals keeps the coefficients collapsed.
 
-A t density is a normal one whose precision, lambda / sigma^2, is itself gamma distributed (West 1987,
-Biometrika 74:646). To the power alpha it is proportional to
+A t density is a normal one whose precision, lambda / sigma^2, is itself gamma distributed (West
+1987, Biometrika 74:646). To the power alpha it is proportional to
 
     integral of lambda^(a - 1) exp(-lambda (df + z^2) / 2) d lambda,  a = alpha (df + 1) / 2,
 
-so given the lambdas the coefficients are Gaussian and integrate out, for any power. Many chains take
-turns: u given lambda by moves on the collapsed density, the coefficients exactly, then lambda.
+so given the lambdas the coefficients are Gaussian and integrate out, for any power. Many chains
+take turns: u given lambda by moves on the collapsed density, the coefficients exactly, then lambda.
 """
 
 from __future__ import annotations
