@@ -14,7 +14,15 @@ from hybridsurrogate.effects import (
     Trend,
     WrongConstant,
 )
-from hybridsurrogate.estimators import PowerScaledSurrogate, PredictiveWeightedSurrogate
+from hybridsurrogate.estimators import (
+    KennedyOHaganSurrogate,
+    MultiSourceSurrogate,
+    PowerScaledSurrogate,
+    PredictiveWeightedSurrogate,
+    Source,
+    beta_path,
+    choose_beta,
+)
 from hybridsurrogate.exceptions import (
     DiagnosisWarning,
     ExtrapolationWarning,
@@ -62,8 +70,10 @@ __all__ = [
     "GaussianProcess",
     "GaussianProcessDiscrepancy",
     "HybridSurrogateWarning",
+    "KennedyOHaganSurrogate",
     "LogNormal",
     "MissingInput",
+    "MultiSourceSurrogate",
     "NegativeBinomial",
     "NetworkSurrogate",
     "Normal",
@@ -79,10 +89,13 @@ __all__ = [
     "SamplingWarning",
     "SimulationData",
     "Simulator",
+    "Source",
     "Step",
     "StudentT",
     "Trend",
     "WrongConstant",
+    "beta_path",
+    "choose_beta",
     "read_simulation",
     "truncated_normal",
 ]

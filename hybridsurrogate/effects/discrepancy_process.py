@@ -23,6 +23,17 @@ class GaussianProcessDiscrepancy(Cause):
     Squared-exponential kernel with one length scale on inputs scaled to [-1, 1]; the basis is a
     tensor product for up to two inputs and a sum over inputs beyond (Solin and Sarkka 2020,
     Statistics and Computing 30:419).
+
+    Parameters
+    ----------
+    ranges : dict of name to (low, high) or None, default=None
+        Ranges that are scaled to [-1, 1]; the process lives on one and a half times them and is
+        zero beyond. None: the measured ranges.
+    length_scale : frozen scipy.stats distribution or None, default=None
+        Prior on the scaled inputs. None: log-uniform from 0.15 (0.3 for several inputs) to 2.
+    amplitude : frozen scipy.stats distribution or None, default=None
+        Prior of the standard deviation of the process on the scale of eta. None: fixed at three
+        times the spread of the output.
     """
 
     kind = "unexplained"
@@ -31,9 +42,11 @@ class GaussianProcessDiscrepancy(Cause):
         self,
         ranges: Mapping[str, tuple[float, float]] | None = None,
         length_scale: Prior | None = None,
+        amplitude: Prior | None = None,
     ):
         self.ranges = ranges
         self.length_scale = length_scale
+        self.amplitude = amplitude
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the measured ranges of the inputs and the prior of the length scale."""
@@ -46,12 +59,19 @@ class GaussianProcessDiscrepancy(Cause):
         prior = self.length_scale
         if prior is None:
             prior = stats.loguniform(0.15 if len(ranges) == 1 else 0.3, 2.0)
-        return GaussianProcessDiscrepancy(ranges, prior)
+        return GaussianProcessDiscrepancy(ranges, prior, self.amplitude)
 
     @property
     def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the length scale."""
-        return {"length_scale": self.length_scale}
+        """The prior of the length scale, and of the amplitude where it has one."""
+        if self.amplitude is None:
+            return {"length_scale": self.length_scale}
+        return {"length_scale": self.length_scale, "amplitude": self.amplitude}
+
+    @property
+    def coefficient_sd(self) -> float | None:  # type: ignore[override]
+        """One, where the amplitude is inferred; else the default."""
+        return None if self.amplitude is None else 1.0
 
     @property
     def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -62,7 +82,13 @@ class GaussianProcessDiscrepancy(Cause):
         """Return six length scales."""
         assert self.length_scale is not None
         low, high = self.length_scale.support()
-        return {"length_scale": np.geomspace(1.05 * low, high / 1.05, 6)}
+        if low > 0 and np.isfinite(high):
+            nodes = np.geomspace(1.05 * low, high / 1.05, 6)
+        else:
+            nodes = np.asarray(self.length_scale.ppf((np.arange(6) + 0.5) / 6))
+        if self.amplitude is None:
+            return {"length_scale": nodes}
+        return {"length_scale": nodes, "amplitude": self.amplitude.ppf([0.1, 0.3, 0.5, 0.7, 0.9])}
 
     def _indices(self) -> NDArray[np.int_]:
         assert self.ranges is not None
@@ -96,11 +122,13 @@ class GaussianProcessDiscrepancy(Cause):
             factor = wave * np.sqrt(density)
             factor[:, order == 0] = 1.0
             out *= factor[:, np.searchsorted(order, indices[:, k])]
+        if self.amplitude is not None:
+            out *= np.reshape(theta["amplitude"], (-1, 1))
         return out
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
-        """Return the length scale on inputs scaled to [-1, 1]."""
-        return {"length_scale": np.asarray(theta["length_scale"])}
+        """Return the length scale on inputs scaled to [-1, 1], and the amplitude."""
+        return {name: np.asarray(values) for name, values in theta.items()}
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

@@ -1,6 +1,22 @@
-"""The two estimators."""
+"""The estimators."""
 
+from hybridsurrogate.estimators.beta_choice import BetaChoice, choose_beta
+from hybridsurrogate.estimators.beta_path import BetaPath, beta_path
+from hybridsurrogate.estimators.kennedy_ohagan import KennedyOHaganSurrogate
+from hybridsurrogate.estimators.loo import Loo
+from hybridsurrogate.estimators.multi_source import MultiSourceSurrogate, Source
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.estimators.predictive_weighted import PredictiveWeightedSurrogate
 
-__all__ = ["PowerScaledSurrogate", "PredictiveWeightedSurrogate"]
+__all__ = [
+    "BetaChoice",
+    "BetaPath",
+    "KennedyOHaganSurrogate",
+    "Loo",
+    "MultiSourceSurrogate",
+    "PowerScaledSurrogate",
+    "PredictiveWeightedSurrogate",
+    "Source",
+    "beta_path",
+    "choose_beta",
+]

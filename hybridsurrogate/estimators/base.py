@@ -15,9 +15,12 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_random_state, check_scalar
 from sklearn.utils.validation import check_is_fitted, validate_data
 
+from hybridsurrogate.estimators.loo import Loo
 from hybridsurrogate.estimators.rows import MeasuredRows, check_weights, merged_rows
 from hybridsurrogate.exceptions import ExtrapolationWarning
 from hybridsurrogate.inference.ensemble import EnsembleSampler
+from hybridsurrogate.inference.importance import KHAT_LIMIT
+from hybridsurrogate.inference.leave_one_out import PointwiseLoo
 from hybridsurrogate.likelihoods import Likelihood, TransformedNormal, as_likelihood
 from hybridsurrogate.posterior import Posterior, arviz_groups
 from hybridsurrogate.priors import FloatArray, check_prior
@@ -111,7 +114,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         rows = rows[:, order]
         self._measured = (rows, output)
         self._warn_outside(columns, rows)
-        return MeasuredRows(columns, *merged_rows(rows, output, weights))
+        return merged_rows(columns, rows, output, weights)
 
     def _check_data(self, X: ArrayLike) -> FloatArray:
         check_is_fitted(self)
@@ -304,14 +307,9 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         rows, output = validate_data(self, X, y, reset=False, dtype=np.float64, y_numeric=True)
         rows, output = rows[:, self._column_order], np.asarray(output, dtype=float)
-        terms = []
-        for weight, posterior in self._mixture(rows):
-            posterior.likelihood.check(output)
-            log_density = posterior.likelihood.log_density(output, *posterior.eta(rows))
-            with np.errstate(divide="ignore"):  # a weight may be zero at some rows
-                log_weight = np.log(weight) - np.log(len(log_density))
-            terms.append(special.logsumexp(log_density, axis=0) + log_weight)
-        return special.logsumexp(terms, axis=0)
+        mixture = self._mixture(rows)
+        mixture[0][1].likelihood.check(output)
+        return _log_density_of(mixture, rows, output)
 
     def score(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
         """Return the expected log predictive density: its mean over the rows.
@@ -326,6 +324,36 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         values = self.log_predictive_density(X, y)
         weights = None if sample_weight is None else np.asarray(sample_weight, dtype=float)
         return float(np.average(values, weights=weights))
+
+    def loo(self) -> Loo:
+        """Return the leave-one-out score: the density of each measured row given the others.
+
+        Pareto-smoothed importance sampling with the weights that belong to a power-scaled
+        posterior; rows for which it fails are left out in a fit of their own.
+
+        Returns
+        -------
+        Loo
+            In the order of the rows in ``fit``; rows of no weight have their predictive density.
+        """
+        check_is_fitted(self)
+        found, weights = self._pointwise_loo(), self._rows.weights
+        index, (X, y) = self._rows.origin, self._measured
+        pointwise, khat = found.log_density[index], found.khat[index]
+        if (index < 0).any():
+            outside = index < 0
+            mixture = self._mixture(X[outside])
+            pointwise[outside] = _log_density_of(mixture, X[outside], y[outside])
+            khat[outside] = -np.inf
+        mean = float(np.average(found.log_density, weights=weights))
+        spread = np.average((found.log_density - mean) ** 2, weights=weights)
+        n = weights.sum()
+        error = float(np.sqrt(spread / max(n - 1, 1.0)))
+        return Loo(mean, error, pointwise, khat, int(np.sum(found.khat > KHAT_LIMIT)))
+
+    @abstractmethod
+    def _pointwise_loo(self) -> PointwiseLoo:
+        """Return leave-one-out densities of the distinct rows."""
 
     def to_arviz(self) -> Any:
         """Return posterior, log likelihood, posterior predictive and observed data for ArviZ.
@@ -374,6 +402,19 @@ def _noise_free(posterior: Posterior, X: FloatArray, random: np.random.RandomSta
 
 def _noisy(posterior: Posterior, X: FloatArray, random: np.random.RandomState) -> FloatArray:
     return posterior.likelihood.sample(*posterior.eta(X), random)
+
+
+def _log_density_of(
+    mixture: list[tuple[Any, Posterior]], X: FloatArray, y: FloatArray
+) -> FloatArray:
+    """Return the log density of rows under a mixture of posteriors, (n,)."""
+    terms = []
+    for weight, posterior in mixture:
+        log_density = posterior.likelihood.log_density(y, *posterior.eta(X))
+        with np.errstate(divide="ignore"):  # a weight may be zero at some rows
+            log_weight = np.log(weight) - np.log(len(log_density))
+        terms.append(special.logsumexp(log_density, axis=0) + log_weight)
+    return special.logsumexp(terms, axis=0)
 
 
 def _quantile(parts: list[tuple[Any, FloatArray, FloatArray]], probability: float) -> FloatArray:

@@ -12,6 +12,8 @@ from hybridsurrogate.inference.ensemble import EnsembleDraws, EnsembleSampler, s
 from hybridsurrogate.inference.importance import (
     KHAT_LIMIT,
     Gaussian,
+    ImportanceDraws,
+    Proposals,
     find_modes,
     importance_draws,
 )
@@ -41,26 +43,30 @@ class Fit:
     first, second : Posterior
     unknowns : ndarray of shape (S, d)
         Draws of u = [z, z_hyper, log sigma] of step 1.
-    target : CollapsedPosterior or LaplacePosterior
-        The density of step 1.
     diagnostics : Diagnostics
+    proposals : Proposals or None
+        What importance draws of step 1 were chosen from.
     """
 
     first: Posterior
     second: Posterior
     unknowns: FloatArray
-    target: CollapsedPosterior | LaplacePosterior
     diagnostics: Diagnostics
+    proposals: Proposals | None = None
 
 
 @dataclass(frozen=True)
 class FirstStep:
-    """Draws of step 1: u (S, d), coefficients c (S, p) and a (S, q), and how good they are."""
+    """Draws of step 1: u (S, d), coefficients c (S, p) and a (S, q), and how good they are.
+
+    ``proposals`` are what importance draws were chosen from, None for other samplers.
+    """
 
     u: FloatArray
     c: FloatArray
     a: FloatArray
     diagnostics: Diagnostics
+    proposals: Proposals | None = None
 
 
 def make_target(
@@ -112,15 +118,10 @@ def fit_problem(
         alpha_R may be an array with one power for each measured row.
     """
     target = make_target(problem, *powers if problem.runs is not None else (0.0, 1.0))
-    return finish(problem, target, first_step(target, sampler, n_draws, random_state), random_state)
+    return finish(problem, first_step(target, sampler, n_draws, random_state), random_state)
 
 
-def finish(
-    problem: Problem,
-    target: CollapsedPosterior | LaplacePosterior,
-    drawn: FirstStep,
-    random_state: np.random.RandomState,
-) -> Fit:
+def finish(problem: Problem, drawn: FirstStep, random_state: np.random.RandomState) -> Fit:
     """Run step 2 on the draws of step 1."""
     model = problem.model
     first = Posterior(
@@ -133,7 +134,7 @@ def finish(
     )
     if problem.runs is None:
         # measured rows alone were used, at full power: step 2 would repeat step 1
-        return Fit(first, first, drawn.u, target, drawn.diagnostics)
+        return Fit(first, first, drawn.u, drawn.diagnostics, drawn.proposals)
     again = measured_draws(problem, drawn.u, drawn.c, drawn.a, random_state)
     z = np.hstack([again.z, drawn.u[:, model.n_unknowns : -1]])
     second = replace(
@@ -145,7 +146,7 @@ def finish(
         second_khat=np.nan if again.method == "grid" else again.khat,
         second_effective_draws=again.effective_draws,
     )
-    return Fit(first, second, drawn.u, target, diagnostics)
+    return Fit(first, second, drawn.u, diagnostics, drawn.proposals)
 
 
 def measured_draws(
@@ -195,8 +196,10 @@ def first_step(
     minor = [mode for mode in modes if mode.log_mass > best + np.log(_PROPOSAL_SHARE)]
     modes = [mode for mode in modes if mode.log_mass > best + np.log(_MODE_SHARE)]
     if isinstance(target, CollapsedPosterior):
-        u, diagnostics = _collapsed_draws(target, modes, minor, sampler, n_draws, random_state)
-        return FirstStep(u, *target.draw_coefficients(u, random_state), diagnostics)
+        u, diagnostics, proposals = _collapsed_draws(
+            target, modes, minor, sampler, n_draws, random_state
+        )
+        return FirstStep(u, *target.draw_coefficients(u, random_state), diagnostics, proposals)
     linear = not target.model.basis.known_depends_on_hyper
     if isinstance(target.likelihood, StudentT) and linear and sampler == "auto":
         start = importance_draws(target.log_density, minor, 500, 500, random_state)
@@ -204,8 +207,8 @@ def first_step(
         tau, effective = drawn.autocorrelation_time, drawn.effective_draws
         found = Diagnostics("gibbs", np.nan, effective, tau, len(modes))
         return FirstStep(drawn.u, drawn.c, drawn.a, found)
-    w, diagnostics = _full_draws(target, modes, minor, sampler, n_draws, random_state)
-    return FirstStep(w[:, : target.n_dimensions], *target.unwhitened(w), diagnostics)
+    w, diagnostics, proposals = _full_draws(target, modes, minor, sampler, n_draws, random_state)
+    return FirstStep(w[:, : target.n_dimensions], *target.unwhitened(w), diagnostics, proposals)
 
 
 def _collapsed_draws(
@@ -215,23 +218,21 @@ def _collapsed_draws(
     sampler: str | EnsembleSampler,
     n_draws: int,
     random_state: np.random.RandomState,
-) -> tuple[FloatArray, Diagnostics]:
+) -> tuple[FloatArray, Diagnostics, Proposals | None]:
     log_density = target.log_density
     if sampler in ("auto", "importance"):
         n = _OVERSAMPLING * n_draws
         sampled = importance_draws(log_density, minor, n, n_draws, random_state)
         trusted = sampled.khat <= KHAT_LIMIT
         if sampler == "importance" or (trusted and len(modes) == 1):
-            return sampled.draws, Diagnostics(
-                "importance", sampled.khat, sampled.effective_draws, np.nan, len(modes)
-            )
+            return sampled.draws, of_importance(sampled, len(modes)), sampled.proposals
         if trusted:
             # the shares of far modes are right already; the ensemble only smooths
             run = short_ensemble(log_density, sampled.draws, n_draws, random_state)
-            return run.draws, _of_ensemble(run, len(modes))
+            return run.draws, _of_ensemble(run, len(modes)), None
     backend = sampler if isinstance(sampler, EnsembleSampler) else EnsembleSampler()
     run = backend.run(log_density, modes, n_draws, random_state)
-    return run.draws, _of_ensemble(run, len(modes))
+    return run.draws, _of_ensemble(run, len(modes)), None
 
 
 def _full_draws(
@@ -241,7 +242,7 @@ def _full_draws(
     sampler: str | EnsembleSampler,
     n_draws: int,
     random_state: np.random.RandomState,
-) -> tuple[FloatArray, Diagnostics]:
+) -> tuple[FloatArray, Diagnostics, Proposals | None]:
     """Return w = [u, v]: importance draws of pairs, else the ensemble over the full vector."""
     sampled = importance_draws(
         target.extended_log_density,
@@ -254,13 +255,11 @@ def _full_draws(
     d = target.n_dimensions
     w = np.hstack([sampled.draws[:, :d], target.coefficients_at(sampled.draws)])
     if sampler == "importance" or (sampler == "auto" and sampled.khat <= KHAT_LIMIT):
-        return w, Diagnostics(
-            "importance", sampled.khat, sampled.effective_draws, np.nan, len(modes)
-        )
+        return w, of_importance(sampled, len(modes)), sampled.proposals
     backend = sampler if isinstance(sampler, EnsembleSampler) else EnsembleSampler()
     start = _around(w, target, minor, random_state)
     run = backend.run(target.joint_log_density, start, n_draws, random_state)
-    return run.draws, _of_ensemble(run, len(modes))
+    return run.draws, _of_ensemble(run, len(modes)), None
 
 
 def _around(
@@ -280,6 +279,11 @@ def _around(
         covariance = np.cov(points.T) + 1e-10 * np.eye(w.shape[1])
         out.append(Gaussian(points.mean(axis=0), np.linalg.cholesky(covariance), mode.log_mass))
     return out
+
+
+def of_importance(sampled: ImportanceDraws, n_modes: int) -> Diagnostics:
+    """Return what an estimator reports of importance draws."""
+    return Diagnostics("importance", sampled.khat, sampled.effective_draws, np.nan, n_modes)
 
 
 def _of_ensemble(run: EnsembleDraws, n_modes: int) -> Diagnostics:

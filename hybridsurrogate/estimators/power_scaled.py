@@ -10,11 +10,13 @@ from sklearn.utils import check_random_state
 
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.base import SurrogateEstimator
-from hybridsurrogate.estimators.fitting import fit_problem
+from hybridsurrogate.estimators.fitting import Fit, fit_problem
+from hybridsurrogate.estimators.loo import loo_of_fit
 from hybridsurrogate.estimators.problem import Problem, make_problem
 from hybridsurrogate.estimators.rows import MeasuredRows
 from hybridsurrogate.inference.collapsed import powers_of
 from hybridsurrogate.inference.ensemble import EnsembleSampler
+from hybridsurrogate.inference.leave_one_out import PointwiseLoo
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray, Prior
@@ -134,6 +136,11 @@ class PowerScaledSurrogate(SurrogateEstimator):
         problem = self._problem(surrogate, likelihood, rows)
         random = check_random_state(self.random_state)
         fit = fit_problem(problem, self._powers(rows.X), self.sampler, int(self.n_draws), random)
+        return self._keep(rows, problem, fit)
+
+    def _keep(self, rows: MeasuredRows, problem: Problem, fit: Fit) -> PowerScaledSurrogate:
+        """Store what a fit found."""
+        self._rows, self._fitted = rows, (problem, fit)
         self.posterior_, self.first_step_ = fit.second, fit.first
         self.diagnostics_ = fit.diagnostics
         self.diagnostics_.warn()
@@ -148,7 +155,7 @@ class PowerScaledSurrogate(SurrogateEstimator):
             surrogate,
             likelihood,
             self.noise_prior,
-            _as_causes(self.effects),
+            as_causes(self.effects),
             rows.columns,
             rows.X,
             rows.y,
@@ -162,11 +169,17 @@ class PowerScaledSurrogate(SurrogateEstimator):
             return powers_of(float(self.beta))
         return 1.0, powers_of(self._beta_at(X))[1]
 
+    def _pointwise_loo(self) -> PointwiseLoo:
+        problem, fit = self._fitted
+        random = check_random_state(self.random_state)
+        return loo_of_fit(problem, fit, self._powers(problem.X), self.sampler, random)
+
     def _mixture(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
         return [(1.0, self.posterior_)]
 
 
-def _as_causes(effects: Any) -> tuple[Cause, ...]:
+def as_causes(effects: Any) -> tuple[Cause, ...]:
+    """Return effects as a tuple of causes; raise TypeError when they are something else."""
     try:
         causes = tuple(effects)
     except TypeError:  # one cause, or its class

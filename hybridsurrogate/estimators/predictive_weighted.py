@@ -11,8 +11,10 @@ from sklearn.utils import check_random_state
 
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.fitting import fit_problem
+from hybridsurrogate.estimators.loo import loo_of_fit
 from hybridsurrogate.estimators.problem import make_problem
 from hybridsurrogate.inference.ensemble import EnsembleSampler
+from hybridsurrogate.inference.leave_one_out import PointwiseLoo, stacking_weight
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray, Prior
@@ -50,6 +52,8 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
     ----------
     simulation_posterior_, measured_posterior_ : Posterior
         Draws of the two surrogates; the first is None without a simulation.
+    beta_ : float or callable
+        The weight used: ``beta``, or what stacking found.
     diagnostics_ : dict of str to Diagnostics
         For "simulation" and "measured".
 
@@ -118,13 +122,57 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
                 measured_only=source == "measured",
                 weights=rows.weights,
             )
-            fits[source] = fit_problem(problem, (1.0, 0.0), self.sampler, int(self.n_draws), random)
-        self.measured_posterior_ = fits["measured"].second
-        self.simulation_posterior_ = fits["simulation"].second if "simulation" in fits else None
-        self.diagnostics_ = {source: fit.diagnostics for source, fit in fits.items()}
+            powers = (1.0, 0.0)
+            fit = fit_problem(problem, powers, self.sampler, int(self.n_draws), random)
+            fits[source] = problem, fit
+        self._rows, self._fitted = rows, fits
+        posteriors = {source: fit.second for source, (_, fit) in fits.items()}
+        self.measured_posterior_ = posteriors["measured"]
+        self.simulation_posterior_ = posteriors.get("simulation")
+        self.diagnostics_ = {source: fit.diagnostics for source, (_, fit) in fits.items()}
+        self.beta_: Any = self.beta
+        if self.beta == "stacking":
+            self.beta_ = self._stacked(random)
         for diagnostics in self.diagnostics_.values():
             diagnostics.warn()
         return self
+
+    def _check_beta(self) -> None:
+        if isinstance(self.beta, str):
+            if self.beta != "stacking":
+                raise ValueError(
+                    f'beta must lie between 0 and 1, be callable or "stacking", got {self.beta!r}.'
+                )
+            return
+        super()._check_beta()
+
+    def _parts_loo(self, random: np.random.RandomState) -> dict[str, PointwiseLoo]:
+        """Return the leave-one-out densities of both surrogates."""
+        return {
+            source: loo_of_fit(problem, fit, (1.0, 0.0), self.sampler, random)
+            for source, (problem, fit) in self._fitted.items()
+        }
+
+    def _stacked(self, random: np.random.RandomState) -> float:
+        if self.simulation is None:
+            return 0.0
+        parts = self._parts_loo(random)
+        return stacking_weight(
+            parts["simulation"].log_density, parts["measured"].log_density, self._rows.weights
+        )
+
+    def _pointwise_loo(self) -> PointwiseLoo:
+        parts = self._parts_loo(check_random_state(self.random_state))
+        if self.simulation is None:
+            return parts["measured"]
+        weight = self._beta_at(self._rows.X) if callable(self.beta) else float(self.beta_)
+        with np.errstate(divide="ignore"):
+            log_density = np.logaddexp(
+                parts["simulation"].log_density + np.log(weight),
+                parts["measured"].log_density + np.log1p(-weight),
+            )
+        khat = np.maximum(parts["simulation"].khat, parts["measured"].khat)
+        return PointwiseLoo(log_density, khat)
 
     def _mixture(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
         if self.simulation_posterior_ is None:
@@ -134,6 +182,7 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
             weight = self._beta_at(self._measured[0] if X is None else X)
             weight = weight if X is not None else float(weight.mean())
         else:
-            weight = float(self.beta)
+            used: Any = self.beta_ if self.beta == "stacking" else self.beta
+            weight = float(used)
         pairs = [(weight, self.simulation_posterior_), (1.0 - weight, self.measured_posterior_)]
         return [pair for pair in pairs if np.max(pair[0]) > 0]

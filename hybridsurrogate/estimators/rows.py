@@ -5,18 +5,23 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from hybridsurrogate.priors import FloatArray
 
 
 class MeasuredRows(NamedTuple):
-    """Column names, measured rows (n, n_columns), outputs (n,) and weights (n,)."""
+    """Distinct measured rows.
+
+    Column names, rows (n, n_columns), outputs (n,) and weights (n,); ``origin`` tells for each row
+    that was given which of these it is (-1: none, it had no weight).
+    """
 
     columns: tuple[str, ...]
     X: FloatArray
     y: FloatArray
     weights: FloatArray
+    origin: NDArray[np.intp]
 
 
 def check_weights(sample_weight: ArrayLike | None, n: int) -> FloatArray:
@@ -44,8 +49,8 @@ def check_weights(sample_weight: ArrayLike | None, n: int) -> FloatArray:
 
 
 def merged_rows(
-    X: FloatArray, y: FloatArray, weights: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+    columns: tuple[str, ...], X: FloatArray, y: FloatArray, weights: FloatArray
+) -> MeasuredRows:
     """Return distinct rows, sorted, with the sums of their weights; rows without weight go.
 
     A row of weight two and a row given twice are then the same numbers in the same order, and so
@@ -55,4 +60,6 @@ def merged_rows(
     table, index = np.unique(np.column_stack([X, y])[kept], axis=0, return_inverse=True)
     total = np.zeros(len(table))
     np.add.at(total, index.ravel(), weights[kept])
-    return table[:, :-1], table[:, -1], total
+    where = np.full(len(y), -1, dtype=np.intp)
+    where[kept] = index.ravel()
+    return MeasuredRows(columns, table[:, :-1], table[:, -1], total, where)

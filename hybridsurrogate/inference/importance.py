@@ -31,6 +31,14 @@ class Gaussian:
 
 
 @dataclass(frozen=True)
+class Proposals:
+    """Points (J, d) and the log density (J,) that they were drawn from."""
+
+    points: FloatArray
+    log_density: FloatArray
+
+
+@dataclass(frozen=True)
 class ImportanceDraws:
     """Resampled draws and how far they can be trusted.
 
@@ -43,12 +51,15 @@ class ImportanceDraws:
         1 / sum of squared normalised weights.
     log_evidence : float
         Log of the mean weight, an estimate of the log normalising constant.
+    proposals : Proposals
+        Of the last round.
     """
 
     draws: FloatArray
     khat: float
     effective_draws: float
     log_evidence: float
+    proposals: Proposals
 
 
 def find_modes(log_density: LogDensity, starts: FloatArray, max_iter: int = 40) -> list[Gaussian]:
@@ -241,7 +252,8 @@ def importance_draws(
         components = [*components, matched] if enough else [matched, *components[1:]]
     index = systematic_resample(weight, n_draws, random_state)
     log_evidence = float(special.logsumexp(log_weight) - np.log(len(log_weight)))
-    return ImportanceDraws(extended[index], khat, float(effective), log_evidence)
+    proposals = Proposals(extended, log_proposal)
+    return ImportanceDraws(extended[index], khat, float(effective), log_evidence, proposals)
 
 
 def moment_match(points: FloatArray, weight: FloatArray, fallback: Gaussian) -> Gaussian:

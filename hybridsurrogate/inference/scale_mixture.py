@@ -111,7 +111,9 @@ def mixture_draws(
     C = min(_CHAINS_WITH_HYPER if model.n_hyper else _CHAINS, len(start))
     u = start[:C].copy()
     with_runs = target.runs is not None and bool(target.simulation_power)
-    features, run_y, run_shape = np.empty((0, len(model.basis.coefficient_mean))), np.empty(0), 0.0
+    features: FloatArray = np.empty((0, len(model.basis.coefficient_mean)))
+    run_y: FloatArray = np.empty(0)
+    run_shape: FloatArray = np.empty(0)
     if with_runs:
         assert target.runs is not None
         runs = target.runs
@@ -180,6 +182,6 @@ def _density(given: _GivenMixture, u: FloatArray, n_powered: float) -> FloatArra
 
 
 def _lambdas(
-    shape: FloatArray | float, z: FloatArray, df: float, random_state: np.random.RandomState
+    shape: FloatArray, z: FloatArray, df: float, random_state: np.random.RandomState
 ) -> FloatArray:
     return random_state.standard_gamma(np.broadcast_to(shape, z.shape)) / ((df + z**2) / 2)

@@ -1,0 +1,188 @@
+"""One fit carried along the weights beta."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import clone
+from sklearn.utils import check_random_state
+
+from hybridsurrogate.estimators.base import SurrogateEstimator
+from hybridsurrogate.estimators.fitting import (
+    FirstStep,
+    Fit,
+    finish,
+    fit_problem,
+    make_target,
+    of_importance,
+)
+from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.estimators.predictive_weighted import PredictiveWeightedSurrogate
+from hybridsurrogate.estimators.problem import Problem
+from hybridsurrogate.inference.collapsed import CollapsedPosterior, powers_of
+from hybridsurrogate.inference.importance import KHAT_LIMIT, Proposals
+from hybridsurrogate.inference.moment_matching import matched_draws
+from hybridsurrogate.priors import FloatArray
+
+_MIN_EFFECTIVE = 200.0
+
+
+@dataclass(frozen=True)
+class BetaPath:
+    """Fitted estimators along beta.
+
+    Attributes
+    ----------
+    betas : ndarray of shape (n_betas,)
+    estimators : list of n_betas fitted estimators
+    refitted : ndarray of bool, shape (n_betas,)
+        Where a fit of its own was needed, the first one included.
+    khat : ndarray of shape (n_betas,)
+        Pareto k-hat of the draws that were carried over; NaN where refitted.
+    """
+
+    betas: FloatArray
+    estimators: list[Any]
+    refitted: NDArray[np.bool_]
+    khat: FloatArray
+
+    @property
+    def n_refits(self) -> int:
+        """Fits that were needed, the first one included."""
+        return int(self.refitted.sum())
+
+    def score(self, X: ArrayLike, y: ArrayLike) -> FloatArray:
+        """Return the ELPD per row at each beta, (n_betas,)."""
+        return np.array([model.score(X, y) for model in self.estimators])
+
+    def __str__(self) -> str:
+        return f"{len(self.betas)} betas from {self.n_refits} fits"
+
+
+def beta_path(
+    model: SurrogateEstimator, X: ArrayLike, y: ArrayLike, betas: Sequence[float]
+) -> BetaPath:
+    """Fit an estimator at many beta by as few fits as possible.
+
+    The proposals of one fit are reweighted, and moved by moment matching, to the posterior of the
+    next beta (Paananen et al. 2021, Statistics and Computing 31:16); where their k-hat exceeds 0.7
+    or fewer than 200 effective draws are left, the model is fitted there. Step 2 is always drawn
+    anew. For predictive weighting beta only mixes, and one fit serves all.
+
+    Parameters
+    ----------
+    model : PowerScaledSurrogate or PredictiveWeightedSurrogate
+        Not fitted; its beta is not used.
+    X, y : array-like of shape (n, n_columns), (n,)
+        Measured data.
+    betas : sequence of float
+
+    Returns
+    -------
+    BetaPath
+        In the order of ``betas``.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> from hybridsurrogate.datasets import make_log_sin
+    >>> case = make_log_sin(random_state=0)
+    >>> model = hs.PowerScaledSurrogate(
+    ...     case.simulation, surrogate=hs.PolynomialChaos(degree=5), random_state=0)
+    >>> path = hs.beta_path(model, case.X, case.y, np.linspace(0, 1, 5))
+    >>> path.score(case.X_in, case.y_in).shape
+    (5,)
+    """
+    grid = np.asarray(betas, dtype=float)
+    if grid.ndim != 1 or not len(grid) or not ((grid >= 0) & (grid <= 1)).all():
+        raise ValueError(f"betas must be numbers between 0 and 1, got {betas!r}.")
+    if isinstance(model, PredictiveWeightedSurrogate):
+        fitted = clone(model).set_params(beta=float(grid[0])).fit(X, y)
+        models = [copy.copy(fitted).set_params(beta=float(beta)) for beta in grid]
+        for other, beta in zip(models, grid, strict=True):
+            other.beta_ = float(beta)
+        first = np.arange(len(grid)) == 0
+        return BetaPath(grid, models, first, np.where(first, np.nan, -np.inf))
+    if type(model) is not PowerScaledSurrogate:
+        raise TypeError(
+            "beta_path needs a PowerScaledSurrogate or a PredictiveWeightedSurrogate, got "
+            f"{type(model).__name__}."
+        )
+    return _power_scaled_path(model, X, y, grid)
+
+
+def _power_scaled_path(
+    model: PowerScaledSurrogate, X: ArrayLike, y: ArrayLike, grid: FloatArray
+) -> BetaPath:
+    out: dict[int, Any] = {}
+    refitted, khat = np.zeros(len(grid), dtype=bool), np.full(len(grid), np.nan)
+    proposals: Proposals | None = None
+    problem: Problem | None = None
+    # from the middle outwards: there both sources speak, and the ends are its neighbours
+    for k in _outwards(grid):
+        one = clone(model).set_params(beta=float(grid[k]))
+        surrogate, likelihood = one._check_parameters()
+        rows = one._check_fit_data(X, y, likelihood)
+        problem = one._problem(surrogate, likelihood, rows) if problem is None else problem
+        random = check_random_state(one.random_state)
+        fit = None
+        source = _nearest(out, grid, k)
+        if source is not None:
+            proposals = out[source]._fitted[1].proposals
+            fit = _carried(problem, proposals, float(grid[k]), int(one.n_draws), random)
+        refitted[k] = fit is None
+        if fit is None:
+            fit = fit_problem(
+                problem, powers_of(float(grid[k])), one.sampler, int(one.n_draws), random
+            )
+        else:
+            khat[k] = fit.diagnostics.khat
+        out[k] = one._keep(rows, problem, fit)
+    return BetaPath(grid, [out[k] for k in range(len(grid))], refitted, khat)
+
+
+def _outwards(grid: FloatArray) -> list[int]:
+    order = np.argsort(np.abs(grid - 0.5), kind="stable")
+    return [int(k) for k in order]
+
+
+def _nearest(out: dict[int, Any], grid: FloatArray, k: int) -> int | None:
+    """Return the fitted beta whose powers are nearest, None at the start."""
+    if not out:
+        return None
+    powers = np.stack(powers_of(grid))
+    return min(out, key=lambda j: float(np.abs(powers[:, j] - powers[:, k]).sum()))
+
+
+def _carried(
+    problem: Problem,
+    proposals: Proposals | None,
+    beta: float,
+    n_draws: int,
+    random_state: np.random.RandomState,
+) -> Fit | None:
+    """Return the fit at beta from proposals made for another, None where they do not serve."""
+    if proposals is None:
+        return None
+    target = make_target(problem, *powers_of(beta) if problem.runs is not None else (0.0, 1.0))
+    if isinstance(target, CollapsedPosterior):
+        sampled = matched_draws(target.log_density, proposals, n_draws, random_state)
+    else:
+        n = target.n_coefficients
+        density = target.extended_log_density
+        sampled = matched_draws(density, proposals, n_draws, random_state, n_noise=n)
+    if not (sampled.khat <= KHAT_LIMIT and sampled.effective_draws >= _MIN_EFFECTIVE):
+        return None
+    diagnostics = of_importance(sampled, 1)
+    u = sampled.draws
+    if isinstance(target, CollapsedPosterior):
+        c, a = target.draw_coefficients(u, random_state)
+    else:
+        u = sampled.draws[:, : target.n_dimensions]
+        c, a = target.unwhitened(np.hstack([u, target.coefficients_at(sampled.draws)]))
+    return finish(problem, FirstStep(u, c, a, diagnostics, sampled.proposals), random_state)

@@ -1,0 +1,105 @@
+"""Leave-one-out scores of fitted estimators."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybridsurrogate.estimators.fitting import Fit, fit_problem, measured_draws
+from hybridsurrogate.estimators.problem import Problem
+from hybridsurrogate.inference.ensemble import EnsembleSampler
+from hybridsurrogate.inference.importance import KHAT_LIMIT
+from hybridsurrogate.inference.leave_one_out import PointwiseLoo, pointwise_loo
+from hybridsurrogate.posterior import Posterior
+from hybridsurrogate.priors import FloatArray
+
+# coefficient draws that step 2 is repeated for, and how often
+_COEFFICIENTS, _REPEATS = 250, 16
+
+
+@dataclass(frozen=True)
+class Loo:
+    """Leave-one-out score of a fitted estimator.
+
+    Attributes
+    ----------
+    elpd : float
+        Mean log predictive density per row, each given the others.
+    standard_error : float
+    pointwise : ndarray of shape (n,)
+    khat : ndarray of shape (n,)
+        Pareto k-hat of each row before it was fitted anew.
+    n_refits : int
+        Rows for which importance sampling failed and the model was fitted without them.
+    """
+
+    elpd: float
+    standard_error: float
+    pointwise: FloatArray
+    khat: FloatArray
+    n_refits: int
+
+
+def loo_of_fit(
+    problem: Problem,
+    fit: Fit,
+    powers: tuple[float, float | FloatArray],
+    sampler: str | EnsembleSampler,
+    random_state: np.random.RandomState,
+) -> PointwiseLoo:
+    """Return leave-one-out densities of the measured rows of a fit; bad rows are fitted anew.
+
+    Importance sampling is replaced by a fit without the row where its k-hat exceeds 0.7.
+    """
+    X, y = problem.X, problem.observed
+    if problem.runs is None:
+        first = _log_likelihood(fit.first, X, y)
+        found = pointwise_loo(first, problem.weights, first[:, None], np.zeros(len(y)))
+    else:
+        some = np.linspace(0, len(fit.unknowns) - 1, min(_COEFFICIENTS, len(fit.unknowns)))
+        index = some.astype(int)
+        first = _log_likelihood(fit.first.take(index), X, y)
+        second = _log_likelihood(_repeated(problem, fit, index, random_state), X, y)
+        found = pointwise_loo(
+            first,
+            powers[1] * problem.weights,
+            second.reshape(len(index), _REPEATS, len(y)),
+            problem.weights,
+        )
+    for i in np.flatnonzero(found.khat > KHAT_LIMIT):
+        rest = np.arange(len(y)) != i
+        without = replace(
+            problem,
+            X=X[rest],
+            y=problem.y[rest],
+            observed=y[rest],
+            weights=problem.weights[rest],
+        )
+        less = powers if isinstance(powers[1], float | int) else (powers[0], powers[1][rest])
+        again = fit_problem(without, less, sampler, fit.first.n_draws, random_state)
+        density = _log_likelihood(again.second, X[i : i + 1], y[i : i + 1])
+        found.log_density[i] = np.logaddexp.reduce(density[:, 0]) - np.log(len(density))
+    return found
+
+
+def _repeated(
+    problem: Problem, fit: Fit, index: NDArray[np.intp], random_state: np.random.RandomState
+) -> Posterior:
+    """Return several draws of step 2 for each of some draws of the coefficients."""
+    chosen = np.repeat(index, _REPEATS)
+    first = fit.first.take(chosen)
+    u = fit.unknowns[chosen]
+    drawn = measured_draws(problem, u, first.coefficients, first.effect_coefficients, random_state)
+    z = np.hstack([drawn.z, u[:, problem.model.n_unknowns : -1]])
+    return replace(
+        first,
+        values=problem.model.values(z),
+        sigma=drawn.sigma,
+        effect_coefficients=drawn.coefficients,
+    )
+
+
+def _log_likelihood(posterior: Posterior, X: FloatArray, y: FloatArray) -> FloatArray:
+    return posterior.likelihood.log_density(y, *posterior.eta(X))
