@@ -121,7 +121,6 @@ def _power_scaled_path(
 ) -> BetaPath:
     out: dict[int, Any] = {}
     refitted, khat = np.zeros(len(grid), dtype=bool), np.full(len(grid), np.nan)
-    proposals: Proposals | None = None
     problem: Problem | None = None
     # from the middle outwards: there both sources speak, and the ends are its neighbours
     for k in _outwards(grid):
@@ -133,8 +132,8 @@ def _power_scaled_path(
         fit = None
         source = _nearest(out, grid, k)
         if source is not None:
-            proposals = out[source]._fitted[1].proposals
-            fit = _carried(problem, proposals, float(grid[k]), int(one.n_draws), random)
+            known = out[source]._fitted[1].proposals
+            fit = _carried(problem, _thinned(known, int(one.n_draws)), float(grid[k]), int(one.n_draws), random)
         refitted[k] = fit is None
         if fit is None:
             fit = fit_problem(
@@ -144,6 +143,14 @@ def _power_scaled_path(
             khat[k] = fit.diagnostics.khat
         out[k] = one._keep(rows, problem, fit)
     return BetaPath(grid, [out[k] for k in range(len(grid))], refitted, khat)
+
+
+def _thinned(proposals: Proposals | None, n_draws: int) -> Proposals | None:
+    """Return one and a half proposals a draw: a fit has three, so that a path costs less."""
+    if proposals is None or len(proposals.points) <= 1.5 * n_draws:
+        return proposals
+    index = np.linspace(0, len(proposals.points) - 1, int(1.5 * n_draws)).astype(int)
+    return Proposals(proposals.points[index], proposals.log_density[index])
 
 
 def _outwards(grid: FloatArray) -> list[int]:
