@@ -133,7 +133,9 @@ def _power_scaled_path(
         source = _nearest(out, grid, k)
         if source is not None:
             known = out[source]._fitted[1].proposals
-            fit = _carried(problem, _thinned(known, int(one.n_draws)), float(grid[k]), int(one.n_draws), random)
+            fit = _carried(
+                problem, _thinned(known, int(one.n_draws)), float(grid[k]), int(one.n_draws), random
+            )
         refitted[k] = fit is None
         if fit is None:
             fit = fit_problem(

@@ -13,7 +13,8 @@ from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.likelihoods import Likelihood, TransformedNormal
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation import SimulationData, Simulator
-from hybridsurrogate.surrogates.base import Domain, Surrogate
+from hybridsurrogate.surrogates.base import Basis, Domain, Surrogate
+from hybridsurrogate.surrogates.exact import ExactBasis
 
 
 @dataclass(frozen=True)
@@ -124,6 +125,7 @@ def make_problem(
     )
     context = make_context(world, columns, n_inputs, X, scale, likelihood)
     basis = surrogate.build(domain)
+    _check_basis(basis, domain)
     trained = bool(len(basis.coefficient_mean) or basis.hyperpriors)
     if isinstance(world, Simulator) and trained:
         raise ValueError(
@@ -150,6 +152,29 @@ def make_problem(
             run_statistics = statistics(features, centred, domain.scale, run_weights)
     prior = noise_prior if noise_prior is not None else likelihood.noise_prior(scale)
     return Problem(model, X, eta, weights, y, likelihood, run_statistics, kept, prior, scale)
+
+
+def _check_basis(basis: Basis, domain: Domain) -> None:
+    """Raise ValueError, by name, for a surrogate whose arrays do not fit its training rows."""
+    n, p = len(domain.X), len(basis.coefficient_mean)
+    name = type(basis).__name__.lstrip("_")
+    if len(basis.coefficient_sd) != p or not (basis.coefficient_sd > 0).all():
+        raise ValueError(f"{name} needs a positive prior sd for each of its {p} coefficients.")
+    if not basis.known_depends_on_hyper and not isinstance(basis, ExactBasis):
+        known = np.asarray(basis.known(domain.X, domain.omega))
+        _check_shape(f"{name}.known", known, (n,))
+    features = np.asarray(basis.features(domain.X, domain.omega))
+    _check_shape(f"{name}.features", features, (n, p))
+
+
+def _check_shape(what: str, values: FloatArray, shape: tuple[int, ...]) -> None:
+    if values.shape != shape:
+        raise ValueError(
+            f"{what} must return shape {shape} for {shape[0]} rows of inputs and parameters, got "
+            f"{values.shape}."
+        )
+    if not np.isfinite(values).all():
+        raise ValueError(f"{what} returned NaN or infinity on the training rows.")
 
 
 def make_context(

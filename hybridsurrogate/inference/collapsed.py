@@ -120,6 +120,8 @@ class CollapsedPosterior:
         """Return log |Lambda| / |Lambda0|, the quadratic form that is left, log of the noise."""
         if self._fixed:
             return self._fixed_rows.marginal(np.exp(2 * u[:, -1]))
+        if self._few:
+            return self._marginal_of_few(u)
         _, precision = self._prior
         log_prior = 0.0 if self.model.n_hyper else float(np.log(precision).sum())
         pieces: list[FloatArray] = []
@@ -139,31 +141,92 @@ class CollapsedPosterior:
     @cached_property
     def _fixed_rows(self) -> _FixedRows:
         mean, precision = self._prior
-        gram, log_noise = self._gram(np.zeros((1, self.n_dimensions)))
-        return _fixed_rows(gram[0], mean, precision**-0.5, float(log_noise[0]))
+        sd = precision**-0.5
+        u = np.zeros((1, self.n_dimensions))
+        if self._few:
+            rows, log_noise = self._measured_rows(u)
+            rows = np.sqrt(self.measured_power) * rows[0]
+            rounding = self.measured_power * self._rounding
+            return _few_rows(rows, mean, sd, rounding, float(log_noise[0]))
+        gram, log_noise = self._gram(u)
+        return _fixed_rows(gram[0], mean, sd, float(log_noise[0]))
+
+    @property
+    def _few(self) -> bool:
+        """Whether measured rows alone count, and are fewer than the coefficients."""
+        with_runs = self.simulation is not None and bool(self.simulation_power)
+        return not with_runs and not self.model.n_hyper and len(self._prior[0]) > len(self.y)
+
+    def _few_rows(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return rows times prior sd (J, n, p), residuals of the prior mean, and log noise."""
+        mean, precision = self._prior
+        rows, log_noise = self._measured_rows(u)
+        rows *= np.sqrt(self.measured_power)
+        residual = rows[..., -1] - rows[..., :-1] @ mean
+        return rows[..., :-1] * precision**-0.5, residual, log_noise
+
+    def _marginal_of_few(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """As `_marginal`, by the covariance of the rows instead of that of the coefficients."""
+        pieces: list[FloatArray] = []
+        for block in self._blocks(u):
+            rows, residual, log_noise = self._few_rows(block)
+            variance = np.exp(2 * block[:, -1])
+            factor = nudged_cholesky(_covariance(rows, variance))
+            half = np.linalg.solve(factor, residual[..., None])[..., 0]
+            log_det = 2 * np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
+            log_det -= len(self.y) * np.log(variance)
+            rest = (half**2).sum(axis=1) + self.measured_power * self._rounding / variance
+            pieces.append(np.stack([log_det, rest, log_noise]))
+        log_det, rest, log_noise = np.concatenate(pieces, axis=1)
+        return log_det, rest, log_noise
+
+    def _draws_of_few(self, u: FloatArray, random_state: np.random.RandomState) -> FloatArray:
+        """Draw coefficients (J, p) by conditioning draws of the prior on the rows."""
+        mean, precision = self._prior
+        pieces: list[FloatArray] = []
+        for block in self._blocks(u):
+            rows, residual, _ = self._few_rows(block)
+            variance = np.exp(2 * block[:, -1])
+            noise = random_state.standard_normal(rows.shape[::2])
+            error = np.sqrt(variance)[:, None] * random_state.standard_normal(residual.shape)
+            missing = residual - (rows @ noise[..., None])[..., 0] - error
+            told = np.linalg.solve(_covariance(rows, variance), missing[..., None])
+            pieces.append(noise + (np.swapaxes(rows, 1, 2) @ told)[..., 0])
+        return mean + np.concatenate(pieces) * precision**-0.5
+
+    @property
+    def _rounding(self) -> float:
+        return float(self.weights.sum() * (ROUNDING * self.scale) ** 2)
+
+    def _measured_rows(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return [features, columns, y] of the measured rows at sigma = 1, and the log noise."""
+        parts = self.model.parts(self.X, self.model.values(u[:, :-1]))
+        log_noise = np.zeros(len(u))
+        rows = np.concatenate(
+            [parts.features, parts.columns, (self.y - parts.known)[..., None]], axis=2
+        )
+        if parts.noise.shape[1] > 1:
+            rows /= parts.noise[..., None]
+            log_noise = np.log(parts.noise) @ self.weights
+        if self._unequal:
+            rows *= np.sqrt(self.weights)[:, None]
+        return rows, log_noise
 
     def _blocks(self, u: FloatArray) -> list[FloatArray]:
         """Cut a batch so that the matrices of one piece fit into memory."""
-        length = max(1, _BLOCK // (len(self._prior[0]) + 1) ** 2)
+        size = len(self._prior[0]) + 1
+        length = max(1, _BLOCK // (size * (len(self.y) if self._few else size)))
         return [u[k : k + length] for k in range(0, max(len(u), 1), length)]
 
     def _gram(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return [[G, g], [g', yy]] of all rows at sigma = 1, and the log noise factors."""
         size, p = len(self._prior[0]), len(self.model.basis.coefficient_mean)
         out = np.zeros((len(u), size + 1, size + 1))
-        log_noise = np.zeros(len(u))
+        log_noise: FloatArray = np.zeros(len(u))
         if self.measured_power:
-            parts = self.model.parts(self.X, self.model.values(u[:, :-1]))
-            rows = np.concatenate(
-                [parts.features, parts.columns, (self.y - parts.known)[..., None]], axis=2
-            )
-            if parts.noise.shape[1] > 1:
-                rows /= parts.noise[..., None]
-                log_noise = np.log(parts.noise) @ self.weights
-            if self._unequal:
-                rows *= np.sqrt(self.weights)[:, None]
+            rows, log_noise = self._measured_rows(u)
             np.matmul(np.swapaxes(rows, 1, 2), rows, out=out)
-            out[:, -1, -1] += self.weights.sum() * (ROUNDING * self.scale) ** 2
+            out[:, -1, -1] += self._rounding
             out *= self.measured_power
         if self.simulation is not None and self.simulation_power:
             index = np.r_[:p, size]
@@ -233,6 +296,9 @@ class CollapsedPosterior:
     ) -> tuple[FloatArray, FloatArray]:
         """Draw (c, a) for each u (J, d): arrays of shape (J, p) and (J, q)."""
         p = len(self.model.basis.coefficient_mean)
+        if self._few and not self._fixed:
+            draws = self._draws_of_few(u, random_state)
+            return draws[:, :p], draws[:, p:]
         noise = random_state.standard_normal((len(u), len(self._prior[0])))
         if not noise.size:
             return noise, noise
@@ -260,10 +326,12 @@ class _FixedRows:
 
     With c = mean + axes @ v the prior of v is standard normal and the rows say v_k times root of
     ``size_k`` is ``along_k`` with noise variance sigma^2: one spectral decomposition instead of a
-    Cholesky factor for every sigma.
+    Cholesky factor for every sigma. The axes may be fewer than the coefficients: in the directions
+    that are left, of which no row speaks, the prior stays.
     """
 
     mean: FloatArray
+    sd: FloatArray
     axes: FloatArray
     size: FloatArray
     along: FloatArray
@@ -280,8 +348,12 @@ class _FixedRows:
     def draws(self, variance: FloatArray, noise: FloatArray) -> FloatArray:
         """Return coefficients for noise variances (J,) and standard normal numbers (J, p)."""
         total = variance[:, None] + self.size
-        v = np.sqrt(self.size) * self.along / total + np.sqrt(variance[:, None] / total) * noise
-        return self.mean + v @ self.axes.T
+        whole = self.axes.shape[0] == self.axes.shape[1]
+        told = noise if whole else noise @ (self.axes / self.sd[:, None])
+        v = np.sqrt(self.size) * self.along / total + np.sqrt(variance[:, None] / total) * told
+        if whole:
+            return self.mean + v @ self.axes.T
+        return self.mean + self.sd * noise + (v - told) @ self.axes.T
 
 
 def _fixed_rows(gram: FloatArray, mean: FloatArray, sd: FloatArray, log_noise: float) -> _FixedRows:
@@ -293,7 +365,28 @@ def _fixed_rows(gram: FloatArray, mean: FloatArray, sd: FloatArray, log_noise: f
     size = np.where(told, size, 0.0)
     along = np.where(told, axes.T @ (fy - ff @ mean), 0.0) / np.sqrt(np.where(told, size, 1.0))
     rest = yy - 2 * mean @ fy + mean @ ff @ mean - along @ along
-    return _FixedRows(mean, axes, size, along, max(float(rest), 0.0), log_noise)
+    return _FixedRows(mean, sd, axes, size, along, max(float(rest), 0.0), log_noise)
+
+
+def _covariance(rows: FloatArray, variance: FloatArray) -> FloatArray:
+    """Return the prior covariance of rows (J, n, p) plus noise, (J, n, n)."""
+    out = rows @ np.swapaxes(rows, 1, 2)
+    n = rows.shape[1]
+    out[:, np.arange(n), np.arange(n)] += variance[:, None]
+    return out
+
+
+def _few_rows(
+    rows: FloatArray, mean: FloatArray, sd: FloatArray, rounding: float, log_noise: float
+) -> _FixedRows:
+    """As `_fixed_rows`, from n rows [features, y] that are fewer than the coefficients."""
+    left, root, right = np.linalg.svd(rows[:, :-1] * sd, full_matrices=False)
+    told = root > 3e-7 * max(root.max(initial=0.0), 1e-300)
+    size = np.where(told, root**2, 0.0)
+    residual = rows[:, -1] - rows[:, :-1] @ mean
+    along = np.where(told, left.T @ residual, 0.0)
+    rest = float(residual @ residual - along @ along) + rounding
+    return _FixedRows(mean, sd, sd[:, None] * right.T, size, along, max(rest, 0.0), log_noise)
 
 
 def nudged_cholesky(matrices: FloatArray) -> FloatArray:

@@ -37,7 +37,7 @@ class ExactSurrogate(Surrogate):
                 "pass a Simulator (or runs made by Simulator.run) as simulation, or choose an "
                 "emulator such as PolynomialChaos."
             )
-        return _ExactBasis(np.empty(0), np.empty(0), domain.simulate)
+        return ExactBasis(np.empty(0), np.empty(0), domain.simulate)
 
     def of_measured_data(self) -> Surrogate:
         """Return a polynomial: measured data have no simulation to evaluate."""
@@ -45,13 +45,17 @@ class ExactSurrogate(Surrogate):
 
 
 @dataclass(frozen=True)
-class _ExactBasis(Basis):
+class ExactBasis(Basis):
+    """The simulation as known part, and no features."""
+
     simulate: Callable[[FloatArray, FloatArray], FloatArray]
 
     def known(
         self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
     ) -> FloatArray:
+        """Return the simulation."""
         return self.simulate(X, omega)
 
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return no features."""
         return np.empty((len(X), 0))

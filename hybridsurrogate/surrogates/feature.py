@@ -58,6 +58,11 @@ class FeatureSurrogate(Surrogate):
         points = domain.scaled(domain.X, domain.omega)
         try:
             transformer = clone(self.transformer).fit(points, domain.eta)
+        except NotFittedError as error:
+            raise ValueError(
+                f"{self.transformer!r} is not fitted and cannot be: {error} A frozen transformer "
+                "has to be fitted beforehand, on inputs and parameters scaled to [-1, 1]."
+            ) from error
         except Exception as error:
             raise ValueError(
                 f"{self.transformer!r} cannot be fitted on the {len(points)} training rows of the "
@@ -99,13 +104,7 @@ def _transformed(transformer: Any, points: FloatArray, width: int | None) -> Flo
     """Return features of points (n, d), checked against the width that was fitted."""
     if not len(points):
         return np.empty((0, width or 0))
-    try:
-        features = transformer.transform(points)
-    except NotFittedError as error:
-        raise ValueError(
-            f"{transformer!r} is not fitted although it was told to fit: {error} A frozen "
-            "transformer has to be fitted beforehand, on inputs and parameters scaled to [-1, 1]."
-        ) from error
+    features = transformer.transform(points)
     if hasattr(features, "toarray"):
         features = features.toarray()
     features = np.asarray(features, dtype=float)
