@@ -75,10 +75,11 @@ def domain_of(X, y, scale=1.0):
 @pytest.mark.parametrize(
     ("kernel", "exact"),
     [
-        ("squared-exponential", lambda length: RBF(length)),
-        ("matern-5/2", lambda length: Matern(length, nu=2.5)),
-        ("matern-3/2", lambda length: Matern(length, nu=1.5)),
+        ("squared-exponential", RBF(0.7)),
+        ("matern-5/2", Matern(0.7, nu=2.5)),
+        ("matern-3/2", Matern(0.7, nu=1.5)),
     ],
+    ids=lambda value: value if isinstance(value, str) else "",
 )
 def test_gaussian_process_is_the_exact_one_at_fixed_hyperparameters(kernel, exact):
     rng = np.random.default_rng(0)
@@ -86,7 +87,7 @@ def test_gaussian_process_is_the_exact_one_at_fixed_hyperparameters(kernel, exac
     noise, length, amplitude = 0.2, 0.7, 1.3
     y = np.sin(3 * X[:, 0]) + noise * rng.standard_normal(25)
     regressor = GaussianProcessRegressor(
-        ConstantKernel(amplitude**2) * exact(length), alpha=noise**2, optimizer=None
+        ConstantKernel(amplitude**2) * exact, alpha=noise**2, optimizer=None
     ).fit(X, y)
     new = np.linspace(-1, 1, 50)[:, None]
     mean, sd = regressor.predict(new, return_std=True)
@@ -199,7 +200,8 @@ class WrongBasis(LineBasis):
         (hs.NetworkSurrogate(activation="sine"), "activation must be one of"),
         (WrongShape(), r"WrongBasis.features must return shape \(32, 3\).* got \(32, 2\)"),
     ],
-    ids=str,
+    # objects without names of their own would put addresses into the tests' names
+    ids=lambda value: value if isinstance(value, str) else type(value).__name__,
 )
 @pytest.mark.filterwarnings("ignore:(invalid|divide)")
 def test_bad_surrogates(surrogate, match, simulation, measured):

@@ -2,7 +2,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from hybridsurrogate.likelihoods import LogNormal, Normal, as_likelihood
+from hybridsurrogate.likelihoods import (
+    LogNormal,
+    NegativeBinomial,
+    Normal,
+    Poisson,
+    StudentT,
+    as_likelihood,
+)
 
 ETA = np.array([[-0.5, 0.2, 1.3], [0.0, 1.0, -2.0]])
 SIGMA = np.array([[0.3], [0.8]])
@@ -39,6 +46,53 @@ def test_transform_and_back(likelihood, distribution):
     step = 1e-6
     slope = (likelihood.link(Y + step) - likelihood.link(Y - step)) / (2 * step)
     np.testing.assert_allclose(likelihood.log_jacobian(Y), np.log(slope), atol=1e-8)
+
+
+PRECISION = SIGMA**-2.0
+OTHERS = [
+    (StudentT(5.0), stats.t(5.0, loc=ETA, scale=SIGMA), Y),
+    (Poisson(), stats.poisson(np.exp(ETA) + 0 * SIGMA), np.round(Y)),
+    (
+        NegativeBinomial(),
+        stats.nbinom(PRECISION, PRECISION / (PRECISION + np.exp(ETA))),
+        np.round(Y),
+    ),
+]
+
+
+@pytest.mark.parametrize(("likelihood", "distribution", "y"), OTHERS)
+def test_others_are_those_of_scipy(likelihood, distribution, y):
+    density = getattr(distribution, "logpmf" if likelihood.discrete else "logpdf")
+    np.testing.assert_allclose(likelihood.log_density(y, ETA, SIGMA), density(y))
+    np.testing.assert_allclose(likelihood.mean(ETA, SIGMA), distribution.mean())
+    np.testing.assert_allclose(
+        likelihood.variance(ETA, SIGMA) + 0 * SIGMA, distribution.var() + 0 * ETA
+    )
+    random = np.random.RandomState(0)
+    draws = likelihood.sample(np.broadcast_to(ETA, (20_000, *ETA.shape)), SIGMA, random)
+    error = np.sqrt(distribution.var() / 20_000)
+    assert (np.abs(draws.mean(axis=0) - distribution.mean()) < 4.5 * error).all()
+    np.testing.assert_allclose(draws.var(axis=0), distribution.var() + 0 * ETA, rtol=0.15)
+
+
+@pytest.mark.parametrize("likelihood", [Normal(), LogNormal(), Poisson(), NegativeBinomial()])
+def test_derivatives_are_those_of_the_density(likelihood):
+    y = np.maximum(np.round(Y), 1.0)
+    step = 1e-4
+    density = [likelihood.log_density(y, ETA + d, SIGMA) for d in (-step, 0, step)]
+    gradient, curvature = likelihood.derivatives(y, ETA, SIGMA)
+    np.testing.assert_allclose(gradient, (density[2] - density[0]) / (2 * step), rtol=1e-5)
+    second = -(density[2] - 2 * density[1] + density[0]) / step**2
+    np.testing.assert_allclose(curvature, second, rtol=1e-4)
+
+
+def test_a_small_sigma_makes_a_negative_binomial_a_poisson():
+    y = np.round(Y)
+    np.testing.assert_allclose(
+        NegativeBinomial().log_density(y, ETA, np.array([[1e-6]])),
+        Poisson().log_density(y, ETA, SIGMA),
+        atol=1e-5,
+    )
 
 
 def test_only_the_log_normal_is_on_a_log_scale():

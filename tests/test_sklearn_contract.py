@@ -38,7 +38,6 @@ CHECKED = {
     "parametric": power_scaled(
         surrogate=hs.ParametricSurrogate(line, {"height": norm(0, 100), "slope": norm(0, 100)})
     ),
-    "student-t": power_scaled(surrogate=hs.PolynomialChaos(1), likelihood="student-t"),
 }
 
 

@@ -28,6 +28,7 @@ from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.estimators.problem import Problem, make_context, make_problem
 from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning
 from hybridsurrogate.inference.scan import Belief, coefficient_belief
+from hybridsurrogate.likelihoods import TransformedNormal, as_likelihood
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation import SimulationData
 from hybridsurrogate.surrogates.base import Basis
@@ -152,6 +153,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         self
         """
         self._check_parameters()
+        self._check_likelihood()
         random = check_random_state(self.random_state)
         self.estimator_ = clone(self.estimator).fit(X, y)
         problem, causes, skipped = self._problem(self.estimator_)
@@ -204,6 +206,16 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
                 f"{self.false_alarm_rate}: use at least {int(1 / self.false_alarm_rate)}."
             )
 
+    def _check_likelihood(self) -> None:
+        assert self.estimator is not None
+        likelihood = as_likelihood(self.estimator.likelihood)
+        if not isinstance(likelihood, TransformedNormal):
+            raise ValueError(
+                "The diagnosis weighs causes in closed form, which needs a normal or log-normal "
+                f"likelihood, not a {likelihood.name} one. For counts use likelihood='lognormal' "
+                "on y + 1, measured and simulated."
+            )
+
     def _problem(self, fitted: PowerScaledSurrogate) -> tuple[Problem, list[Cause], list[Skipped]]:
         """Return the problem, the catalogue and what was left out, for a fitted estimator."""
         surrogate, likelihood = fitted._check_parameters()
@@ -212,6 +224,9 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         problem = make_problem(
             fitted.simulation, surrogate, likelihood, fitted.noise_prior, (), columns, X, y
         )
+        # a search over causes has no time to infer a surrogate's hyperparameters each time
+        hyper = fitted.posterior_.values[:, fitted.posterior_.model.n_unknowns :]
+        problem = problem.given(np.median(hyper, axis=0))
         context = make_context(
             fitted.simulation, columns, problem.model.n_inputs, X, problem.scale, likelihood
         )

@@ -20,7 +20,7 @@ from hybridsurrogate.likelihoods.base import Likelihood
 from hybridsurrogate.priors import FloatArray, Prior
 
 _LOG_2PI = float(np.log(2 * np.pi))
-_NEWTON_STEPS = 25
+_NEWTON_STEPS = 60
 # the mode shapes proposals only: a thousandth of a nat from it is near enough
 _TOLERANCE = 1e-3
 # a direction of v that moves eta by less than this share of the first one is left to its prior

@@ -59,6 +59,10 @@ class _GivenMixture(CollapsedPosterior):
     def _fixed(self) -> bool:
         return False
 
+    @property
+    def _few(self) -> bool:
+        return False
+
     def _blocks(self, u: FloatArray) -> list[FloatArray]:
         return [u]  # chains are few, and each has its own lambdas
 

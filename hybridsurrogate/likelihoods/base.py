@@ -89,4 +89,7 @@ class Likelihood(ABC):
         above, below = (self.log_density(y, eta + d, sigma) for d in (step, -step))
         gradient = (above - below) / (2 * step)
         curvature = (2 * middle - above - below) / step**2
-        return gradient, np.maximum(curvature, 0.1 * gradient**2 + 1e-12)
+        with np.errstate(invalid="ignore"):
+            rounding = 1e-14 * (1 + np.abs(middle)) / step**2
+            stand_in = 0.1 * gradient**2 + 1e-12
+        return gradient, np.where(curvature > rounding, curvature, stand_in)
