@@ -15,8 +15,9 @@ from hybridsurrogate.inference.leave_one_out import PointwiseLoo, pointwise_loo
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray
 
-# coefficient draws that step 2 is repeated for, and how often
-_COEFFICIENTS, _REPEATS = 250, 16
+# step 2 is repeated this often, for so many coefficient draws: on a grid all of them cost little
+_REPEATS = 8
+_ON_GRID, _OTHERWISE = 4000, 250
 
 
 @dataclass(frozen=True)
@@ -58,8 +59,9 @@ def loo_of_fit(
         first = _log_likelihood(fit.first, X, y)
         found = pointwise_loo(first, problem.weights, first[:, None], np.zeros(len(y)))
     else:
-        some = np.linspace(0, len(fit.unknowns) - 1, min(_COEFFICIENTS, len(fit.unknowns)))
-        index = some.astype(int)
+        most = _ON_GRID if fit.diagnostics.second_step == "grid" else _OTHERWISE
+        n_coefficients = min(most, len(fit.unknowns))
+        index = np.linspace(0, len(fit.unknowns) - 1, n_coefficients).astype(int)
         first = _log_likelihood(fit.first.take(index), X, y)
         second = _log_likelihood(_repeated(problem, fit, index, random_state), X, y)
         found = pointwise_loo(

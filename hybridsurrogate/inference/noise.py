@@ -12,10 +12,13 @@ _N_TABLE = 1500
 
 def noise_grid(noise_prior: Prior, scale: float, n: float) -> tuple[FloatArray, FloatArray]:
     """Return nodes of log sigma and the log prior density there, fine enough for n rows."""
-    top = float(noise_prior.isf(1e-12))
-    low, high = np.log(ROUNDING * scale) - 1, np.log(max(top, 10 * scale))
+    bottom, top = float(noise_prior.ppf(1e-12)), float(noise_prior.isf(1e-12))
+    low = np.log(max(bottom, np.exp(-1) * ROUNDING * scale))
+    # a prior that says little leaves room for outputs far off; a narrow one must be resolved
+    high = np.log(max(top, 10 * scale)) if top > 2 * bottom else np.log(top)
     # given n rows log sigma has a standard deviation of about 1 / sqrt(2 n)
-    nodes = np.linspace(low, high, int(np.ceil((high - low) * 3 * np.sqrt(2 * n))) + 1)
+    n_nodes = max(int(np.ceil((high - low) * 3 * np.sqrt(2 * n))), 60)
+    nodes = np.linspace(low, high, n_nodes + 1)
     with np.errstate(divide="ignore"):
         return nodes, noise_prior.logpdf(np.exp(nodes)) + nodes
 

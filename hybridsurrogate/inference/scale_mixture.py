@@ -23,9 +23,11 @@ from hybridsurrogate.inference.moves import differences
 from hybridsurrogate.likelihoods.student_t import StudentT
 from hybridsurrogate.priors import FloatArray
 
-_CHAINS, _BURN, _STEPS = 100, 100, 250
+_CHAINS, _BURN, _STEPS = 100, 150, 400
 # hyperparameters make every chain's matrices its own, and dear
 _CHAINS_WITH_HYPER = 40
+# moves of u between two draws of the lambdas: lambda and sigma hold each other in place
+_MOVES = 3
 
 
 @dataclass(frozen=True)
@@ -145,7 +147,7 @@ def mixture_draws(
     halves = np.array_split(np.arange(C), 2)
     chain, kept_c, kept_a = [], [], []
     for step in range(_BURN + _STEPS):
-        for mine, other in (halves, halves[::-1]):
+        for mine, other in (halves, halves[::-1]) * _MOVES:
             part = given.take(mine)
             trial = u[mine] + differences(u[other], len(mine), random_state, step)
             gain = _density(part, trial, n_powered) - _density(part, u[mine], n_powered)

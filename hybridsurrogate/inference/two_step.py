@@ -203,13 +203,16 @@ def _draw_noise(
     """Draw sigma given each sum of squares, by inversion on a grid around its own mode."""
     # the likelihood alone has its mode at sqrt(SS / n) and a spread of 1 / sqrt(2 n) in log sigma
     spread = 8 / np.sqrt(2 * n) + 0.05
-    offset = np.linspace(-spread, spread, 81)
-    nodes = 0.5 * np.log(squares / n)[:, None] + offset
+    centre = 0.5 * np.log(squares / n)
+    low = np.clip(centre - spread, log_sigma[0], log_sigma[-1])
+    high = np.clip(centre + spread, log_sigma[0], log_sigma[-1])
+    low, high = np.where(low < high, [low, high], log_sigma[[0, -1]][:, None])
+    nodes = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, 81)
     prior = np.interp(nodes, log_sigma, log_weight, left=-np.inf, right=-np.inf)
     log_density = prior - n * nodes - 0.5 * squares[:, None] * np.exp(-2 * nodes)
     empty = ~np.isfinite(log_density).any(axis=1)
     if empty.any():  # the prior forbids the data's scatter: stay at its edge
-        nodes[empty] = np.linspace(log_sigma[0], log_sigma[-1], len(offset))
+        nodes[empty] = np.linspace(log_sigma[0], log_sigma[-1], nodes.shape[1])
         prior = np.interp(nodes[empty], log_sigma, log_weight)
         log_density[empty] = (
             prior - n * nodes[empty] - 0.5 * squares[empty, None] * np.exp(-2 * nodes[empty])
