@@ -10,16 +10,35 @@ from shared_files import shared_path
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 
 
-def test_italy():
-    folder = shared_path("data", "italy_covid19_wave1.csv").parent
+def run_example(name, *arguments):
+    """Run an example with fewer draws and return what it printed."""
     run = subprocess.run(
-        [sys.executable, str(EXAMPLES / "italy_covid.py"), str(folder), "--fast"],
+        [sys.executable, str(EXAMPLES / name), *arguments, "--fast"],
         capture_output=True,
         text=True,
         check=False,
         env={**os.environ, "PYTHONPATH": str(EXAMPLES.parent)},
     )
     assert run.returncode == 0, run.stderr
-    assert "Best beta of each scheme" in run.stdout
+    return run.stdout
+
+
+def test_italy():
+    folder = shared_path("data", "italy_covid19_wave1.csv").parent
+    printed = run_example("italy_covid.py", str(folder))
+    assert "Best beta of each scheme" in printed
     # constant rates cannot follow a lockdown
-    assert "adequate" not in run.stdout
+    assert "adequate" not in printed
+
+
+def test_right_choices_win():
+    scores = [
+        (line.split("ELPD")[0].strip(), float(line.split("ELPD")[1].split("(")[0]))
+        for line in run_example("right_choice.py").splitlines()
+        if "ELPD" in line
+    ]
+    found = dict(scores)
+    assert found["network"] > found["polynomial chaos, degree 7"] + 0.5
+    outliers = [score for name, score in scores if name in ("Student-t", "normal")][:2]
+    assert outliers[0] > outliers[1] + 0.5
+    assert found["Poisson"] > found["normal"] + 0.1

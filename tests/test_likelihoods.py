@@ -81,7 +81,9 @@ def test_derivatives_are_those_of_the_density(likelihood):
     step = 1e-4
     density = [likelihood.log_density(y, ETA + d, SIGMA) for d in (-step, 0, step)]
     gradient, curvature = likelihood.derivatives(y, ETA, SIGMA)
-    np.testing.assert_allclose(gradient, (density[2] - density[0]) / (2 * step), rtol=1e-5)
+    np.testing.assert_allclose(
+        gradient, (density[2] - density[0]) / (2 * step), rtol=1e-5, atol=1e-7
+    )
     second = -(density[2] - 2 * density[1] + density[0]) / step**2
     np.testing.assert_allclose(curvature, second, rtol=1e-4)
 

@@ -23,7 +23,7 @@ def line(X, omega, constants):
 
 
 def power_scaled(**parameters):
-    return hs.PowerScaledSurrogate(n_draws=50, **parameters)
+    return hs.PowerScaledSurrogate(n_draws=50, sampler="importance", **parameters)
 
 
 # a check has thirty columns: higher degrees would have thousands of terms there

@@ -144,6 +144,7 @@ def _power_scaled_path(
         else:
             khat[k] = fit.diagnostics.khat
         out[k] = one._keep(rows, problem, fit)
+        fit.diagnostics.warn()
     return BetaPath(grid, [out[k] for k in range(len(grid))], refitted, khat)
 
 

@@ -28,6 +28,8 @@ from hybridsurrogate.priors import FloatArray
 
 # proposals of the importance sampler: three for each draw that is kept
 _OVERSAMPLING = 3
+# few draws still need enough proposals for k-hat and weights that mean something
+_MIN_PROPOSALS = 1000
 # from this share of the best one's mass on, a further mode makes the posterior multimodal
 _MODE_SHARE = 0.02
 # a mode with less than this share gets no proposals of its own
@@ -221,7 +223,7 @@ def _collapsed_draws(
 ) -> tuple[FloatArray, Diagnostics, Proposals | None]:
     log_density = target.log_density
     if sampler in ("auto", "importance"):
-        n = _OVERSAMPLING * n_draws
+        n = max(_OVERSAMPLING * n_draws, _MIN_PROPOSALS)
         sampled = importance_draws(log_density, minor, n, n_draws, random_state)
         trusted = sampled.khat <= KHAT_LIMIT
         if sampler == "importance" or (trusted and len(modes) == 1):
@@ -247,7 +249,7 @@ def _full_draws(
     sampled = importance_draws(
         target.extended_log_density,
         minor,
-        _OVERSAMPLING * n_draws,
+        max(_OVERSAMPLING * n_draws, _MIN_PROPOSALS),
         n_draws,
         random_state,
         n_noise=target.n_coefficients,

@@ -136,14 +136,15 @@ class PowerScaledSurrogate(SurrogateEstimator):
         problem = self._problem(surrogate, likelihood, rows)
         random = check_random_state(self.random_state)
         fit = fit_problem(problem, self._powers(rows.X), self.sampler, int(self.n_draws), random)
-        return self._keep(rows, problem, fit)
+        self._keep(rows, problem, fit)
+        self.diagnostics_.warn()
+        return self
 
     def _keep(self, rows: MeasuredRows, problem: Problem, fit: Fit) -> PowerScaledSurrogate:
         """Store what a fit found."""
         self._rows, self._fitted = rows, (problem, fit)
         self.posterior_, self.first_step_ = fit.second, fit.first
         self.diagnostics_ = fit.diagnostics
-        self.diagnostics_.warn()
         return self
 
     def _problem(self, surrogate: Surrogate, likelihood: Likelihood, rows: MeasuredRows) -> Problem:

@@ -48,6 +48,8 @@ class GaussianProcess(Surrogate):
     amplitude_prior : frozen scipy.stats distribution, default=None
         Of the standard deviation of the process. None: half-normal with the spread of the outputs
         as scale (the paper: half-normal(1), for outputs with a spread of one).
+    mean : float or None, default=None
+        Known mean of the process on the scale of eta. None: the mean of the outputs.
     degree : int or None, default=None
         Total degree of the polynomials. None: 30 in one dimension (inputs and parameters
         together), 10 in two, 7 in three, 5 beyond: enough for length scales from 0.5 on in two
@@ -57,7 +59,7 @@ class GaussianProcess(Surrogate):
 
     Notes
     -----
-    The mean of the outputs is the process's known mean. Inputs farther outside the simulated range
+    Inputs farther outside the simulated range
     than 15 % of its half-width are held there: the process says no more about them.
 
     Examples
@@ -76,11 +78,13 @@ class GaussianProcess(Surrogate):
         kernel: str = "squared-exponential",
         length_scale_prior: Prior | None = None,
         amplitude_prior: Prior | None = None,
+        mean: float | None = None,
         degree: int | None = None,
     ):
         self.kernel = kernel
         self.length_scale_prior = length_scale_prior
         self.amplitude_prior = amplitude_prior
+        self.mean = mean
         self.degree = degree
 
     def build(self, domain: Domain) -> Basis:
@@ -106,6 +110,7 @@ class GaussianProcess(Surrogate):
             domain,
             powers,
             self.kernel,
+            domain.location if self.mean is None else float(self.mean),
             {**{f"length_scale_{name}": length for name in names}, "amplitude": amplitude},
         )
 
@@ -115,6 +120,7 @@ class _ProcessBasis(Basis):
     domain: Domain
     powers: NDArray[np.int_]
     kernel: str
+    mean: float
     priors: dict[str, Prior]
 
     @property
@@ -140,7 +146,7 @@ class _ProcessBasis(Basis):
     def known(
         self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
     ) -> FloatArray:
-        return np.full(len(X), self.domain.location)
+        return np.full(len(X), self.mean)
 
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         return self._products(self.domain.scaled(X, omega), np.arange(self.powers.shape[1]))
@@ -152,7 +158,7 @@ class _ProcessBasis(Basis):
         of_inputs = self._products(inputs, np.arange(n_inputs))
         of_parameters = self._products(points, np.arange(n_inputs, self.powers.shape[1]))
         features = of_inputs * of_parameters[:, None]
-        return np.full(features.shape[:2], self.domain.location), features
+        return np.full(features.shape[:2], self.mean), features
 
     def _products(self, points: FloatArray, dimensions: NDArray[np.int_]) -> FloatArray:
         out = np.ones((len(points), len(self.powers)))
