@@ -37,9 +37,12 @@ def test_doubtful_draws_warn_with_the_number_and_its_limit(diagnostics, match):
 
 def test_fit_warns_where_it_was_called(simulation, measured):
     model = hs.PowerScaledSurrogate(
-        simulation, surrogate=hs.PolynomialChaos(2), n_draws=10, random_state=0
+        simulation,
+        surrogate=hs.PolynomialChaos(2),
+        sampler=hs.EnsembleSampler(max_steps=20),
+        random_state=0,
     )
-    with pytest.warns(hs.SamplingWarning, match="effective draws") as record:
+    with pytest.warns(hs.SamplingWarning, match="stopped after 20 steps") as record:
         model.fit(*measured)
     assert record[0].filename == __file__
 
