@@ -54,8 +54,8 @@ class GaussianProcess(Surrogate):
         Total degree of the polynomials. None: 30 in one dimension (inputs and parameters
         together), 10 in two, 7 in three, 5 beyond: enough for length scales from 0.5 on in two
         dimensions. Matern kernels get 60, 16, 8, 6: accurate in one dimension; in several they
-        are smoothed (in two, predictions differ from the exact process's by up to a tenth of
-        their standard deviation at noise of 10 %).
+        are smoothed (in two, at noise of 10 %, predictions differ from the exact process's by a
+        fifth of their standard deviation for 5/2 and by half of it for 3/2).
 
     Notes
     -----
