@@ -155,7 +155,8 @@ class Posterior:
     def named(self) -> dict[str, FloatArray]:
         """Return draws by name: omega, theta, sigma, coefficients, effect coefficients."""
         out = dict(zip(names_of(self.model), self.values.T, strict=True))
-        out["sigma"] = self.sigma
+        if self.likelihood.has_scale:
+            out["sigma"] = self.sigma
         if self.coefficients.shape[1]:
             out["coefficients"] = self.coefficients
         if self.effect_coefficients.shape[1]:

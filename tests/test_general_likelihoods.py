@@ -132,6 +132,21 @@ def test_full_ensemble_agrees_with_importance_draws(simulation):
     np.testing.assert_allclose(one.std(axis=0), other.std(axis=0), rtol=0.10)
 
 
+def test_a_likelihood_without_scale_reports_none(measured):
+    X, y = measured
+    model = hs.PowerScaledSurrogate(
+        surrogate=hs.PolynomialChaos(2), likelihood="poisson", n_draws=100, random_state=0
+    ).fit(X, np.round(y))
+    assert "sigma" not in model.posterior_.named()
+    low, high = model.predict_interval(np.repeat(X, 40, axis=0))
+    assert low.shape == (1280,)
+    assert (low == np.round(low)).all()
+    # what is asked beside a row does not change its interval by more than the draws
+    few = model.predict_interval(X)
+    np.testing.assert_allclose(low[::40], few[0], atol=2)
+    np.testing.assert_allclose(high[::40], few[1], atol=2)
+
+
 def test_custom_normal_is_the_normal(simulation, measured):
     own = hs.CustomLikelihood(
         lambda y, eta, sigma: stats.norm.logpdf(y, eta, sigma),

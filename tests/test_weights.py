@@ -189,6 +189,27 @@ def test_leave_one_out_is_a_fit_without_the_row(case):
     assert loo.standard_error > 0
 
 
+def test_leave_one_out_speaks_of_the_rows_in_fit_alone(case):
+    # a further measured set sorts in between; a row without weight is predicted by the others
+    further = hs.Source((case.X[::2] + 0.5, case.y[::2]), 0.5)
+    sources = [hs.Source(case.simulation), further]
+    model = hs.MultiSourceSurrogate(sources, surrogate=CUBIC, n_draws=3000, random_state=0)
+    model.fit(case.X[1::2], case.y[1::2])
+    loo = model.loo()
+    assert loo.pointwise.shape == (15,)
+    assert loo.elpd == pytest.approx(loo.pointwise.mean())
+    for i in (3, 9):
+        rest = np.arange(15) != i
+        X, y = case.X[1::2], case.y[1::2]
+        fitted = clone(model).fit(X[rest], y[rest])
+        exact = fitted.log_predictive_density(X[[i]], y[[i]])[0]
+        assert loo.pointwise[i] == pytest.approx(exact, abs=0.1)
+
+    silent = hs.MultiSourceSurrogate([*sources], power=0.0, surrogate=CUBIC, random_state=0)
+    silent.fit(case.X[1::2], case.y[1::2])
+    assert silent.loo().elpd == pytest.approx(silent.score(case.X[1::2], case.y[1::2]))
+
+
 # ------------------------------------------------------------------------------------ stacking
 
 
@@ -255,6 +276,20 @@ def test_path_agrees_with_fits(case):
     )  # fmt: skip
     error = np.maximum(fits.std(axis=0, ddof=1), 0.002)
     assert (np.abs(ours - fits.mean(axis=0)) < 6 * error).all()
+
+
+def test_path_warns_of_the_data_once(case):
+    narrow = hs.SimulationData(
+        case.simulation.X,
+        case.simulation.omega,
+        case.simulation.y,
+        inputs=["x"],
+        parameters=case.simulation.parameters,
+    )
+    model = hs.PowerScaledSurrogate(narrow, surrogate=CUBIC, random_state=0)
+    with pytest.warns(hs.ExtrapolationWarning) as caught:
+        hs.beta_path(model, case.X, case.y, [0.3, 0.5, 0.7])
+    assert len(caught) == 1
 
 
 def test_path_of_a_mixture_is_one_fit(case):

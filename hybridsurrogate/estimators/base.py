@@ -32,6 +32,8 @@ SAMPLERS = ("auto", "importance", "emcee")
 Draw = Callable[[Posterior, FloatArray, np.random.RandomState], FloatArray]
 # draws of y behind the quantiles of a likelihood that is not normal
 _INTERVAL_DRAWS = 20_000
+# rows at a time, so that memory stays bounded
+_INTERVAL_ROWS = 500
 
 
 class SurrogateEstimator(RegressorMixin, BaseEstimator):
@@ -112,7 +114,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         weights = check_weights(sample_weight, len(output))
         likelihood.check(output)
         rows = rows[:, order]
-        self._measured = (rows, output)
+        self._measured, self._sample_weight = (rows, output), weights
         self._warn_outside(columns, rows)
         return merged_rows(columns, rows, output, weights)
 
@@ -217,8 +219,12 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         likelihood = mixture[0][1].likelihood
         tail = (1 - level) / 2
         if not isinstance(likelihood, TransformedNormal):
-            draws = self._samples(X, _INTERVAL_DRAWS, np.random.RandomState(0), _noisy)
-            lower, upper = np.quantile(draws, [tail, 1 - tail], axis=0, method="inverted_cdf")
+            random = np.random.RandomState(0)
+            ends = []
+            for k in range(0, len(X), _INTERVAL_ROWS):
+                draws = self._samples(X[k : k + _INTERVAL_ROWS], _INTERVAL_DRAWS, random, _noisy)
+                ends.append(np.quantile(draws, [tail, 1 - tail], axis=0, method="inverted_cdf"))
+            lower, upper = np.concatenate(ends, axis=1)
             return lower, upper
         parts = [(weight, *posterior.eta(X)) for weight, posterior in mixture]
         lower, upper = (_quantile(parts, probability) for probability in (tail, 1 - tail))
@@ -337,7 +343,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
             In the order of the rows in ``fit``; rows of no weight have their predictive density.
         """
         check_is_fitted(self)
-        found, weights = self._pointwise_loo(), self._rows.weights
+        found = self._pointwise_loo()
         index, (X, y) = self._rows.origin, self._measured
         pointwise, khat = found.log_density[index], found.khat[index]
         if (index < 0).any():
@@ -345,10 +351,10 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
             mixture = self._mixture(X[outside])
             pointwise[outside] = _log_density_of(mixture, X[outside], y[outside])
             khat[outside] = -np.inf
-        mean = float(np.average(found.log_density, weights=weights))
-        spread = np.average((found.log_density - mean) ** 2, weights=weights)
-        n = weights.sum()
-        error = float(np.sqrt(spread / max(n - 1, 1.0)))
+        weights = self._sample_weight
+        mean = float(np.average(pointwise, weights=weights))
+        spread = np.average((pointwise - mean) ** 2, weights=weights)
+        error = float(np.sqrt(spread / max(weights.sum() - 1, 1.0)))
         return Loo(mean, error, pointwise, khat, int(np.sum(found.khat > KHAT_LIMIT)))
 
     @abstractmethod

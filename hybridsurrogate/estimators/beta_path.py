@@ -24,7 +24,7 @@ from hybridsurrogate.estimators.fitting import (
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.estimators.predictive_weighted import PredictiveWeightedSurrogate
 from hybridsurrogate.estimators.problem import Problem
-from hybridsurrogate.inference.collapsed import CollapsedPosterior, powers_of
+from hybridsurrogate.inference.collapsed import powers_of
 from hybridsurrogate.inference.importance import KHAT_LIMIT, Proposals
 from hybridsurrogate.inference.moment_matching import matched_draws
 from hybridsurrogate.priors import FloatArray
@@ -121,13 +121,13 @@ def _power_scaled_path(
 ) -> BetaPath:
     out: dict[int, Any] = {}
     refitted, khat = np.zeros(len(grid), dtype=bool), np.full(len(grid), np.nan)
-    problem: Problem | None = None
+    checked = clone(model).set_params(beta=0.5)
+    surrogate, likelihood = checked._check_parameters()
+    rows = checked._check_fit_data(X, y, likelihood)
+    problem = checked._problem(surrogate, likelihood, rows)
     # from the middle outwards: there both sources speak, and the ends are its neighbours
     for k in _outwards(grid):
-        one = clone(model).set_params(beta=float(grid[k]))
-        surrogate, likelihood = one._check_parameters()
-        rows = one._check_fit_data(X, y, likelihood)
-        problem = one._problem(surrogate, likelihood, rows) if problem is None else problem
+        one = copy.copy(checked).set_params(beta=float(grid[k]))
         random = check_random_state(one.random_state)
         fit = None
         source = _nearest(out, grid, k)
@@ -180,19 +180,10 @@ def _carried(
     if proposals is None:
         return None
     target = make_target(problem, *powers_of(beta) if problem.runs is not None else (0.0, 1.0))
-    if isinstance(target, CollapsedPosterior):
-        sampled = matched_draws(target.log_density, proposals, n_draws, random_state)
-    else:
-        n = target.n_coefficients
-        density = target.extended_log_density
-        sampled = matched_draws(density, proposals, n_draws, random_state, n_noise=n)
+    density, n_noise = target.extended_log_density, target.n_noise
+    sampled = matched_draws(density, proposals, n_draws, random_state, n_noise=n_noise)
     if not (sampled.khat <= KHAT_LIMIT and sampled.effective_draws >= _MIN_EFFECTIVE):
         return None
-    diagnostics = of_importance(sampled, 1)
-    u = sampled.draws
-    if isinstance(target, CollapsedPosterior):
-        c, a = target.draw_coefficients(u, random_state)
-    else:
-        u = sampled.draws[:, : target.n_dimensions]
-        c, a = target.unwhitened(np.hstack([u, target.coefficients_at(sampled.draws)]))
-    return finish(problem, FirstStep(u, c, a, diagnostics, sampled.proposals), random_state)
+    drawn = target.resolved(sampled.draws, random_state)
+    step = FirstStep(*drawn, of_importance(sampled, 1), sampled.proposals)
+    return finish(problem, step, random_state)

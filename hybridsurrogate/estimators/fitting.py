@@ -209,8 +209,7 @@ def first_step(
         tau, effective = drawn.autocorrelation_time, drawn.effective_draws
         found = Diagnostics("gibbs", np.nan, effective, tau, len(modes))
         return FirstStep(drawn.u, drawn.c, drawn.a, found)
-    w, diagnostics, proposals = _full_draws(target, modes, minor, sampler, n_draws, random_state)
-    return FirstStep(w[:, : target.n_dimensions], *target.unwhitened(w), diagnostics, proposals)
+    return _full_draws(target, modes, minor, sampler, n_draws, random_state)
 
 
 def _collapsed_draws(
@@ -244,41 +243,36 @@ def _full_draws(
     sampler: str | EnsembleSampler,
     n_draws: int,
     random_state: np.random.RandomState,
-) -> tuple[FloatArray, Diagnostics, Proposals | None]:
-    """Return w = [u, v]: importance draws of pairs, else the ensemble over the full vector."""
-    sampled = importance_draws(
-        target.extended_log_density,
-        minor,
-        max(_OVERSAMPLING * n_draws, _MIN_PROPOSALS),
-        n_draws,
-        random_state,
-        n_noise=target.n_coefficients,
-    )
-    d = target.n_dimensions
-    w = np.hstack([sampled.draws[:, :d], target.coefficients_at(sampled.draws)])
-    if sampler == "importance" or (sampler == "auto" and sampled.khat <= KHAT_LIMIT):
-        return w, of_importance(sampled, len(modes)), sampled.proposals
+) -> FirstStep:
+    """Return importance draws of pairs [u, v], else those of the ensemble over the full vector."""
+    if sampler in ("auto", "importance"):
+        n, n_noise = max(_OVERSAMPLING * n_draws, _MIN_PROPOSALS), target.n_noise
+        density = target.extended_log_density
+        sampled = importance_draws(density, minor, n, n_draws, random_state, n_noise=n_noise)
+        if sampler == "importance" or sampled.khat <= KHAT_LIMIT:
+            drawn = target.resolved(sampled.draws, random_state)
+            return FirstStep(*drawn, of_importance(sampled, len(modes)), sampled.proposals)
     backend = sampler if isinstance(sampler, EnsembleSampler) else EnsembleSampler()
-    start = _around(w, target, minor, random_state)
+    start = _around(target, minor, random_state)
     run = backend.run(target.joint_log_density, start, n_draws, random_state)
-    return run.draws, _of_ensemble(run, len(modes)), None
+    u = run.draws[:, : target.n_dimensions]
+    return FirstStep(u, *target.unwhitened(run.draws), _of_ensemble(run, len(modes)))
 
 
 def _around(
-    w: FloatArray,
     target: LaplacePosterior,
     components: list[Gaussian],
     random_state: np.random.RandomState,
 ) -> list[Gaussian]:
     """Return Gaussians in the full space from which the ensemble starts: one around each mode."""
-    d = target.n_dimensions
+    d, whole = target.n_dimensions, target.n_dimensions + target.n_coefficients
     out = []
     for mode in components:
-        e = random_state.standard_normal((4 * w.shape[1], target.n_coefficients))
+        e = random_state.standard_normal((4 * whole, target.n_coefficients))
         u = mode.mean + random_state.standard_normal((len(e), d)) @ mode.factor.T
         points = np.hstack([u, target.coefficients_at(np.hstack([u, e]))])
         points = points[np.isfinite(points).all(axis=1)]
-        covariance = np.cov(points.T) + 1e-10 * np.eye(w.shape[1])
+        covariance = np.cov(points.T) + 1e-10 * np.eye(whole)
         out.append(Gaussian(points.mean(axis=0), np.linalg.cholesky(covariance), mode.log_mass))
     return out
 

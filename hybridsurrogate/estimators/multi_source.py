@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from sklearn.utils import check_scalar
 
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.estimators.fitting import Fit
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
 from hybridsurrogate.estimators.problem import Problem, make_problem
 from hybridsurrogate.estimators.rows import MeasuredRows, merged_rows
@@ -149,6 +150,15 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
         return merged_rows(
             rows.columns, np.concatenate(X), np.concatenate(y), np.concatenate(weights)
         )
+
+    def _keep(self, rows: MeasuredRows, problem: Problem, fit: Fit) -> PowerScaledSurrogate:
+        """Store what a fit found; rows of all sets were merged, those in ``fit`` are among them."""
+        table = np.column_stack([problem.X, problem.observed])
+        wanted = np.column_stack(self._measured)
+        same = (wanted[:, None] == table).all(axis=2)
+        origin = np.where(same.any(axis=1), same.argmax(axis=1), -1)
+        merged = MeasuredRows(rows.columns, problem.X, problem.observed, problem.weights, origin)
+        return super()._keep(merged, problem, fit)
 
     def _largest_power(self) -> float:
         further = [s.power for s in self.sources if not isinstance(s.data, SimulationData)]

@@ -82,6 +82,23 @@ class CollapsedPosterior:
         """Length of u."""
         return self.model.n_unknowns + self.model.n_hyper + 1
 
+    # as the Laplace posterior, so that samplers need not know which of the two they have
+
+    @property
+    def n_noise(self) -> int:
+        """Dimensions that importance draws need beside u: none, the coefficients are exact."""
+        return 0
+
+    def extended_log_density(self, points: FloatArray) -> FloatArray:
+        """Return the log density of points u."""
+        return self.log_density(points)
+
+    def resolved(
+        self, points: FloatArray, random_state: np.random.RandomState
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return u, c and a of points u, the coefficients drawn."""
+        return points, *self.draw_coefficients(points, random_state)
+
     @cached_property
     def _unequal(self) -> bool:
         return bool((self.weights != 1).any())

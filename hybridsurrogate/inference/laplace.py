@@ -49,10 +49,6 @@ class Runs(Rows):
     X: FloatArray
     omega: FloatArray
 
-    def __post_init__(self) -> None:
-        if not len(self.X) == len(self.omega) == len(self.y) == len(self.weights):
-            raise ValueError("X, omega, y and weights of the runs differ in length.")
-
 
 @dataclass(frozen=True)
 class LaplacePosterior:
@@ -219,6 +215,18 @@ class LaplacePosterior:
             pieces.append(joint - fit.log_det)
         out = np.concatenate(pieces)
         return np.where(np.isfinite(out), out, -np.inf)
+
+    def resolved(
+        self, points: FloatArray, random_state: np.random.RandomState
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return u, c and a of points [u, e] of `extended_log_density`."""
+        u = points[:, : self.n_dimensions]
+        return u, *self.unwhitened(np.hstack([u, self.coefficients_at(points)]))
+
+    @property
+    def n_noise(self) -> int:
+        """Length of e."""
+        return self.n_coefficients
 
     def coefficients_at(self, points: FloatArray) -> FloatArray:
         """Return v (J, p) for points [u, e]."""
