@@ -1,6 +1,6 @@
 """Every surrogate with every likelihood, on the published case study 1 and on counts.
 
-python examples/combinations.py prints the table of docs/estimators.md.
+`python examples/combinations.py > docs/combinations.md` writes the page of the docs.
 """
 
 import sys
@@ -63,6 +63,12 @@ cases = {
         {"negative binomial": "negative-binomial", "Poisson": "poisson"},
     ),
 }
+print(
+    "# Every surrogate with every likelihood\n\n"
+    "Printed by `python examples/combinations.py`: power scaling at beta = 0.5, 1000 draws.\n"
+    "Case 1 is the published case study; counts are an epidemic. ELPD is the mean over test rows,\n"
+    "RMSE that of the noise-free mean; seconds are those of one core, and noisy.\n"
+)
 print(
     "| data | surrogate | likelihood | ELPD in range | out of range | RMSE in range | s | sampler |"
 )

@@ -3,6 +3,7 @@ import pytest
 from scipy import stats
 
 from hybridsurrogate.likelihoods import (
+    CustomLikelihood,
     LogNormal,
     NegativeBinomial,
     Normal,
@@ -126,3 +127,39 @@ def test_names():
     for wrong in ("gamma", None, ["normal"]):
         with pytest.raises(ValueError, match=r"one of \['lognormal', 'negative"):
             as_likelihood(wrong)
+
+
+def test_smoothed_density_of_a_student_t_is_its_mean_over_a_normal_kernel():
+    likelihood, y = StudentT(df=4), np.array([0.5, -2.0, 6.0])
+    eta, sigma, width = np.zeros((1, 3)), np.full((1, 1), 0.7), np.full((1, 3), 0.4)
+
+    def mean(function):
+        node = np.linspace(-8, 8, 4001)
+        values = function(node) * stats.norm.pdf(node)[:, None]
+        return np.trapezoid(values, node, axis=0)
+
+    def density(node):
+        return stats.t.logpdf(y, 4, loc=0.4 * node[:, None], scale=0.7)
+
+    value = likelihood.smoothed(y, eta, sigma, width)[0]
+    gradient, curvature = likelihood.derivatives(y, eta, sigma, width)
+    np.testing.assert_allclose(value, mean(density), atol=1e-3)
+    slope = mean(lambda node: node[:, None] * density(node)) / 0.4
+    np.testing.assert_allclose(gradient[0], slope, atol=5e-3)
+    second = -mean(lambda node: (node[:, None] ** 2 - 1) * density(node)) / 0.16
+    expected = np.where(second > 0, second, 0.1 * slope**2)
+    np.testing.assert_allclose(curvature[0], expected, atol=2e-2)
+
+
+def test_kinks_of_a_users_density_are_smoothed_for_proposals():
+    laplace = CustomLikelihood(
+        lambda y, eta, sigma: -np.abs(y - eta) / sigma - np.log(2 * sigma),
+        lambda eta, sigma: eta,
+        lambda eta, sigma, random_state: random_state.laplace(eta, sigma),
+    )
+    eta = np.array([[0.0, 1.0]])
+    _, curvature = laplace.derivatives(
+        np.array([0.0, 1.0]), eta, np.ones((1, 1)), np.full((1, 2), 0.5)
+    )
+    # the second derivative of E|h e| is 2 phi(0) / h; nine nodes see the kink but roughly
+    np.testing.assert_allclose(curvature, 2 * stats.norm.pdf(0) / 0.5, rtol=0.25)

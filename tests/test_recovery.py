@@ -1,5 +1,7 @@
 """What the inference returns, against closed forms."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy import special, stats
@@ -9,6 +11,7 @@ from hybridsurrogate.estimators.problem import make_problem
 from hybridsurrogate.inference.collapsed import CollapsedPosterior, powers_of
 from hybridsurrogate.inference.ensemble import EnsembleSampler
 from hybridsurrogate.inference.importance import find_modes, importance_draws, pareto_smooth
+from hybridsurrogate.inference.starts import further_points
 from hybridsurrogate.inference.two_step import second_step
 
 NOISE = 0.5
@@ -248,6 +251,29 @@ def test_importance_draws_of_a_gaussian():
 def student(x):
     target = stats.multivariate_t([3.0, 0.0], [[2.0, 0.5], [0.5, 1.0]], df=7)
     return np.atleast_1d(target.logpdf(x))
+
+
+def test_importance_draws_of_coefficients_with_heavier_tails_than_their_proposal():
+    def density(points):  # u normal; eight further dimensions two-sided exponential, twice as wide
+        u, e = points[:, :1], points[:, 1:]
+        return -0.5 * (u[:, 0] - 1.0) ** 2 - np.abs(e / 2).sum(axis=1) * np.sqrt(2)
+
+    modes = find_modes(lambda u: -0.5 * (u[:, 0] - 1.0) ** 2, np.zeros((1, 1)))
+    result = importance_draws(density, modes, 60_000, 20_000, np.random.RandomState(0), n_noise=8)
+    assert result.khat < 0.7
+    assert result.draws[:, 0].mean() == pytest.approx(1.0, abs=0.05)
+    np.testing.assert_allclose(result.draws[:, 1:].var(axis=0), 4.0, rtol=0.12)
+
+
+def test_lines_through_a_mode_find_another_one_in_the_tail_of_a_prior():
+    def density(u):  # at z = -5.5 a mode that random starts would miss
+        main = -0.5 * ((u[:, 0] - 2) ** 2 + u[:, 1] ** 2)
+        return np.logaddexp(main, 8 - 50 * (u[:, 0] + 5.5) ** 2 - 0.5 * u[:, 1] ** 2) - u[:, 2] ** 2
+
+    target = SimpleNamespace(model=SimpleNamespace(n_parameters=2), search_density=density)
+    points = further_points(target, np.array([2.0, 0.0, 0.0]))
+    assert len(points) == 1
+    np.testing.assert_allclose(points[0], [-5.5, 0, 0], atol=0.2)
 
 
 def test_importance_draws_of_a_student_t():

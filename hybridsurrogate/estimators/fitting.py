@@ -14,15 +14,14 @@ from hybridsurrogate.inference.importance import (
     Gaussian,
     ImportanceDraws,
     Proposals,
+    distinct,
     find_modes,
     importance_draws,
 )
 from hybridsurrogate.inference.laplace import LaplacePosterior
-from hybridsurrogate.inference.scale_mixture import mixture_draws as scale_mixture_draws
 from hybridsurrogate.inference.second_step import conditional_draws
-from hybridsurrogate.inference.starts import starting_points
+from hybridsurrogate.inference.starts import further_points, starting_points
 from hybridsurrogate.inference.two_step import MeasuredDraws, second_step
-from hybridsurrogate.likelihoods import StudentT
 from hybridsurrogate.posterior import Diagnostics, Posterior
 from hybridsurrogate.priors import FloatArray
 
@@ -193,7 +192,7 @@ def first_step(
     random_state: np.random.RandomState,
 ) -> FirstStep:
     """Draw all unknowns of step 1."""
-    modes = find_modes(target.log_density, starting_points(target, random_state))
+    modes = _modes(target, random_state)
     best = modes[0].log_mass
     minor = [mode for mode in modes if mode.log_mass > best + np.log(_PROPOSAL_SHARE)]
     modes = [mode for mode in modes if mode.log_mass > best + np.log(_MODE_SHARE)]
@@ -202,14 +201,19 @@ def first_step(
             target, modes, minor, sampler, n_draws, random_state
         )
         return FirstStep(u, *target.draw_coefficients(u, random_state), diagnostics, proposals)
-    linear = not target.model.basis.known_depends_on_hyper
-    if isinstance(target.likelihood, StudentT) and linear and sampler == "auto":
-        start = importance_draws(target.log_density, minor, 500, 500, random_state)
-        drawn = scale_mixture_draws(target, start.draws, n_draws, random_state)
-        tau, effective = drawn.autocorrelation_time, drawn.effective_draws
-        found = Diagnostics("gibbs", np.nan, effective, tau, len(modes))
-        return FirstStep(drawn.u, drawn.c, drawn.a, found)
     return _full_draws(target, modes, minor, sampler, n_draws, random_state)
+
+
+def _modes(
+    target: CollapsedPosterior | LaplacePosterior, random_state: np.random.RandomState
+) -> list[Gaussian]:
+    starts = starting_points(target, random_state)
+    modes = find_modes(target.search_density, starts, target.step_share)
+    if target.n_dimensions > 2:  # with one unknown beside sigma the starts were all there are
+        further = further_points(target, modes[0].mean)
+        if len(further):
+            modes += find_modes(target.search_density, further, target.step_share)
+    return distinct(modes)
 
 
 def _collapsed_draws(

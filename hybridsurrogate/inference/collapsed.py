@@ -84,10 +84,16 @@ class CollapsedPosterior:
 
     # as the Laplace posterior, so that samplers need not know which of the two they have
 
+    step_share = 0.1
+
     @property
     def n_noise(self) -> int:
         """Dimensions that importance draws need beside u: none, the coefficients are exact."""
         return 0
+
+    def search_density(self, u: FloatArray) -> FloatArray:
+        """Return the log density of points u."""
+        return self.log_density(u)
 
     def extended_log_density(self, points: FloatArray) -> FloatArray:
         """Return the log density of points u."""

@@ -25,6 +25,8 @@ _MOVES = (
     (emcee.moves.DEMove(gamma0=1.0), 0.1),
     (emcee.moves.StretchMove(), 0.3),
 )
+# how often a step of the ensemble leans on the Gaussian approximation instead
+_GAUSSIAN_SHARE = 0.7
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,8 @@ class EnsembleSampler(BaseEstimator):
     n_walkers : int or None, default=None
         None: four times the number of dimensions, at least 40.
     moves : sequence of (emcee move, weight) or None, default=None
-        None: differential evolution beside the stretch move.
+        None: preconditioned Crank-Nicolson moves about the Gaussian approximation at the best
+        mode, differential evolution, and the stretch move.
     max_steps : int, default=10000
         Where the run stops unconverged, with a `SamplingWarning`.
     tol : float, default=50
@@ -137,7 +140,7 @@ class EnsembleSampler(BaseEstimator):
             d,
             log_density,
             vectorize=True,
-            moves=list(self.moves or _MOVES),
+            moves=list(self.moves or _moves_about(modes[0])),
             backend=self._backend(start, seed),
         )
         state = _state(start, seed)
@@ -183,6 +186,28 @@ class EnsembleSampler(BaseEstimator):
         if not backend.initialized:
             backend.reset(*start.shape)
         return backend
+
+
+def _moves_about(approximation: Gaussian) -> list[tuple[Any, float]]:
+    """Return the default moves, most of them about a Gaussian approximation.
+
+    They keep a share of the distance from its mean and renew the rest: preconditioned
+    Crank-Nicolson (Cotter, Roberts, Stuart and White 2013, Statistical Science 28:424), reversible
+    for the Gaussian, so that the acceptance tells only how the density differs from it. Where it is
+    near, draws are nearly independent in any dimension; where not, small steps are among them.
+    """
+    mean, factor = approximation.mean, approximation.factor
+
+    def proposal(points: FloatArray, random_state: Any) -> tuple[FloatArray, FloatArray]:
+        standard = np.linalg.solve(factor, (points - mean).T).T
+        kept = np.sqrt(random_state.uniform(size=(len(points), 1)))
+        fresh = random_state.standard_normal(points.shape)
+        moved = kept * standard + np.sqrt(1 - kept**2) * fresh
+        log_ratio = 0.5 * (np.sum(moved**2, axis=1) - np.sum(standard**2, axis=1))
+        return mean + moved @ factor.T, log_ratio
+
+    others = [(move, (1 - _GAUSSIAN_SHARE) * share) for move, share in _MOVES]
+    return [(emcee.moves.MHMove(proposal), _GAUSSIAN_SHARE), *others]
 
 
 def short_ensemble(

@@ -6,7 +6,7 @@ Densities take a batch of points (J, d) and return (J,), so every step below is 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,8 @@ LogDensity = Callable[[FloatArray], FloatArray]
 DEGREES_OF_FREEDOM = 5.0
 PROPOSAL_SCALE = 1.1
 KHAT_LIMIT = 0.7
+# a proposal with less of the weight than this stays where it is
+_LEAST_SHARE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,9 @@ class ImportanceDraws:
     proposals: Proposals
 
 
-def find_modes(log_density: LogDensity, starts: FloatArray, max_iter: int = 40) -> list[Gaussian]:
+def find_modes(
+    log_density: LogDensity, starts: FloatArray, step_share: float = 0.1, max_iter: int = 40
+) -> list[Gaussian]:
     """Climb from every start at once by damped Newton steps; return distinct modes, best first.
 
     Gradient and Hessian are central differences whose steps follow the curvature, all starts and
@@ -72,6 +76,8 @@ def find_modes(log_density: LogDensity, starts: FloatArray, max_iter: int = 40) 
     ----------
     log_density : callable
     starts : ndarray of shape (S, d)
+    step_share : float
+        Length of difference steps in standard deviations; longer ones even out a rough density.
 
     Returns
     -------
@@ -108,11 +114,11 @@ def find_modes(log_density: LogDensity, starts: FloatArray, max_iter: int = 40) 
         value[index[better]] = trial_value[better]
         damping[index] = np.clip(np.where(better, 0.1, 8.0) * damping[index], 1e-9, 1e9)
         diagonal = np.abs(np.einsum("jkk->jk", curvature))
-        step[index] = np.clip(0.1 / np.sqrt(np.maximum(diagonal, 1e-8)), 1e-8, 0.05)
+        step[index] = step_share * np.clip(1 / np.sqrt(np.maximum(diagonal, 1e-8)), 1e-7, 0.5)
         done = (better & (gain < 1e-3)) | (damping[index] > 1e4)
         active[index[done]] = False
     _, hessian = _differences(log_density, x, value, step)
-    return _distinct(x, value, hessian)
+    return distinct(_approximations(x, value, hessian))
 
 
 def _differences(
@@ -154,21 +160,28 @@ def _newton_move(gradient: FloatArray, hessian: FloatArray, damping: FloatArray)
     return move * np.minimum(1.0, 2.0 / np.maximum(length, 1e-300))
 
 
-def _distinct(x: FloatArray, value: FloatArray, hessian: FloatArray) -> list[Gaussian]:
+def _approximations(x: FloatArray, value: FloatArray, hessian: FloatArray) -> list[Gaussian]:
+    # saddles and rounding: no direction is wider than a few of the prior's deviations
+    eigenvalue, vector = np.linalg.eigh(-hessian)
+    eigenvalue = np.clip(eigenvalue, 0.05, 1e10)
+    covariance = (vector / eigenvalue[:, None, :]) @ np.swapaxes(vector, 1, 2)
+    factor = np.linalg.cholesky(covariance)
+    log_mass = value - 0.5 * np.log(eigenvalue).sum(axis=1) + 0.5 * x.shape[1] * np.log(2 * np.pi)
+    order = np.argsort(-value)
+    return [Gaussian(x[k].copy(), factor[k], float(log_mass[k])) for k in order]
+
+
+def distinct(found: list[Gaussian]) -> list[Gaussian]:
+    """Return the modes that are not repetitions of an earlier one, the largest mass first."""
     modes: list[Gaussian] = []
-    for k in np.argsort(-value):
-        eigenvalue, vector = np.linalg.eigh(-hessian[k])
-        # saddles and rounding: no direction is wider than a few of the prior's deviations
-        eigenvalue = np.clip(eigenvalue, 0.05, 1e10)
+    for new in found:
         inside = any(
-            np.linalg.norm(np.linalg.solve(mode.factor, x[k] - mode.mean)) < 3.0 + len(mode.mean)
+            np.linalg.norm(np.linalg.solve(mode.factor, new.mean - mode.mean))
+            < 3.0 + len(mode.mean)
             for mode in modes
         )
-        if inside:
-            continue
-        covariance = (vector / eigenvalue) @ vector.T
-        log_mass = value[k] - 0.5 * np.log(eigenvalue).sum() + 0.5 * len(x[k]) * np.log(2 * np.pi)
-        modes.append(Gaussian(x[k].copy(), np.linalg.cholesky(covariance), float(log_mass)))
+        if not inside:
+            modes.append(new)
     modes.sort(key=lambda mode: -mode.log_mass)
     return modes
 
@@ -229,16 +242,20 @@ def importance_draws(
 ) -> ImportanceDraws:
     """Draw from a density through Student-t proposals with Pareto-smoothed weights.
 
-    The last ``n_noise`` dimensions of the density get standard normal proposals.
+    The last ``n_noise`` dimensions of the density get proposals that are standard normal or, every
+    other one, Student-t: exact where the density is nearly normal, and safe where its tails are
+    heavier. Their width is adapted with the rest.
 
-    Where fewer than a tenth of the proposals are effective, the main proposal is moved to the
-    weighted mean and covariance of the draws, and where only the tail of the weights is bad, such a
-    proposal is added; the round is then repeated (adaptive importance sampling).
+    Where fewer than a tenth of the proposals are effective, each proposal is moved to the weighted
+    mean and covariance of its share of the draws, and where only the tail of the weights is bad,
+    such proposals are added; the round is then repeated (Cappe, Douc, Guillin, Marin and Robert
+    2008, Statistics and Computing 18:447).
     """
+    noise_scale = 1.0
     for round_ in range(max_rounds):
         points, log_proposal = mixture_draws(components, n_proposals, random_state)
-        noise = random_state.standard_normal((n_proposals, n_noise))
-        log_proposal = log_proposal - 0.5 * np.einsum("jk,jk->j", noise, noise)
+        noise, log_noise = _noise_draws(n_proposals, n_noise, noise_scale, random_state)
+        log_proposal = log_proposal + log_noise
         extended = np.hstack([points, noise])
         log_weight = log_density(extended) - log_proposal
         smoothed, khat = pareto_smooth(log_weight)
@@ -247,13 +264,51 @@ def importance_draws(
         enough = effective >= 0.1 * n_proposals
         if (enough and khat <= KHAT_LIMIT) or round_ == max_rounds - 1:
             break
-        matched = moment_match(points, weight, components[0])
+        matched = _matched(points, weight, components)
+        if n_noise:
+            spread = np.sqrt(weight @ np.einsum("jk,jk->j", noise, noise) / n_noise)
+            noise_scale = float(np.clip(spread, 0.5, 2.0))
         # draws that are many but badly tailed lack a wide proposal rather than a better centre
-        components = [*components, matched] if enough else [matched, *components[1:]]
+        components = [*components, *matched] if enough else matched
     index = systematic_resample(weight, n_draws, random_state)
     log_evidence = float(special.logsumexp(log_weight) - np.log(len(log_weight)))
     proposals = Proposals(extended, log_proposal)
     return ImportanceDraws(extended[index], khat, float(effective), log_evidence, proposals)
+
+
+def _noise_draws(
+    n: int, d: int, scale: float, random_state: np.random.RandomState
+) -> tuple[FloatArray, FloatArray]:
+    """Return n points (n, d) of the half normal, half Student-t mixture, and log densities."""
+    if not d:
+        return np.empty((n, 0)), np.zeros(n)
+    points = random_state.standard_normal((n, d))
+    chi2 = random_state.chisquare(DEGREES_OF_FREEDOM, size=(n // 2, 1)) / DEGREES_OF_FREEDOM
+    points[: n // 2] /= np.sqrt(chi2)
+    squares = np.einsum("jk,jk->j", points, points)
+    log_normal = -0.5 * squares - 0.5 * d * np.log(2 * np.pi)
+    log_student = (
+        special.gammaln((DEGREES_OF_FREEDOM + d) / 2)
+        - special.gammaln(DEGREES_OF_FREEDOM / 2)
+        - 0.5 * d * np.log(DEGREES_OF_FREEDOM * np.pi)
+        - 0.5 * (DEGREES_OF_FREEDOM + d) * np.log1p(squares / DEGREES_OF_FREEDOM)
+    )
+    return scale * points, np.logaddexp(log_normal, log_student) - np.log(2) - d * np.log(scale)
+
+
+def _matched(points: FloatArray, weight: FloatArray, components: list[Gaussian]) -> list[Gaussian]:
+    """Return each component moved to the moments of the points that it is responsible for."""
+    log_terms = np.stack([g.log_mass + student_log_density(g, points) for g in components])
+    share = weight * np.exp(log_terms - special.logsumexp(log_terms, axis=0))
+    mass = share.sum(axis=1)
+    moved = [
+        moment_match(points, own / m, g) if m > _LEAST_SHARE else g
+        for own, m, g in zip(share, mass, components, strict=True)
+    ]
+    return [
+        replace(g, log_mass=float(np.log(max(m, _LEAST_SHARE))))
+        for g, m in zip(moved, mass, strict=True)
+    ]
 
 
 def moment_match(points: FloatArray, weight: FloatArray, fallback: Gaussian) -> Gaussian:

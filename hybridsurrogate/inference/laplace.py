@@ -8,7 +8,7 @@ pairs (u, v) are exact, so the approximation costs effective draws and never cor
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,6 +23,8 @@ _LOG_2PI = float(np.log(2 * np.pi))
 _NEWTON_STEPS = 60
 # the mode shapes proposals only: a thousandth of a nat from it is near enough
 _TOLERANCE = 1e-3
+# how often the smoothing of a rough density is matched to its own posterior
+_WIDTH_ROUNDS, _WIDTH_STEPS = 3, 4
 # a direction of v that moves eta by less than this share of the first one is left to its prior
 _NEGLIGIBLE = 1e-4
 # numbers in one block of features; larger batches are cut so that memory stays bounded
@@ -87,6 +89,9 @@ class LaplacePosterior:
         """Length of u."""
         return self.model.n_unknowns + self.model.n_hyper + 1
 
+    # each value of the approximation ends a climb of its own, and is as rough as that is exact
+    step_share = 0.5
+
     @property
     def n_coefficients(self) -> int:
         """Length of v: coefficients of the surrogate, then of the causes."""
@@ -101,7 +106,8 @@ class LaplacePosterior:
         for block in self._blocks(w):
             u, v = block[:, :d], block[:, d:]
             design = self._design(u, truncated=False)
-            pieces.append(self._prior(u) + prior_log_density(v) + self._likelihood(design, u, v))
+            told = self._likelihood(design, u, v)
+            pieces.append(self._prior(u) + prior_log_density(v) + told)
         out = np.concatenate(pieces)
         return np.where(np.isfinite(out), out, -np.inf)
 
@@ -110,14 +116,17 @@ class LaplacePosterior:
         with np.errstate(divide="ignore"):
             return prior_log_density(u[:, :-1]) + self.noise_prior.logpdf(sigma) + u[:, -1]
 
-    def _likelihood(self, design: _Design, u: FloatArray, v: FloatArray) -> FloatArray:
+    def _likelihood(
+        self, design: _Design, u: FloatArray, v: FloatArray, smoothed: bool = False
+    ) -> FloatArray:
+        told = self.likelihood.smoothed if smoothed else self.likelihood.log_density
         sigma = np.exp(u[:, -1:])
         total = np.zeros(len(u))
         with np.errstate(over="ignore", invalid="ignore"):
             for rows, part in zip(self._rows, design.parts, strict=True):
                 eta = part.eta(v[:, design.kept])
-                density = self.likelihood.log_density(rows.y, eta, sigma * part.noise)
-                total += density @ rows.weights
+                width = (part.width,) if smoothed else ()
+                total += told(rows.y, eta, sigma * part.noise, *width) @ rows.weights
         return total
 
     @cached_property
@@ -191,11 +200,11 @@ class LaplacePosterior:
 
     # ------------------------------------------------------------------ the approximation
 
-    def log_density(self, u: FloatArray) -> FloatArray:
+    def search_density(self, u: FloatArray) -> FloatArray:
         """Return the Laplace approximation of the log density of u (J, d), v integrated out."""
         pieces = []
         for block in self._blocks(u):
-            fit = self._fit(block)
+            fit = self._fit(block, width_rounds=0)
             pieces.append(fit.log_joint - fit.log_det + 0.5 * fit.mode.shape[1] * _LOG_2PI)
         out = np.concatenate(pieces)
         return np.where(np.isfinite(out), out, -np.inf)
@@ -211,8 +220,8 @@ class LaplacePosterior:
             u = block[:, :d]
             fit = self._fit(u)
             v = fit.draw(block[:, d:])
-            joint = self._prior(u) + prior_log_density(v) + self._likelihood(fit.design, u, v)
-            pieces.append(joint - fit.log_det)
+            told = self._likelihood(fit.design, u, v)
+            pieces.append(self._prior(u) + prior_log_density(v) + told - fit.log_det)
         out = np.concatenate(pieces)
         return np.where(np.isfinite(out), out, -np.inf)
 
@@ -248,22 +257,44 @@ class LaplacePosterior:
             c = (factor @ v[:, :p, None])[..., 0]
         return model.basis.coefficient_mean + c, v[:, p:] * model.column_sd
 
-    def _fit(self, u: FloatArray) -> _Fit:
-        """Climb to the mode of v given each u by Newton steps, halved where they overshoot."""
-        whole, sigma = self._design(u, truncated=True), np.exp(u[:, -1:])
+    def _fit(self, u: FloatArray, width_rounds: int = _WIDTH_ROUNDS) -> _Fit:
+        """Return a Gaussian approximation of v given each u, at its mode.
+
+        Where the density is rough, log density and derivatives are averaged over what the
+        approximation itself leaves open of eta, which makes it the variational one (Opper and
+        Archambeau 2009, Neural Computation 21:786).
+        """
+        whole = self._design(u, truncated=True)
         # inside, v holds the directions that are kept and nothing else
         design = _Design(whole.parts, np.arange(len(whole.kept)))
-        prior = self._prior(u)
-        v = np.zeros((len(u), len(whole.kept)))
-        value = prior_log_density(v) + self._likelihood(design, u, v)
+        v: FloatArray = np.zeros((len(u), len(whole.kept)))
+        sigma = np.exp(u[:, -1:])
+        if self.likelihood.rough:
+            for _ in range(width_rounds):
+                v, _ = self._climb(design, u, v, _WIDTH_STEPS)
+                design = design.widened(self._factor(design, sigma, v))
+        v, value = self._climb(design, u, v, _NEWTON_STEPS)
+        factor = self._factor(design, sigma, v)
+        log_det = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
+        return _Fit(whole, v, factor, log_det, self._prior(u) + value)
+
+    def _climb(
+        self, design: _Design, u: FloatArray, v: FloatArray, n_steps: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """Climb from v (J, p) by Newton steps, halved where they overshoot; return mode, value."""
+        sigma, v = np.exp(u[:, -1:]), v.copy()
+        value = prior_log_density(v) + self._likelihood(design, u, v, smoothed=True)
         active = np.ones(len(u), dtype=bool)
-        for _ in range(_NEWTON_STEPS if v.shape[1] else 0):
+        for _ in range(n_steps if v.shape[1] else 0):
             some = design.take(active)
             step = self._newton_step(some, sigma[active], v[active])
             # a full step, a quarter and a sixteenth: the best of them counts
             trials = v[active] + step * np.array([1.0, 0.25, 1 / 16])[:, None, None]
             values = np.stack(
-                [prior_log_density(t) + self._likelihood(some, u[active], t) for t in trials]
+                [
+                    prior_log_density(t) + self._likelihood(some, u[active], t, smoothed=True)
+                    for t in trials
+                ]
             )
             values = np.where(np.isfinite(values), values, -np.inf)
             best = values.argmax(axis=0)
@@ -276,9 +307,7 @@ class LaplacePosterior:
             active[index[~(gain > _TOLERANCE)]] = False
             if not active.any():
                 break
-        factor = self._factor(design, sigma, v)
-        log_det = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-        return _Fit(whole, v, factor, log_det, prior + value)
+        return v, value
 
     def _newton_step(self, design: _Design, sigma: FloatArray, v: FloatArray) -> FloatArray:
         gradient, hessian = -v, _identity(v)
@@ -298,7 +327,9 @@ class LaplacePosterior:
         self, rows: Rows, part: _Part, sigma: FloatArray, v: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         with np.errstate(over="ignore", invalid="ignore"):
-            score, curvature = self.likelihood.derivatives(rows.y, part.eta(v), sigma * part.noise)
+            score, curvature = self.likelihood.derivatives(
+                rows.y, part.eta(v), sigma * part.noise, part.width
+            )
         # impossible points have no direction: they stay where they are
         score, curvature = (np.where(np.isfinite(a), a, 0.0) for a in (score, curvature))
         return score * rows.weights, curvature * rows.weights
@@ -310,11 +341,15 @@ def _identity(v: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Part:
-    """``eta = known + design @ v`` for some rows; a design that all draws share is (n, p)."""
+    """``eta = known + design @ v`` for some rows; a design that all draws share is (n, p).
+
+    ``width`` (J, n) is how far eta is open; None: not known yet, or not asked for.
+    """
 
     known: FloatArray
     design: FloatArray
     noise: FloatArray
+    width: FloatArray | None = None
 
     def eta(self, v: FloatArray) -> FloatArray:
         if self.design.ndim == 2:
@@ -341,7 +376,14 @@ class _Part:
             self.known if len(self.known) == 1 else self.known[active],
             self.design if self.design.ndim == 2 else self.design[active],
             self.noise if len(self.noise) == 1 else self.noise[active],
+            None if self.width is None else self.width[active],
         )
+
+    def widened(self, factor: FloatArray) -> _Part:
+        """Return the part with the deviations of eta for precisions ``factor @ factor'``."""
+        design = np.broadcast_to(self.design, (len(factor), *self.design.shape[-2:]))
+        half = np.linalg.solve(factor, np.swapaxes(design, 1, 2))
+        return replace(self, width=np.sqrt(np.sum(half**2, axis=1)))
 
 
 @dataclass(frozen=True)
@@ -355,6 +397,9 @@ class _Design:
         if active.all():
             return self
         return _Design([part.take(active) for part in self.parts], self.kept)
+
+    def widened(self, factor: FloatArray) -> _Design:
+        return _Design([part.widened(factor) for part in self.parts], self.kept)
 
 
 @dataclass(frozen=True)

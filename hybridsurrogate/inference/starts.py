@@ -14,6 +14,9 @@ from hybridsurrogate.inference.scan import climb, coefficient_belief
 from hybridsurrogate.priors import FloatArray, to_normal
 
 _MAX_STARTS = 5
+# places along one parameter, in standard normal coordinates: beyond, no prior has mass
+_LINE = np.linspace(-6.5, 6.5, 41)
+_SPACING = _LINE[1] - _LINE[0]
 
 
 def starting_points(
@@ -48,6 +51,28 @@ def starting_points(
     return np.array([[*z, *z_hyper, np.log(sigma * factor)] for factor in (1.0, 2.0)])
 
 
+def further_points(target: CollapsedPosterior | LaplacePosterior, mode: FloatArray) -> FloatArray:
+    """Return the other local maxima (m, d) on lines through a mode (d,), one a parameter.
+
+    Far in the tail of a parameter's prior a surrogate may bend back to the data; random starts in
+    several dimensions can miss that. The noise scale is free along the lines.
+    """
+    log_sigma = mode[-1] + np.log([0.3, 0.6, 1.0, 1.7, 3.0])
+    out = [np.empty((0, len(mode)))]
+    for k in range(target.model.n_parameters):
+        points = np.tile(mode, (len(_LINE), len(log_sigma), 1))
+        points[:, :, k] = _LINE[:, None]
+        points[:, :, -1] = log_sigma
+        value = target.search_density(points.reshape(-1, len(mode))).reshape(points.shape[:2])
+        best = value.argmax(axis=1)
+        height = np.concatenate([[-np.inf], value.max(axis=1), [-np.inf]])
+        peaks = np.flatnonzero((height[1:-1] > height[2:]) & (height[1:-1] >= height[:-2]))
+        # what lies next to the mode itself is known
+        peaks = peaks[np.abs(_LINE[peaks] - mode[k]) > 2 * _SPACING]
+        out.append(points[peaks, best[peaks]])
+    return np.concatenate(out)
+
+
 def _statistics(
     target: CollapsedPosterior | LaplacePosterior, hyper: FloatArray
 ) -> Statistics | None:
@@ -75,7 +100,7 @@ def _best_prior_points(
     """
     d = target.n_dimensions - 1
     if d == 1:
-        z = np.linspace(-6.5, 6.5, 41)[:, None]
+        z = _LINE[:, None]
     else:
         z = random_state.standard_normal((1 + 40 * d, d))
         z[0], z[1::2] = 0.0, 2.5 * z[1::2]
@@ -83,7 +108,7 @@ def _best_prior_points(
     grid = np.concatenate(
         [np.repeat(z, len(log_sigma), axis=0), np.tile(log_sigma, len(z))[:, None]], axis=1
     )
-    value = target.log_density(grid).reshape(len(z), -1)
+    value = target.search_density(grid).reshape(len(z), -1)
     u = grid.reshape(len(z), len(log_sigma), -1)[np.arange(len(z)), value.argmax(axis=1)]
     value = value.max(axis=1)
     if not d:

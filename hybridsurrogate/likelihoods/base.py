@@ -26,12 +26,15 @@ class Likelihood(ABC):
         Whether there is a second parameter.
     discrete : bool
         Whether y is a count.
+    rough : bool
+        Whether the density may have kinks in eta, so that derivatives at a point mislead.
     """
 
     name = "likelihood"
     log_scale = False
     has_scale = True
     discrete = False
+    rough = False
 
     @abstractmethod
     def check(self, y: FloatArray, source: str = "measured") -> None:
@@ -74,22 +77,22 @@ class Likelihood(ABC):
     def noise_prior(self, scale: float) -> Prior:
         """Return the default prior of sigma for outputs with this spread on the scale of eta."""
 
-    def derivatives(
-        self, y: FloatArray, eta: FloatArray, sigma: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return d log_density / d eta and a positive curvature, -d^2 / d eta^2 where it is.
+    def smoothed(
+        self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None
+    ) -> FloatArray:
+        """Return a stand-in for the log density that an optimiser can climb.
 
-        By central differences unless a subclass knows better. Curvature only shapes proposals, so
-        where the density is not log-concave a positive stand-in does.
+        Where the density is `rough`: its mean over eta ~ N(eta, width^2), width like eta or None
+        for a guess.
         """
-        step = 1e-5 * (1 + np.abs(eta))
-        if self.has_scale:
-            step = np.maximum(step, 1e-3 * sigma)
-        middle = self.log_density(y, eta, sigma)
-        above, below = (self.log_density(y, eta + d, sigma) for d in (step, -step))
-        gradient = (above - below) / (2 * step)
-        curvature = (2 * middle - above - below) / step**2
-        with np.errstate(invalid="ignore"):
-            rounding = 1e-14 * (1 + np.abs(middle)) / step**2
-            stand_in = 0.1 * gradient**2 + 1e-12
-        return gradient, np.where(curvature > rounding, curvature, stand_in)
+        return self.log_density(y, eta, sigma)
+
+    @abstractmethod
+    def derivatives(
+        self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return d smoothed / d eta and a positive curvature, -d^2 / d eta^2 where that is.
+
+        Curvature only shapes proposals, so where the density is not log-concave a positive stand-in
+        does.
+        """

@@ -76,7 +76,7 @@ class Poisson(_Counts):
         return stats.lognorm(1.0)
 
     def derivatives(
-        self, y: FloatArray, eta: FloatArray, sigma: FloatArray
+        self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Return y - mean, and the mean."""
         mean = self.inverse(eta)
@@ -130,7 +130,7 @@ class NegativeBinomial(_Counts):
         return stats.halfnorm(scale=1.0)
 
     def derivatives(
-        self, y: FloatArray, eta: FloatArray, sigma: FloatArray
+        self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Return score and curvature in eta."""
         precision = np.maximum(sigma, _MIN_SIGMA) ** -2.0

@@ -9,9 +9,12 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.likelihoods.base import Likelihood
+from hybridsurrogate.likelihoods.smoothing import positive, smoothed_moments
 from hybridsurrogate.priors import FloatArray, Prior
 
 _N_VARIANCE = 200
+# width of the first smoothing of a density that may have kinks, in units of sigma
+_KERNEL = 0.8
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,7 @@ class CustomLikelihood(Likelihood):
     discrete: bool = False
 
     name = "user's own"
+    rough = True
 
     def check(self, y: FloatArray, source: str = "measured") -> None:
         """Raise ValueError where a logarithm is asked for and y has none, or no density is finite.
@@ -109,6 +113,36 @@ class CustomLikelihood(Likelihood):
         with np.errstate(all="ignore"):
             values = np.asarray(self.log_density_function(y, eta, sigma), dtype=float)
         return np.where(np.isnan(values), -np.inf, values)
+
+    def smoothed(
+        self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the log density averaged over eta ~ N(eta, width^2)."""
+        return self._moments(y, eta, sigma, width)[0]
+
+    def derivatives(
+        self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the slope and a positive curvature of the smoothed log density."""
+        _, gradient, curvature = self._moments(y, eta, sigma, width)
+        return gradient, positive(curvature, gradient)
+
+    def _moments(
+        self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return value, slope and curvature of the smoothed log density."""
+        eta = np.asarray(eta, dtype=float)
+        narrow = 1e-3 * (1 + np.abs(eta))
+        if width is None:
+            width = _KERNEL * sigma if self.has_scale else narrow
+        wide = smoothed_moments(self.log_density, y, eta, sigma, width)
+        # near the end of a support some values of eta are impossible
+        bad = ~np.isfinite(wide[0])
+        if not bad.any():
+            return wide
+        sharp = smoothed_moments(self.log_density, y, eta, sigma, np.minimum(narrow, width))
+        value, gradient, curvature = (np.where(bad, b, a) for a, b in zip(wide, sharp, strict=True))
+        return value, gradient, curvature
 
     def mean(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the user's mean."""

@@ -41,7 +41,7 @@ class TransformedNormal(Likelihood):
         return -0.5 * standardised**2 - np.log(sigma) - 0.5 * _LOG_2PI + self.log_jacobian(y)
 
     def derivatives(
-        self, y: FloatArray, eta: FloatArray, sigma: FloatArray
+        self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Return (link(y) - eta) / sigma^2, and 1 / sigma^2."""
         precision = np.broadcast_to(np.asarray(sigma) ** -2.0, np.shape(eta))

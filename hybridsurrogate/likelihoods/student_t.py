@@ -8,6 +8,7 @@ import numpy as np
 from scipy import special, stats
 
 from hybridsurrogate.likelihoods.base import Likelihood
+from hybridsurrogate.likelihoods.smoothing import positive, smoothed_moments
 from hybridsurrogate.priors import FloatArray, Prior
 
 
@@ -30,6 +31,8 @@ class StudentT(Likelihood):
 
     df: float = 4.0
     name = "Student-t"
+    # several outliers make single curvatures negative: averages over what is open of eta are not
+    rough = True
 
     def check(self, y: FloatArray, source: str = "measured") -> None:
         """Accept every finite y; raise ValueError for degrees of freedom that are not positive."""
@@ -75,13 +78,24 @@ class StudentT(Likelihood):
         """Return a half-normal prior with the spread of the output as scale."""
         return stats.halfnorm(scale=scale)
 
-    def derivatives(
-        self, y: FloatArray, eta: FloatArray, sigma: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the score, and the weight of the row in the scale mixture of normals.
+    def smoothed(
+        self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the log density averaged over eta ~ N(eta, width^2)."""
+        if width is None:
+            return self.log_density(y, eta, sigma)
+        return smoothed_moments(self.log_density, y, eta, sigma, width)[0]
 
-        With this curvature a Newton step is one of the EM algorithm and always climbs.
+    def derivatives(
+        self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return slope and curvature; at first the row's weight in the scale mixture of normals.
+
+        With that curvature a Newton step is one of the EM algorithm and always climbs.
         """
+        if width is not None:
+            _, gradient, curvature = smoothed_moments(self.log_density, y, eta, sigma, width)
+            return gradient, positive(curvature, gradient)
         z = (y - eta) / sigma
         weight = (self.df + 1) / (self.df + z**2) / np.square(sigma)
         return weight * (y - eta), weight
