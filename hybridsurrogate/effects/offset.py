@@ -1,0 +1,24 @@
+"""A constant added to the simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hybridsurrogate.effects.base import Cause, FloatArray, Rows
+
+
+class Offset(Cause):
+    """A constant added to the simulation, such as a zero error of the instrument."""
+
+    kind = "offset"
+    coefficients = ("amplitude",)
+
+    def columns(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return a column of ones."""
+        return np.ones((len(next(iter(X.values()))), 1))
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        return f"simulation {values['amplitude']:+.4g}"
