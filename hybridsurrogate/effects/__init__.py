@@ -2,12 +2,18 @@
 
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.bump import Bump
+from hybridsurrogate.effects.decay import Decay
+from hybridsurrogate.effects.delay import Delay
 from hybridsurrogate.effects.discrepancy_process import GaussianProcessDiscrepancy
 from hybridsurrogate.effects.gain import Gain
+from hybridsurrogate.effects.interaction import Interaction
 from hybridsurrogate.effects.missing_input import MissingInput
+from hybridsurrogate.effects.noise import Noise
 from hybridsurrogate.effects.offset import Offset
 from hybridsurrogate.effects.parameter_drift import ParameterDrift
 from hybridsurrogate.effects.periodic import Periodic
+from hybridsurrogate.effects.ramp import Ramp
+from hybridsurrogate.effects.saturation import Saturation
 from hybridsurrogate.effects.step import Step
 from hybridsurrogate.effects.trend import Trend
 from hybridsurrogate.effects.wrong_constant import WrongConstant
@@ -16,12 +22,18 @@ __all__ = [
     "Bump",
     "Cause",
     "Context",
+    "Decay",
+    "Delay",
     "Gain",
     "GaussianProcessDiscrepancy",
+    "Interaction",
     "MissingInput",
+    "Noise",
     "Offset",
     "ParameterDrift",
     "Periodic",
+    "Ramp",
+    "Saturation",
     "Step",
     "Trend",
     "WrongConstant",

@@ -13,7 +13,29 @@ from hybridsurrogate.priors import Prior
 
 
 class Bump(Located):
-    """A Gaussian bump of unknown location and width over one input."""
+    """A bump of unknown location and width over one column, such as a passing disturbance.
+
+    ``simulation + amplitude exp(-(x - location)^2 / (2 width^2))``: amplitude in units of the
+    output, location and width in those of the column. The location is uniform over the measured
+    rows, the width log-uniform from half the distance of neighbouring rows (at most a twentieth of
+    the span) to a quarter of the span.
+
+    Parameters
+    ----------
+    column : str
+        Any measured column.
+    location : frozen scipy.stats distribution or None, default=None
+        Prior of the middle of the bump; bounded.
+    center, span, spacing : float or None, default=None
+        Middle and span of the measured rows, and the distance of neighbours.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> theta = {"location": 2.0, "width": 1.0}
+    >>> hs.Bump("t").columns({"t": np.array([2.0, 3.0])}, theta).round(3).ravel().tolist()
+    [1.0, 0.607]
+    """
 
     kind = "bump"
     coefficients = ("amplitude",)

@@ -14,7 +14,21 @@ from hybridsurrogate.priors import Prior
 class Gain(Cause):
     """A factor on the simulation, such as a sensor that reads too high.
 
-    On a logarithmic scale of the output a factor is an added constant, and is treated as one.
+    ``gain * simulation``; the logarithm of the gain is Laplace with scale 1/3. On a logarithmic
+    scale of the output a factor is an added constant, and is treated as one: its logarithm is
+    normal with three times the spread of the logarithmic output. The estimate is the factor, which
+    has no unit.
+
+    Parameters
+    ----------
+    log_scale : bool, default=False
+        Whether the output is logarithmic; told by the likelihood.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> hs.Gain().gain({"t": np.array([0.0, 1.0])}, {"gain": np.array([1.1, 1.1])}).tolist()
+    [1.1, 1.1]
     """
 
     kind = "gain"

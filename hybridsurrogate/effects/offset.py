@@ -10,7 +10,17 @@ from hybridsurrogate.effects.base import Cause, FloatArray, Rows
 
 
 class Offset(Cause):
-    """A constant added to the simulation, such as a zero error of the instrument."""
+    """A constant added to the simulation, such as a zero error of the instrument.
+
+    ``simulation + amplitude``, in the units of the output. On a logarithmic scale of the output a
+    constant is a factor: `Gain`.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> hs.Offset().columns({"t": np.array([0.0, 4.0])}, {}).tolist()
+    [[1.0], [1.0]]
+    """
 
     kind = "offset"
     coefficients = ("amplitude",)

@@ -9,6 +9,13 @@ from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.priors import Prior
 
 
+def span_and_spacing(values: FloatArray) -> tuple[float, float]:
+    """Return how far the values reach, and the mean distance of distinct neighbours."""
+    distinct = np.unique(values)
+    span = float(np.ptp(distinct)) or 1.0
+    return span, span / max(len(distinct) - 1, 1)
+
+
 class OverColumn(Cause):
     """A shape over one measured column, centred and scaled by what was measured."""
 
@@ -33,6 +40,7 @@ class OverColumn(Cause):
         return type(self)(**{**self.get_params(deep=False), **changes})
 
     def scaled(self, X: Rows) -> FloatArray:
+        """Return the column from -1 to 1 over the measured rows."""
         assert self.center is not None
         assert self.span is not None
         return 2 * (X[self.column] - self.center) / self.span
@@ -65,8 +73,33 @@ class Located(OverColumn):
         return prepared
 
     def locations(self, most: int) -> FloatArray:
+        """Return nodes of the location, two per distance of neighbouring rows, at most so many."""
         assert self.location is not None
         assert self.spacing is not None
         low, high = self.location.support()
         n = int(np.clip(2 * (high - low) / self.spacing, 8, most))
         return low + (high - low) * (np.arange(n) + 0.5) / n
+
+
+class FromOrigin(Cause):
+    """A shape over one measured column that begins where the measurements begin."""
+
+    def __init__(self, column: str, origin: float | None = None):
+        self.column = column
+        self.origin = origin
+
+    @property
+    def target(self) -> str:  # type: ignore[override]
+        """The column concerned."""
+        return self.column
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in the smallest measured value of the column."""
+        values = context.column(self.column)
+        origin = self.origin if self.origin is not None else float(values.min())
+        return type(self)(**{**self.get_params(deep=False), "origin": origin})
+
+    def distance(self, X: Rows) -> FloatArray:
+        """Return how far rows are beyond the origin, zero before it."""
+        assert self.origin is not None
+        return np.maximum(X[self.column] - self.origin, 0.0)

@@ -12,10 +12,28 @@ from hybridsurrogate.priors import Prior
 
 
 class Step(Located):
-    """A sudden change of level at an unknown location over one input.
+    """A sudden change of level at an unknown location over one column.
 
-    The jump is a logistic rise over a fifth of the distance of neighbouring rows: to the data it
-    is a step, to a sampler it has a slope.
+    ``simulation``, and ``+ amplitude`` from x = location on. Amplitude in units of the output,
+    location in those of the column and uniform over the measured rows. The jump is a logistic rise
+    over a fifth of the distance of neighbouring rows: to the data it is a step, to a sampler it
+    has a slope.
+
+    Parameters
+    ----------
+    column : str
+        Any measured column.
+    location : frozen scipy.stats distribution or None, default=None
+        Prior of the place of the jump; bounded.
+    center, span, spacing : float or None, default=None
+        Middle and span of the measured rows, and the distance of neighbours.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> step = hs.Step("t", spacing=1.0)
+    >>> step.columns({"t": np.array([1.0, 4.0])}, {"location": 2.5}).round(6).ravel().tolist()
+    [0.0, 1.0]
     """
 
     kind = "step"

@@ -9,7 +9,28 @@ from hybridsurrogate.priors import Prior
 
 
 class WrongConstant(Cause):
-    """An assumed constant that has another value."""
+    """An assumed constant of the simulation that has another value.
+
+    ``simulation(x, constant = value)``, in the units of the constant; the prior is the one that the
+    simulation gives with `Assumed`.
+
+    Parameters
+    ----------
+    constant : str
+        Name of the assumed constant.
+    prior : frozen scipy.stats distribution or None, default=None
+        Of its value. None: that of the simulation.
+    assumed : float or None, default=None
+        The value that was assumed; told by the simulation.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> cause = hs.WrongConstant("gravity")
+    >>> _, omega = cause.inputs({"t": np.array([1.0])}, {"gravity": 9.8}, {"value": 9.7})
+    >>> omega["gravity"]
+    9.7
+    """
 
     kind = "wrong-constant"
 
