@@ -64,6 +64,7 @@ def extend_simulator(simulator: Simulator, cause: Cause, problem: Problem) -> Si
     if not cause.changes_output:
         raise ValueError(f"The cause {cause.name!r} leaves the simulation as it is.")
     taken = {*simulator.input_names, *simulator.parameter_names, *simulator.assumed_names}
+    taken |= set(cause.reads)
 
     def public(name: str) -> str:
         if cause.replaces is not None:

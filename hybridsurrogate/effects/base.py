@@ -165,7 +165,10 @@ class Cause(BaseEstimator):
 
     @property
     def reads(self) -> tuple[str, ...]:
-        """Names of the columns that the cause looks at: an extended simulation needs them."""
+        """Names of the columns that the cause looks at: an extended simulation needs them.
+
+        By default the target.
+        """
         return (self.target,) if self.target else ()
 
     @property
