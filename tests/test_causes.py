@@ -644,6 +644,26 @@ def test_noise_that_grows_is_told_from_noise_that_does_not():
     assert quiet["noise"].log_evidence < quiet["none"].log_evidence + 0.5
 
 
+def test_a_diagnosis_names_growing_noise_where_it_is_weighed():
+    rng = np.random.default_rng(2)
+    growing = np.exp(0.3 * (FRAME.t.to_numpy() - 6))
+    y = np.asarray(plain(FRAME)) + NOISE * growing * rng.standard_normal(len(FRAME))
+    model = hs.PowerScaledSurrogate(
+        SIMULATOR, surrogate=hs.ExactSurrogate(), random_state=0, n_draws=200
+    )
+    found = hs.DiscrepancyDiagnosis(
+        model, causes=[hs.Noise("t"), hs.Delay("t")], cv=2, random_state=0
+    ).fit(FRAME[["t", "dose"]], y)
+    assert (found.verdict_, found.best_cause_.kind) == ("named", "noise")
+    _, low, high = found.best_cause_.estimates["slope"]
+    assert low < 0.3 < high
+    # the simulation is right: nothing to extend, and predictions are worth more all the same
+    assert found.extended_simulator_ is None
+    assert found.gain_.elpd_difference > 2 * found.gain_.standard_error
+    assert "noise" in str(found.report())
+    assert set(found.next_measurement_) == {"t", "dose"}
+
+
 # ------------------------------------------------------------------- pictures, own causes
 
 
