@@ -27,7 +27,7 @@ from hybridsurrogate.effects.catalogue import Skipped, catalogue
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.estimators.problem import Problem, make_context, make_problem
 from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning
-from hybridsurrogate.inference.scan import Belief, coefficient_belief
+from hybridsurrogate.inference.linearised import Belief, coefficient_belief
 from hybridsurrogate.likelihoods import TransformedNormal, as_likelihood
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation import SimulationData
@@ -36,6 +36,19 @@ from hybridsurrogate.surrogates.base import Basis
 # one cause is "named" when it is three times as probable as all its rivals together
 _NAMED = 0.75
 _MIN_ROWS = 8
+# the forms for which the evidence is tuned, "none" beside them
+_KINDS = (
+    "offset",
+    "trend",
+    "periodic",
+    "step",
+    "bump",
+    "gain",
+    "wrong-constant",
+    "parameter-drift",
+    "missing-input",
+    "unexplained",
+)
 # enough for scores whose own standard error is that of a handful of rows
 _FOLD_DRAWS = 400
 
@@ -230,7 +243,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         context = make_context(
             fitted.simulation, columns, problem.model.n_inputs, X, problem.scale, likelihood
         )
-        causes, skipped = catalogue(context, tuple(self.causes))
+        causes, skipped = catalogue(context, tuple(self.causes), _KINDS)
         return problem, causes, skipped
 
     def _emulator(self, problem: Problem) -> tuple[Basis, Belief]:
@@ -291,6 +304,8 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
     def _extended_simulator(self, problem: Problem, cause: Cause | None) -> Any:
         simulator = self.estimator_.simulation.simulator
         if cause is None or simulator is None or cause.kind == "unexplained":
+            return None
+        if not cause.changes_output:
             return None
         return extend_simulator(simulator, cause, problem)
 

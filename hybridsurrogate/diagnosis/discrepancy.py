@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hybridsurrogate.diagnosis.evidence import Search, Weighed
-from hybridsurrogate.inference.scan import linearise
+from hybridsurrogate.inference.linearised import Linearised, linearise
 from hybridsurrogate.priors import FloatArray
 
 _Z90 = 1.6448536269514722
@@ -47,38 +47,58 @@ class _Local(NamedTuple):
     covariance: FloatArray
 
 
-def _design(found: Search, w: Weighed, X: FloatArray) -> tuple[FloatArray, FloatArray, int]:
-    """Return offset (n,) and design (n, d + r + q) with raw columns, and where the sizes begin."""
+class _Rows(NamedTuple):
+    """Rows under one cause at its best node.
+
+    ``offset`` (n,), ``design`` (n, d + r + q) with raw columns, the sizes from column ``first`` on,
+    ``noise`` (n,) the factor on sigma.
+    """
+
+    offset: FloatArray
+    design: FloatArray
+    first: int
+    noise: FloatArray
+
+
+def _rows(found: Search, w: Weighed, X: FloatArray) -> _Rows:
+    parts = _at_best_node(found, w, X)
+    H = parts.H[0] * parts.H_rms[0]
+    design = np.hstack([parts.G[0], parts.U, H])
+    noise = np.ones(len(X)) if parts.noise is None else parts.noise[0]
+    return _Rows(parts.mean[0], design, design.shape[1] - H.shape[1], noise)
+
+
+def _at_best_node(found: Search, w: Weighed, X: FloatArray) -> Linearised:
     plan = w.plan
     if len(plan.nodes):
         index = slice(w.peak.node, w.peak.node + 1)
         plan = replace(plan, grid=plan.grid[index], edges=plan.edges[index], log_weight=np.zeros(1))
-    parts = linearise(w.model, X, found.belief, plan, w.peak.z)
-    H = parts.H[0] * parts.H_rms[0]
-    design = np.hstack([parts.G[0], parts.U, H])
-    return parts.mean[0], design, design.shape[1] - H.shape[1]
+    return linearise(w.model, X, found.belief, plan, w.peak.z)
 
 
 def _posterior(found: Search, w: Weighed, size: float) -> _Local:
-    offset, design, first = _design(found, w, found.problem.X)
+    rows = _rows(found, w, found.problem.X)
+    design, first = rows.design, rows.first
     H = design[:, first:]
     if w.cause is not None and w.cause.kind == "unexplained":
         rms = np.full(H.shape[1], np.sqrt(np.mean(np.sum(H**2, axis=1))))
     else:
         rms = np.sqrt(np.mean(H**2, axis=0))
     scale = np.concatenate([np.ones(first), size / np.maximum(rms, 1e-300)])
+    design = design / rows.noise[:, None]
+    residual = (found.problem.y - rows.offset) / rows.noise
     precision = design.T @ design / w.sigma**2 + np.diag(scale**-2.0)
     covariance = np.linalg.inv(precision)
-    mean = covariance @ design.T @ (found.problem.y - offset) / w.sigma**2
+    mean = covariance @ design.T @ residual / w.sigma**2
     return _Local(mean, covariance)
 
 
 def predict_locally(found: Search, w: Weighed, X: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return mean and variance of a new noisy eta at rows X (n, n_columns) under one cause."""
     local = _posterior(found, w, float(found.sizes[-1]))
-    offset, design, _ = _design(found, w, X)
-    variance = np.einsum("nk,kl,nl->n", design, local.covariance, design)
-    return offset + design @ local.mean, variance + w.sigma**2
+    rows = _rows(found, w, X)
+    variance = np.einsum("nk,kl,nl->n", rows.design, local.covariance, rows.design)
+    return rows.offset + rows.design @ local.mean, variance + (w.sigma * rows.noise) ** 2
 
 
 def estimate_discrepancy(found: Search, column: str, n_grid: int = 200) -> Discrepancy:
@@ -92,10 +112,10 @@ def estimate_discrepancy(found: Search, column: str, n_grid: int = 200) -> Discr
     residual = problem.y - _fitted(found)
     size = float(np.clip(np.std(residual), found.sizes[0], found.sizes[-1]))
     local = _posterior(found, process, size)
-    _, design, first = _design(found, process, grid)
-    H = design[:, first:]
-    mean = H @ local.mean[first:]
-    sd = np.sqrt(np.einsum("nk,kl,nl->n", H, local.covariance[first:, first:], H))
+    rows = _rows(found, process, grid)
+    H = rows.design[:, rows.first :]
+    mean = H @ local.mean[rows.first :]
+    sd = np.sqrt(np.einsum("nk,kl,nl->n", H, local.covariance[rows.first :, rows.first :], H))
     return Discrepancy(grid, column, mean, mean - _Z90 * sd, mean + _Z90 * sd)
 
 

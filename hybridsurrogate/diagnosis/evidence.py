@@ -12,23 +12,16 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.discrepancy_process import GaussianProcessDiscrepancy
 from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.inference.layout import Layout, layout, refine
+from hybridsurrogate.inference.linearised import Belief, linearise
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.noise import NoiseTable
-from hybridsurrogate.inference.scan import (
-    Belief,
-    Linearised,
-    Peak,
-    climb,
-    linearise,
-    scan,
-)
+from hybridsurrogate.inference.scan import Peak, climb, scan
 from hybridsurrogate.priors import FloatArray
 
 # effects between a fraction of the noise and a few times the spread of the output
@@ -220,7 +213,7 @@ def _weigh_remainder(
             continue
         parts = linearise(w.model, problem.X, belief, w.plan, w.peak.z)
         nodes = scan(parts, problem.y[None], w.sigma, noise, sizes)[0]
-        parts = _at_nodes(parts, np.flatnonzero(nodes > nodes.max() - 10.0))
+        parts = parts.at(np.flatnonzero(nodes > nodes.max() - 10.0))
         terms = [
             np.logaddexp.reduce(
                 scan(
@@ -237,19 +230,6 @@ def _weigh_remainder(
         total = float(np.logaddexp.reduce(terms) - np.log(len(terms)))
         out.append(w._replace(log_evidence_with_remainder=total))
     return out
-
-
-def _at_nodes(parts: Linearised, index: NDArray[np.intp]) -> Linearised:
-    several = len(parts.mean) > 1
-    return replace(
-        parts,
-        mean=parts.mean[index] if several else parts.mean,
-        G=parts.G[index] if several else parts.G,
-        H=parts.H[index],
-        H_rms=parts.H_rms[index],
-        cap=parts.cap[index],
-        log_weight=parts.log_weight[index],
-    )
 
 
 def probabilities(weighed: Sequence[Weighed]) -> tuple[FloatArray, FloatArray]:

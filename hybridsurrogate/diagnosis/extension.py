@@ -58,9 +58,13 @@ def extend_simulator(simulator: Simulator, cause: Cause, problem: Problem) -> Si
     """Return a simulator whose function contains the cause.
 
     The cause's numbers become parameters with their priors; a wrong constant moves from the
-    assumed constants to the parameters; a missing input becomes an input.
+    assumed constants to the parameters; a column that the simulation ignored becomes an input.
+    Raises ValueError for a cause that changes the noise alone.
     """
+    if not cause.changes_output:
+        raise ValueError(f"The cause {cause.name!r} leaves the simulation as it is.")
     taken = {*simulator.input_names, *simulator.parameter_names, *simulator.assumed_names}
+    taken |= set(cause.reads)
 
     def public(name: str) -> str:
         if cause.replaces is not None:
@@ -76,9 +80,10 @@ def extend_simulator(simulator: Simulator, cause: Cause, problem: Problem) -> Si
         **{name: stats.norm(0, sd) for name in coefficient_names.values()},
     }
     inputs = dict(simulator.input_ranges)
-    if cause.kind == "missing-input" and cause.target is not None:
-        values = problem.X[:, problem.model.columns.index(cause.target)]
-        inputs[cause.target] = (float(values.min()), float(values.max()))
+    for name in cause.reads:
+        if name in problem.model.columns and name not in inputs:
+            values = problem.X[:, problem.model.columns.index(name)]
+            inputs[name] = (float(values.min()), float(values.max()))
     function = ExtendedFunction(
         simulator, cause, problem.likelihood, theta_names, coefficient_names
     )

@@ -8,7 +8,8 @@ import numpy as np
 from scipy import special
 
 from hybridsurrogate.diagnosis.evidence import Search
-from hybridsurrogate.inference.scan import linearise, scan
+from hybridsurrogate.inference.linearised import linearise
+from hybridsurrogate.inference.scan import scan
 from hybridsurrogate.priors import FloatArray
 
 

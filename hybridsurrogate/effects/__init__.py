@@ -1,20 +1,39 @@
-"""The catalogue of causes: one small file a group."""
+"""The catalogue of causes: one small file a kind."""
 
 from hybridsurrogate.effects.base import Cause, Context
+from hybridsurrogate.effects.bump import Bump
+from hybridsurrogate.effects.decay import Decay
+from hybridsurrogate.effects.delay import Delay
 from hybridsurrogate.effects.discrepancy_process import GaussianProcessDiscrepancy
-from hybridsurrogate.effects.shapes import Bump, MissingInput, Offset, Periodic, Step, Trend
-from hybridsurrogate.effects.simulation_faults import Gain, ParameterDrift, WrongConstant
+from hybridsurrogate.effects.gain import Gain
+from hybridsurrogate.effects.interaction import Interaction
+from hybridsurrogate.effects.missing_input import MissingInput
+from hybridsurrogate.effects.noise import Noise
+from hybridsurrogate.effects.offset import Offset
+from hybridsurrogate.effects.parameter_drift import ParameterDrift
+from hybridsurrogate.effects.periodic import Periodic
+from hybridsurrogate.effects.ramp import Ramp
+from hybridsurrogate.effects.saturation import Saturation
+from hybridsurrogate.effects.step import Step
+from hybridsurrogate.effects.trend import Trend
+from hybridsurrogate.effects.wrong_constant import WrongConstant
 
 __all__ = [
     "Bump",
     "Cause",
     "Context",
+    "Decay",
+    "Delay",
     "Gain",
     "GaussianProcessDiscrepancy",
+    "Interaction",
     "MissingInput",
+    "Noise",
     "Offset",
     "ParameterDrift",
     "Periodic",
+    "Ramp",
+    "Saturation",
     "Step",
     "Trend",
     "WrongConstant",

@@ -125,7 +125,10 @@ class Cause(BaseEstimator):
         return None
 
     def noise(self, X: Rows, theta: Rows) -> FloatArray | float:
-        """Return the factor on the noise scale, (n,)."""
+        """Return the factor on the noise scale, (n,).
+
+        It may depend on parameters that a search enumerates (`grid`), not on sizes (`start`).
+        """
         return 1.0
 
     def grid(self) -> dict[str, FloatArray]:
@@ -161,10 +164,28 @@ class Cause(BaseEstimator):
         return None
 
     @property
+    def reads(self) -> tuple[str, ...]:
+        """Names of the columns that the cause looks at: an extended simulation needs them.
+
+        By default the target.
+        """
+        return (self.target,) if self.target else ()
+
+    @property
     def touches_simulation(self) -> bool:
         """Whether the cause changes the simulation's output itself and does not only add to it."""
         own = type(self)
         return own.inputs is not Cause.inputs or own.gain is not Cause.gain
+
+    @property
+    def changes_output(self) -> bool:
+        """Whether the extended simulation is another one: noise alone leaves it as it is."""
+        return bool(self.coefficients) or self.touches_simulation
+
+    @property
+    def touches_noise(self) -> bool:
+        """Whether the cause changes the noise."""
+        return type(self).noise is not Cause.noise
 
     @property
     def name(self) -> str:

@@ -2,19 +2,81 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context
+from hybridsurrogate.effects.bump import Bump
+from hybridsurrogate.effects.decay import Decay
+from hybridsurrogate.effects.delay import Delay
 from hybridsurrogate.effects.discrepancy_process import GaussianProcessDiscrepancy
-from hybridsurrogate.effects.shapes import Bump, MissingInput, Offset, Periodic, Step, Trend
-from hybridsurrogate.effects.simulation_faults import Gain, ParameterDrift, WrongConstant
+from hybridsurrogate.effects.gain import Gain
+from hybridsurrogate.effects.interaction import Interaction
+from hybridsurrogate.effects.missing_input import MissingInput, trouble_with_levels
+from hybridsurrogate.effects.noise import Noise
+from hybridsurrogate.effects.offset import Offset
+from hybridsurrogate.effects.parameter_drift import ParameterDrift
+from hybridsurrogate.effects.periodic import Periodic
+from hybridsurrogate.effects.ramp import Ramp
+from hybridsurrogate.effects.saturation import Saturation
+from hybridsurrogate.effects.step import Step
+from hybridsurrogate.effects.trend import Trend
+from hybridsurrogate.effects.wrong_constant import WrongConstant
 
-# a shape over an input needs as many distinct values as it has numbers, and some to spare
-_MIN_DISTINCT = {"trend": 3, "parameter-drift": 3, "step": 6, "periodic": 8, "bump": 8}
+# a shape over a column needs as many distinct values as it has numbers, and some to spare; a kind's
+# own word stands for its plain form, a second word for each other form
+_MIN_DISTINCT = {
+    "trend": 3,
+    "trend: quadratic": 4,
+    "parameter-drift": 3,
+    "parameter-drift: over extras": 3,
+    "parameter-drift: step": 6,
+    "parameter-drift: logistic": 8,
+    "parameter-drift: periodic": 8,
+    "step": 6,
+    "ramp": 6,
+    "decay": 6,
+    "saturation": 6,
+    "periodic": 8,
+    "periodic: overtone": 12,
+    "bump": 8,
+    "delay": 5,
+    "missing-input: quadratic": 4,
+}
 _MIN_ROWS = 4
+# two standard deviations are compared, and those of a few rows say nothing
+_MIN_ROWS_OF_NOISE = 8
+
+FORMS = (
+    "offset",
+    "gain",
+    "wrong-constant",
+    "trend",
+    "trend: quadratic",
+    "periodic",
+    "periodic: overtone",
+    "step",
+    "ramp",
+    "bump",
+    "decay",
+    "saturation",
+    "delay",
+    "parameter-drift",
+    "parameter-drift: step",
+    "parameter-drift: logistic",
+    "parameter-drift: periodic",
+    "parameter-drift: over extras",
+    "interaction",
+    "missing-input",
+    "missing-input: quadratic",
+    "missing-input: categorical",
+    "missing-input: level",
+    "noise",
+    "unexplained",
+)
 
 
 @dataclass(frozen=True)
@@ -26,7 +88,9 @@ class Skipped:
     reason: str
 
 
-def catalogue(context: Context, extra: Sequence[Cause] = ()) -> tuple[list[Cause], list[Skipped]]:
+def catalogue(
+    context: Context, extra: Sequence[Cause] = (), kinds: Collection[str] | None = None
+) -> tuple[list[Cause], list[Skipped]]:
     """Return the prepared causes, and those left out with reasons.
 
     Parameters
@@ -34,48 +98,111 @@ def catalogue(context: Context, extra: Sequence[Cause] = ()) -> tuple[list[Cause
     context : Context
     extra : sequence of Cause
         The user's own mechanisms.
+    kinds : collection of str or None, default=None
+        Which of ``FORMS`` to weigh: a kind's word alone is its plain form. None: all of them. The
+        user's own are always weighed.
+
+    Raises
+    ------
+    ValueError
+        If ``kinds`` has a word that is none of ``FORMS``.
     """
+    wanted = set(FORMS) if kinds is None else set(kinds)
+    if wanted - set(FORMS):
+        raise ValueError(f"There are no causes {sorted(wanted - set(FORMS))}: see {list(FORMS)}.")
+    built_in = [(form, cause) for form, cause in _built_in(context) if form in wanted]
     causes, skipped = [], []
-    for cause in (*_built_in(context), *extra):
-        reason = _reason_to_skip(cause, context)
+    for form, cause in (*built_in, *((cause.kind, cause) for cause in extra)):
+        reason = _reason_to_skip(form, cause, context)
         if reason:
-            skipped.append(Skipped(cause.kind, cause.target, reason))
+            skipped.append(Skipped(cause.kind, cause.target, _with_form(form, reason)))
         else:
             causes.append(cause.prepare(context))
-    if not context.assumed:
-        skipped.append(Skipped("wrong-constant", None, "the simulation has no assumed constants"))
-    if not context.parameters:
-        skipped.append(Skipped("parameter-drift", None, "the simulation has no parameters"))
-    if not context.extras:
-        skipped.append(Skipped("missing-input", None, "no measured column beside the inputs"))
-    return causes, skipped
+    return causes, [*skipped, *_impossible(context, wanted)]
 
 
-def _built_in(context: Context) -> Iterator[Cause]:
-    yield Offset()
-    yield Gain()
+def _built_in(context: Context) -> Iterator[tuple[str, Cause]]:
+    yield "offset", Offset()
+    yield "gain", Gain()
     for constant in context.assumed:
-        yield WrongConstant(constant)
+        yield "wrong-constant", WrongConstant(constant)
     for column in context.inputs:
-        yield from (Trend(column), Periodic(column), Step(column), Bump(column))
+        yield "trend", Trend(column)
+        yield "trend: quadratic", Trend(column, degree=2)
+        yield "periodic", Periodic(column)
+        yield "periodic: overtone", Periodic(column, harmonics=2)
+        yield "step", Step(column)
+        yield "ramp", Ramp(column)
+        yield "bump", Bump(column)
+        yield "decay", Decay(column)
+        yield "saturation", Saturation(column)
+        yield "delay", Delay(column)
         for parameter in context.parameters:
-            yield ParameterDrift(parameter, column)
+            yield "parameter-drift", ParameterDrift(parameter, column)
+            for shape in ("step", "logistic", "periodic"):
+                yield f"parameter-drift: {shape}", ParameterDrift(parameter, column, shape)
+    for first, second in combinations(context.inputs, 2):
+        yield "interaction", Interaction(first, second)
     for column in context.extras:
-        yield MissingInput(column)
-    yield GaussianProcessDiscrepancy()
+        yield "missing-input", MissingInput(column)
+        yield "missing-input: quadratic", MissingInput(column, shape="quadratic")
+        yield "missing-input: categorical", MissingInput(column, shape="categorical")
+        if trouble_with_levels(context.X[column], column) is None:
+            for level in np.unique(context.X[column]):
+                one = MissingInput(column, shape="categorical", level=float(level))
+                yield "missing-input: level", one
+        for parameter in context.parameters:
+            yield "parameter-drift: over extras", ParameterDrift(parameter, column)
+    for column in context.X:
+        yield "noise", Noise(column)
+    yield "unexplained", GaussianProcessDiscrepancy()
 
 
-def _reason_to_skip(cause: Cause, context: Context) -> str | None:
+def _reason_to_skip(form: str, cause: Cause, context: Context) -> str | None:
     n = len(next(iter(context.X.values())))
-    if n < _MIN_ROWS:
+    needed_rows = _MIN_ROWS_OF_NOISE if form == "noise" else _MIN_ROWS
+    if n < needed_rows:
         return f"{n} rows are too few"
-    if cause.kind == "offset" and context.log_scale:
+    if form == "offset" and context.log_scale:
         return "on a logarithmic scale a constant is a factor, weighed as gain"
-    column = getattr(cause, "column", None)
-    if column is None or column not in context.X:
-        return None
-    distinct = len(np.unique(context.X[column]))
-    needed = _MIN_DISTINCT.get(cause.kind, 2)
-    if distinct < needed:
-        return f"{column} has {distinct} distinct values, {needed} are needed"
+    if form == "missing-input: categorical":
+        return _trouble_with_categories(context.X[cause.reads[0]], cause.reads[0])
+    for column in cause.reads:
+        if column not in context.X:
+            continue
+        distinct = len(np.unique(context.X[column]))
+        needed = _MIN_DISTINCT.get(form, 2)
+        if distinct < needed:
+            return f"{column} has {distinct} distinct values, {needed} are needed"
     return None
+
+
+def _trouble_with_categories(values: np.ndarray, column: str) -> str | None:
+    if len(np.unique(values)) == 2:
+        return f"{column} has 2 distinct values: a straight line over it says the same"
+    return trouble_with_levels(values, column)
+
+
+def _with_form(form: str, reason: str) -> str:
+    """Return the reason, preceded by the form where it is not the plain one."""
+    _, _, other = form.partition(": ")
+    return f"{other}: {reason}" if other else reason
+
+
+def _impossible(context: Context, wanted: Collection[str]) -> Iterator[Skipped]:
+    """Yield the kinds for which the simulation or the data have nothing to try."""
+    if not context.assumed and "wrong-constant" in wanted:
+        yield Skipped("wrong-constant", None, "the simulation has no assumed constants")
+    if not context.parameters and any(form.startswith("parameter-drift") for form in wanted):
+        yield Skipped("parameter-drift", None, "the simulation has no parameters")
+    if not context.extras and any(form.startswith("missing-input") for form in wanted):
+        yield Skipped("missing-input", None, "no measured column beside the inputs")
+    if not context.extras and context.parameters and "parameter-drift: over extras" in wanted:
+        reason = "over extras: no measured column beside the inputs"
+        yield Skipped("parameter-drift", None, reason)
+    if len(context.inputs) < 2 and "interaction" in wanted:
+        yield Skipped("interaction", None, "a product needs two inputs, the simulation has one")
+    for column in context.extras:
+        trouble = trouble_with_levels(context.X[column], column)
+        if trouble and "missing-input: level" in wanted:
+            yield Skipped("missing-input", column, f"level: {trouble}")

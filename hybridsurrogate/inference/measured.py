@@ -156,16 +156,29 @@ class MeasuredModel:
         hyper = np.repeat(values[:, self.n_unknowns :], n, axis=0) if by_row else None
         known = self.basis.known(inputs, points, hyper)
         features = self.basis.features(inputs, points)
-        noise: FloatArray = np.ones((J, 1))
         for effect, own in zip(self.effects, theta, strict=True):
             gain = np.asarray(effect.gain(rows, own))
             if gain.ndim or gain != 1.0:
                 known = known * gain
                 features = features * gain.reshape(-1, 1)
+        noise = self._noise(rows, theta, J, n)
+        return known.reshape(J, n), features.reshape(J, n, features.shape[1]), noise
+
+    def noise(self, X: FloatArray, values: FloatArray) -> FloatArray:
+        """Return noise factors (J, n), or (J, 1) when no cause changes it; nothing is simulated."""
+        J, n = len(values), len(X)
+        if not any(effect.touches_noise for effect in self.effects):
+            return np.ones((J, 1))
+        rows, _, theta = self._rows(X, values)
+        return self._noise(rows, theta, J, n)
+
+    def _noise(self, rows: Rows, theta: Sequence[Rows], J: int, n: int) -> FloatArray:
+        noise: FloatArray = np.ones((J, 1))
+        for effect, own in zip(self.effects, theta, strict=True):
             factor = np.asarray(effect.noise(rows, own))
             if factor.ndim or factor != 1.0:
                 noise = noise * np.broadcast_to(factor, J * n).reshape(J, n)
-        return known.reshape(J, n), features.reshape(J, n, features.shape[1]), noise
+        return noise
 
     def added(self, X: FloatArray, values: FloatArray) -> FloatArray:
         """Return the columns that causes add, (J, n, q); the simulation is not run."""

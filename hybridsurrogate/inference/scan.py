@@ -1,9 +1,7 @@
-"""A cause linearised: how well the measured rows speak for it at every node of its grid.
+"""How well the measured rows speak for a cause at every node of its grid.
 
-Around one point the model of the measured rows is linear in the simulation's parameters (as
-standard normal z) and in the *sizes* of the cause: the coefficients of its columns, or a gain, a
-constant, a slope measured from the value at which it changes nothing. Given the nodes of what is
-left (a period, a location) the evidence is closed form, for any number of responses at once.
+Given the nodes of what is not a size (a period, a location) the linearised model has an evidence
+in closed form, for any number of responses at once.
 
 Sizes have a scale mixture as prior: the root mean square of the effect over the measured rows is
 spread evenly, on a logarithmic scale, between a fraction of the noise and several times the spread
@@ -13,148 +11,16 @@ of the output, the same for every cause, so that no cause is favoured by the uni
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.inference.collapsed import Statistics
 from hybridsurrogate.inference.layout import Layout
+from hybridsurrogate.inference.linearised import Belief, Linearised, columns_at_nodes, linearise
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.surrogates.base import Basis
 
-_STEP = 1e-3
 _MAX_CLIMB = 12
-_ABSURD = 1e100
-# a size that is a parameter of its own keeps within its prior: z displaced by its prior sd at most
-_SIZE_CAP = 1.0
-
-
-class Belief(NamedTuple):
-    """Gaussian belief about the surrogate's coefficients: mean (p,) and factor (p, p) of V."""
-
-    mean: FloatArray
-    factor: FloatArray
-
-
-def coefficient_belief(basis: Basis, simulation: Statistics | None, power: float = 1.0) -> Belief:
-    """Return what the simulation alone says about the coefficients, its noise estimated."""
-    precision = basis.coefficient_sd**-2.0
-    mean = basis.coefficient_mean
-    if simulation is None or not power or not len(mean):
-        return Belief(mean, np.diag(basis.coefficient_sd))
-    variance = max(simulation.yy / simulation.n, 1e-300)
-    for _ in range(8):
-        matrix = np.diag(precision) + power * simulation.ff / variance
-        right = precision * basis.coefficient_mean + power * simulation.fy / variance
-        mean = np.linalg.solve(matrix, right)
-        squares = simulation.yy - 2 * mean @ simulation.fy + mean @ simulation.ff @ mean
-        used = np.trace(np.linalg.solve(matrix, power * simulation.ff / variance))
-        variance = max(squares, 1e-14 * simulation.yy) / max(simulation.n - used, 1.0)
-    lower = np.linalg.cholesky(np.diag(precision) + power * simulation.ff / variance)
-    return Belief(mean, np.linalg.inv(lower).T)
-
-
-@dataclass(frozen=True)
-class Linearised:
-    """The model of measured rows around one point, rows scaled to unit noise factor.
-
-    ``y = mean + G @ g + H_t @ h + noise`` with g ~ N(0, I), columns of H with unit root mean
-    square, so that h is the size of the effect in units of y.
-
-    Attributes
-    ----------
-    mean : ndarray of shape (M, n)
-        M is 1 where the nodes do not touch the simulation, else T.
-    G : ndarray of shape (M, n, d)
-    H : ndarray of shape (T, n, q)
-    H_rms : ndarray of shape (T, q)
-        What was divided out of H.
-    cap : ndarray of shape (T, q)
-        Largest prior scale of each size in units of y; infinity for columns.
-    U : ndarray of shape (n, r)
-        Factor of the known covariance: the emulator's own error, a remainder.
-    log_weight : ndarray of shape (T,)
-    """
-
-    mean: FloatArray
-    G: FloatArray
-    H: FloatArray
-    H_rms: FloatArray
-    cap: FloatArray
-    U: FloatArray
-    log_weight: FloatArray
-
-
-def columns_at_nodes(
-    model: MeasuredModel, X: FloatArray, plan: Layout, z: FloatArray
-) -> FloatArray:
-    """Return the columns of all causes at every node, (T, n, q)."""
-    values = np.repeat(model.values(z[None]), len(plan.grid), axis=0)
-    values[:, plan.nodes] = plan.grid
-    return model.added(X, values)
-
-
-def linearise(
-    model: MeasuredModel,
-    X: FloatArray,
-    belief: Belief,
-    plan: Layout,
-    z: FloatArray,
-    columns: FloatArray | None = None,
-) -> Linearised:
-    """Linearise around z (n_unknowns,), at all nodes of the grid.
-
-    The columns of earlier causes join G with their prior sd; those of the last one are sizes.
-    ``columns`` may be given where they are known from `columns_at_nodes`.
-    """
-    in_simulation = bool(len(plan.nodes)) and model.effects[-1].touches_simulation
-    T = len(plan.grid)
-    M = T if in_simulation else 1
-    directions = np.concatenate([plan.fixed, plan.sizes])
-    points = np.broadcast_to(z, (M, 1 + 2 * len(directions), len(z))).copy()
-    for k, position in enumerate(directions):
-        points[:, 1 + 2 * k, position] += _STEP
-        points[:, 2 + 2 * k, position] -= _STEP
-    values = model.values(points)
-    if in_simulation:
-        values[:, :, plan.nodes] = plan.grid[:, None, :]
-    known, features, noise = model.simulated(X, values.reshape(-1, len(z)))
-    response = (known + features @ belief.mean) / noise
-    # a simulation may fail far out: NaN marks the place and is never better than another one
-    response = np.where(np.abs(response) < _ABSURD, response, np.nan)
-    response = response.reshape(M, 1 + 2 * len(directions), len(X))
-    slopes = (response[:, 1::2] - response[:, 2::2]) / (2 * _STEP)
-    slopes = np.where(np.isfinite(slopes), slopes, 0.0)
-    d = len(plan.fixed)
-    G = np.swapaxes(slopes[:, :d], 1, 2)
-    H: FloatArray = np.swapaxes(slopes[:, d:], 1, 2)
-    # expand around the prior's centre: fixed directions at 0, sizes at their neutral value
-    mean = response[:, 0] - G @ z[plan.fixed] - H @ (z[plan.sizes] - plan.neutral[plan.sizes])
-
-    own = np.array([owner == len(model.effects) - 1 for owner, _ in model.column_names], dtype=bool)
-    if len(own):
-        if columns is None:
-            columns = columns_at_nodes(model, X, plan, z)
-        if noise.shape[1] > 1:
-            columns = columns / noise[0][:, None]
-        earlier = columns[:1, :, ~own] * model.column_sd[~own]
-        G = np.concatenate([G, np.broadcast_to(earlier, (M, *earlier.shape[1:]))], axis=2)
-        if H.shape[2]:
-            H = np.concatenate([np.broadcast_to(H, (T, *H.shape[1:])), columns[:, :, own]], axis=2)
-        else:
-            H = columns[:, :, own]
-    H = np.broadcast_to(H, (T, len(X), H.shape[2]))
-    rms: FloatArray = np.sqrt(np.mean(H**2, axis=1))
-    if model.effects and model.effects[-1].kind == "unexplained":
-        # the basis of a process is one object: its prior variance per row, not per column
-        rms = np.broadcast_to(np.sqrt(np.sum(rms**2, axis=1, keepdims=True)), rms.shape)
-    rms = np.maximum(rms, 1e-12 * max(float(np.max(rms, initial=0.0)), 1e-300))
-    cap = np.full(rms.shape, np.inf)
-    cap[:, : len(plan.sizes)] = _SIZE_CAP * rms[:, : len(plan.sizes)]
-    U = (features[0] / noise[0][:, None]) @ belief.factor
-    return Linearised(mean, G, H / rms[:, None, :], rms, cap, U, plan.log_weight)
 
 
 def scan(
@@ -177,6 +43,20 @@ def scan(
     sizes : ndarray of shape (K,)
         Prior scales of the effect's root mean square, equally probable.
     """
+    by_factor = [
+        _scan(unit, responses / factor, sigma, log_marginal, sizes) - np.sum(np.log(factor))
+        for unit, factor in parts.by_noise()
+    ]
+    return np.concatenate(by_factor, axis=1)
+
+
+def _scan(
+    parts: Linearised,
+    responses: FloatArray,
+    sigma: float,
+    log_marginal: Callable[[FloatArray], FloatArray],
+    sizes: FloatArray,
+) -> FloatArray:
     whiten, log_det = _whitener(parts.U, sigma)
     G, mean = whiten(parts.G, 1), whiten(parts.mean[..., None], 1)[..., 0]
     y = whiten(responses.T, 0).T
@@ -306,16 +186,11 @@ def _solve(
     parts: Linearised, y: FloatArray, plan: Layout, z: FloatArray, sigma: float, size: float
 ) -> tuple[Peak, FloatArray]:
     """Return the fit at z, columns free, and the z at which the linear model is best."""
-    whiten, _ = _whitener(parts.U, sigma)
-    T, n, q = parts.H.shape
+    T, _, q = parts.H.shape
     d, s = parts.G.shape[2], len(plan.sizes)
-    G = np.broadcast_to(whiten(parts.G, 1), (T, n, d))
-    H = whiten(parts.H, 1)
-    design = np.concatenate([G, H], axis=2)
+    design, residual, log_det = _whitened(parts, y, sigma)
     scale = np.minimum(size, parts.cap)
     penalty = np.concatenate([np.ones((T, d)), scale**-2.0], axis=1) * sigma**2
-    residual = whiten((y - parts.mean)[..., None], 1)[..., 0]
-    residual = np.broadcast_to(residual, (T, n))
     normal = np.swapaxes(design, 1, 2) @ design
     normal[:, np.arange(d + q), np.arange(d + q)] += penalty
     right = np.einsum("tnk,tn->tk", design, residual)
@@ -324,7 +199,7 @@ def _solve(
     except np.linalg.LinAlgError:  # slopes without bound: the simulation breaks down around here
         return Peak(z.copy(), np.inf, np.inf, 0), z
     best_linear = np.einsum("tn,tn->t", residual, residual) - np.einsum("tk,tk->t", right, solution)
-    badness = best_linear / sigma**2 - 2 * parts.log_weight
+    badness = best_linear / sigma**2 + log_det - 2 * parts.log_weight
     node = int(np.argmin(np.where(np.isnan(badness), np.inf, badness)))
     # the fit at z itself: what is nonlinear stays, columns are estimated anew
     held = np.concatenate(
@@ -338,10 +213,33 @@ def _solve(
     rest = rest - columns @ fitted
     squares = float(rest @ rest)
     prior = float(penalty[node, kept] @ held**2 + penalty[node, free] @ fitted**2)
-    objective = (squares + prior) / sigma**2
+    objective = (squares + prior) / sigma**2 + float(log_det[node])
     peak = Peak(z.copy(), squares, objective if np.isfinite(objective) else np.inf, node)
     move = z.copy()
     move[plan.fixed] = np.clip(solution[node, : len(plan.fixed)], -6, 6)
     size_move = solution[node, d : d + s] / parts.H_rms[node, :s]
     move[plan.sizes] = np.clip(plan.neutral[plan.sizes] + size_move, -6, 6)
     return peak, move
+
+
+def _whitened(
+    parts: Linearised, y: FloatArray, sigma: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return design (T, n, d + q) and residual (T, n) of noise covariance sigma^2 I.
+
+    The third, (T,), is twice by how much the log determinants at the nodes exceed that of sigma.
+    """
+    designs, residuals, log_dets = [], [], []
+    for unit, factor in parts.by_noise():
+        whiten, log_det = _whitener(unit.U, sigma)
+        T, n, _ = unit.H.shape
+        G = np.broadcast_to(whiten(unit.G, 1), (T, n, unit.G.shape[2]))
+        designs.append(np.concatenate([G, whiten(unit.H, 1)], axis=2))
+        residual = whiten((y / factor - unit.mean)[..., None], 1)[..., 0]
+        residuals.append(np.broadcast_to(residual, (T, n)))
+        # without noise factors it is the same everywhere, and only sigma matters
+        excess = 0.0 if parts.noise is None else 2 * (log_det + float(np.sum(np.log(factor))))
+        log_dets.append(np.full(T, excess))
+    if len(designs) == 1:
+        return designs[0], residuals[0], log_dets[0]
+    return np.concatenate(designs), np.concatenate(residuals), np.concatenate(log_dets)

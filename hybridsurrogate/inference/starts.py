@@ -10,7 +10,8 @@ from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.collapsed import CollapsedPosterior, Statistics, statistics
 from hybridsurrogate.inference.laplace import LaplacePosterior
 from hybridsurrogate.inference.layout import layout
-from hybridsurrogate.inference.scan import climb, coefficient_belief
+from hybridsurrogate.inference.linearised import coefficient_belief
+from hybridsurrogate.inference.scan import climb
 from hybridsurrogate.priors import FloatArray, to_normal
 
 _MAX_STARTS = 5

@@ -1,0 +1,69 @@
+"""A Gaussian bump over one column."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy import stats
+
+from hybridsurrogate.effects.base import FloatArray, Rows
+from hybridsurrogate.effects.over_column import Located
+from hybridsurrogate.priors import Prior
+
+
+class Bump(Located):
+    """A bump of unknown location and width over one column, such as a passing disturbance.
+
+    ``simulation + amplitude exp(-(x - location)^2 / (2 width^2))``: amplitude in units of the
+    output, location and width in those of the column. The location is uniform over the measured
+    rows, the width log-uniform from half the distance of neighbouring rows (at most a twentieth of
+    the span) to a quarter of the span.
+
+    Parameters
+    ----------
+    column : str
+        Any measured column.
+    location : frozen scipy.stats distribution or None, default=None
+        Prior of the middle of the bump; bounded.
+    center, span, spacing : float or None, default=None
+        Middle and span of the measured rows, and the distance of neighbours.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> theta = {"location": 2.0, "width": 1.0}
+    >>> hs.Bump("t").columns({"t": np.array([2.0, 3.0])}, theta).round(3).ravel().tolist()
+    [1.0, 0.607]
+    """
+
+    kind = "bump"
+    coefficients = ("amplitude",)
+
+    @property
+    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
+        """The priors of location and width."""
+        assert self.span is not None
+        assert self.spacing is not None
+        low = min(self.spacing, 0.1 * self.span)
+        return {
+            "location": self.location,
+            "width": stats.loguniform(0.5 * low, 0.25 * self.span),
+        }
+
+    def grid(self) -> dict[str, FloatArray]:
+        """Return locations and widths."""
+        low, high = self.parameters["width"].support()
+        return {"location": self.locations(80), "width": np.geomspace(low * 1.1, high / 1.1, 7)}
+
+    def columns(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return the bump with height one."""
+        z = (X[self.column] - theta["location"]) / theta["width"]
+        return np.exp(-0.5 * z**2)[:, None]
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        return (
+            f"simulation {values['amplitude']:+.4g} exp(-({self.column} - "
+            f"{values['location']:.5g})^2 / (2 * {values['width']:.4g}^2))"
+        )

@@ -1,0 +1,75 @@
+"""A simulation that is ahead of the measurements, or behind them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from scipy import stats
+
+from hybridsurrogate.effects.base import Cause, Context, Rows
+from hybridsurrogate.effects.over_column import span_and_spacing
+from hybridsurrogate.priors import Prior
+
+
+class Delay(Cause):
+    """The simulation run at a shifted input: a response that is late, a clock set wrongly.
+
+    ``simulation(x - lag)``, the lag in units of the column; positive when the measurements come
+    later than the simulation says. Its prior is Student-t with one degree of freedom (Cauchy), its
+    scale a tenth of the measured span: most lags are short, none is ruled out. The shifted input is
+    not cut off at the simulated range: near its ends the simulation, or its surrogate, extrapolates
+    as far as the lag.
+
+    Parameters
+    ----------
+    column : str
+        An input of the simulation.
+    lag : frozen scipy.stats distribution or None, default=None
+        Prior of the lag.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> rows, _ = hs.Delay("t").inputs({"t": np.array([3.0, 4.0])}, {}, {"lag": 0.5})
+    >>> rows["t"].tolist()
+    [2.5, 3.5]
+    """
+
+    kind = "delay"
+
+    def __init__(self, column: str, lag: Prior | None = None):
+        self.column = column
+        self.lag = lag
+
+    @property
+    def target(self) -> str:  # type: ignore[override]
+        """The input concerned."""
+        return self.column
+
+    @property
+    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
+        """The prior of the lag."""
+        return {"lag": self.lag}
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in the prior from the measured rows."""
+        values = context.column(self.column)
+        if self.column not in context.inputs:
+            raise ValueError(
+                f"A delay shifts an input of the simulation, and {self.column!r} is none: these "
+                f"are {list(context.inputs)}."
+            )
+        span, _ = span_and_spacing(values)
+        return Delay(self.column, self.lag if self.lag is not None else stats.t(1, scale=span / 10))
+
+    def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
+        """Run the simulation where the input was one lag ago."""
+        return {**X, self.column: X[self.column] - theta["lag"]}, omega
+
+    def start(self) -> dict[str, float]:
+        """Return a lag of zero."""
+        return {"lag": 0.0}
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        return f"simulation run at {self.column} {-values['lag']:+.4g}"

@@ -1,0 +1,73 @@
+"""A wrong factor on the simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy import stats
+
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.priors import Prior
+
+
+class Gain(Cause):
+    """A factor on the simulation, such as a sensor that reads too high.
+
+    ``gain * simulation``; the logarithm of the gain is Laplace with scale 1/3. On a logarithmic
+    scale of the output a factor is an added constant, and is treated as one: its logarithm is
+    normal with three times the spread of the logarithmic output. The estimate is the factor, which
+    has no unit.
+
+    Parameters
+    ----------
+    log_scale : bool, default=False
+        Whether the output is logarithmic; told by the likelihood.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> hs.Gain().gain({"t": np.array([0.0, 1.0])}, {"gain": np.array([1.1, 1.1])}).tolist()
+    [1.1, 1.1]
+    """
+
+    kind = "gain"
+
+    def __init__(self, log_scale: bool = False):
+        self.log_scale = log_scale
+
+    @property
+    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
+        """The prior of the factor: log gain is Laplace with scale 1/3."""
+        return {} if self.log_scale else {"gain": stats.loglaplace(3.0)}
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The logarithm of the factor where the output is logarithmic."""
+        return ("log_gain",) if self.log_scale else ()
+
+    def prepare(self, context: Context) -> Cause:
+        """Choose the form that fits the scale of the output."""
+        return Gain(log_scale=context.log_scale)
+
+    def gain(self, X: Rows, theta: Rows) -> FloatArray | float:
+        """Return the factor."""
+        return 1.0 if self.log_scale else theta["gain"]
+
+    def columns(self, X: Rows, theta: Rows) -> FloatArray | None:
+        """Return a column of ones on a logarithmic scale, else nothing."""
+        return np.ones((len(next(iter(X.values()))), 1)) if self.log_scale else None
+
+    def start(self) -> dict[str, float]:
+        """Return a gain of one."""
+        return {} if self.log_scale else {"gain": 1.0}
+
+    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return the factor in the units of the output."""
+        if self.log_scale:
+            return {"gain": np.exp(coefficients["log_gain"])}
+        return {"gain": np.asarray(theta["gain"])}
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        return f"{values['gain']:.4g} * simulation"

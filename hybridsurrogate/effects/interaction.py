@@ -1,0 +1,93 @@
+"""Two columns that act together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+
+
+class Interaction(Cause):
+    """A product of two columns that the simulation lacks: one changes what the other does.
+
+    ``simulation + slope (x1 - center_1) (x2 - center_2)``, the slope in units of the output per
+    unit of the product. Main effects are left to the simulation.
+
+    Parameters
+    ----------
+    first, second : str
+        Two different measured columns.
+    centers, spans : (float, float) or None, default=None
+        Middle and length of what is scaled to [-1, 1] in each. None: of the measured rows.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> both = hs.Interaction("t", "dose", centers=(1.0, 1.0), spans=(2.0, 4.0))
+    >>> rows = {"t": np.array([0.0, 2.0]), "dose": np.array([3.0, 3.0])}
+    >>> both.columns(rows, {}).ravel().tolist()
+    [-1.0, 1.0]
+    """
+
+    kind = "interaction"
+    coefficients = ("slope",)
+
+    def __init__(
+        self,
+        first: str,
+        second: str,
+        centers: tuple[float, float] | None = None,
+        spans: tuple[float, float] | None = None,
+    ):
+        self.first = first
+        self.second = second
+        self.centers = centers
+        self.spans = spans
+
+    @property
+    def target(self) -> str:  # type: ignore[override]
+        """Both columns."""
+        return f"{self.first} * {self.second}"
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """Both columns."""
+        return (self.first, self.second)
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in middles and spans of the columns from the measured rows."""
+        if self.first == self.second:
+            raise ValueError(
+                f"An interaction needs two different columns, got {self.first!r} twice: a square "
+                "is Trend(column, degree=2)."
+            )
+        (low, high), (bottom, top) = (
+            (float(v.min()), float(v.max())) for v in map(context.column, self.reads)
+        )
+        centers = ((low + high) / 2, (bottom + top) / 2)
+        spans = ((high - low) or 1.0, (top - bottom) or 1.0)
+        return Interaction(self.first, self.second, self.centers or centers, self.spans or spans)
+
+    def columns(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return the product of the columns, each scaled to [-1, 1]."""
+        assert self.centers is not None
+        assert self.spans is not None
+        u, v = (
+            2 * (X[name] - center) / span
+            for name, center, span in zip(self.reads, self.centers, self.spans, strict=True)
+        )
+        return (u * v)[:, None]
+
+    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return the slope per unit of the product."""
+        assert self.spans is not None
+        return {"slope": 4 * coefficients["slope"] / (self.spans[0] * self.spans[1])}
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        assert self.centers is not None
+        factors = (
+            f"({name} - {center:.5g})"
+            for name, center in zip(self.reads, self.centers, strict=True)
+        )
+        return f"simulation {values['slope']:+.4g} {' '.join(factors)}"

@@ -1,0 +1,160 @@
+"""An influence of a measured column that the simulation ignores."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.over_column import OverColumn
+
+_SHAPES = ("linear", "quadratic", "categorical")
+_MOST_LEVELS, _ROWS_PER_LEVEL = 6, 3
+
+
+class MissingInput(OverColumn):
+    """An influence of a measured column that the simulation ignores.
+
+    - ``shape="linear"``: ``simulation + slope (x - center)``;
+    - ``shape="quadratic"``: ``... + curvature (x - center)^2``;
+    - ``shape="categorical"``: ``simulation + deviation of the row's level``, one number for each
+      distinct value of a column such as a batch or a sensor; the deviations have mean zero over
+      the measured rows, and a level that was not measured has none;
+    - ``shape="categorical", level=3``: ``simulation + amplitude`` where the column is 3 and the
+      simulation as it is elsewhere: one bad batch.
+
+    Slope, curvature, deviations and amplitude are in units of the output (per unit of the column,
+    per squared unit). The simulation is taken to be right at the column's mean over the measured
+    rows.
+
+    Parameters
+    ----------
+    column : str
+        Any measured column.
+    shape : {"linear", "quadratic", "categorical"}, default="linear"
+    level : float or None, default=None
+        The one level that is off; only with the categorical shape.
+    center, span : float or None, default=None
+        Mean and span of the column. None: of the measured rows.
+    levels : tuple of (value, share of the rows) or None, default=None
+        None: those of the measured rows, at most six, each with at least three rows.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> bad_batch = hs.MissingInput("batch", shape="categorical", level=3, levels=((3, 0.5),))
+    >>> bad_batch.columns({"batch": np.array([1.0, 3.0])}, {}).ravel().tolist()
+    [0.0, 1.0]
+    """
+
+    kind = "missing-input"
+
+    def __init__(
+        self,
+        column: str,
+        shape: str = "linear",
+        level: float | None = None,
+        center: float | None = None,
+        span: float | None = None,
+        levels: tuple[tuple[float, float], ...] | None = None,
+    ):
+        super().__init__(column, center, span)
+        self.shape = shape
+        self.level = level
+        self.levels = levels
+
+    @property
+    def name(self) -> str:
+        """The kind and the column, and the level where one is meant."""
+        level = "" if self.level is None else f" = {self.level:g}"
+        return f"{self.kind}({self.column}{level})"
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Slope and curvature, one deviation a level, or the amplitude of one level."""
+        if self.shape != "categorical":
+            return ("slope", "curvature")[: _SHAPES.index(self.shape) + 1]
+        if self.level is not None:
+            return ("amplitude",)
+        return tuple(f"level_{value:.12g}" for value, _ in self.levels or ())
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in mean and span of the column, or its levels, from the measured rows."""
+        values = context.column(self.column)
+        if self.shape not in _SHAPES:
+            raise ValueError(f"shape must be one of {list(_SHAPES)}, got {self.shape!r}.")
+        if self.level is not None and self.shape != "categorical":
+            raise ValueError(f"level={self.level!r} needs shape='categorical'.")
+        prepared = super().prepare(context)
+        if self.center is None:
+            prepared.center = float(np.mean(values))
+        if self.shape == "categorical" and self.levels is None:
+            trouble = trouble_with_levels(values, self.column)
+            if trouble:
+                raise ValueError(f"A categorical cause has no use for this column: {trouble}.")
+            found, counts = np.unique(values, return_counts=True)
+            if self.level is not None and self.level not in found:
+                raise ValueError(f"{self.column!r} is never {self.level!r}; it is {list(found)}.")
+            prepared.levels = tuple(
+                (float(value), count / len(values))
+                for value, count in zip(found, counts, strict=True)
+            )
+        return prepared
+
+    def columns(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return the scaled column and its square, or what belongs to the levels."""
+        if self.shape != "categorical":
+            scaled = self.scaled(X)
+            return np.stack([scaled, scaled**2][: len(self.coefficients)], axis=-1)
+        values = np.asarray(X[self.column])
+        if self.level is not None:
+            return (values == self.level).astype(float)[:, None]
+        assert self.levels is not None
+        known, shares = np.array(self.levels).T
+        indicator = values[:, None] == known
+        return np.where(indicator.any(axis=1, keepdims=True), indicator - shares, 0.0)
+
+    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return slope and curvature per unit of the column, or deviations, or the amplitude."""
+        if self.level is not None:
+            return {"amplitude": np.asarray(coefficients["amplitude"])}
+        if self.shape == "categorical":
+            assert self.levels is not None
+            mean = sum(
+                share * coefficients[name]
+                for name, (_, share) in zip(self.coefficients, self.levels, strict=True)
+            )
+            return {name: coefficients[name] - mean for name in self.coefficients}
+        assert self.span is not None
+        out = {"slope": 2 * coefficients["slope"] / self.span}
+        if self.shape == "quadratic":
+            out["curvature"] = 4 * coefficients["curvature"] / self.span**2
+        return out
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        if self.level is not None:
+            where = f"{self.column} = {self.level:.5g}"
+            return f"simulation, and {values['amplitude']:+.4g} where {where}"
+        if self.shape == "categorical":
+            assert self.levels is not None
+            told = ", ".join(
+                f"{values[name]:+.4g} where {self.column} = {value:.5g}"
+                for name, (value, _) in zip(self.coefficients, self.levels, strict=True)
+            )
+            return f"simulation, and {told}"
+        text = f"simulation {values['slope']:+.4g} ({self.column} - {self.center:.5g})"
+        if self.shape == "quadratic":
+            text += f" {values['curvature']:+.4g} ({self.column} - {self.center:.5g})^2"
+        return text
+
+
+def trouble_with_levels(values: FloatArray, column: str) -> str | None:
+    """Return why a column cannot be taken as levels, None if it can."""
+    _, counts = np.unique(values, return_counts=True)
+    if not 2 <= len(counts) <= _MOST_LEVELS:
+        return f"{column} has {len(counts)} distinct values, 2 to {_MOST_LEVELS} can be levels"
+    if counts.min() < _ROWS_PER_LEVEL:
+        return f"a level of {column} has {counts.min()} rows, {_ROWS_PER_LEVEL} are needed for each"
+    return None

@@ -1,0 +1,105 @@
+"""What shapes over one measured column have in common."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import stats
+
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.priors import Prior
+
+
+def span_and_spacing(values: FloatArray) -> tuple[float, float]:
+    """Return how far the values reach, and the mean distance of distinct neighbours."""
+    distinct = np.unique(values)
+    span = float(np.ptp(distinct)) or 1.0
+    return span, span / max(len(distinct) - 1, 1)
+
+
+class OverColumn(Cause):
+    """A shape over one measured column, centred and scaled by what was measured."""
+
+    def __init__(self, column: str, center: float | None = None, span: float | None = None):
+        self.column = column
+        self.center = center
+        self.span = span
+
+    @property
+    def target(self) -> str:  # type: ignore[override]
+        """The column concerned."""
+        return self.column
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in the middle and the span of the column from the measured rows."""
+        values = context.column(self.column)
+        low, high = float(values.min()), float(values.max())
+        changes = {
+            "center": self.center if self.center is not None else (low + high) / 2,
+            "span": self.span if self.span is not None else (high - low) or 1.0,
+        }
+        return type(self)(**{**self.get_params(deep=False), **changes})
+
+    def scaled(self, X: Rows) -> FloatArray:
+        """Return the column from -1 to 1 over the measured rows."""
+        assert self.center is not None
+        assert self.span is not None
+        return 2 * (X[self.column] - self.center) / self.span
+
+
+class Located(OverColumn):
+    """A shape with a location inside the measured rows."""
+
+    def __init__(
+        self,
+        column: str,
+        location: Prior | None = None,
+        center: float | None = None,
+        span: float | None = None,
+        spacing: float | None = None,
+    ):
+        super().__init__(column, center, span)
+        self.location = location
+        self.spacing = spacing
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in the prior of the location and the typical distance of measured rows."""
+        prepared = super().prepare(context)
+        distinct = np.unique(context.column(self.column))
+        low, high = float(distinct[0]), float(distinct[-1])
+        if self.location is None:
+            prepared.location = stats.uniform(low, (high - low) or 1.0)
+        if self.spacing is None:
+            prepared.spacing = ((high - low) or 1.0) / max(len(distinct) - 1, 1)
+        return prepared
+
+    def locations(self, most: int) -> FloatArray:
+        """Return nodes of the location, two per distance of neighbouring rows, at most so many."""
+        assert self.location is not None
+        assert self.spacing is not None
+        low, high = self.location.support()
+        n = int(np.clip(2 * (high - low) / self.spacing, 8, most))
+        return low + (high - low) * (np.arange(n) + 0.5) / n
+
+
+class FromOrigin(Cause):
+    """A shape over one measured column that begins where the measurements begin."""
+
+    def __init__(self, column: str, origin: float | None = None):
+        self.column = column
+        self.origin = origin
+
+    @property
+    def target(self) -> str:  # type: ignore[override]
+        """The column concerned."""
+        return self.column
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in the smallest measured value of the column."""
+        values = context.column(self.column)
+        origin = self.origin if self.origin is not None else float(values.min())
+        return type(self)(**{**self.get_params(deep=False), "origin": origin})
+
+    def distance(self, X: Rows) -> FloatArray:
+        """Return how far rows are beyond the origin, zero before it."""
+        assert self.origin is not None
+        return np.maximum(X[self.column] - self.origin, 0.0)

@@ -1,0 +1,224 @@
+"""A parameter that does not stay constant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from scipy import special, stats
+
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.over_column import span_and_spacing
+from hybridsurrogate.priors import Prior
+
+
+class _Shape(NamedTuple):
+    """One way to drift: its sizes, zero where nothing drifts, and the shift they bring about."""
+
+    sizes: tuple[str, ...]
+    shift: Callable[[FloatArray, Rows], FloatArray]
+    words: str
+
+
+def _linear(x: FloatArray, theta: Rows) -> FloatArray:
+    return theta["slope"] * x
+
+
+def _logistic(x: FloatArray, theta: Rows) -> FloatArray:
+    return theta["change"] * special.expit((x - theta["location"]) / theta["width"])
+
+
+def _periodic(x: FloatArray, theta: Rows) -> FloatArray:
+    phase = 2 * np.pi * x / theta["period"]
+    return theta["sine"] * np.sin(phase) + theta["cosine"] * np.cos(phase)
+
+
+_SHAPES = {
+    "linear": _Shape(
+        ("slope",),
+        _linear,
+        "changing by {slope:+.4g} per unit of {column} around {column} = {center:.5g}",
+    ),
+    "step": _Shape(("change",), _logistic, "{change:+.4g} from {column} = {location:.5g} on"),
+    "logistic": _Shape(
+        ("change",),
+        _logistic,
+        "changing by {change:+.4g} around {column} = {location:.5g} within {width:.4g}",
+    ),
+    "periodic": _Shape(
+        ("sine", "cosine"),
+        _periodic,
+        "swinging by {amplitude:.4g} over {column} with period {period:.5g}",
+    ),
+}
+
+
+class ParameterDrift(Cause):
+    """A parameter that changes over a column instead of staying constant.
+
+    The simulation is run with ``parameter + shift(x)``:
+
+    - ``shape="linear"``: ``slope (x - center)``;
+    - ``shape="step"``: ``change`` from x = location on, within a fifth of the distance of
+      neighbouring rows: to the data it is a step, to a sampler it has a slope;
+    - ``shape="logistic"``: ``change / (1 + exp(-(x - location) / width))``;
+    - ``shape="periodic"``: ``amplitude sin(2 pi (x - center) / period + phase)``.
+
+    Slope, change and amplitude are in units of the parameter (the slope per unit of the column),
+    location, width and period in those of the column. Sizes have a Cauchy prior (Student-t with one
+    degree of freedom): over the measured rows the parameter changes by about its own prior standard
+    deviation, or by much less or more. The location is uniform over the measured rows, the width
+    log-uniform from half the distance of neighbouring rows (at most a twentieth of the span) to a
+    quarter of the span, the period log-uniform from four distances of neighbouring rows to twice
+    their span.
+
+    Parameters
+    ----------
+    parameter : str
+        A parameter of the simulation.
+    column : str
+        Any measured column.
+    shape : {"linear", "step", "logistic", "periodic"}, default="linear"
+    slope : frozen scipy.stats distribution or None, default=None
+        Prior of the slope, or of whatever the size of the shape is.
+    center : float or None, default=None
+        Where a linear drift leaves the parameter as it is. None: the middle of the measured rows.
+    span, spacing : float or None, default=None
+        How far the measured rows reach, and the distance of neighbours.
+    others : dict of name to frozen scipy.stats distribution, or None, default=None
+        Priors of location, width or period. None: as above, from the measured rows.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> drift = hs.ParameterDrift("rate", "t", center=1.0)
+    >>> _, omega = drift.inputs({"t": np.array([0.0, 3.0])}, {"rate": 5.0}, {"slope": 0.5})
+    >>> omega["rate"].tolist()
+    [4.5, 6.0]
+    """
+
+    kind = "parameter-drift"
+
+    def __init__(
+        self,
+        parameter: str,
+        column: str,
+        shape: str = "linear",
+        slope: Prior | None = None,
+        center: float | None = None,
+        span: float | None = None,
+        spacing: float | None = None,
+        others: Mapping[str, Prior] | None = None,
+    ):
+        self.parameter = parameter
+        self.column = column
+        self.shape = shape
+        self.slope = slope
+        self.center = center
+        self.span = span
+        self.spacing = spacing
+        self.others = others
+
+    @property
+    def target(self) -> str:  # type: ignore[override]
+        """The parameter concerned."""
+        return self.parameter
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """The column over which the parameter drifts."""
+        return (self.column,)
+
+    @property
+    def name(self) -> str:
+        """The kind, the parameter and the column over which it drifts."""
+        shape = "" if self.shape == "linear" else f", {self.shape}"
+        return f"{self.kind}({self.parameter} over {self.column}{shape})"
+
+    @property
+    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
+        """The priors of the sizes, and of where or how fast."""
+        return {**dict.fromkeys(_SHAPES[self.shape].sizes, self.slope), **(self.others or {})}
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in the pivot and the priors."""
+        if self.parameter not in context.parameters:
+            raise ValueError(
+                f"{self.parameter!r} is not a parameter of the simulation; these are: "
+                f"{list(context.parameters)}."
+            )
+        if self.shape not in _SHAPES:
+            raise ValueError(f"shape must be one of {list(_SHAPES)}, got {self.shape!r}.")
+        values = context.column(self.column)
+        low, high = float(values.min()), float(values.max())
+        span, spacing = span_and_spacing(values)
+        size = float(context.parameters[self.parameter].std())
+        if self.shape == "linear":
+            size /= span
+        location = stats.uniform(low, span)
+        defaults: dict[str, dict[str, Prior]] = {
+            "linear": {},
+            "step": {"location": location},
+            "logistic": {
+                "location": location,
+                "width": stats.loguniform(0.5 * min(spacing, 0.1 * span), 0.25 * span),
+            },
+            "periodic": {"period": stats.loguniform(min(4 * spacing, span), 2 * span)},
+        }
+        return ParameterDrift(
+            self.parameter,
+            self.column,
+            self.shape,
+            self.slope if self.slope is not None else stats.t(1, scale=size),
+            self.center if self.center is not None else (low + high) / 2,
+            self.span if self.span is not None else span,
+            self.spacing if self.spacing is not None else spacing,
+            {**defaults[self.shape], **(self.others or {})},
+        )
+
+    def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
+        """Shift the parameter, row by row."""
+        assert self.center is not None
+        # places are where they are; slopes and phases are counted from the middle
+        x = X[self.column] - (0.0 if "location" in theta else self.center)
+        if self.shape == "step":
+            assert self.spacing is not None
+            theta = {**theta, "width": np.asarray(0.05 * self.spacing)}
+        shift = _SHAPES[self.shape].shift(x, theta)
+        return X, {**omega, self.parameter: omega[self.parameter] + shift}
+
+    def start(self) -> dict[str, float]:
+        """Return sizes of zero."""
+        return dict.fromkeys(_SHAPES[self.shape].sizes, 0.0)
+
+    def grid(self) -> dict[str, FloatArray]:
+        """Return locations, locations and widths, or periods evenly spaced in frequency.
+
+        The simulation runs at every node, so there are fewer than for a curve that is added.
+        """
+        others = self.others or {}
+        shares = {"location": 24 if self.shape == "step" else 16, "width": 4}
+        nodes = {
+            name: np.asarray(prior.ppf((np.arange(shares[name]) + 0.5) / shares[name]))
+            for name, prior in others.items()
+            if name in shares
+        }
+        if "period" in others:
+            assert self.span is not None
+            low, high = others["period"].ppf([0.0, 1.0])
+            n = int(np.ceil(4 * self.span * (1 / low - 1 / high))) + 1
+            nodes["period"] = 1 / np.linspace(1 / low, 1 / high, max(n, 8))
+        return nodes
+
+    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return size and place; of a periodic drift amplitude and period."""
+        if self.shape == "periodic":
+            amplitude = np.hypot(theta["sine"], theta["cosine"])
+            return {"period": np.asarray(theta["period"]), "amplitude": amplitude}
+        return {name: np.asarray(draws) for name, draws in theta.items()}
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        told = _SHAPES[self.shape].words.format(column=self.column, center=self.center, **values)
+        return f"simulation with {self.parameter} {told}"

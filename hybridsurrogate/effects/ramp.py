@@ -1,0 +1,68 @@
+"""A change that sets in at some place and then grows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hybridsurrogate.effects.base import FloatArray, Rows
+from hybridsurrogate.effects.over_column import Located
+from hybridsurrogate.priors import Prior
+
+
+class Ramp(Located):
+    """Nothing before an unknown location, a straight line after it: a sensor that starts to drift.
+
+    ``simulation + slope max(x - location, 0)``, the hinge of piecewise linear regression (Friedman
+    1991, Annals of Statistics 19:1). The slope is in units of the output per unit of the
+    column; the location is uniform over the measured rows.
+
+    Parameters
+    ----------
+    column : str
+        Any measured column.
+    location : frozen scipy.stats distribution or None, default=None
+        Prior of the place where the change sets in; bounded.
+    center, span, spacing : float or None, default=None
+        Middle and span of the measured rows, and the distance of neighbours.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> ramp = hs.Ramp("t", span=10.0)
+    >>> ramp.columns({"t": np.array([2.0, 4.0, 9.0])}, {"location": 4.0}).ravel().tolist()
+    [0.0, 0.0, 0.5]
+    """
+
+    kind = "ramp"
+    coefficients = ("slope",)
+
+    @property
+    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
+        """The prior of the location."""
+        return {"location": self.location}
+
+    def grid(self) -> dict[str, FloatArray]:
+        """Return locations; a hinge needs fewer than a step does."""
+        return {"location": self.locations(60)}
+
+    def columns(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return the distance beyond the location, in spans of the measured rows."""
+        assert self.span is not None
+        return (np.maximum(X[self.column] - theta["location"], 0.0) / self.span)[:, None]
+
+    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return the location, and the slope per unit of the column after it."""
+        assert self.span is not None
+        return {
+            "location": np.asarray(theta["location"]),
+            "slope": coefficients["slope"] / self.span,
+        }
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        return (
+            f"simulation, and from {self.column} = {values['location']:.5g} on "
+            f"{values['slope']:+.4g} ({self.column} - {values['location']:.5g})"
+        )

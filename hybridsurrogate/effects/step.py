@@ -1,0 +1,62 @@
+"""A sudden change of level."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hybridsurrogate.effects.base import FloatArray, Rows
+from hybridsurrogate.effects.over_column import Located
+from hybridsurrogate.priors import Prior
+
+
+class Step(Located):
+    """A sudden change of level at an unknown location over one column.
+
+    ``simulation``, and ``+ amplitude`` from x = location on. Amplitude in units of the output,
+    location in those of the column and uniform over the measured rows. The jump is a logistic rise
+    over a fifth of the distance of neighbouring rows: to the data it is a step, to a sampler it
+    has a slope.
+
+    Parameters
+    ----------
+    column : str
+        Any measured column.
+    location : frozen scipy.stats distribution or None, default=None
+        Prior of the place of the jump; bounded.
+    center, span, spacing : float or None, default=None
+        Middle and span of the measured rows, and the distance of neighbours.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> step = hs.Step("t", spacing=1.0)
+    >>> step.columns({"t": np.array([1.0, 4.0])}, {"location": 2.5}).round(6).ravel().tolist()
+    [0.0, 1.0]
+    """
+
+    kind = "step"
+    coefficients = ("amplitude",)
+
+    @property
+    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
+        """The prior of the location."""
+        return {"location": self.location}
+
+    def grid(self) -> dict[str, FloatArray]:
+        """Return locations, two per distance of neighbouring rows."""
+        return {"location": self.locations(200)}
+
+    def columns(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return 0 before and 1 after the location."""
+        assert self.spacing is not None
+        rise = (X[self.column] - theta["location"]) / (0.1 * self.spacing)
+        return (0.5 * (1 + np.tanh(rise)))[:, None]
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        return (
+            f"simulation, and from {self.column} = {values['location']:.6g} on "
+            f"{values['amplitude']:+.4g}"
+        )

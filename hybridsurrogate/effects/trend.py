@@ -1,0 +1,87 @@
+"""A trend over one column."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.over_column import OverColumn
+
+
+class Trend(OverColumn):
+    """A straight line or a parabola over a column, with a level of its own.
+
+    ``simulation + level + slope (x - center) + curvature (x - center)^2``, the last term only with
+    ``degree=2``. Level, slope and curvature are in units of the output, of the output per unit of
+    the column, and per squared unit. The coefficients belong to Legendre's polynomials 1, u and
+    (3 u^2 - 1) / 2 of the column scaled to u in [-1, 1], which hardly overlap on evenly spread rows
+    (DLMF 18.3).
+
+    Parameters
+    ----------
+    column : str
+        Any measured column.
+    degree : {1, 2}, default=1
+    center, span : float or None, default=None
+        Middle and length of what is scaled to [-1, 1]. None: of the measured rows.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> line = hs.Trend("t", center=5.0, span=10.0)
+    >>> line.columns({"t": np.array([0.0, 5.0, 10.0])}, {}).tolist()
+    [[1.0, -1.0], [1.0, 0.0], [1.0, 1.0]]
+    """
+
+    kind = "trend"
+
+    def __init__(
+        self,
+        column: str,
+        degree: int = 1,
+        center: float | None = None,
+        span: float | None = None,
+    ):
+        super().__init__(column, center, span)
+        self.degree = degree
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Level and slope, and the curvature of a parabola."""
+        return ("level", "slope", "curvature")[: self.degree + 1]
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in the middle and the span of the column from the measured rows."""
+        if self.degree not in (1, 2):
+            raise ValueError(f"The degree of a trend is 1 or 2, got {self.degree!r}.")
+        return super().prepare(context)
+
+    def columns(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return ones, the column scaled to [-1, 1], and Legendre's parabola of it."""
+        scaled = self.scaled(X)
+        terms = [np.ones_like(scaled), scaled, 1.5 * scaled**2 - 0.5]
+        return np.stack(terms[: self.degree + 1], axis=-1)
+
+    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return the slope per unit of the column, and the level, both in the middle."""
+        assert self.span is not None
+        out = {
+            "slope": 2 * coefficients["slope"] / self.span,
+            "level": np.asarray(coefficients["level"]),
+        }
+        if self.degree == 2:
+            out["level"] = coefficients["level"] - 0.5 * coefficients["curvature"]
+            out["curvature"] = 6 * coefficients["curvature"] / self.span**2
+        return out
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        text = (
+            f"simulation {values['level']:+.4g} {values['slope']:+.4g} "
+            f"({self.column} - {self.center:.5g})"
+        )
+        if "curvature" in values:
+            text += f" {values['curvature']:+.4g} ({self.column} - {self.center:.5g})^2"
+        return text

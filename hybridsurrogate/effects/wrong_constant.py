@@ -1,0 +1,82 @@
+"""An assumed constant that has another value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from hybridsurrogate.effects.base import Cause, Context, Rows
+from hybridsurrogate.priors import Prior
+
+
+class WrongConstant(Cause):
+    """An assumed constant of the simulation that has another value.
+
+    ``simulation(x, constant = value)``, in the units of the constant; the prior is the one that the
+    simulation gives with `Assumed`.
+
+    Parameters
+    ----------
+    constant : str
+        Name of the assumed constant.
+    prior : frozen scipy.stats distribution or None, default=None
+        Of its value. None: that of the simulation.
+    assumed : float or None, default=None
+        The value that was assumed; told by the simulation.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> cause = hs.WrongConstant("gravity")
+    >>> _, omega = cause.inputs({"t": np.array([1.0])}, {"gravity": 9.8}, {"value": 9.7})
+    >>> omega["gravity"]
+    9.7
+    """
+
+    kind = "wrong-constant"
+
+    def __init__(self, constant: str, prior: Prior | None = None, assumed: float | None = None):
+        self.constant = constant
+        self.prior = prior
+        self.assumed = assumed
+
+    @property
+    def target(self) -> str:  # type: ignore[override]
+        """The constant concerned."""
+        return self.constant
+
+    @property
+    def replaces(self) -> str | None:
+        """The constant itself."""
+        return self.constant
+
+    @property
+    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
+        """The prior of the constant's value."""
+        return {"value": self.prior}
+
+    def prepare(self, context: Context) -> Cause:
+        """Take the prior and the assumed value from the simulation."""
+        if self.constant not in context.assumed:
+            raise ValueError(
+                f"{self.constant!r} is not an assumed constant of the simulation; these are: "
+                f"{list(context.assumed)}."
+            )
+        constant = context.assumed[self.constant]
+        return WrongConstant(
+            self.constant,
+            self.prior if self.prior is not None else constant.prior,
+            constant.value,
+        )
+
+    def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
+        """Run the simulation with another value of the constant."""
+        return X, {**omega, self.constant: theta["value"]}
+
+    def start(self) -> dict[str, float]:
+        """Return the assumed value."""
+        assert self.assumed is not None
+        return {"value": self.assumed}
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        return f"simulation with {self.constant} = {values['value']:.4g} (was {self.assumed:.4g})"
