@@ -3,7 +3,8 @@
 Data sets are drawn from the prior; the rank of the truth among the draws of its posterior must then
 be uniform (Talts, Betancourt, Simpson, Vehtari and Gelman 2018, arXiv 1804.06788).
 
-`python -m tests.calibration` runs 200 data sets of each model.
+`python -m tests.calibration` runs 200 data sets of each model. Where a p-value is below the limit,
+five times as many new data sets decide whether that was chance: the limit is shared between both.
 """
 
 from __future__ import annotations
@@ -107,10 +108,14 @@ def main() -> None:
     parser.add_argument("--models", nargs="*", default=list(MODELS))
     given = parser.parse_args()
     found = {name: p_values(name, given.sets) for name in given.models}
-    n_tests = sum(len(values) for values in found.values())
+    limit = 0.05 / 2 / sum(len(values) for values in found.values())
+    doubtful = [name for name, values in found.items() if min(values.values()) < limit]
+    for name in doubtful:
+        print(f"{name}: below {limit:.4f}, {5 * given.sets} new data sets decide")
+        found[name] = p_values(name, 5 * given.sets, first_seed=given.sets)
     smallest = min(min(values.values()) for values in found.values())
-    print(f"smallest of {n_tests} p-values: {smallest:.4f} (limit {0.05 / n_tests:.4f})")
-    raise SystemExit(smallest < 0.05 / n_tests)
+    print(f"smallest p-value: {smallest:.4f} (limit {limit:.4f})")
+    raise SystemExit(smallest < limit)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ import hybridsurrogate as hs
 from hybridsurrogate.datasets import make_log_sin
 from hybridsurrogate.scoring import rmse
 
-BETAS = np.linspace(0, 1, 11)
+BETAS = np.linspace(0, 1, 21)
 
 
 def scores(model, case):

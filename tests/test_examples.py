@@ -42,3 +42,20 @@ def test_right_choices_win():
     outliers = [score for name, score in scores if name in ("Student-t", "normal")][:2]
     assert outliers[0] > outliers[1] + 0.5
     assert found["Poisson"] > found["normal"] + 0.1
+
+
+def test_table_of_combinations():
+    rows = [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in run_example("combinations.py").splitlines()
+        if line.startswith("| case") or line.startswith("| counts")
+    ]
+    found = {
+        (data, surrogate, likelihood): float(score)
+        for data, surrogate, likelihood, score, *_ in rows
+    }
+    assert len(found) == 12
+    for surrogate in ("PolynomialChaos", "ParametricSurrogate"):
+        # the counts scatter more than a Poisson distribution's
+        counts = ("counts", surrogate)
+        assert found[(*counts, "negative binomial")] > found[(*counts, "Poisson")] + 1

@@ -31,12 +31,41 @@ def test_one_fit(benchmark, case, model):
     benchmark.pedantic(lambda: model.set_params(beta=0.5).fit(case.X, case.y), rounds=5)
 
 
+@pytest.mark.benchmark(group="21 betas")
 def test_scan_of_21_betas(benchmark, case, model):
     def scan():
         for beta in BETAS:
             model.set_params(beta=float(beta)).fit(case.X, case.y)
 
     benchmark.pedantic(scan, rounds=3, warmup_rounds=1)
+
+
+@pytest.mark.benchmark(group="21 betas")
+def test_path_of_21_betas(benchmark, case, model):
+    """No slower than the fits it saves: compare it with the scan of the same group."""
+    benchmark.pedantic(
+        lambda: hs.beta_path(model, case.X, case.y, BETAS), rounds=3, warmup_rounds=1
+    )
+
+
+@pytest.mark.benchmark(group="likelihoods, polynomial of degree 4")
+@pytest.mark.parametrize("likelihood", ["normal", "student-t"])
+def test_one_fit_under_a_likelihood(benchmark, case, likelihood):
+    model = hs.PowerScaledSurrogate(
+        case.simulation,
+        surrogate=hs.PolynomialChaos(degree=4),
+        likelihood=likelihood,
+        beta=0.5,
+        random_state=0,
+    )
+    benchmark.pedantic(lambda: model.fit(case.X, case.y), rounds=2)
+
+
+@pytest.mark.benchmark(group="surrogates")
+@pytest.mark.parametrize("surrogate", [hs.PolynomialChaos(degree=5), hs.GaussianProcess()], ids=str)
+def test_one_fit_of_a_surrogate(benchmark, case, surrogate):
+    model = hs.PowerScaledSurrogate(case.simulation, surrogate=surrogate, beta=0.5, random_state=0)
+    benchmark.pedantic(lambda: model.fit(case.X, case.y), rounds=3)
 
 
 @pytest.mark.filterwarnings("ignore::hybridsurrogate.SamplingWarning")
