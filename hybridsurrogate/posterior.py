@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.exceptions import SamplingWarning
-from hybridsurrogate.inference.importance import KHAT_LIMIT
 from hybridsurrogate.inference.measured import MeasuredModel, names_of
+from hybridsurrogate.inference.pareto import KHAT_LIMIT
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.priors import FloatArray
 

@@ -5,7 +5,7 @@ import pytest
 
 import hybridsurrogate as hs
 from hybridsurrogate.inference import ensemble
-from hybridsurrogate.inference.importance import Gaussian
+from hybridsurrogate.inference.modes import Gaussian
 
 
 def narrow(x):

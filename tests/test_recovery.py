@@ -8,9 +8,12 @@ from scipy import special, stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.estimators.problem import make_problem
-from hybridsurrogate.inference.collapsed import CollapsedPosterior, powers_of
+from hybridsurrogate.inference.collapsed import CollapsedPosterior
 from hybridsurrogate.inference.ensemble import EnsembleSampler
-from hybridsurrogate.inference.importance import find_modes, importance_draws, pareto_smooth
+from hybridsurrogate.inference.importance import importance_draws
+from hybridsurrogate.inference.modes import find_modes
+from hybridsurrogate.inference.pareto import pareto_smooth
+from hybridsurrogate.inference.powers import powers_of
 from hybridsurrogate.inference.starts import further_points
 from hybridsurrogate.inference.two_step import second_step
 

@@ -4,23 +4,30 @@ from __future__ import annotations
 
 import warnings
 from abc import abstractmethod
-from collections.abc import Callable
 from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import special
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_random_state, check_scalar
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from hybridsurrogate.estimators.loo import Loo
+from hybridsurrogate.estimators.mixture import (
+    drawn,
+    log_density_of,
+    moments,
+    noise_free,
+    noisy,
+    quantile,
+    samples,
+)
 from hybridsurrogate.estimators.rows import MeasuredRows, check_weights, merged_rows
 from hybridsurrogate.exceptions import ExtrapolationWarning
 from hybridsurrogate.inference.ensemble import EnsembleSampler
-from hybridsurrogate.inference.importance import KHAT_LIMIT
 from hybridsurrogate.inference.leave_one_out import PointwiseLoo
+from hybridsurrogate.inference.pareto import KHAT_LIMIT
 from hybridsurrogate.likelihoods import Likelihood, TransformedNormal, as_likelihood
 from hybridsurrogate.posterior import Posterior, arviz_groups
 from hybridsurrogate.priors import FloatArray, check_prior
@@ -29,7 +36,6 @@ from hybridsurrogate.surrogates.base import Surrogate
 from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
 
 SAMPLERS = ("auto", "importance", "emcee")
-Draw = Callable[[Posterior, FloatArray, np.random.RandomState], FloatArray]
 # draws of y behind the quantiles of a likelihood that is not normal
 _INTERVAL_DRAWS = 20_000
 # rows at a time, so that memory stays bounded
@@ -184,19 +190,8 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
             Only with ``return_std=True``.
         """
         X = self._check_data(X)
-        parts = [(weight, p, *p.eta(X)) for weight, p in self._mixture(X)]
-        means = [p.likelihood.mean(eta, sigma) for _, p, eta, sigma in parts]
-        mean = sum(w * m.mean(axis=0) for (w, *_), m in zip(parts, means, strict=True))
-        if not return_std:
-            return mean
-        # law of total variance, around the mean so that a large offset costs no digits; far outside
-        # the data a log-normal variance is infinite for practical purposes
-        with np.errstate(over="ignore"):
-            variance = sum(
-                w * (p.likelihood.variance(eta, sigma) + (m - mean) ** 2).mean(axis=0)
-                for (w, p, eta, sigma), m in zip(parts, means, strict=True)
-            )
-        return mean, np.sqrt(variance)
+        mean, variance = moments(self._mixture(X), X, with_variance=return_std)
+        return mean if variance is None else (mean, np.sqrt(variance))
 
     def predict_interval(self, X: ArrayLike, level: float = 0.9) -> tuple[FloatArray, FloatArray]:
         """Return a central interval that holds a new y with the given probability.
@@ -222,12 +217,14 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
             random = np.random.RandomState(0)
             ends = []
             for k in range(0, len(X), _INTERVAL_ROWS):
-                draws = self._samples(X[k : k + _INTERVAL_ROWS], _INTERVAL_DRAWS, random, _noisy)
+                draws = samples(
+                    self._mixture, X[k : k + _INTERVAL_ROWS], _INTERVAL_DRAWS, random, noisy
+                )
                 ends.append(np.quantile(draws, [tail, 1 - tail], axis=0, method="inverted_cdf"))
             lower, upper = np.concatenate(ends, axis=1)
             return lower, upper
         parts = [(weight, *posterior.eta(X)) for weight, posterior in mixture]
-        lower, upper = (_quantile(parts, probability) for probability in (tail, 1 - tail))
+        lower, upper = (quantile(parts, probability) for probability in (tail, 1 - tail))
         return likelihood.inverse(lower), likelihood.inverse(upper)
 
     def sample_predictive_mean(
@@ -248,7 +245,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         """
         X = self._check_data(X)
         random = check_random_state(self.random_state if random_state is None else random_state)
-        return self._samples(X, n_draws, random, _noise_free)
+        return samples(self._mixture, X, n_draws, random, noise_free)
 
     def sample_posterior_predictive(
         self, X: ArrayLike, n_draws: int | None = None, random_state: Any = None
@@ -261,42 +258,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         """
         X = self._check_data(X)
         random = check_random_state(self.random_state if random_state is None else random_state)
-        return self._samples(X, n_draws, random, _noisy)
-
-    def _samples(
-        self, X: FloatArray, n_draws: int | None, random: np.random.RandomState, draw: Draw
-    ) -> FloatArray:
-        """Return draws (n_draws, n) of the mixture at each row."""
-        mixture = self._mixture(X)
-        if all(np.ndim(weight) == 0 for weight, _ in mixture):
-            return np.concatenate([draw(p, X, random) for p in self._drawn(n_draws, random)])
-        # weights that change with the row: one number a draw decides at all rows, so a draw is a
-        # curve that changes its surrogate where the weight passes that number
-        n = mixture[0][1].n_draws if n_draws is None else n_draws
-        check_scalar(n, "n_draws", Integral, min_val=1)
-        level = random.uniform(size=(n, 1))
-        out, below = np.empty((n, len(X))), np.zeros(len(X))
-        for weight, posterior in mixture:
-            index = random.choice(posterior.n_draws, n, n > posterior.n_draws)
-            values = draw(posterior.take(index), X, random)
-            chosen = (level >= below) & (level < below + weight)
-            below = below + weight
-            out = np.where(chosen, values, out)
-        return out
-
-    def _drawn(self, n_draws: int | None, random_state: np.random.RandomState) -> list[Posterior]:
-        """Return posteriors whose draws together make n_draws of the mixture."""
-        mixture = self._mixture()
-        n = sum(p.n_draws for _, p in mixture) // len(mixture) if n_draws is None else n_draws
-        check_scalar(n, "n_draws", Integral, min_val=1)
-        if len(mixture) == 1 and n_draws is None:
-            return [mixture[0][1]]
-        counts = random_state.multinomial(n, [weight for weight, _ in mixture])
-        return [
-            posterior.take(random_state.choice(posterior.n_draws, count, count > posterior.n_draws))
-            for count, (_, posterior) in zip(counts, mixture, strict=True)
-            if count
-        ]
+        return samples(self._mixture, X, n_draws, random, noisy)
 
     def log_predictive_density(self, X: ArrayLike, y: ArrayLike) -> FloatArray:
         """Return the log posterior predictive density of each measured row.
@@ -315,7 +277,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         rows, output = rows[:, self._column_order], np.asarray(output, dtype=float)
         mixture = self._mixture(rows)
         mixture[0][1].likelihood.check(output)
-        return _log_density_of(mixture, rows, output)
+        return log_density_of(mixture, rows, output)
 
     def score(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
         """Return the expected log predictive density: its mean over the rows.
@@ -349,7 +311,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         if (index < 0).any():
             outside = index < 0
             mixture = self._mixture(X[outside])
-            pointwise[outside] = _log_density_of(mixture, X[outside], y[outside])
+            pointwise[outside] = log_density_of(mixture, X[outside], y[outside])
             khat[outside] = -np.inf
         weights = self._sample_weight
         mean = float(np.average(pointwise, weights=weights))
@@ -375,11 +337,11 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         X, y = self._measured
         random = check_random_state(self.random_state)
-        drawn = self._drawn(None, random)
-        pieces = zip(*(p.eta(X) for p in drawn), strict=True)
+        posteriors = drawn(self._mixture(), None, random)
+        pieces = zip(*(p.eta(X) for p in posteriors), strict=True)
         eta, sigma = (np.concatenate(piece) for piece in pieces)
-        likelihood = drawn[0].likelihood
-        named = [p.named() for p in drawn]
+        likelihood = posteriors[0].likelihood
+        named = [p.named() for p in posteriors]
         shared = [k for k in named[0] if all(k in other for other in named)]
         posterior = {
             k: np.concatenate([other[k] for other in named])
@@ -400,42 +362,3 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         # the score is a log density, not R^2
         tags.regressor_tags.poor_score = True
         return tags
-
-
-def _noise_free(posterior: Posterior, X: FloatArray, random: np.random.RandomState) -> FloatArray:
-    return posterior.likelihood.mean(*posterior.eta(X))
-
-
-def _noisy(posterior: Posterior, X: FloatArray, random: np.random.RandomState) -> FloatArray:
-    return posterior.likelihood.sample(*posterior.eta(X), random)
-
-
-def _log_density_of(
-    mixture: list[tuple[Any, Posterior]], X: FloatArray, y: FloatArray
-) -> FloatArray:
-    """Return the log density of rows under a mixture of posteriors, (n,)."""
-    terms = []
-    for weight, posterior in mixture:
-        log_density = posterior.likelihood.log_density(y, *posterior.eta(X))
-        with np.errstate(divide="ignore"):  # a weight may be zero at some rows
-            log_weight = np.log(weight) - np.log(len(log_density))
-        terms.append(special.logsumexp(log_density, axis=0) + log_weight)
-    return special.logsumexp(terms, axis=0)
-
-
-def _quantile(parts: list[tuple[Any, FloatArray, FloatArray]], probability: float) -> FloatArray:
-    """Return the quantile of a mixture of normals on the scale of eta, by bisection."""
-    reach = 9 * np.concatenate([sigma for _, _, sigma in parts]).max(axis=0)
-    low = np.concatenate([eta for _, eta, _ in parts]).min(axis=0) - reach
-    high = np.concatenate([eta for _, eta, _ in parts]).max(axis=0) + reach
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        below = sum(
-            weight * special.ndtr((middle - eta) / sigma).mean(axis=0)
-            for weight, eta, sigma in parts
-        )
-        low, high = (
-            np.where(below < probability, middle, low),
-            np.where(below < probability, high, middle),
-        )
-    return 0.5 * (low + high)

@@ -24,9 +24,10 @@ from hybridsurrogate.estimators.fitting import (
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.estimators.predictive_weighted import PredictiveWeightedSurrogate
 from hybridsurrogate.estimators.problem import Problem
-from hybridsurrogate.inference.collapsed import powers_of
-from hybridsurrogate.inference.importance import KHAT_LIMIT, Proposals
+from hybridsurrogate.inference.importance import Proposals
 from hybridsurrogate.inference.moment_matching import matched_draws
+from hybridsurrogate.inference.pareto import KHAT_LIMIT
+from hybridsurrogate.inference.powers import powers_of
 from hybridsurrogate.priors import FloatArray
 
 _MIN_EFFECTIVE = 200.0

@@ -9,16 +9,10 @@ import numpy as np
 from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.inference.collapsed import CollapsedPosterior
 from hybridsurrogate.inference.ensemble import EnsembleDraws, EnsembleSampler, short_ensemble
-from hybridsurrogate.inference.importance import (
-    KHAT_LIMIT,
-    Gaussian,
-    ImportanceDraws,
-    Proposals,
-    distinct,
-    find_modes,
-    importance_draws,
-)
+from hybridsurrogate.inference.importance import ImportanceDraws, Proposals, importance_draws
 from hybridsurrogate.inference.laplace import LaplacePosterior
+from hybridsurrogate.inference.modes import Gaussian, distinct, find_modes
+from hybridsurrogate.inference.pareto import KHAT_LIMIT
 from hybridsurrogate.inference.second_step import conditional_draws
 from hybridsurrogate.inference.starts import further_points, starting_points
 from hybridsurrogate.inference.two_step import MeasuredDraws, second_step

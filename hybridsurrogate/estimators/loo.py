@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from hybridsurrogate.estimators.fitting import Fit, fit_problem, measured_draws
 from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.inference.ensemble import EnsembleSampler
-from hybridsurrogate.inference.importance import KHAT_LIMIT
 from hybridsurrogate.inference.leave_one_out import PointwiseLoo, pointwise_loo
+from hybridsurrogate.inference.pareto import KHAT_LIMIT
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray
 

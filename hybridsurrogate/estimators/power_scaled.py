@@ -14,9 +14,9 @@ from hybridsurrogate.estimators.fitting import Fit, fit_problem
 from hybridsurrogate.estimators.loo import loo_of_fit
 from hybridsurrogate.estimators.problem import Problem, make_problem
 from hybridsurrogate.estimators.rows import MeasuredRows
-from hybridsurrogate.inference.collapsed import powers_of
 from hybridsurrogate.inference.ensemble import EnsembleSampler
 from hybridsurrogate.inference.leave_one_out import PointwiseLoo
+from hybridsurrogate.inference.powers import powers_of
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray, Prior

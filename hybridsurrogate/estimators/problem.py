@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context
-from hybridsurrogate.inference.collapsed import Statistics, statistics
-from hybridsurrogate.inference.laplace import Runs
+from hybridsurrogate.inference.linear_rows import Runs
 from hybridsurrogate.inference.measured import MeasuredModel
+from hybridsurrogate.inference.statistics import Statistics, statistics
 from hybridsurrogate.likelihoods import Likelihood, TransformedNormal
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation import SimulationData, Simulator

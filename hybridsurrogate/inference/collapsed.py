@@ -8,44 +8,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
+from hybridsurrogate.inference.fixed_rows import FixedRows, few_rows, fixed_rows
 from hybridsurrogate.inference.measured import MeasuredModel, prior_log_density
+from hybridsurrogate.inference.statistics import ROUNDING, Statistics
 from hybridsurrogate.priors import FloatArray, Prior
 
 _LOG_2PI = float(np.log(2 * np.pi))
 
-# a fit can be exact to the last digit (a polynomial fitted to a polynomial): this share of the
-# output's spread stands for the rounding of the numbers and keeps sigma away from zero
-ROUNDING = 1e-6
 _NO_NOISE = 1e-20
 
 # numbers in one block of matrices; larger batches are cut so that memory stays bounded
 _BLOCK = 8_000_000
-
-
-@dataclass(frozen=True)
-class Statistics:
-    """Sufficient statistics of rows ``y = features @ c + noise``: all that a fit needs of them."""
-
-    n: float
-    ff: FloatArray
-    fy: FloatArray
-    yy: float
-
-
-def statistics(
-    features: FloatArray, y: FloatArray, scale: float, weights: FloatArray | None = None
-) -> Statistics:
-    """Return the sufficient statistics of n rows with features (n, p) and weights (n,)."""
-    n = float(len(y))
-    if weights is not None:
-        n = float(weights.sum())
-        features, y = features * np.sqrt(weights)[:, None], y * np.sqrt(weights)
-    rounding = n * (ROUNDING * scale) ** 2
-    return Statistics(n, features.T @ features, features.T @ y, float(y @ y) + rounding)
 
 
 @dataclass(frozen=True)
@@ -162,7 +138,7 @@ class CollapsedPosterior:
         return not self.model.n_hyper and (not self.measured_power or not self.model.n_unknowns)
 
     @cached_property
-    def _fixed_rows(self) -> _FixedRows:
+    def _fixed_rows(self) -> FixedRows:
         mean, precision = self._prior
         sd = precision**-0.5
         u = np.zeros((1, self.n_dimensions))
@@ -170,9 +146,9 @@ class CollapsedPosterior:
             rows, log_noise = self._measured_rows(u)
             rows = np.sqrt(self.measured_power) * rows[0]
             rounding = self.measured_power * self._rounding
-            return _few_rows(rows, mean, sd, rounding, float(log_noise[0]))
+            return few_rows(rows, mean, sd, rounding, float(log_noise[0]))
         gram, log_noise = self._gram(u)
-        return _fixed_rows(gram[0], mean, sd, float(log_noise[0]))
+        return fixed_rows(gram[0], mean, sd, float(log_noise[0]))
 
     @property
     def _few(self) -> bool:
@@ -343,73 +319,12 @@ class CollapsedPosterior:
         return draws[:, :p], draws[:, p:]
 
 
-@dataclass(frozen=True)
-class _FixedRows:
-    """Rows that do not depend on the unknowns, in coordinates in which they are independent.
-
-    With c = mean + axes @ v the prior of v is standard normal and the rows say v_k times root of
-    ``size_k`` is ``along_k`` with noise variance sigma^2: one spectral decomposition instead of a
-    Cholesky factor for every sigma. The axes may be fewer than the coefficients: in the directions
-    that are left, of which no row speaks, the prior stays.
-    """
-
-    mean: FloatArray
-    sd: FloatArray
-    axes: FloatArray
-    size: FloatArray
-    along: FloatArray
-    rest: float
-    log_noise: float
-
-    def marginal(self, variance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """As `CollapsedPosterior._marginal`, for noise variances (J,)."""
-        total = variance[:, None] + self.size
-        log_det = np.log(total / variance[:, None]).sum(axis=1)
-        left = self.rest / variance + (self.along**2 / total).sum(axis=1)
-        return log_det, left, np.full(len(variance), self.log_noise)
-
-    def draws(self, variance: FloatArray, noise: FloatArray) -> FloatArray:
-        """Return coefficients for noise variances (J,) and standard normal numbers (J, p)."""
-        total = variance[:, None] + self.size
-        whole = self.axes.shape[0] == self.axes.shape[1]
-        told = noise if whole else noise @ (self.axes / self.sd[:, None])
-        v = np.sqrt(self.size) * self.along / total + np.sqrt(variance[:, None] / total) * told
-        if whole:
-            return self.mean + v @ self.axes.T
-        return self.mean + self.sd * noise + (v - told) @ self.axes.T
-
-
-def _fixed_rows(gram: FloatArray, mean: FloatArray, sd: FloatArray, log_noise: float) -> _FixedRows:
-    ff, fy, yy = gram[:-1, :-1], gram[:-1, -1], gram[-1, -1]
-    size, vectors = np.linalg.eigh(sd[:, None] * ff * sd)
-    axes = sd[:, None] * vectors
-    # directions that no row speaks about: their size is rounding
-    told = size > 1e-13 * max(size.max(initial=0.0), 1e-300)
-    size = np.where(told, size, 0.0)
-    along = np.where(told, axes.T @ (fy - ff @ mean), 0.0) / np.sqrt(np.where(told, size, 1.0))
-    rest = yy - 2 * mean @ fy + mean @ ff @ mean - along @ along
-    return _FixedRows(mean, sd, axes, size, along, max(float(rest), 0.0), log_noise)
-
-
 def _covariance(rows: FloatArray, variance: FloatArray) -> FloatArray:
     """Return the prior covariance of rows (J, n, p) plus noise, (J, n, n)."""
     out = rows @ np.swapaxes(rows, 1, 2)
     n = rows.shape[1]
     out[:, np.arange(n), np.arange(n)] += variance[:, None]
     return out
-
-
-def _few_rows(
-    rows: FloatArray, mean: FloatArray, sd: FloatArray, rounding: float, log_noise: float
-) -> _FixedRows:
-    """As `_fixed_rows`, from n rows [features, y] that are fewer than the coefficients."""
-    left, root, right = np.linalg.svd(rows[:, :-1] * sd, full_matrices=False)
-    told = root > 3e-7 * max(root.max(initial=0.0), 1e-300)
-    size = np.where(told, root**2, 0.0)
-    residual = rows[:, -1] - rows[:, :-1] @ mean
-    along = np.where(told, left.T @ residual, 0.0)
-    rest = float(residual @ residual - along @ along) + rounding
-    return _FixedRows(mean, sd, sd[:, None] * right.T, size, along, max(rest, 0.0), log_noise)
 
 
 def nudged_cholesky(matrices: FloatArray) -> FloatArray:
@@ -423,22 +338,3 @@ def nudged_cholesky(matrices: FloatArray) -> FloatArray:
         matrices = matrices.copy()
         matrices[:, np.arange(size), np.arange(size)] += nudge
         return np.linalg.cholesky(matrices)
-
-
-def powers_of(beta: Any) -> tuple[Any, Any]:
-    """Return (alpha_S, alpha_R), the powers of the two likelihoods (arXiv 2412.11875, section 2).
-
-    For a weight or an array of weights.
-
-    Examples
-    --------
-    >>> powers_of(0.5), powers_of(0.0), powers_of(1.0)
-    ((1.0, 1.0), (0.0, 1.0), (1.0, 0.0))
-    """
-    if np.ndim(beta):
-        return np.minimum(beta / np.maximum(1 - beta, 1e-300), 1.0), np.minimum(
-            (1 - beta) / np.maximum(beta, 1e-300), 1.0
-        )
-    if beta < 0.5:
-        return beta / (1 - beta), 1.0
-    return 1.0, (1 - beta) / beta

@@ -8,13 +8,13 @@ pairs (u, v) are exact, so the approximation costs effective draws and never cor
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hybridsurrogate.inference.collapsed import nudged_cholesky
+from hybridsurrogate.inference.linear_rows import Design, Part, Rows, Runs
 from hybridsurrogate.inference.measured import MeasuredModel, prior_log_density
 from hybridsurrogate.likelihoods.base import Likelihood
 from hybridsurrogate.priors import FloatArray, Prior
@@ -29,27 +29,6 @@ _WIDTH_ROUNDS, _WIDTH_STEPS = 3, 4
 _NEGLIGIBLE = 1e-4
 # numbers in one block of features; larger batches are cut so that memory stays bounded
 _BLOCK = 4_000_000
-
-
-@dataclass(frozen=True)
-class Rows:
-    """Rows with a likelihood: observed values and the powers of their densities.
-
-    Attributes
-    ----------
-    y, weights : ndarray of shape (n,)
-    """
-
-    y: FloatArray
-    weights: FloatArray
-
-
-@dataclass(frozen=True)
-class Runs(Rows):
-    """Simulation runs: inputs (n, n_inputs) and parameters (n, n_parameters) beside the values."""
-
-    X: FloatArray
-    omega: FloatArray
 
 
 @dataclass(frozen=True)
@@ -117,7 +96,7 @@ class LaplacePosterior:
             return prior_log_density(u[:, :-1]) + self.noise_prior.logpdf(sigma) + u[:, -1]
 
     def _likelihood(
-        self, design: _Design, u: FloatArray, v: FloatArray, smoothed: bool = False
+        self, design: Design, u: FloatArray, v: FloatArray, smoothed: bool = False
     ) -> FloatArray:
         told = self.likelihood.smoothed if smoothed else self.likelihood.log_density
         sigma = np.exp(u[:, -1:])
@@ -143,7 +122,7 @@ class LaplacePosterior:
     def _with_runs(self) -> bool:
         return self.runs is not None and bool(self.simulation_power)
 
-    def _design(self, u: FloatArray, truncated: bool) -> _Design:
+    def _design(self, u: FloatArray, truncated: bool) -> Design:
         """Return what is linear in v, for the runs and for the measured rows."""
         model = self.model
         values = model.values(u[:, :-1])
@@ -160,9 +139,9 @@ class LaplacePosterior:
             parts.append(self._run_part(hyper, factor))
         if self.measured_power:
             parts.append(self._measured_part(values, factor))
-        return _Design(parts, kept)
+        return Design(parts, kept)
 
-    def _run_part(self, hyper: FloatArray, factor: FloatArray | None) -> _Part:
+    def _run_part(self, hyper: FloatArray, factor: FloatArray | None) -> Part:
         assert self.runs is not None
         basis, runs = self.model.basis, self.runs
         features = self._run_features
@@ -176,21 +155,21 @@ class LaplacePosterior:
         known = known + features @ basis.coefficient_mean
         whitened = features * basis.coefficient_sd if factor is None else features @ factor
         padding = [(0, 0)] * (whitened.ndim - 1) + [(0, len(self.model.column_sd))]
-        return _Part(known, np.pad(whitened, padding), np.ones((1, 1)))
+        return Part(known, np.pad(whitened, padding), np.ones((1, 1)))
 
     @cached_property
     def _run_features(self) -> FloatArray:
         assert self.runs is not None
         return self.model.basis.features(self.runs.X, self.runs.omega)
 
-    def _measured_part(self, values: FloatArray, factor: FloatArray | None) -> _Part:
+    def _measured_part(self, values: FloatArray, factor: FloatArray | None) -> Part:
         basis = self.model.basis
         parts = self.model.parts(self.X, values)
         known = parts.known + parts.features @ basis.coefficient_mean
         features = parts.features
         whitened = features * basis.coefficient_sd if factor is None else features @ factor
         columns = parts.columns * self.model.column_sd
-        return _Part(known, np.concatenate([whitened, columns], axis=2), parts.noise)
+        return Part(known, np.concatenate([whitened, columns], axis=2), parts.noise)
 
     def _blocks(self, u: FloatArray) -> list[FloatArray]:
         n = len(self.y) + (len(self.runs.y) if self.runs else 0)
@@ -266,7 +245,7 @@ class LaplacePosterior:
         """
         whole = self._design(u, truncated=True)
         # inside, v holds the directions that are kept and nothing else
-        design = _Design(whole.parts, np.arange(len(whole.kept)))
+        design = Design(whole.parts, np.arange(len(whole.kept)))
         v: FloatArray = np.zeros((len(u), len(whole.kept)))
         sigma = np.exp(u[:, -1:])
         if self.likelihood.rough:
@@ -279,7 +258,7 @@ class LaplacePosterior:
         return _Fit(whole, v, factor, log_det, self._prior(u) + value)
 
     def _climb(
-        self, design: _Design, u: FloatArray, v: FloatArray, n_steps: int
+        self, design: Design, u: FloatArray, v: FloatArray, n_steps: int
     ) -> tuple[FloatArray, FloatArray]:
         """Climb from v (J, p) by Newton steps, halved where they overshoot; return mode, value."""
         sigma, v = np.exp(u[:, -1:]), v.copy()
@@ -309,7 +288,7 @@ class LaplacePosterior:
                 break
         return v, value
 
-    def _newton_step(self, design: _Design, sigma: FloatArray, v: FloatArray) -> FloatArray:
+    def _newton_step(self, design: Design, sigma: FloatArray, v: FloatArray) -> FloatArray:
         gradient, hessian = -v, _identity(v)
         for rows, part in zip(self._rows, design.parts, strict=True):
             score, curvature = self._derivatives(rows, part, sigma, v)
@@ -317,14 +296,14 @@ class LaplacePosterior:
             hessian = hessian + part.gram(curvature)
         return np.linalg.solve(hessian, gradient[..., None])[..., 0]
 
-    def _factor(self, design: _Design, sigma: FloatArray, v: FloatArray) -> FloatArray:
+    def _factor(self, design: Design, sigma: FloatArray, v: FloatArray) -> FloatArray:
         hessian = _identity(v)
         for rows, part in zip(self._rows, design.parts, strict=True):
             hessian = hessian + part.gram(self._derivatives(rows, part, sigma, v)[1])
         return nudged_cholesky(hessian)
 
     def _derivatives(
-        self, rows: Rows, part: _Part, sigma: FloatArray, v: FloatArray
+        self, rows: Rows, part: Part, sigma: FloatArray, v: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         with np.errstate(over="ignore", invalid="ignore"):
             score, curvature = self.likelihood.derivatives(
@@ -340,73 +319,10 @@ def _identity(v: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class _Part:
-    """``eta = known + design @ v`` for some rows; a design that all draws share is (n, p).
-
-    ``width`` (J, n) is how far eta is open; None: not known yet, or not asked for.
-    """
-
-    known: FloatArray
-    design: FloatArray
-    noise: FloatArray
-    width: FloatArray | None = None
-
-    def eta(self, v: FloatArray) -> FloatArray:
-        if self.design.ndim == 2:
-            return self.known + v @ self.design.T
-        return self.known + (self.design @ v[..., None])[..., 0]
-
-    def back(self, score: FloatArray) -> FloatArray:
-        if self.design.ndim == 2:
-            return score @ self.design
-        return (score[:, None, :] @ self.design)[:, 0]
-
-    def gram(self, curvature: FloatArray) -> FloatArray:
-        if self.design.ndim == 3:
-            return np.swapaxes(self.design, 1, 2) @ (self.design * curvature[..., None])
-        p = self.design.shape[1]
-        upper = np.triu_indices(p)
-        products = curvature @ (self.design[:, upper[0]] * self.design[:, upper[1]])
-        out = np.empty((len(curvature), p, p))
-        out[:, upper[0], upper[1]] = out[:, upper[1], upper[0]] = products
-        return out
-
-    def take(self, active: FloatArray) -> _Part:
-        return _Part(
-            self.known if len(self.known) == 1 else self.known[active],
-            self.design if self.design.ndim == 2 else self.design[active],
-            self.noise if len(self.noise) == 1 else self.noise[active],
-            None if self.width is None else self.width[active],
-        )
-
-    def widened(self, factor: FloatArray) -> _Part:
-        """Return the part with the deviations of eta for precisions ``factor @ factor'``."""
-        design = np.broadcast_to(self.design, (len(factor), *self.design.shape[-2:]))
-        half = np.linalg.solve(factor, np.swapaxes(design, 1, 2))
-        return replace(self, width=np.sqrt(np.sum(half**2, axis=1)))
-
-
-@dataclass(frozen=True)
-class _Design:
-    """Parts linear in ``v[:, kept]``."""
-
-    parts: list[_Part]
-    kept: NDArray[np.intp]
-
-    def take(self, active: FloatArray) -> _Design:
-        if active.all():
-            return self
-        return _Design([part.take(active) for part in self.parts], self.kept)
-
-    def widened(self, factor: FloatArray) -> _Design:
-        return _Design([part.widened(factor) for part in self.parts], self.kept)
-
-
-@dataclass(frozen=True)
 class _Fit:
     """Gaussian approximation of v given u: mode, Cholesky factor of its precision."""
 
-    design: _Design
+    design: Design
     mode: FloatArray
     factor: FloatArray
     log_det: FloatArray

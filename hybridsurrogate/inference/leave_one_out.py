@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import optimize, special
 
-from hybridsurrogate.inference.importance import pareto_smooth
+from hybridsurrogate.inference.pareto import pareto_smooth
 from hybridsurrogate.priors import FloatArray
 
 

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.inference.collapsed import Statistics
 from hybridsurrogate.inference.layout import Layout
 from hybridsurrogate.inference.measured import MeasuredModel
+from hybridsurrogate.inference.statistics import Statistics
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.surrogates.base import Basis
 

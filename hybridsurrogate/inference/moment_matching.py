@@ -5,14 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
-from hybridsurrogate.inference.importance import (
-    KHAT_LIMIT,
-    ImportanceDraws,
-    LogDensity,
-    Proposals,
-    pareto_smooth,
-    systematic_resample,
-)
+from hybridsurrogate.inference.importance import ImportanceDraws, Proposals, systematic_resample
+from hybridsurrogate.inference.modes import LogDensity
+from hybridsurrogate.inference.pareto import KHAT_LIMIT, pareto_smooth
 from hybridsurrogate.priors import FloatArray
 
 _MAX_TRANSFORMS = 6

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hybridsurrogate.inference.collapsed import ROUNDING
+from hybridsurrogate.inference.statistics import ROUNDING
 from hybridsurrogate.priors import FloatArray, Prior
 
 _N_TABLE = 1500

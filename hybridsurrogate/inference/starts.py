@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.inference.collapsed import CollapsedPosterior, Statistics, statistics
+from hybridsurrogate.inference.collapsed import CollapsedPosterior
 from hybridsurrogate.inference.laplace import LaplacePosterior
 from hybridsurrogate.inference.layout import layout
 from hybridsurrogate.inference.linearised import coefficient_belief
 from hybridsurrogate.inference.scan import climb
+from hybridsurrogate.inference.statistics import Statistics, statistics
 from hybridsurrogate.priors import FloatArray, to_normal
 
 _MAX_STARTS = 5

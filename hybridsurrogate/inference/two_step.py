@@ -13,16 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.inference.collapsed import ROUNDING
-from hybridsurrogate.inference.importance import (
-    Gaussian,
-    find_modes,
-    mixture_draws,
-    moment_match,
-    pareto_smooth,
-)
+from hybridsurrogate.inference.importance import mixture_draws, moment_match
 from hybridsurrogate.inference.measured import MeasuredModel, prior_log_density
+from hybridsurrogate.inference.modes import Gaussian, find_modes
 from hybridsurrogate.inference.noise import marginal_over_noise, noise_grid
+from hybridsurrogate.inference.pareto import pareto_smooth
+from hybridsurrogate.inference.statistics import ROUNDING
 from hybridsurrogate.priors import FloatArray, Prior
 
 _GRID_NODES = {0: 1, 1: 101, 2: 41}

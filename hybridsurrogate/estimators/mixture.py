@@ -1,0 +1,124 @@
+"""Predictions of a mixture of posteriors: moments, quantiles, densities and draws."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from numbers import Integral
+from typing import Any
+
+import numpy as np
+from scipy import special
+from sklearn.utils import check_scalar
+
+from hybridsurrogate.posterior import Posterior
+from hybridsurrogate.priors import FloatArray
+
+# posteriors with their weights: numbers, or arrays (n,) that change with the row
+Mixture = list[tuple[Any, Posterior]]
+MixtureAt = Callable[..., Mixture]
+Draw = Callable[[Posterior, FloatArray, np.random.RandomState], FloatArray]
+
+
+def moments(
+    mixture: Mixture, X: FloatArray, with_variance: bool
+) -> tuple[FloatArray, FloatArray | None]:
+    """Return mean and, where asked for, variance of y at rows X, noise included: arrays (n,).
+
+    By the law of total variance around the mean, so that a large offset costs no digits.
+    """
+    parts = [(weight, p, *p.eta(X)) for weight, p in mixture]
+    means = [p.likelihood.mean(eta, sigma) for _, p, eta, sigma in parts]
+    mean = np.sum([w * m.mean(axis=0) for (w, *_), m in zip(parts, means, strict=True)], axis=0)
+    if not with_variance:
+        return mean, None
+    # far outside the data a log-normal variance is infinite for practical purposes
+    with np.errstate(over="ignore"):
+        variance = np.sum(
+            [
+                w * (p.likelihood.variance(eta, sigma) + (m - mean) ** 2).mean(axis=0)
+                for (w, p, eta, sigma), m in zip(parts, means, strict=True)
+            ],
+            axis=0,
+        )
+    return mean, variance
+
+
+def samples(
+    mixture_at: MixtureAt,
+    X: FloatArray,
+    n_draws: int | None,
+    random: np.random.RandomState,
+    draw: Draw,
+) -> FloatArray:
+    """Return draws (n_draws, n) of the mixture at each row."""
+    mixture = mixture_at(X)
+    if all(np.ndim(weight) == 0 for weight, _ in mixture):
+        return np.concatenate([draw(p, X, random) for p in drawn(mixture_at(), n_draws, random)])
+    # weights that change with the row: one number a draw decides at all rows, so a draw is a
+    # curve that changes its surrogate where the weight passes that number
+    n = mixture[0][1].n_draws if n_draws is None else n_draws
+    check_scalar(n, "n_draws", Integral, min_val=1)
+    level = random.uniform(size=(n, 1))
+    out, below = np.empty((n, len(X))), np.zeros(len(X))
+    for weight, posterior in mixture:
+        index = random.choice(posterior.n_draws, n, n > posterior.n_draws)
+        values = draw(posterior.take(index), X, random)
+        chosen = (level >= below) & (level < below + weight)
+        below = below + weight
+        out = np.where(chosen, values, out)
+    return out
+
+
+def drawn(
+    mixture: Mixture, n_draws: int | None, random_state: np.random.RandomState
+) -> list[Posterior]:
+    """Return posteriors whose draws together make n_draws of the mixture."""
+    n = sum(p.n_draws for _, p in mixture) // len(mixture) if n_draws is None else n_draws
+    check_scalar(n, "n_draws", Integral, min_val=1)
+    if len(mixture) == 1 and n_draws is None:
+        return [mixture[0][1]]
+    counts = random_state.multinomial(n, [weight for weight, _ in mixture])
+    return [
+        posterior.take(random_state.choice(posterior.n_draws, count, count > posterior.n_draws))
+        for count, (_, posterior) in zip(counts, mixture, strict=True)
+        if count
+    ]
+
+
+def noise_free(posterior: Posterior, X: FloatArray, random: np.random.RandomState) -> FloatArray:
+    """Return the mean of y for each draw, (S, n)."""
+    return posterior.likelihood.mean(*posterior.eta(X))
+
+
+def noisy(posterior: Posterior, X: FloatArray, random: np.random.RandomState) -> FloatArray:
+    """Return y drawn once for each draw, (S, n)."""
+    return posterior.likelihood.sample(*posterior.eta(X), random)
+
+
+def log_density_of(mixture: Mixture, X: FloatArray, y: FloatArray) -> FloatArray:
+    """Return the log density of rows under a mixture of posteriors, (n,)."""
+    terms = []
+    for weight, posterior in mixture:
+        log_density = posterior.likelihood.log_density(y, *posterior.eta(X))
+        with np.errstate(divide="ignore"):  # a weight may be zero at some rows
+            log_weight = np.log(weight) - np.log(len(log_density))
+        terms.append(special.logsumexp(log_density, axis=0) + log_weight)
+    return special.logsumexp(terms, axis=0)
+
+
+def quantile(parts: list[tuple[Any, FloatArray, FloatArray]], probability: float) -> FloatArray:
+    """Return the quantile of a mixture of normals on the scale of eta, by bisection."""
+    reach = 9 * np.concatenate([sigma for _, _, sigma in parts]).max(axis=0)
+    low = np.concatenate([eta for _, eta, _ in parts]).min(axis=0) - reach
+    high = np.concatenate([eta for _, eta, _ in parts]).max(axis=0) + reach
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        below = sum(
+            weight * special.ndtr((middle - eta) / sigma).mean(axis=0)
+            for weight, eta, sigma in parts
+        )
+        low, high = (
+            np.where(below < probability, middle, low),
+            np.where(below < probability, high, middle),
+        )
+    return 0.5 * (low + high)

@@ -1,0 +1,100 @@
+"""Rows that are linear in the coefficients, for a batch of draws of everything else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybridsurrogate.priors import FloatArray
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows with a likelihood: observed values and the powers of their densities.
+
+    Attributes
+    ----------
+    y, weights : ndarray of shape (n,)
+    """
+
+    y: FloatArray
+    weights: FloatArray
+
+
+@dataclass(frozen=True)
+class Runs(Rows):
+    """Simulation runs: inputs (n, n_inputs) and parameters (n, n_parameters) beside the values."""
+
+    X: FloatArray
+    omega: FloatArray
+
+
+@dataclass(frozen=True)
+class Part:
+    """``eta = known + design @ v`` for some rows; a design that all draws share is (n, p).
+
+    ``width`` (J, n) is how far eta is open; None: not known yet, or not asked for.
+    """
+
+    known: FloatArray
+    design: FloatArray
+    noise: FloatArray
+    width: FloatArray | None = None
+
+    def eta(self, v: FloatArray) -> FloatArray:
+        """Return eta (J, n) for v (J, p)."""
+        if self.design.ndim == 2:
+            return self.known + v @ self.design.T
+        return self.known + (self.design @ v[..., None])[..., 0]
+
+    def back(self, score: FloatArray) -> FloatArray:
+        """Return the gradient in v, (J, p), from that in eta, (J, n)."""
+        if self.design.ndim == 2:
+            return score @ self.design
+        return (score[:, None, :] @ self.design)[:, 0]
+
+    def gram(self, curvature: FloatArray) -> FloatArray:
+        """Return the precision that the rows give v, (J, p, p), from curvatures in eta."""
+        if self.design.ndim == 3:
+            return np.swapaxes(self.design, 1, 2) @ (self.design * curvature[..., None])
+        p = self.design.shape[1]
+        upper = np.triu_indices(p)
+        products = curvature @ (self.design[:, upper[0]] * self.design[:, upper[1]])
+        out = np.empty((len(curvature), p, p))
+        out[:, upper[0], upper[1]] = out[:, upper[1], upper[0]] = products
+        return out
+
+    def take(self, active: FloatArray) -> Part:
+        """Return the part for some of the draws."""
+        return Part(
+            self.known if len(self.known) == 1 else self.known[active],
+            self.design if self.design.ndim == 2 else self.design[active],
+            self.noise if len(self.noise) == 1 else self.noise[active],
+            None if self.width is None else self.width[active],
+        )
+
+    def widened(self, factor: FloatArray) -> Part:
+        """Return the part with the deviations of eta for precisions ``factor @ factor'``."""
+        design = np.broadcast_to(self.design, (len(factor), *self.design.shape[-2:]))
+        half = np.linalg.solve(factor, np.swapaxes(design, 1, 2))
+        return replace(self, width=np.sqrt(np.sum(half**2, axis=1)))
+
+
+@dataclass(frozen=True)
+class Design:
+    """Parts linear in ``v[:, kept]``."""
+
+    parts: list[Part]
+    kept: NDArray[np.intp]
+
+    def take(self, active: FloatArray) -> Design:
+        """Return the design for some of the draws."""
+        if active.all():
+            return self
+        return Design([part.take(active) for part in self.parts], self.kept)
+
+    def widened(self, factor: FloatArray) -> Design:
+        """Return the design with all its parts widened."""
+        return Design([part.widened(factor) for part in self.parts], self.kept)
