@@ -1,8 +1,5 @@
 """Every kind of cause: its formula by hand, recovery, extension, the catalogue, the evidence."""
 
-import doctest
-import importlib
-import pkgutil
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +13,6 @@ from scipy.special import logsumexp
 from sklearn.base import clone
 
 import hybridsurrogate as hs
-from hybridsurrogate import effects
 from hybridsurrogate.diagnosis.discrepancy import predict_locally
 from hybridsurrogate.diagnosis.evidence import kind_of, search
 from hybridsurrogate.diagnosis.extension import extend_simulator
@@ -680,14 +676,6 @@ def test_a_picture_of_every_kind(name):
     assert np.isfinite(heights).all()
     assert ax.get_ylabel()
     assert plot_cause(prepared(name), context_of(), ax=ax) is ax
-
-
-@pytest.mark.parametrize("module", [m.name for m in pkgutil.iter_modules(effects.__path__)])
-def test_examples_of_the_docstrings(module):
-    result = doctest.testmod(importlib.import_module(f"hybridsurrogate.effects.{module}"))
-    assert not result.failed
-    others = ("catalogue", "discrepancy_process", "over_column", "picture")
-    assert result.attempted or module in others
 
 
 def test_air_drag_of_the_documentation():
