@@ -10,6 +10,10 @@ from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Matern
 from sklearn.preprocessing import FunctionTransformer, PolynomialFeatures, SplineTransformer
 
 import hybridsurrogate as hs
+from hybridsurrogate.datasets import make_log_sin
+from hybridsurrogate.estimators.fitting import make_target
+from hybridsurrogate.estimators.problem import make_problem
+from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.surrogates import Basis, Domain, Surrogate
 
 LAPLACE = hs.CustomLikelihood(
@@ -215,3 +219,25 @@ def test_no_transformer(simulation, measured):
             hs.PowerScaledSurrogate(simulation, surrogate=hs.FeatureSurrogate(wrong)).fit(*measured)
     with pytest.raises(TypeError, match=r"needs a function\(X, omega, constants\)"):
         hs.PowerScaledSurrogate(simulation, surrogate=hs.ParametricSurrogate()).fit(*measured)
+
+
+@pytest.mark.parametrize("likelihood", ["normal", "student-t"])
+def test_density_of_a_process_does_not_depend_on_the_batch(likelihood):
+    # noise-free runs of a smooth function: sigma is small, so what is left out must be smaller
+    case = make_log_sin(random_state=8)
+    problem = make_problem(
+        case.simulation,
+        hs.GaussianProcess(degree=8),
+        as_likelihood(likelihood),
+        halfnorm(scale=0.5),
+        (),
+        ("x",),
+        case.X,
+        case.y,
+    )
+    target = make_target(problem, 1.0, 0.0)
+    mode = np.array([0.0, -5.5, 0.8, 3.5, -4.4])
+    points = mode + 0.3 * np.random.default_rng(0).standard_normal((40, 5))
+    together = target.search_density(points)
+    alone = np.concatenate([target.search_density(point[None]) for point in points])
+    np.testing.assert_allclose(together, alone, atol=0.02)

@@ -26,7 +26,7 @@ _TOLERANCE = 1e-3
 # how often the smoothing of a rough density is matched to its own posterior
 _WIDTH_ROUNDS, _WIDTH_STEPS = 3, 4
 # a direction of v that moves eta by less than this share of the first one is left to its prior
-_NEGLIGIBLE = 1e-4
+_NEGLIGIBLE = 1e-6
 # numbers in one block of features; larger batches are cut so that memory stays bounded
 _BLOCK = 4_000_000
 

@@ -24,7 +24,7 @@ _MAX_DIMENSIONS_DEGREE = 4
 # the polynomials live on a range this much wider, beyond which the process is held constant
 _MARGIN = 1.15
 # a direction whose standard deviation is this share of the first one's does not matter
-_NEGLIGIBLE = 1e-4
+_NEGLIGIBLE = 1e-6
 # share of the prior variance that stands for rounding
 _JITTER = 1e-10
 
