@@ -16,13 +16,14 @@ from scipy import special
 
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.discrepancy_process import GaussianProcessDiscrepancy
+from hybridsurrogate.effects.nothing import Nothing
 from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.inference.layout import Layout, layout, refine
 from hybridsurrogate.inference.linearised import Belief, linearise
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.noise import NoiseTable
 from hybridsurrogate.inference.scan import Peak, climb, scan
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.priors import FloatArray, to_normal
 
 # effects between a fraction of the noise and a few times the spread of the output
 _SMALLEST_SIZE, _LARGEST_SIZE, _N_SIZES = 0.3, 3.0, 10
@@ -31,6 +32,10 @@ _PRIOR_NONE, _PRIOR_UNEXPLAINED = 0.5, 0.02
 # prior probability that a named cause leaves a smooth remainder
 _PRIOR_REMAINDER = 0.1
 _MAX_REFINEMENTS = 5
+# noise below this share of the output's scale is rounding
+_FLOOR = 1e-6
+# causes this far (in nats) behind the best one at the null fit are not followed in earnest
+_PROMISING = 12.0
 _NEUTRAL_MOVES = (0.0, 0.7, -0.7)
 
 
@@ -77,24 +82,41 @@ class Search:
 
 
 def search(
-    problem: Problem, causes: Sequence[Cause], belief: Belief, with_remainder: bool = True
+    problem: Problem,
+    causes: Sequence[Cause],
+    belief: Belief,
+    with_remainder: bool = True,
+    accepted: Weighed | None = None,
 ) -> Search:
     """Weigh "nothing is wrong" and every cause.
 
     Parameters
     ----------
     problem : Problem
-        Without effects.
+        Without effects, or with those that an earlier search accepted.
     causes : sequence of Cause
         Prepared.
     belief : Belief
         About the surrogate's coefficients, from the simulation alone.
     with_remainder : bool
         Also weigh the winners beside a smooth remainder of unknown shape.
+    accepted : Weighed or None
+        The last of the problem's effects as it was found, in place of "nothing is wrong".
     """
     noise = NoiseTable(problem.noise_prior, problem.scale, len(problem.y))
-    null = best_null(problem, belief, noise)
-    peaks = [null, *(best_peak(problem, cause, belief, noise, null) for cause in causes)]
+    if accepted is None:
+        null = best_null(problem, belief, noise)
+    else:
+        null = _nothing_further(problem, accepted, belief)
+    quick = np.array([_at_null(problem, cause, belief, noise, null) for cause in causes])
+    promising = quick > np.max(quick, initial=-np.inf) - _PROMISING
+    peaks = [
+        null,
+        *(
+            best_peak(problem, cause, belief, noise, null, thorough)
+            for cause, thorough in zip(causes, promising, strict=True)
+        ),
+    ]
     smallest = min(sigma for *_, sigma in peaks)
     sizes = np.geomspace(
         _SMALLEST_SIZE * smallest,
@@ -121,6 +143,20 @@ class _Fitted(NamedTuple):
     sigma: float
 
 
+def _nothing_further(problem: Problem, accepted: Weighed, belief: Belief) -> _Fitted:
+    """Fit "nothing else is wrong" from where the accepted cause was found."""
+    model = replace(problem.model, effects=(*problem.model.effects, Nothing()))
+    plan, known = layout(model), accepted.plan
+    z = accepted.peak.z.copy()
+    if len(known.nodes):
+        priors = [accepted.model.priors[k] for k in known.nodes]
+        z[known.nodes] = to_normal(priors, known.grid[accepted.peak.node])
+    largest = _LARGEST_SIZE * problem.scale
+    peak = climb(model, problem.X, problem.y, belief, plan, z, accepted.sigma, largest)
+    sigma = max(float(np.sqrt(peak.squares / len(problem.y))), _FLOOR * problem.scale)
+    return _Fitted(model, plan, peak, sigma)
+
+
 def best_null(problem: Problem, belief: Belief, noise: NoiseTable) -> _Fitted:
     """Fit "nothing is wrong" from several starting points."""
     model = problem.model
@@ -135,22 +171,56 @@ def best_null(problem: Problem, belief: Belief, noise: NoiseTable) -> _Fitted:
     return _best(problem, belief, noise, model, plan, [z[0], *starts], 0.3 * problem.scale)
 
 
-def best_peak(
+def _with_cause(problem: Problem, cause: Cause) -> MeasuredModel:
+    return replace(problem.model, effects=(*problem.model.effects, cause))
+
+
+def _at_null(
     problem: Problem, cause: Cause, belief: Belief, noise: NoiseTable, null: _Fitted
+) -> float:
+    """Return the log evidence of a cause linearised where "nothing is wrong" fits best."""
+    model = _with_cause(problem, cause)
+    plan = layout(model)
+    z = plan.neutral.copy()
+    z[: len(null.peak.z)] = null.peak.z
+    parts = linearise(model, problem.X, belief, plan, z)
+    sizes = np.geomspace(_SMALLEST_SIZE * null.sigma, _LARGEST_SIZE * problem.scale, 4)
+    return float(special.logsumexp(scan(parts, problem.y[None], null.sigma, noise, sizes)[0]))
+
+
+def best_peak(
+    problem: Problem,
+    cause: Cause,
+    belief: Belief,
+    noise: NoiseTable,
+    null: _Fitted,
+    thorough: bool = True,
 ) -> _Fitted:
-    """Fit one cause, starting from the null fit and from the prior's centre."""
-    model = replace(problem.model, effects=(cause,))
+    """Fit one cause, starting from the null fit and from the prior's centre.
+
+    A cause that is far behind already is followed from the null fit alone, on its first grid.
+    """
+    model = _with_cause(problem, cause)
     plan = layout(model)
     starts = []
     centres = [null.peak.z]
-    if np.linalg.norm(null.peak.z) > 1.0:
-        centres.append(np.zeros(len(null.peak.z)))
+    if np.linalg.norm(null.peak.z[: model.n_parameters]) > 1.0:
+        # the simulation's parameters start anew, accepted causes stay where they are
+        anew = null.peak.z.copy()
+        anew[: model.n_parameters] = 0.0
+        centres.append(anew)
     for z_parameters in centres:
         for move in _NEUTRAL_MOVES if len(plan.sizes) else (0.0,):
             z = plan.neutral.copy()
             z[: len(z_parameters)] = z_parameters
             z[plan.sizes] += move
             starts.append(z)
+    if not thorough:
+        largest = _LARGEST_SIZE * problem.scale
+        peak = climb(model, problem.X, problem.y, belief, plan, starts[0], null.sigma, largest)
+        if np.isfinite(peak.objective):
+            sigma = float(np.sqrt(peak.squares / len(problem.y)))
+            return _Fitted(model, plan, peak, max(sigma, _FLOOR * problem.scale))
     return _best(problem, belief, noise, model, plan, starts, null.sigma)
 
 
@@ -165,14 +235,13 @@ def _best(
 ) -> _Fitted:
     """Climb from every start, then again with the noise that the best fit suggests."""
     largest = _LARGEST_SIZE * problem.scale
-    floor = 1e-6 * problem.scale
     peaks = [climb(model, problem.X, problem.y, belief, plan, z, sigma, largest) for z in starts]
     peak = min(peaks, key=lambda found: found.objective)
     if not np.isfinite(peak.objective):
         return _Fitted(model, plan, peak, sigma)
     sizes = np.array([largest])
     for round_ in range(_MAX_REFINEMENTS):
-        sigma = max(float(np.sqrt(peak.squares / len(problem.y))), floor)
+        sigma = max(float(np.sqrt(peak.squares / len(problem.y))), _FLOOR * problem.scale)
         finer = plan
         if len(plan.nodes):
             parts = linearise(model, problem.X, belief, plan, peak.z)
@@ -201,7 +270,8 @@ def _weigh_remainder(
     model, lengths = process.model, layout(process.model)
     values = np.repeat(model.values(np.zeros((1, model.n_unknowns))), len(lengths.grid), axis=0)
     values[:, lengths.nodes] = lengths.grid
-    bases = model.added(problem.X, values)
+    own = [owner == len(model.effects) - 1 for owner, _ in model.column_names]
+    bases = model.added(problem.X, values)[:, :, own]
     bases = bases / np.sqrt(np.mean(np.sum(bases**2, axis=2), axis=1))[:, None, None]
     out = []
     for w, probability in zip(weighed, quick, strict=True):
