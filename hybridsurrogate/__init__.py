@@ -4,6 +4,8 @@ from hybridsurrogate.diagnosis import CauseFinding, DiscrepancyDiagnosis
 from hybridsurrogate.effects import (
     Bump,
     Cause,
+    DynamicDrift,
+    DynamicTerm,
     Gain,
     GaussianProcessDiscrepancy,
     MissingInput,
@@ -40,6 +42,7 @@ from hybridsurrogate.likelihoods import (
     Poisson,
     StudentT,
 )
+from hybridsurrogate.ode import OdeSimulator
 from hybridsurrogate.priors import truncated_normal
 from hybridsurrogate.simulation import Assumed, SimulationData, Simulator, read_simulation
 from hybridsurrogate.surrogates import (
@@ -61,6 +64,8 @@ __all__ = [
     "CustomLikelihood",
     "DiagnosisWarning",
     "DiscrepancyDiagnosis",
+    "DynamicDrift",
+    "DynamicTerm",
     "EnsembleSampler",
     "ExactSurrogate",
     "ExtrapolationWarning",
@@ -77,6 +82,7 @@ __all__ = [
     "NegativeBinomial",
     "NetworkSurrogate",
     "Normal",
+    "OdeSimulator",
     "Offset",
     "ParameterDrift",
     "ParametricSurrogate",

@@ -146,7 +146,7 @@ def best_peak(
     problem: Problem, cause: Cause, belief: Belief, noise: NoiseTable, null: _Fitted
 ) -> _Fitted:
     """Fit one cause, starting from the null fit and from the prior's centre."""
-    model = replace(problem.model, effects=(cause,))
+    model = problem.model.with_effects((cause,))
     plan = layout(model)
     starts = []
     centres = [null.peak.z]

@@ -10,6 +10,7 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.likelihoods import Likelihood
+from hybridsurrogate.ode import OdeSimulator
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation import Simulator
 
@@ -58,8 +59,13 @@ def extend_simulator(simulator: Simulator, cause: Cause, problem: Problem) -> Si
     """Return a simulator whose function contains the cause.
 
     The cause's numbers become parameters with their priors; a wrong constant moves from the
-    assumed constants to the parameters; a missing input becomes an input.
+    assumed constants to the parameters; a missing input becomes an input. A cause inside the
+    dynamics gives an `OdeSimulator`.
     """
+    change = cause.modification
+    if change is not None and isinstance(simulator, OdeSimulator):
+        priors = {change.full(name): prior for name, prior in cause.parameters.items()}
+        return simulator.modified([change], priors)
     taken = {*simulator.input_names, *simulator.parameter_names, *simulator.assumed_names}
 
     def public(name: str) -> str:
