@@ -9,12 +9,16 @@ import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.discrepancy_process import GaussianProcessDiscrepancy
+from hybridsurrogate.effects.dynamics import DynamicDrift, DynamicTerm
 from hybridsurrogate.effects.shapes import Bump, MissingInput, Offset, Periodic, Step, Trend
 from hybridsurrogate.effects.simulation_faults import Gain, ParameterDrift, WrongConstant
 
 # a shape over an input needs as many distinct values as it has numbers, and some to spare
 _MIN_DISTINCT = {"trend": 3, "parameter-drift": 3, "step": 6, "periodic": 8, "bump": 8}
 _MIN_ROWS = 4
+# inside the dynamics: a step is a steep logistic course, a ramp nearly a slow one
+_COURSES = ("logistic", "periodic")
+_MIN_TIMES = 8
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,9 @@ def catalogue(context: Context, extra: Sequence[Cause] = ()) -> tuple[list[Cause
         skipped.append(Skipped("wrong-constant", None, "the simulation has no assumed constants"))
     if not context.parameters:
         skipped.append(Skipped("parameter-drift", None, "the simulation has no parameters"))
+    if not context.states:
+        reason = "inside the dynamics: needs an OdeSimulator and surrogate=ExactSurrogate()"
+        skipped.append(Skipped("missing-term", None, reason))
     if not context.extras:
         skipped.append(Skipped("missing-input", None, "no measured column beside the inputs"))
     return causes, skipped
@@ -58,11 +65,24 @@ def _built_in(context: Context) -> Iterator[Cause]:
         yield WrongConstant(constant)
     for column in context.inputs:
         yield from (Trend(column), Periodic(column), Step(column), Bump(column))
+        # a rate that changes in time does so inside the dynamics
+        inside = context.rates if column == context.inputs[0] else ()
         for parameter in context.parameters:
-            yield ParameterDrift(parameter, column)
+            if parameter not in inside:
+                yield ParameterDrift(parameter, column)
+    yield from _inside_dynamics(context)
     for column in context.extras:
         yield MissingInput(column)
     yield GaussianProcessDiscrepancy()
+
+
+def _inside_dynamics(context: Context) -> Iterator[Cause]:
+    for rate in context.rates:
+        for course in _COURSES:
+            yield DynamicDrift(rate, course)
+    for state in context.states:
+        yield DynamicTerm(state, "constant")
+        yield DynamicTerm(state, "proportional")
 
 
 def _reason_to_skip(cause: Cause, context: Context) -> str | None:
@@ -71,6 +91,10 @@ def _reason_to_skip(cause: Cause, context: Context) -> str | None:
         return f"{n} rows are too few"
     if cause.kind == "offset" and context.log_scale:
         return "on a logarithmic scale a constant is a factor, weighed as gain"
+    if cause.modification is not None and context.states:
+        distinct = len(np.unique(context.X[context.inputs[0]]))
+        if distinct < _MIN_TIMES:
+            return f"{context.inputs[0]} has {distinct} distinct values, {_MIN_TIMES} are needed"
     column = getattr(cause, "column", None)
     if column is None or column not in context.X:
         return None

@@ -76,7 +76,7 @@ class DynamicDrift(_Dynamic):
     -----
     Priors of the numbers by default:
 
-    - amount, the relative change: log(1 + amount) is Laplace with standard deviation 0.7, so that
+    - amount, the relative change: log(1 + amount) is normal with standard deviation 0.7, so that
       halving and doubling are ordinary, and p keeps its sign;
     - location: uniform over the measured times;
     - width, duration: log-uniform between two distances of neighbouring rows and half the span;
@@ -150,7 +150,7 @@ class DynamicDrift(_Dynamic):
         spacing = span / max(len(distinct) - 1, 1)
         rise = stats.loguniform(min(2 * spacing, 0.25 * span), 0.5 * span)
         defaults = {
-            "amount": stats.loglaplace(2.0, loc=-1.0),
+            "amount": stats.lognorm(0.7, loc=-1.0),
             "sine": truncated_normal(0.0, 0.35, -0.7, 0.7),
             "cosine": truncated_normal(0.0, 0.35, -0.7, 0.7),
             "location": stats.uniform(low, span),
