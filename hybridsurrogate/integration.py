@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,9 +115,14 @@ def adaptive(
     if not later.any() or not np.isfinite(state).all():
         return out
     span = (start, float(times[later].max()))
-    settings = {"rtol": 1e-8, "atol": 1e-10 * (1 + np.abs(state)), "max_step": max_step}
-    found = solve_ivp(slope, span, state, method=method, dense_output=True, **settings)
+    settings: dict[str, Any] = {
+        "method": method,
+        "rtol": 1e-8,
+        "atol": 1e-10 * (1 + np.abs(state)),
+        "max_step": max_step,
+    }
+    found = solve_ivp(slope, span, state, dense_output=True, **settings)
     # what was reached before a failure is not kept: a solution that breaks down is no solution
-    if found.success and np.isfinite(found.y).all():
+    if found.success and found.sol is not None and np.isfinite(found.y).all():
         out[:, later] = found.sol(times[later])
     return out

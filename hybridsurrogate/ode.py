@@ -11,7 +11,8 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from hybridsurrogate.dynamics import Modification
-from hybridsurrogate.ode_function import OdeFunction, accepted_names
+from hybridsurrogate.ode_checks import accepted_names
+from hybridsurrogate.ode_function import OdeFunction
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation import Simulator
 from hybridsurrogate.variables import Assumed, Range, check_ranges
@@ -86,9 +87,10 @@ class OdeSimulator(Simulator):
     ...     assumed={"recovery": hs.Assumed(0.2, hs.truncated_normal(0.2, 0.1, 0.05, 0.5))},
     ... )
     >>> simulator([0.0, 10.0, 20.0], np.full((3, 1), 0.6)).round(3)
-    array([0.01 , 0.234, 0.218])
+    array([0.01 , 0.24 , 0.178])
     """
 
+    function: OdeFunction
     rhs: Callable[..., Any]
     initial_state: Start
     observe: Callable[..., Any]
@@ -243,9 +245,9 @@ class OdeSimulator(Simulator):
             if not set(names) <= set(omega.columns):
                 return super()._check_points(X, omega)
             omega = omega[list(names)]
-        if not self.modifiers or np.shape(omega)[1:] != (len(names),):
+        values = np.empty((0, 0)) if omega is None else np.array(omega, dtype=float)
+        if not self.modifiers or values.shape[1:] != (len(names),):
             return super()._check_points(X, omega)
-        values = np.array(omega, dtype=float)
         own, numbers = np.split(values, [len(self.parameter_ranges)], axis=1)
         X, own = super()._check_points(X, own)
         return X, np.hstack([own, numbers])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,16 +12,13 @@ from numpy.typing import NDArray
 
 from hybridsurrogate.dynamics import Modification
 from hybridsurrogate.integration import adaptive, equal_runs, hermite, runge_kutta
+from hybridsurrogate.ode_checks import WrongShapeError, checked_array
 from hybridsurrogate.priors import FloatArray
 
 Columns = Mapping[str, FloatArray]
 
 # numbers in the states of one batch of solutions: what stays in a processor's cache
 _BLOCK = 4_000_000
-
-
-class _WrongShape(ValueError):
-    """A function of the user's that returns an array of the wrong shape, whatever the row."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +70,9 @@ class OdeFunction:
             states = solutions.at_rows(rows)
             given = {name: columns[name][rows] for name in self.observe_names}
             values = self.observe(states, **given)
-            return _checked(values, "observe", (states.shape[1],), "a number for each solution")
+            return checked_array(
+                values, "observe", (states.shape[1],), "a number for each solution"
+            )
 
         return self._in_batches(columns, observed, ())
 
@@ -91,7 +89,7 @@ class OdeFunction:
         solutions.slope(self.start, state)
         with np.errstate(all="ignore"):
             values = self.observe(state, **{name: columns[name] for name in self.observe_names})
-        _checked(values, "observe", (state.shape[1],), "a number for each solution")
+        checked_array(values, "observe", (state.shape[1],), "a number for each solution")
 
     # ------------------------------------------------------------------------------ batches
 
@@ -119,7 +117,7 @@ class OdeFunction:
                 with np.errstate(all="ignore"):
                     values = take(solutions.part(low, high), rows)
                 out[..., rows] = np.where(np.isfinite(values), values, np.nan)
-            except _WrongShape:
+            except WrongShapeError:
                 raise
             except Exception as failure:
                 # a solution may fail in any way, and takes its batch with it: halve until alone
@@ -205,14 +203,14 @@ class _Solutions:
             value = value(**{name: self.values[name] for name in ode.start_names})
         if isinstance(value, Mapping):
             if set(value) != set(ode.states):
-                raise _WrongShape(
+                raise WrongShapeError(
                     f"initial_state has {sorted(value)}, the states are {list(ode.states)}."
                 )
             value = [value[name] for name in ode.states]
         shape = (len(ode.states), m)
         if len(value) == len(ode.states) and all(np.shape(v) in ((), (m,)) for v in value):
             return np.stack([np.broadcast_to(np.asarray(v, dtype=float), m) for v in value])
-        return _checked(value, "initial_state", shape, "states by solutions")
+        return checked_array(value, "initial_state", shape, "states by solutions")
 
     def slope(
         self, t: float, state: FloatArray, factors: Mapping[str, FloatArray] | None = None
@@ -225,7 +223,9 @@ class _Solutions:
             factors = {name: values[0] for name, values in factors.items()}
         for name, factor in factors.items():
             given[name] = given[name] * factor
-        slopes = _checked(ode.rhs(t, state, **given), "rhs", state.shape, "states by solutions")
+        slopes = checked_array(
+            ode.rhs(t, state, **given), "rhs", state.shape, "states by solutions"
+        )
         if self._adding:
             slopes = slopes.copy()
             named = dict(zip(ode.states, state, strict=True))
@@ -237,7 +237,9 @@ class _Solutions:
     @cached_property
     def _adding(self) -> list[tuple[Modification, dict[str, FloatArray]]]:
         own = [type(change).terms for change, _ in self.active]
-        return [a for a, terms in zip(self.active, own, strict=True) if terms is not Modification.terms]
+        return [
+            a for a, terms in zip(self.active, own, strict=True) if terms is not Modification.terms
+        ]
 
     def _factors(self, t: FloatArray) -> dict[str, FloatArray]:
         """Return factors on parameters at times (k,): arrays (k, m)."""
@@ -268,40 +270,3 @@ class _Solutions:
 
         states, slopes = runge_kutta(slope_at, self.initial(), n_steps, ode.step)
         return hermite(states, slopes, ode.step, (times - ode.start) / ode.step, member)
-
-
-def accepted_names(
-    function: Any, title: str, n_positional: int, names: tuple[str, ...]
-) -> tuple[str, ...]:
-    """Return those of the names that a function takes; what is no function takes none."""
-    if not callable(function):
-        return ()
-    try:
-        arguments = list(inspect.signature(function).parameters.values())
-    except ValueError:  # some compiled functions do not tell
-        return names
-    named = [a for a in arguments[n_positional:] if a.kind in (a.POSITIONAL_OR_KEYWORD, a.KEYWORD_ONLY)]
-    unknown = [a.name for a in named if a.default is a.empty and a.name not in names]
-    if unknown:
-        raise TypeError(
-            f"{title} needs {', '.join(unknown)}, which is no input, parameter or assumed "
-            f"constant; these are {', '.join(names) or 'none'}."
-        )
-    if any(a.kind == a.VAR_KEYWORD for a in arguments):
-        return names
-    return tuple(name for name in names if name in {a.name for a in named})
-
-
-def _checked(values: Any, title: str, shape: tuple[int, ...], meaning: str) -> FloatArray:
-    try:
-        array = np.asarray(values, dtype=float)
-    except ValueError as error:
-        raise _WrongShape(
-            f"{title} must return an array of shape {shape} ({meaning}); what it returned is no "
-            f"array: {error}."
-        ) from error
-    if array.shape != shape:
-        raise _WrongShape(
-            f"{title} must return an array of shape {shape} ({meaning}), got {array.shape}."
-        )
-    return array

@@ -34,9 +34,7 @@ def make_epidemic(method="rk4", max_step=None):
         second,
         inputs={"t": (0, 60)},
         parameters={"contact_rate": hs.truncated_normal(0.4, 0.15, 0.05, 1.5)},
-        assumed={
-            "recovery_rate": hs.Assumed(RECOVERY, hs.truncated_normal(0.12, 0.04, 0.02, 0.4))
-        },
+        assumed={"recovery_rate": hs.Assumed(RECOVERY, hs.truncated_normal(0.12, 0.04, 0.02, 0.4))},
         states=("s", "i"),
         output="infected",
         method=method,
@@ -67,7 +65,7 @@ def hidden_fall(seed=0, n=40):
 
 def reference(rhs, start, times, **settings):
     span = (0.0, float(np.max(times)))
-    exact = {"rtol": 1e-10, "atol": 1e-13, "method": "DOP853"} | settings
+    exact = {"rtol": 1e-11, "atol": 1e-14, "method": "RK45"} | settings
     return solve_ivp(rhs, span, start, dense_output=True, **exact).sol(times)
 
 
@@ -110,11 +108,15 @@ def test_harmonic_oscillator_with_a_second_input(method):
 
 
 def test_runge_kutta_agrees_with_scipy():
-    t = np.tile(np.linspace(0, 60, 25), 3)
-    rate = np.repeat([0.2, 0.45, 0.9], 25)
-    expected = make_epidemic("DOP853")(t, rate)
-    np.testing.assert_allclose(make_epidemic()(t, rate), expected, rtol=1e-5)
-    np.testing.assert_allclose(make_epidemic("LSODA")(t, rate), expected, rtol=1e-5)
+    t = np.linspace(0, 60, 25)
+    for rate in (0.2, 0.45, 0.9):
+        expected = reference(
+            lambda s, state, rate=rate: sir(s, state, rate, RECOVERY), [0.999, 0.001], t
+        )[1]
+        # the interpolation of DOP853 is coarser than its steps
+        for method, error in {"rk4": 1e-5, "LSODA": 1e-6, "Radau": 1e-6, "DOP853": 1e-4}.items():
+            values = make_epidemic(method)(t, np.full(25, rate))
+            np.testing.assert_allclose(values, expected, rtol=error, err_msg=method)
 
 
 def test_values_do_not_depend_on_the_other_rows():
@@ -213,6 +215,7 @@ def test_missing_term_agrees_with_scipy(form):
 # --------------------------------------------------------------------------------------- errors
 
 
+@pytest.mark.filterwarnings("ignore::hybridsurrogate.exceptions.PriorWarning")
 @pytest.mark.parametrize("method", ["rk4", "RK45"])
 def test_solutions_that_fail_are_nan(method):
     def explosive(t, state, rate):
@@ -300,7 +303,6 @@ def test_causes_inside_the_dynamics_need_an_exact_ode():
 
 
 def test_estimator_finds_a_hidden_fall_of_the_contact_rate():
-    t, y = hidden_fall()
     model = hs.PowerScaledSurrogate(
         make_epidemic(max_step=0.5),
         surrogate=hs.ExactSurrogate(),
@@ -308,12 +310,17 @@ def test_estimator_finds_a_hidden_fall_of_the_contact_rate():
         likelihood="lognormal",
         n_draws=500,
         random_state=0,
-    ).fit(t, y)
-    draws = model.posterior_.estimates(0)
-    for name, truth in {"amount": -0.65, "location": 22.0, "width": 3.0}.items():
-        low, high = np.quantile(draws[name], [0.025, 0.975])
-        assert low < truth < high, name
-    assert np.median(np.abs(model.predict(t) / y - 1)) < 0.06
+    )
+    inside = []
+    for seed in range(8):
+        t, y = hidden_fall(seed)
+        draws = model.fit(t, y).posterior_.estimates(0)
+        for name, truth in {"amount": -0.65, "location": 22.0, "width": 3.0}.items():
+            low, high = np.quantile(draws[name], [0.025, 0.975])
+            inside.append(low < truth < high)
+        assert np.median(np.abs(model.predict(t) / y - 1)) < 0.06
+    # of 24 intervals at 95 %: fewer than 20 would happen once in 150 times
+    assert np.sum(inside) >= 20
 
 
 @pytest.fixture(scope="module")

@@ -14,14 +14,13 @@ from hybridsurrogate.priors import Prior, truncated_normal
 _N_LOCATIONS, _N_WIDTHS = 20, 4
 _NEEDS_ODE = (
     "{}: causes inside the dynamics need simulation=OdeSimulator(...), or runs of one, and "
-    "surrogate=ExactSurrogate(), as an emulator knows no right-hand side."
+    "surrogate=ExactSurrogate(): an emulator knows no right-hand side."
 )
 
 
 class _Dynamic(Cause):
     """A cause that modifies the right-hand side, and sets the numbers of the modification."""
 
-    prefix: str | None
     priors: Mapping[str, Prior] | None
 
     @property
@@ -58,7 +57,7 @@ class DynamicDrift(_Dynamic):
     Parameters
     ----------
     parameter : str
-        A parameter or assumed constant that the right-hand side takes.
+        Or an assumed constant; the right-hand side must take it.
     shape : {"logistic", "step", "ramp", "periodic"}
         The course s(t), as in `hybridsurrogate.dynamics.TimeVaryingParameter`. A logistic course
         is nearly a step where its width is small, and nearly a line where it is large.
@@ -79,7 +78,8 @@ class DynamicDrift(_Dynamic):
     - amount, the relative change: log(1 + amount) is normal with standard deviation 0.7, so that
       halving and doubling are ordinary, and p keeps its sign;
     - location: uniform over the measured times;
-    - width, duration: log-uniform between two distances of neighbouring rows and half the span;
+    - duration: log-uniform between two distances of neighbouring rows and half the span; width:
+      the same, from half a distance on, as from 10 to 90 % a logistic course takes 4.4 widths;
     - period: log-uniform between the shortest that the rows resolve and twice the span;
     - sine, cosine, relative: normal(0, 0.35) cut to [-0.7, 0.7], so that p keeps its sign.
 
@@ -94,7 +94,8 @@ class DynamicDrift(_Dynamic):
     >>> y = 8 * np.exp(-0.4 * np.minimum(t, 5)) * (1 + 0.02 * np.cos(40 * t))
     >>> model = hs.PowerScaledSurrogate(
     ...     decay, surrogate=hs.ExactSurrogate(), likelihood="lognormal",
-    ...     effects=[hs.DynamicDrift("rate", "step")], n_draws=200, random_state=0).fit(t[:, None], y)
+    ...     effects=[hs.DynamicDrift("rate", "step")], n_draws=200, random_state=0)
+    >>> model = model.fit(t[:, None], y)
     >>> float(model.posterior_.estimates(0)["amount"].mean().round(1))  # the decay stops
     -1.0
     """
@@ -128,7 +129,7 @@ class DynamicDrift(_Dynamic):
         return f"{self.kind}({self.parameter} in the dynamics, {self.shape} over {self.column})"
 
     @property
-    def modification(self) -> TimeVaryingParameter:  # type: ignore[override]
+    def modification(self) -> TimeVaryingParameter:
         """The change of the right-hand side."""
         return TimeVaryingParameter(self.parameter, self.shape, self.prefix, self.center or 0.0)
 
@@ -148,20 +149,23 @@ class DynamicDrift(_Dynamic):
         distinct = np.unique(context.column(time))
         low, span = float(distinct[0]), float(np.ptp(distinct)) or 1.0
         spacing = span / max(len(distinct) - 1, 1)
-        rise = stats.loguniform(min(2 * spacing, 0.25 * span), 0.5 * span)
+        # a logistic course takes 4.4 widths from 10 to 90 %: as sudden as the shortest ramp
+        shortest = min(2 * spacing, 0.25 * span)
         defaults = {
             "amount": stats.lognorm(0.7, loc=-1.0),
             "sine": truncated_normal(0.0, 0.35, -0.7, 0.7),
             "cosine": truncated_normal(0.0, 0.35, -0.7, 0.7),
             "location": stats.uniform(low, span),
-            "width": rise,
-            "duration": rise,
+            "width": stats.loguniform(0.25 * shortest, 0.5 * span),
+            "duration": stats.loguniform(shortest, 0.5 * span),
             "period": stats.loguniform(2.0 * span / max(len(distinct) - 1, 3), 2.0 * span),
         }
         given = self.priors or {}
         unknown = sorted(given.keys() - change.neutral.keys())
         if unknown:
-            raise ValueError(f"A {self.shape} change has no {unknown[0]!r}: {list(change.neutral)}.")
+            raise ValueError(
+                f"A {self.shape} change has no {unknown[0]!r}: {list(change.neutral)}."
+            )
         return DynamicDrift(
             self.parameter,
             self.shape,
@@ -189,10 +193,10 @@ class DynamicDrift(_Dynamic):
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the relative change and when it happens, or period and relative amplitude."""
-        if self.shape == "periodic":
-            amplitude = np.hypot(theta["sine"], theta["cosine"])
-            return {"period": np.asarray(theta["period"]), "amplitude": amplitude}
-        return {name: np.asarray(values) for name, values in theta.items()}
+        if self.shape != "periodic":
+            return dict(theta)
+        amplitude = np.hypot(theta["sine"], theta["cosine"])
+        return {"period": np.asarray(theta["period"]), "amplitude": amplitude}
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
@@ -202,7 +206,7 @@ class DynamicDrift(_Dynamic):
                 f"with period {values['period']:.4g} in {self.column}"
             )
         verb = "falling" if values["amount"] < 0 else "rising"
-        extra = [f"{k} {values[k]:.3g}" for k in ("width", "duration") if k in values]
+        extra = [f"{k} {values[k]:.3g}" for k in values if k in ("width", "duration")]
         place = "from" if self.shape == "ramp" else "around"
         return (
             f"simulation with {self.parameter} {verb} by {100 * abs(values['amount']):.3g} % "
@@ -212,16 +216,14 @@ class DynamicDrift(_Dynamic):
 
 
 class DynamicTerm(_Dynamic):
-    """A term that the right-hand side of an `OdeSimulator` lacks in the slope of one state.
-
-    The slope of the state gains `rate`, or `rate` times the state.
+    """A term missing from one state's slope in an `OdeSimulator`: `rate`, or `rate` times the state.
 
     Parameters
     ----------
     state : str
     form : {"constant", "proportional"}
     prefix : str or None, default=None
-        What the name of the rate begins with in an extended simulator.
+        As in `DynamicDrift`.
     priors : dict of name to prior, optional
         Of the rate. By default Student-t with 3 degrees of freedom around zero, whose scale is one
         over the span of the measured times, times the typical size of the state (its root mean
@@ -269,7 +271,7 @@ class DynamicTerm(_Dynamic):
         return f"{self.kind}({self.state}, {self.form})"
 
     @property
-    def modification(self) -> MissingTerm:  # type: ignore[override]
+    def modification(self) -> MissingTerm:
         """The change of the right-hand side."""
         return MissingTerm(self.state, self.form, self.prefix)
 

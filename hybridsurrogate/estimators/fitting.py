@@ -226,7 +226,8 @@ def _collapsed_draws(
         n = max(_OVERSAMPLING * n_draws, _MIN_PROPOSALS)
         sampled = importance_draws(log_density, minor, n, n_draws, random_state)
         trusted = sampled.khat <= KHAT_LIMIT
-        if not trusted and sampler == "auto" and _solves_equations(target):
+        few = not trusted or sampled.effective_draws < 0.1 * n
+        if few and sampler == "auto" and _solves_equations(target):
             # the many small calls of an ensemble are dear there: many proposals in few calls first
             weight = np.full(n_draws, 1 / n_draws)
             wide = [moment_match(sampled.draws, weight, minor[0]), *minor[1:]]

@@ -191,8 +191,9 @@ def make_context(
 ) -> Context:
     """Return what causes may know about the measured rows."""
     simulator = simulation.simulator if simulation is not None else None
-    own = isinstance(simulator, OdeSimulator) and isinstance(basis, ExactBasis)
-    ode = simulator if own else None
+    ode = simulator if isinstance(simulator, OdeSimulator) else None
+    if not isinstance(basis, ExactBasis):
+        ode = None
     return Context(
         dict(zip(columns, X.T, strict=True)),
         n_inputs,

@@ -29,8 +29,10 @@ _MAX_CLIMB = 12
 _ABSURD = 1e100
 # a size that is a parameter of its own keeps within its prior: z displaced by its prior sd at most
 _SIZE_CAP = 1.0
-# nodes that are followed where each needs runs of the simulation, and a size that is as good as none
-_FOLLOWED, _NO_SIZE = 16, 1e-100
+# nodes that are followed where each needs runs of the simulation
+_FOLLOWED = 16
+# a prior scale that is as good as zero, whose square is a number still
+_NO_SIZE = 1e-100
 
 
 class Belief(NamedTuple):
