@@ -216,7 +216,7 @@ class DynamicDrift(_Dynamic):
 
 
 class DynamicTerm(_Dynamic):
-    """A term missing from one state's slope in an `OdeSimulator`: `rate`, or `rate` times the state.
+    """A term missing from the slope of a state of an `OdeSimulator`: rate, or rate times state.
 
     Parameters
     ----------
