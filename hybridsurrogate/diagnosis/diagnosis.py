@@ -47,6 +47,8 @@ _KINDS = (
     "gain",
     "wrong-constant",
     "parameter-drift",
+    "parameter-drift: inside",
+    "missing-term",
     "missing-input",
     "unexplained",
 )
@@ -260,7 +262,13 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         hyper = fitted.posterior_.values[:, fitted.posterior_.model.n_unknowns :]
         problem = problem.given(np.median(hyper, axis=0))
         context = make_context(
-            fitted.simulation, columns, problem.model.n_inputs, X, problem.scale, likelihood
+            fitted.simulation,
+            columns,
+            problem.model.n_inputs,
+            X,
+            problem.scale,
+            likelihood,
+            problem.model.basis,
         )
         causes, skipped = catalogue(context, tuple(self.causes), _KINDS)
         return problem, causes, skipped

@@ -34,7 +34,7 @@ _PRIOR_REMAINDER = 0.1
 _MAX_REFINEMENTS = 5
 # noise below this share of the output's scale is rounding
 _FLOOR = 1e-6
-# causes this far (in nats) behind the best one at the null fit are not followed in earnest
+# causes this far (in nats) behind the best one after a first climb are not followed in earnest
 _PROMISING = 12.0
 _NEUTRAL_MOVES = (0.0, 0.7, -0.7)
 
@@ -108,15 +108,7 @@ def search(
         null = best_null(problem, belief, noise)
     else:
         null = _nothing_further(problem, accepted, belief)
-    quick = np.array([_at_null(problem, cause, belief, noise, null) for cause in causes])
-    promising = quick > np.max(quick, initial=-np.inf) - _PROMISING
-    peaks = [
-        null,
-        *(
-            best_peak(problem, cause, belief, noise, null, thorough)
-            for cause, thorough in zip(causes, promising, strict=True)
-        ),
-    ]
+    peaks = [null, *_peaks(problem, causes, belief, noise, null)]
     smallest = min(sigma for *_, sigma in peaks)
     sizes = np.geomspace(
         _SMALLEST_SIZE * smallest,
@@ -145,7 +137,7 @@ class _Fitted(NamedTuple):
 
 def _nothing_further(problem: Problem, accepted: Weighed, belief: Belief) -> _Fitted:
     """Fit "nothing else is wrong" from where the accepted cause was found."""
-    model = replace(problem.model, effects=(*problem.model.effects, Nothing()))
+    model = problem.model.with_effects((*problem.model.effects, Nothing()))
     plan, known = layout(model), accepted.plan
     z = accepted.peak.z.copy()
     if len(known.nodes):
@@ -172,20 +164,30 @@ def best_null(problem: Problem, belief: Belief, noise: NoiseTable) -> _Fitted:
 
 
 def _with_cause(problem: Problem, cause: Cause) -> MeasuredModel:
-    return replace(problem.model, effects=(*problem.model.effects, cause))
+    return problem.model.with_effects((*problem.model.effects, cause))
 
 
-def _at_null(
-    problem: Problem, cause: Cause, belief: Belief, noise: NoiseTable, null: _Fitted
-) -> float:
-    """Return the log evidence of a cause linearised where "nothing is wrong" fits best."""
-    model = _with_cause(problem, cause)
-    plan = layout(model)
-    z = plan.neutral.copy()
-    z[: len(null.peak.z)] = null.peak.z
-    parts = linearise(model, problem.X, belief, plan, z)
+def _peaks(
+    problem: Problem,
+    causes: Sequence[Cause],
+    belief: Belief,
+    noise: NoiseTable,
+    null: _Fitted,
+) -> list[_Fitted]:
+    """Fit every cause: once from the null fit, and in earnest where that looks promising."""
+    fits = [best_peak(problem, cause, belief, noise, null, thorough=False) for cause in causes]
     sizes = np.geomspace(_SMALLEST_SIZE * null.sigma, _LARGEST_SIZE * problem.scale, 4)
-    return float(special.logsumexp(scan(parts, problem.y[None], null.sigma, noise, sizes)[0]))
+    reached = np.empty(len(fits))
+    for k, (model, plan, peak, sigma) in enumerate(fits):
+        parts = linearise(model, problem.X, belief, plan, peak.z)
+        nodes = scan(parts, problem.y[None], sigma, noise, sizes)[0]
+        reached[k] = special.logsumexp(nodes)
+    # what could not be followed at all gets its other starting points, too
+    promising = ~(reached < np.max(reached, initial=-np.inf) - _PROMISING)
+    return [
+        best_peak(problem, cause, belief, noise, null) if earnest else fit
+        for cause, fit, earnest in zip(causes, fits, promising, strict=True)
+    ]
 
 
 def best_peak(

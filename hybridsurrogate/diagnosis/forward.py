@@ -81,6 +81,6 @@ def forward_search(
         if cause is None or cause.kind == "unexplained" or len(steps) == max_causes:
             return steps
         effects = (*problem.model.effects, cause)
-        problem = replace(problem, model=replace(problem.model, effects=effects))
+        problem = replace(problem, model=problem.model.with_effects(effects))
         causes = [other for other in causes if other is not cause]
         accepted = chosen

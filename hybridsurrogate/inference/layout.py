@@ -42,6 +42,15 @@ class Layout:
     edges: FloatArray
     log_weight: FloatArray
 
+    def at(self, index: NDArray[np.intp]) -> Layout:
+        """Return the layout at some of its nodes."""
+        return replace(
+            self,
+            grid=self.grid[index],
+            edges=self.edges[index],
+            log_weight=self.log_weight[index],
+        )
+
 
 def layout(model: MeasuredModel) -> Layout:
     """Return the layout for the last cause of a model; earlier causes count as known shapes."""
