@@ -32,6 +32,8 @@ _PRIOR_NONE, _PRIOR_UNEXPLAINED = 0.5, 0.02
 # prior probability that a named cause leaves a smooth remainder
 _PRIOR_REMAINDER = 0.1
 _MAX_REFINEMENTS = 5
+# cells to either side of the best node that belong to the same peak
+_NEIGHBOURS = 6
 # noise below this share of the output's scale is rounding
 _FLOOR = 1e-6
 # causes this far (in nats) behind the best one after a first climb are not followed in earnest
@@ -142,11 +144,28 @@ def _nothing_further(problem: Problem, accepted: Weighed, belief: Belief) -> _Fi
     z = accepted.peak.z.copy()
     if len(known.nodes):
         priors = [accepted.model.priors[k] for k in known.nodes]
-        z[known.nodes] = to_normal(priors, known.grid[accepted.peak.node])
+        z[known.nodes] = to_normal(priors, _mean_node(problem, accepted, belief))
     largest = _LARGEST_SIZE * problem.scale
     peak = climb(model, problem.X, problem.y, belief, plan, z, accepted.sigma, largest)
     sigma = max(float(np.sqrt(peak.squares / len(problem.y))), _FLOOR * problem.scale)
     return _Fitted(model, plan, peak, sigma)
+
+
+def _mean_node(problem: Problem, accepted: Weighed, belief: Belief) -> FloatArray:
+    """Return the mean of the enumerated coordinates, (len(nodes),), around the best node.
+
+    A node is only as near as its cell is small, and what it misses would look like another cause.
+    """
+    plan = accepted.plan
+    parts = linearise(accepted.model, problem.X, belief, plan, accepted.peak.z)
+    noise = NoiseTable(problem.noise_prior, problem.scale, len(problem.y))
+    sizes = np.array([_LARGEST_SIZE * problem.scale])
+    log_evidence = scan(parts, problem.y[None], accepted.sigma, noise, sizes)[0]
+    best = int(np.argmax(log_evidence))
+    reach = _NEIGHBOURS * np.diff(plan.edges[best], axis=1)[:, 0]
+    near = np.all(np.abs(plan.grid - plan.grid[best]) <= reach, axis=1)
+    weight = np.exp(log_evidence - log_evidence[best]) * near
+    return weight @ plan.grid / weight.sum()
 
 
 def best_null(problem: Problem, belief: Belief, noise: NoiseTable) -> _Fitted:
@@ -182,8 +201,10 @@ def _peaks(
         parts = linearise(model, problem.X, belief, plan, peak.z)
         nodes = scan(parts, problem.y[None], sigma, noise, sizes)[0]
         reached[k] = special.logsumexp(nodes)
-    # what could not be followed at all gets its other starting points, too
-    promising = ~(reached < np.max(reached, initial=-np.inf) - _PROMISING)
+    # a curve of any shape reaches high at once: named causes are compared with each other; what
+    # could not be followed at all gets its other starting points, too
+    named = [cause.kind != "unexplained" for cause in causes]
+    promising = ~(reached < np.max(reached[named], initial=-np.inf) - _PROMISING)
     return [
         best_peak(problem, cause, belief, noise, null) if earnest else fit
         for cause, fit, earnest in zip(causes, fits, promising, strict=True)
@@ -275,9 +296,12 @@ def _weigh_remainder(
     own = [owner == len(model.effects) - 1 for owner, _ in model.column_names]
     bases = model.added(problem.X, values)[:, :, own]
     bases = bases / np.sqrt(np.mean(np.sum(bases**2, axis=2), axis=1))[:, None, None]
+    named = [k for k, w in enumerate(weighed) if kind_of(w) not in ("none", "unexplained")]
+    best = max(named, key=lambda k: quick[k], default=None)
     out = []
-    for w, probability in zip(weighed, quick, strict=True):
-        if w is process or (probability < 0.01 and w.cause is not None):
+    for k, (w, probability) in enumerate(zip(weighed, quick, strict=True)):
+        # the best named cause always has its chance: data usually hold more than one wrong thing
+        if w is process or (probability < 0.01 and w.cause is not None and k != best):
             out.append(w)
             continue
         if w.cause is None:
