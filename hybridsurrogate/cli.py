@@ -190,3 +190,7 @@ def _finish(
 
 def _print_warning(message: Any, *_: Any, **__: Any) -> None:
     print(f"Warning: {message}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
