@@ -163,16 +163,17 @@ def plot_scores(
     ax : Axes
     names : sequence of str
     before, after : ndarray of shape (n,)
+        After may be NaN where nothing was added.
     error : ndarray of shape (n,)
         Standard error of the difference, drawn on the score after; NaN: none.
     """
     places = np.arange(len(names))[::-1]
     ax.hlines(places, before, after, color=QUIET, lw=1)
     ax.plot(before, places, "o", color=BEFORE, ms=6, label="before")
-    bar = np.where(np.isfinite(error), error, 0.0)
-    ax.errorbar(
-        after, places, xerr=bar, fmt="s", color=AFTER, ms=5, capsize=3, label="after ± its error"
-    )
+    if np.isfinite(after).any():
+        bar = np.where(np.isfinite(error), error, 0.0)
+        label = "after, ± error of the difference"
+        ax.errorbar(after, places, xerr=bar, fmt="s", color=AFTER, ms=5, capsize=3, label=label)
     ax.set_yticks(places, labels=list(names))
     ax.set_ylim(-0.6, len(names) - 0.4)
     ax.set_xlabel("held-out log density per row\n(further right is better)")
@@ -202,6 +203,7 @@ def plot_coverage(
         ax.errorbar(100 * share, place, xerr=100 * bar, fmt=mark, color=colour, ms=5, capsize=3)
     ax.set_yticks(places, labels=list(names))
     ax.set_ylim(-0.6, len(names) - 0.4)
+    ax.set_xlim(right=min(float(ax.get_xlim()[1]), 102))
     ax.set_xlabel(f"rows in the {100 * level:g} % interval, %")
     return ax
 
@@ -241,16 +243,17 @@ def plot_beta_scan(table: pd.DataFrame, ax: Axes | None = None) -> Axes:
         ax.plot(table["beta"], table[word], line, ms=4, color=colour, label=label)
         ax.plot(best["beta"], best[word], "o", ms=12, mfc="none", color=colour)
     ax.set_xlabel("beta (0: measured data only, 1: simulation only)")
+    ax.set_xlim(-0.03, 1.03)
     ax.set_ylabel("held-out log density per row")
     ax.legend(frameon=False, fontsize="small")
     return ax
 
 
-def tidy(ax: Axes, xlabel: str, ylabel: str, legend: bool = True) -> Axes:
+def tidy(ax: Axes, xlabel: str, ylabel: str, legend: bool = True, ticks: int = 7) -> Axes:
     """Name the axes, and explain the series where they hide the least."""
     ax.set_xlabel(xlabel)
     ax.set_ylabel(ylabel)
-    ax.xaxis.set_major_locator(ticker.MaxNLocator(7))
+    ax.xaxis.set_major_locator(ticker.MaxNLocator(ticks))
     if legend:
         ax.legend(frameon=True, framealpha=0.85, edgecolor="none", fontsize="small", loc="best")
     return ax

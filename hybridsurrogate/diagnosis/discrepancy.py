@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +28,9 @@ class Discrepancy:
         The input that varies.
     mean, lower, upper : ndarray of shape (m,)
         Measured minus simulated, with a pointwise 90 % band.
+    residual : ndarray of shape (n,)
+        Measured minus simulated at the measured rows; like the curve's, this simulation has
+        parameters that were estimated beside the curve.
     """
 
     grid: FloatArray
@@ -35,6 +38,7 @@ class Discrepancy:
     mean: FloatArray
     lower: FloatArray
     upper: FloatArray
+    residual: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def share_outside(self) -> float:
@@ -160,7 +164,10 @@ def estimate_discrepancy(found: Search, column: str, n_grid: int = 200) -> Discr
     H = rows.design[:, rows.first :]
     mean = H @ local.mean[rows.first :]
     sd = np.sqrt(np.einsum("nk,kl,nl->n", H, local.covariance[rows.first :, rows.first :], H))
-    return Discrepancy(grid, column, mean, mean - _Z90 * sd, mean + _Z90 * sd)
+    at_rows = _rows(found, process, problem.X)
+    simulated = at_rows.offset + at_rows.design[:, : at_rows.first] @ local.mean[: at_rows.first]
+    band = mean - _Z90 * sd, mean + _Z90 * sd
+    return Discrepancy(grid, column, mean, *band, problem.y - simulated)
 
 
 def shares_of_thirds(X: FloatArray, delta: FloatArray, columns: Sequence[str]) -> list[Third]:

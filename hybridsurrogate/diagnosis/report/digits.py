@@ -6,13 +6,13 @@ import math
 
 
 def number(value: float, digits: int = 4) -> str:
-    """Return a number with so many significant digits, without needless exponents."""
+    """Return a number with at least so many significant digits, no needless zeros."""
     if not math.isfinite(value):
         return "unknown"
     if value and not 1e-4 <= abs(value) < 1e7:
         return f"{value:.{digits - 1}e}"
     decimals = digits - 1 - (math.floor(math.log10(abs(value))) if value else 0)
-    text = fixed(value, decimals)
+    text = fixed(value, max(decimals, 0))
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 

@@ -40,26 +40,22 @@ def picture_fit(view: View) -> Picture:
     model = view.diagnosis.estimator_
     _draw_model(top, view, model, BEFORE, "simulation, calibrated", view.x.min(), view.x.max())
     plotting.plot_measured(top, view.x, view.y)
+    _log_axis(top, view, view.y)
     plotting.tidy(top, "", view.output)
     band = view.diagnosis.discrepancy_
-    residual = view.working_residuals(model)
     if band.column == view.name:
         values = band.grid[:, view.shown]
         plotting.plot_discrepancy(bottom, values, band.mean, band.lower, band.upper)
+        plotting.plot_measured(bottom, view.x, band.residual, "measured - simulated")
     else:
-        bottom.axhline(0, color=plotting.QUIET, lw=1)
-    plotting.plot_measured(bottom, view.x, residual, "measured - simulated")
-    if view.extended and not view.is_curve:
-        moved = residual - view.working_residuals(view.diagnosis.extended_estimator_)
-        bottom.plot(view.x, moved, "_", color=AFTER, ms=6, label="extended model - simulated")
+        # the smooth curve is one over the inputs and does not know the column that matters
+        _draw_column(bottom, view)
     log = "log " if view.log_scale else ""
     plotting.tidy(bottom, view.name, f"{log}measured - {log}simulated")
     return rendered(
         axes,
         f"Above: measured {view.output} over {view.name} and the calibrated simulation. Below: "
-        f"measured minus simulated, with the 90 % band of the smooth discrepancy over "
-        f"{band.column}, which excludes zero over {digits.percent(band.share_outside)} of the "
-        "measured range.",
+        f"{_told_below(view)}",
     )
 
 
@@ -130,7 +126,7 @@ def picture_residuals(view: View) -> Picture:
         residual = view.working_residuals(model)
         sizes.append(float(np.sqrt(np.mean(residual**2))))
         plotting.plot_residuals(axes[k], view.x, residual, colour, word)
-        plotting.tidy(axes[k], view.name, f"{log}measured - {log}predicted", legend=False)
+        plotting.tidy(axes[k], view.name, f"{log}measured - {log}predicted", False, ticks=5)
         plotting.plot_quantiles(axes[n + k], view.standardised(model), colour, mark, word)
     for row in (axes[:n], axes[n:]):
         limit = max(np.max(np.abs(ax.get_ylim())) for ax in row)
@@ -159,20 +155,27 @@ def picture_gain(gain: Gain | None, on_test: Gain | None) -> Picture:
         if g is not None:
             rows.append((name, g.elpd_before, g.elpd_after, g.standard_error))
             covered.append((f"{name}, before", g.coverage_before, g.n_rows))
-            covered.append((f"{name}, after", g.coverage_after, g.n_rows))
-    names, before, after, error = zip(*rows, strict=True)
+            if g.elpd_difference:
+                covered.append((f"{name}, after", g.coverage_after, g.n_rows))
+    names = [row[0] for row in rows]
+    before, after, error = np.array([row[1:] for row in rows]).T
+    after = np.where(after == before, np.nan, after)
     axes = plotting.new_axes(1, 2, height=1.5 + 0.32 * max(len(rows), len(covered)))
-    plotting.plot_scores(axes[0], names, np.array(before), np.array(after), np.array(error))
-    axes[0].legend(frameon=False, fontsize="small", loc="lower center", bbox_to_anchor=(0.5, 1))
+    plotting.plot_scores(axes[0], names, before, after, error)
     titles, shares, counts = zip(*covered, strict=True)
     plotting.plot_coverage(axes[1], titles, np.array(shares), counts, COVERAGE_LEVEL)
-    axes[1].legend(frameon=False, fontsize="small", loc="lower center", bbox_to_anchor=(0.5, 1))
+    for ax in axes:
+        ax.legend(frameon=False, fontsize="small", loc="lower center", bbox_to_anchor=(0.5, 1))
+    told = "; ".join(
+        f"{name} {digits.score(b, e)}" + ("" if np.isnan(a) else f" and {digits.score(a, e)}")
+        for name, b, a, e in zip(names, before, after, error, strict=True)
+        if not name.startswith("fold ")
+    )
+    inside = "; ".join(f"{t} {digits.percent(s)}" for t, s in zip(titles, shares, strict=True))
     return rendered(
         axes,
-        f"Left: held-out log density per row before and after, {names[-1]}: "
-        f"{digits.score(before[-1], error[-1])} and {digits.score(after[-1], error[-1])}. Right: "
-        f"share of held-out rows inside the 90 % interval, {titles[0]}: "
-        f"{digits.percent(shares[0])}, {titles[1]}: {digits.percent(shares[1])}.",
+        f"Left: held-out log density per row before and, where something was added, after: {told}. "
+        f"Right: share of held-out rows inside the 90 % interval: {inside}.",
     )
 
 
@@ -213,6 +216,25 @@ def picture_trust(scan: pd.DataFrame) -> Picture:
         [ax],
         "Held-out log density per row against beta before and after the extension; best at "
         f"beta = {best['before']:g} before and {best['after']:g} after.",
+    )
+
+
+def _draw_column(ax: Axes, view: View) -> None:
+    residual = view.working_residuals(view.diagnosis.estimator_)
+    ax.axhline(0, color=plotting.QUIET, lw=1)
+    plotting.plot_measured(ax, view.x, residual, "measured - simulated")
+    moved = residual - view.working_residuals(view.diagnosis.extended_estimator_)
+    ax.plot(view.x, moved, "_", color=AFTER, ms=6, label="extended model - simulated")
+
+
+def _told_below(view: View) -> str:
+    band = view.diagnosis.discrepancy_
+    if band.column != view.name:
+        return "measured minus simulated, and what the extended model makes of it."
+    return (
+        "measured minus simulated with a smooth curve and its pointwise 90 % band, which excludes "
+        f"zero over {digits.percent(band.share_outside)} of the measured range. Here the "
+        "parameters are estimated beside the curve, so that they differ from those above."
     )
 
 

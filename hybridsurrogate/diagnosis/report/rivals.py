@@ -122,7 +122,7 @@ def _remainder(view: View) -> list[str]:
     removed = 1 - float(np.var(left)) / float(np.var(view.y - view.before))
     return [
         f"The cause is not the whole story: with probability {digits.probability(remainder)} a "
-        f"smooth remainder is needed beside it. The extension removes {digits.percent(removed)} of the "
-        f"variance of the residuals; those that are left have a correlation of {lag:.2f} between "
-        f"neighbours in {view.name}, where 0 would mean that only noise is left."
+        f"smooth remainder is needed beside it. The extension removes {digits.percent(removed)} of "
+        f"the variance of the residuals; those that are left have a correlation of {lag:.2f} "
+        f"between neighbours in {view.name}, where 0 would mean that only noise is left."
     ]

@@ -91,8 +91,8 @@ def chance(view: View) -> str:
     how_many = {0: "none", n: "all"}.get(as_bad, str(as_bad))
     return (
         f"Of {n} data sets made up by the simulation itself, with noise, and searched in the same "
-        f"way, {how_many} looked as wrong as yours: p = {digits.number(d.p_value_, 2)}, where up to "
-        f"{d.false_alarm_rate:g} counts as wrong."
+        f"way, {how_many} looked as wrong as yours: p = {digits.number(d.p_value_, 2)}, where up "
+        f"to {d.false_alarm_rate:g} counts as wrong."
     )
 
 
@@ -148,7 +148,8 @@ def where(view: View) -> list[str]:
     else:
         out.append(
             f"A smooth curve through measured minus simulated {scale} is nowhere clear of zero "
-            f"(pointwise 90 % band) over the measured range of {band.column}{_elsewhere(view)}."
+            f"(pointwise 90 % band) over the measured range of {band.column}{_elsewhere(view)}: it "
+            "is too slow to follow what was found."
         )
     return out
 
