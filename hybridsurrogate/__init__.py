@@ -6,6 +6,8 @@ from hybridsurrogate.effects import (
     Cause,
     Decay,
     Delay,
+    DynamicDrift,
+    DynamicTerm,
     Gain,
     GaussianProcessDiscrepancy,
     Interaction,
@@ -46,6 +48,7 @@ from hybridsurrogate.likelihoods import (
     Poisson,
     StudentT,
 )
+from hybridsurrogate.ode import OdeSimulator
 from hybridsurrogate.priors import truncated_normal
 from hybridsurrogate.simulation import Assumed, SimulationData, Simulator, read_simulation
 from hybridsurrogate.surrogates import (
@@ -69,6 +72,8 @@ __all__ = [
     "Delay",
     "DiagnosisWarning",
     "DiscrepancyDiagnosis",
+    "DynamicDrift",
+    "DynamicTerm",
     "EnsembleSampler",
     "ExactSurrogate",
     "ExtrapolationWarning",
@@ -87,6 +92,7 @@ __all__ = [
     "NetworkSurrogate",
     "Noise",
     "Normal",
+    "OdeSimulator",
     "Offset",
     "ParameterDrift",
     "ParametricSurrogate",

@@ -119,7 +119,7 @@ class Simulator:
 
     def __repr__(self) -> str:
         names = (self.input_names, self.parameter_names, self.assumed_names)
-        return f"Simulator({describe(self.name, *names, self.output)})"
+        return f"{type(self).__name__}({describe(self.name, *names, self.output)})"
 
     def __call__(
         self, X: ArrayLike, omega: ArrayLike | None = None, n_jobs: int | None = None

@@ -251,3 +251,33 @@ def test_an_estimator_with_effects_is_refused(simulator):
     model = exact(simulator, effects=(hs.Offset(),))
     with pytest.raises(ValueError, match="has effects already"):
         hs.DiscrepancyDiagnosis(model).fit(X, y)
+
+
+def test_two_causes_are_found_one_after_the_other(simulator):
+    n, spurious = 60, 0
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        frame = pd.DataFrame({"t": np.linspace(0, 12, n), "wind": rng.uniform(0, 4, n)})
+        t, wind = frame["t"].to_numpy(), frame["wind"].to_numpy()
+        mu = cooling(t, 60, 0.3, 20) + 1.5 * np.sin(2 * np.pi * t / 2.5) - 0.8 * (wind - 2)
+        y = mu + 0.5 * rng.standard_normal(n)
+        diagnosis = hs.DiscrepancyDiagnosis(
+            exact(simulator), cv=None, n_replicates=99, max_causes=3, random_state=0
+        ).fit(frame, y)
+        kinds = [cause.kind for cause in diagnosis.found_causes_]
+        assert set(kinds[:2]) == {"periodic", "missing-input"}
+        # a third cause would be allowed, and is a false alarm
+        spurious += len(kinds) - 2
+        assert diagnosis.best_cause_ is diagnosis.found_causes_[0]
+    assert spurious <= 2  # at a rate of 5 % three or more have a chance of one in a thousand
+    found = {cause.kind: cause for cause in diagnosis.found_causes_}
+    assert found["missing-input"].estimates["slope"][0] == pytest.approx(-0.8, abs=0.2)
+    assert found["periodic"].estimates["period"][0] == pytest.approx(2.5, abs=0.1)
+    # both are in the extended simulation
+    assert "wind" in diagnosis.extended_simulator_.input_names
+    assert {"period", "slope"} <= set(diagnosis.extended_simulator_.parameter_names)
+
+
+def test_max_causes_is_checked(simulator):
+    with pytest.raises(ValueError, match="max_causes == 0, must be >= 1"):
+        hs.DiscrepancyDiagnosis(exact(simulator), max_causes=0).fit(*measure(np.zeros_like))

@@ -85,6 +85,29 @@ def test_the_numbers_in_words_are_in_latex(cause):
     assert numbers(prepared.formula(values)) <= numbers(latex) | {0.0}
 
 
+@pytest.mark.parametrize(
+    ("cause", "values"),
+    [
+        (hs.DynamicDrift("k_1", shape, "t"), {"amount": -0.25, "location": 3.5, **more})
+        for shape, more in (
+            ("step", {}),
+            ("ramp", {"duration": 1.75}),
+            ("logistic", {"width": 0.75}),
+        )
+    ]
+    + [
+        (hs.DynamicDrift("k_1", "periodic", "t"), {"amplitude": 0.25, "period": 3.5}),
+        (hs.DynamicTerm("S", "constant"), {"rate": -0.25}),
+        (hs.DynamicTerm("S", "proportional"), {"rate": 1.25e-6}),
+    ],
+)
+def test_causes_inside_the_dynamics(cause, values):
+    latex = cause.latex(values)
+    assert parses(latex)
+    for value in values.values():
+        assert number(abs(value)) in latex
+
+
 def test_signs_and_exponents():
     assert number(123456.0) == r"1.235 \times 10^{5}"
     assert number(-0.5) == "-0.5"

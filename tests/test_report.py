@@ -33,7 +33,7 @@ def diagnose():
     t = np.linspace(0, 8, 30)
     noise = 0.1 * np.random.default_rng(0).standard_normal(30)
 
-    def run(effect, surrogate=None, cv=3):
+    def run(effect, surrogate=None, cv=3, **settings):
         exact = surrogate is None
         model = hs.PowerScaledSurrogate(
             simulator if exact else simulator.run(64, random_state=0),
@@ -41,7 +41,8 @@ def diagnose():
             n_draws=200,
             random_state=0,
         )
-        diagnosis = hs.DiscrepancyDiagnosis(model, cv=cv, n_replicates=40, random_state=0)
+        settings = {"n_replicates": 40, "random_state": 0, **settings}
+        diagnosis = hs.DiscrepancyDiagnosis(model, cv=cv, **settings)
         return diagnosis.fit(t[:, None], decay(t, 11, 0.25) + effect(t) + noise)
 
     return run
@@ -245,6 +246,25 @@ def test_a_fault_without_a_name_and_one_with_several(diagnose):
     assert "in standard deviations of the noise" in text
     for kind in unclear.indistinguishable_:
         assert f"{kind} (" in text
+
+
+def test_two_causes_at_once(diagnose):
+    def effect(t):
+        return 2.0 * (t > 5) + 0.6 * np.sin(2 * np.pi * t / 1.3)
+
+    diagnosis = diagnose(effect, cv=None, max_causes=2)
+    assert {cause.kind for cause in diagnosis.found_causes_} == {"step", "periodic"}
+    report = diagnosis.report()
+    text, (first, second) = flat(report), diagnosis.found_causes_
+    assert f"The cause: {first.kind} in t, with" in text
+    assert f"Beside it a further search found: {second.kind} in t, with" in text
+    assert "It holds 2 causes at once" in text
+    assert f"Formula, {second.kind} in t: level <mg> = {second.formula}" in text
+    assert f"Check {first.kind} in t and {second.kind} in t where" in text
+    assert [cause["kind"] for cause in report.to_dict()["found_causes"]] == [
+        first.kind,
+        second.kind,
+    ]
 
 
 def scan_of(before, after):

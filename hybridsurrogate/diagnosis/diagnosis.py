@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -12,16 +13,16 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.model_selection import KFold
-from sklearn.utils import check_random_state
+from sklearn.utils import check_random_state, check_scalar
 from sklearn.utils.validation import check_is_fitted
 
 from hybridsurrogate.diagnosis.discrepancy import estimate_discrepancy, next_measurement
 from hybridsurrogate.diagnosis.emulator_error import correct_emulator
-from hybridsurrogate.diagnosis.evidence import Search, Weighed, kind_of, search
+from hybridsurrogate.diagnosis.evidence import Weighed, kind_of
 from hybridsurrogate.diagnosis.extension import extend_simulator
+from hybridsurrogate.diagnosis.forward import Step, forward_search
 from hybridsurrogate.diagnosis.gain import Gain, cross_validated_gain, gain_from, pointwise
-from hybridsurrogate.diagnosis.null import null_test
-from hybridsurrogate.diagnosis.verdict import cause_table, credible_kinds, kind_shares, leader
+from hybridsurrogate.diagnosis.verdict import cause_table, credible_kinds, kind_shares
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.catalogue import Skipped, catalogue
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
@@ -46,6 +47,8 @@ _KINDS = (
     "gain",
     "wrong-constant",
     "parameter-drift",
+    "parameter-drift: inside",
+    "missing-term",
     "missing-input",
     "unexplained",
 )
@@ -96,6 +99,9 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         Replicated data sets for the p-value.
     cv : int or None, default=5
         Folds for ``gain_``; None: no cross-validation, ``gain_`` is None.
+    max_causes : int, default=1
+        How many causes are accepted, one after the other, each with the same control of false
+        alarms.
     random_state : int, RandomState or None, default=None
 
     Attributes
@@ -109,6 +115,8 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         Columns kind, target, probability, log_evidence (against "none"), remainder (probability
         that a smooth remainder is needed beside the cause), note; most probable first.
     best_cause_ : CauseFinding
+    found_causes_ : list of CauseFinding
+        Every accepted cause in the order in which it was found, ``best_cause_`` the first.
     indistinguishable_ : list of str
         Kinds that together reach 90 % probability, given that something is wrong.
     discrepancy_ : Discrepancy
@@ -143,6 +151,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         false_alarm_rate: float = 0.05,
         n_replicates: int = 200,
         cv: int | None = 5,
+        max_causes: int = 1,
         random_state: Any = None,
     ):
         self.estimator = estimator
@@ -150,6 +159,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         self.false_alarm_rate = false_alarm_rate
         self.n_replicates = n_replicates
         self.cv = cv
+        self.max_causes = max_causes
         self.random_state = random_state
 
     # ---------------------------------------------------------------------------------- fit
@@ -179,16 +189,26 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
             raise ValueError(
                 f"A diagnosis needs at least {_MIN_ROWS} measured rows, got {len(problem.y)}."
             )
-        self.search_ = search(problem, causes, belief)
-        test = null_test(self.search_, int(self.n_replicates), random)
-        self.p_value_ = test.p_value
+        steps = forward_search(
+            problem,
+            causes,
+            belief,
+            int(self.max_causes),
+            self.false_alarm_rate,
+            int(self.n_replicates),
+            random,
+        )
+        first = steps[0]
+        chosen = first.chosen
+        self.search_, self.p_value_ = first.search, first.p_value
         self.causes_ = cause_table(self.search_, skipped)
         self.indistinguishable_ = credible_kinds(self.search_)
-        chosen = self._choose(self.search_)
         self.verdict_ = self._verdict(chosen)
-        self.extended_estimator_ = self._extended(self.estimator_, chosen.cause, X, y)
-        self.best_cause_ = self._finding(chosen)
-        self.extended_simulator_ = self._extended_simulator(problem, chosen.cause)
+        accepted = _causes_of(steps)
+        self.extended_estimator_ = self._extended(self.estimator_, accepted, X, y)
+        self.found_causes_ = [self._finding(k, step) for k, step in enumerate(steps)]
+        self.best_cause_ = self.found_causes_[0]
+        self.extended_simulator_ = self._extended_simulator(problem, accepted)
         self.discrepancy_ = estimate_discrepancy(self.search_, self._column(chosen, problem))
         self.next_measurement_ = self._next_measurement(problem)
         self.gain_ = None
@@ -214,6 +234,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
                 "The estimator has effects already. Diagnose the estimator without them: a cause "
                 "found now is named beside the catalogue, not beside another cause."
             )
+        check_scalar(self.max_causes, "max_causes", Integral, min_val=1)
         if not 0 < self.false_alarm_rate < 1:
             raise ValueError(f"false_alarm_rate must be in (0, 1), got {self.false_alarm_rate}.")
         if self.n_replicates < 1 / self.false_alarm_rate - 1:
@@ -244,7 +265,13 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         hyper = fitted.posterior_.values[:, fitted.posterior_.model.n_unknowns :]
         problem = problem.given(np.median(hyper, axis=0))
         context = make_context(
-            fitted.simulation, columns, problem.model.n_inputs, X, problem.scale, likelihood
+            fitted.simulation,
+            columns,
+            problem.model.n_inputs,
+            X,
+            problem.scale,
+            likelihood,
+            problem.model.basis,
         )
         causes, skipped = catalogue(context, tuple(self.causes), _KINDS)
         return problem, causes, skipped
@@ -260,12 +287,6 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
 
     # ------------------------------------------------------------------------------ verdict
 
-    def _choose(self, found: Search) -> Weighed:
-        """Return the most probable cause, or "none" where p-value or probability speak for it."""
-        if self.p_value_ > self.false_alarm_rate or found.probability[0] > 0.5:
-            return found.weighed[0]
-        return found.weighed[leader(found)]
-
     def _verdict(self, chosen: Weighed) -> str:
         kind = kind_of(chosen)
         if kind == "none":
@@ -275,13 +296,12 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         shares = kind_shares(self.search_)
         return "named" if shares[kind] >= _NAMED else "ambiguous"
 
-    def _finding(self, chosen: Weighed) -> CauseFinding:
-        probability = float(
-            self.search_.probability[[w is chosen for w in self.search_.weighed]].sum()
-        )
+    def _finding(self, position: int, step: Step) -> CauseFinding:
+        chosen, found = step.chosen, step.search
+        probability = float(found.probability[[w is chosen for w in found.weighed]].sum())
         if chosen.cause is None:
             return CauseFinding("none", None, "the simulation as it is", probability, {})
-        draws = self.extended_estimator_.posterior_.estimates(0)
+        draws = self.extended_estimator_.posterior_.estimates(position)
         estimates = {
             name: (float(v.mean()), float(np.quantile(v, 0.05)), float(np.quantile(v, 0.95)))
             for name, v in draws.items()
@@ -299,19 +319,20 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
     # ---------------------------------------------------------------------------- extension
 
     def _extended(
-        self, before: PowerScaledSurrogate, cause: Cause | None, X: ArrayLike, y: ArrayLike
+        self, before: PowerScaledSurrogate, causes: tuple[Cause, ...], X: ArrayLike, y: ArrayLike
     ) -> PowerScaledSurrogate:
-        if cause is None:
-            return before
-        return clone(before).set_params(effects=(cause,)).fit(X, y)
+        return clone(before).set_params(effects=causes).fit(X, y) if causes else before
 
-    def _extended_simulator(self, problem: Problem, cause: Cause | None) -> Any:
+    def _extended_simulator(self, problem: Problem, causes: tuple[Cause, ...]) -> Any:
         simulator = self.estimator_.simulation.simulator
-        if cause is None or simulator is None or cause.kind == "unexplained":
+        # a factor acts on the simulation alone, not on what other causes add to it
+        ordered = sorted(causes, key=lambda cause: not cause.touches_simulation)
+        changes = [c for c in ordered if c.kind != "unexplained" and c.changes_output]
+        if simulator is None or not changes:
             return None
-        if not cause.changes_output:
-            return None
-        return extend_simulator(simulator, cause, problem)
+        for cause in changes:
+            simulator = extend_simulator(simulator, cause, problem)
+        return simulator
 
     def _column(self, chosen: Weighed, problem: Problem) -> str:
         inputs = problem.model.columns[: problem.model.n_inputs]
@@ -345,11 +366,18 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
             problem, causes, _ = self._problem(before)
             # emulator and belief come from the runs alone, which are the same in every fold
             problem = _with_basis(problem, self.search_.problem.model.basis)
-            found = search(problem, causes, self.search_.belief, with_remainder=False)
-            best = int(np.argmax(found.probability))
-            chosen = found.weighed[best]
-            after = self._extended(before, chosen.cause, take(train), y[train])
-            return before, after, kind_of(chosen)
+            steps = forward_search(
+                problem,
+                causes,
+                self.search_.belief,
+                int(self.max_causes),
+                self.false_alarm_rate,
+                None,
+                random_state,
+            )
+            accepted = _causes_of(steps)
+            after = self._extended(before, accepted, take(train), y[train])
+            return before, after, kind_of(steps[0].chosen)
 
         n_folds = min(int(self.cv or 5), len(y) // 2)
         folds = list(KFold(n_folds, shuffle=True, random_state=random_state).split(y))
@@ -452,3 +480,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
 
 def _with_basis(problem: Problem, basis: Basis) -> Problem:
     return replace(problem, model=replace(problem.model, basis=basis))
+
+
+def _causes_of(steps: Sequence[Step]) -> tuple[Cause, ...]:
+    return tuple(step.chosen.cause for step in steps if step.found and step.chosen.cause)

@@ -14,24 +14,30 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
+from hybridsurrogate.diagnosis.peaks import (
+    LARGEST_SIZE,
+    SMALLEST_SIZE,
+    Fitted,
+    best_null,
+    best_peaks,
+    nothing_further,
+)
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.discrepancy_process import GaussianProcessDiscrepancy
 from hybridsurrogate.estimators.problem import Problem
-from hybridsurrogate.inference.layout import Layout, layout, refine
+from hybridsurrogate.inference.layout import Layout, layout
 from hybridsurrogate.inference.linearised import Belief, linearise
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.noise import NoiseTable
-from hybridsurrogate.inference.scan import Peak, climb, scan
+from hybridsurrogate.inference.scan import Peak, scan
 from hybridsurrogate.priors import FloatArray
 
-# effects between a fraction of the noise and a few times the spread of the output
-_SMALLEST_SIZE, _LARGEST_SIZE, _N_SIZES = 0.3, 3.0, 10
+# prior scales of the effects' sizes
+_N_SIZES = 10
 # prior odds: half on "none", a small share for "unexplained", the rest shared by kinds
 _PRIOR_NONE, _PRIOR_UNEXPLAINED = 0.5, 0.02
 # prior probability that a named cause leaves a smooth remainder
 _PRIOR_REMAINDER = 0.1
-_MAX_REFINEMENTS = 5
-_NEUTRAL_MOVES = (0.0, 0.7, -0.7)
 
 
 class Weighed(NamedTuple):
@@ -77,28 +83,37 @@ class Search:
 
 
 def search(
-    problem: Problem, causes: Sequence[Cause], belief: Belief, with_remainder: bool = True
+    problem: Problem,
+    causes: Sequence[Cause],
+    belief: Belief,
+    with_remainder: bool = True,
+    accepted: Weighed | None = None,
 ) -> Search:
     """Weigh "nothing is wrong" and every cause.
 
     Parameters
     ----------
     problem : Problem
-        Without effects.
+        Without effects, or with those that an earlier search accepted.
     causes : sequence of Cause
         Prepared.
     belief : Belief
         About the surrogate's coefficients, from the simulation alone.
     with_remainder : bool
         Also weigh the winners beside a smooth remainder of unknown shape.
+    accepted : Weighed or None
+        The last of the problem's effects as it was found, in place of "nothing is wrong".
     """
     noise = NoiseTable(problem.noise_prior, problem.scale, len(problem.y))
-    null = best_null(problem, belief, noise)
-    peaks = [null, *(best_peak(problem, cause, belief, noise, null) for cause in causes)]
+    if accepted is None:
+        null = best_null(problem, belief, noise)
+    else:
+        null = nothing_further(problem, Fitted(*accepted[1:5]), belief)
+    peaks = [null, *best_peaks(problem, causes, belief, noise, null)]
     smallest = min(sigma for *_, sigma in peaks)
     sizes = np.geomspace(
-        _SMALLEST_SIZE * smallest,
-        max(_LARGEST_SIZE * problem.scale, 2 * _SMALLEST_SIZE * smallest),
+        SMALLEST_SIZE * smallest,
+        max(LARGEST_SIZE * problem.scale, 2 * SMALLEST_SIZE * smallest),
         _N_SIZES,
     )
     weighed = []
@@ -112,78 +127,6 @@ def search(
         weighed = _weigh_remainder(problem, belief, noise, weighed, sizes)
     probability, remainder = probabilities(weighed)
     return Search(problem, belief, weighed, probability, remainder, sizes, noise)
-
-
-class _Fitted(NamedTuple):
-    model: MeasuredModel
-    plan: Layout
-    peak: Peak
-    sigma: float
-
-
-def best_null(problem: Problem, belief: Belief, noise: NoiseTable) -> _Fitted:
-    """Fit "nothing is wrong" from several starting points."""
-    model = problem.model
-    plan = layout(model)
-    d = model.n_unknowns
-    # a fixed spread of starts: the search has no randomness of its own
-    z = np.vstack([np.zeros(d), np.random.RandomState(0).standard_normal((16 * d, d))])
-    known, features, factor = model.simulated(problem.X, model.values(z))
-    squares = np.sum(((problem.y - known - features @ belief.mean) / factor) ** 2, axis=1)
-    squares = np.where(np.isfinite(squares), squares, np.inf)
-    starts = z[np.argsort(squares)[:2]]
-    return _best(problem, belief, noise, model, plan, [z[0], *starts], 0.3 * problem.scale)
-
-
-def best_peak(
-    problem: Problem, cause: Cause, belief: Belief, noise: NoiseTable, null: _Fitted
-) -> _Fitted:
-    """Fit one cause, starting from the null fit and from the prior's centre."""
-    model = replace(problem.model, effects=(cause,))
-    plan = layout(model)
-    starts = []
-    centres = [null.peak.z]
-    if np.linalg.norm(null.peak.z) > 1.0:
-        centres.append(np.zeros(len(null.peak.z)))
-    for z_parameters in centres:
-        for move in _NEUTRAL_MOVES if len(plan.sizes) else (0.0,):
-            z = plan.neutral.copy()
-            z[: len(z_parameters)] = z_parameters
-            z[plan.sizes] += move
-            starts.append(z)
-    return _best(problem, belief, noise, model, plan, starts, null.sigma)
-
-
-def _best(
-    problem: Problem,
-    belief: Belief,
-    noise: NoiseTable,
-    model: MeasuredModel,
-    plan: Layout,
-    starts: Sequence[FloatArray],
-    sigma: float,
-) -> _Fitted:
-    """Climb from every start, then again with the noise that the best fit suggests."""
-    largest = _LARGEST_SIZE * problem.scale
-    floor = 1e-6 * problem.scale
-    peaks = [climb(model, problem.X, problem.y, belief, plan, z, sigma, largest) for z in starts]
-    peak = min(peaks, key=lambda found: found.objective)
-    if not np.isfinite(peak.objective):
-        return _Fitted(model, plan, peak, sigma)
-    sizes = np.array([largest])
-    for round_ in range(_MAX_REFINEMENTS):
-        sigma = max(float(np.sqrt(peak.squares / len(problem.y))), floor)
-        finer = plan
-        if len(plan.nodes):
-            parts = linearise(model, problem.X, belief, plan, peak.z)
-            log_evidence = scan(parts, problem.y[None], sigma, noise, sizes)[0]
-            finer = refine(model, plan, log_evidence)
-        settled = finer is plan and round_ > 0
-        plan = finer
-        if settled:
-            break
-        peak = climb(model, problem.X, problem.y, belief, plan, peak.z, sigma, largest)
-    return _Fitted(model, plan, peak, sigma)
 
 
 def _weigh_remainder(
@@ -201,11 +144,15 @@ def _weigh_remainder(
     model, lengths = process.model, layout(process.model)
     values = np.repeat(model.values(np.zeros((1, model.n_unknowns))), len(lengths.grid), axis=0)
     values[:, lengths.nodes] = lengths.grid
-    bases = model.added(problem.X, values)
+    own = [owner == len(model.effects) - 1 for owner, _ in model.column_names]
+    bases = model.added(problem.X, values)[:, :, own]
     bases = bases / np.sqrt(np.mean(np.sum(bases**2, axis=2), axis=1))[:, None, None]
+    named = [k for k, w in enumerate(weighed) if kind_of(w) not in ("none", "unexplained")]
+    best = max(named, key=lambda k: quick[k], default=None)
     out = []
-    for w, probability in zip(weighed, quick, strict=True):
-        if w is process or (probability < 0.01 and w.cause is not None):
+    for k, (w, probability) in enumerate(zip(weighed, quick, strict=True)):
+        # the best named cause always has its chance: data usually hold more than one wrong thing
+        if w is process or (probability < 0.01 and w.cause is not None and k != best):
             out.append(w)
             continue
         if w.cause is None:

@@ -10,6 +10,7 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.likelihoods import Likelihood
+from hybridsurrogate.ode import OdeSimulator
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation import Simulator
 
@@ -58,11 +59,16 @@ def extend_simulator(simulator: Simulator, cause: Cause, problem: Problem) -> Si
     """Return a simulator whose function contains the cause.
 
     The cause's numbers become parameters with their priors; a wrong constant moves from the
-    assumed constants to the parameters; a column that the simulation ignored becomes an input.
-    Raises ValueError for a cause that changes the noise alone.
+    assumed constants to the parameters; a column that the simulation ignored becomes an input. A
+    cause inside the dynamics gives an `OdeSimulator`. Raises ValueError for a cause that changes
+    the noise alone.
     """
     if not cause.changes_output:
         raise ValueError(f"The cause {cause.name!r} leaves the simulation as it is.")
+    change = cause.modification
+    if change is not None and isinstance(simulator, OdeSimulator):
+        priors = {change.full(name): prior for name, prior in cause.parameters.items()}
+        return simulator.modified([change], priors)
     taken = {*simulator.input_names, *simulator.parameter_names, *simulator.assumed_names}
     taken |= set(cause.reads)
 

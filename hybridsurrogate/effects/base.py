@@ -8,12 +8,13 @@ four, and each is the identity by default.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from sklearn.base import BaseEstimator
 
+from hybridsurrogate.dynamics import Modification
 from hybridsurrogate.effects.notation import word
 from hybridsurrogate.priors import FloatArray, Prior
 
@@ -38,6 +39,10 @@ class Context:
         Typical size of the output on the scale of eta, for default priors.
     log_scale : bool
         Whether eta is the logarithm of the output.
+    states : dict of str to float
+        Typical sizes of the states of an `OdeSimulator` that is its own surrogate, else empty.
+    rates : tuple of str
+        Those parameters and assumed constants that its right-hand side takes.
     """
 
     X: Rows
@@ -46,6 +51,8 @@ class Context:
     assumed: Mapping[str, Any]
     scale: float
     log_scale: bool = False
+    states: Mapping[str, float] = field(default_factory=dict)
+    rates: tuple[str, ...] = ()
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -175,6 +182,11 @@ class Cause(BaseEstimator):
         By default the target.
         """
         return (self.target,) if self.target else ()
+
+    @property
+    def modification(self) -> Modification | None:
+        """The change of an ODE's right-hand side whose numbers `inputs` sets, if there is one."""
+        return None
 
     @property
     def touches_simulation(self) -> bool:

@@ -13,6 +13,7 @@ from hybridsurrogate.effects.bump import Bump
 from hybridsurrogate.effects.decay import Decay
 from hybridsurrogate.effects.delay import Delay
 from hybridsurrogate.effects.discrepancy_process import GaussianProcessDiscrepancy
+from hybridsurrogate.effects.dynamics import DynamicDrift, DynamicTerm
 from hybridsurrogate.effects.gain import Gain
 from hybridsurrogate.effects.interaction import Interaction
 from hybridsurrogate.effects.missing_input import MissingInput, trouble_with_levels
@@ -69,6 +70,8 @@ FORMS = (
     "parameter-drift: logistic",
     "parameter-drift: periodic",
     "parameter-drift: over extras",
+    "parameter-drift: inside",
+    "missing-term",
     "interaction",
     "missing-input",
     "missing-input: quadratic",
@@ -77,6 +80,9 @@ FORMS = (
     "noise",
     "unexplained",
 )
+# inside the dynamics: a step is a steep logistic course, a ramp nearly a slow one
+_COURSES = ("logistic", "periodic")
+_MIN_TIMES = 8
 
 
 @dataclass(frozen=True)
@@ -137,10 +143,20 @@ def _built_in(context: Context) -> Iterator[tuple[str, Cause]]:
         yield "decay", Decay(column)
         yield "saturation", Saturation(column)
         yield "delay", Delay(column)
+        # a rate that changes in time does so inside the dynamics
+        inside = context.rates if column == context.inputs[0] else ()
         for parameter in context.parameters:
+            if parameter in inside:
+                continue
             yield "parameter-drift", ParameterDrift(parameter, column)
             for shape in ("step", "logistic", "periodic"):
                 yield f"parameter-drift: {shape}", ParameterDrift(parameter, column, shape)
+    for rate in context.rates:
+        for course in _COURSES:
+            yield "parameter-drift: inside", DynamicDrift(rate, course)
+    for state in context.states:
+        yield "missing-term", DynamicTerm(state, "constant")
+        yield "missing-term", DynamicTerm(state, "proportional")
     for first, second in combinations(context.inputs, 2):
         yield "interaction", Interaction(first, second)
     for column in context.extras:
@@ -165,6 +181,10 @@ def _reason_to_skip(form: str, cause: Cause, context: Context) -> str | None:
         return f"{n} rows are too few"
     if form == "offset" and context.log_scale:
         return "on a logarithmic scale a constant is a factor, weighed as gain"
+    if cause.modification is not None and context.states:
+        distinct = len(np.unique(context.X[context.inputs[0]]))
+        if distinct < _MIN_TIMES:
+            return f"{context.inputs[0]} has {distinct} distinct values, {_MIN_TIMES} are needed"
     if form == "missing-input: categorical":
         return _trouble_with_categories(context.X[cause.reads[0]], cause.reads[0])
     for column in cause.reads:
@@ -195,6 +215,9 @@ def _impossible(context: Context, wanted: Collection[str]) -> Iterator[Skipped]:
         yield Skipped("wrong-constant", None, "the simulation has no assumed constants")
     if not context.parameters and any(form.startswith("parameter-drift") for form in wanted):
         yield Skipped("parameter-drift", None, "the simulation has no parameters")
+    if not context.states and "missing-term" in wanted:
+        reason = "inside the dynamics: needs an OdeSimulator and surrogate=ExactSurrogate()"
+        yield Skipped("missing-term", None, reason)
     if not context.extras and any(form.startswith("missing-input") for form in wanted):
         yield Skipped("missing-input", None, "no measured column beside the inputs")
     if not context.extras and context.parameters and "parameter-drift: over extras" in wanted:

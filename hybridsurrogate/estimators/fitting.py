@@ -9,7 +9,12 @@ import numpy as np
 from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.inference.collapsed import CollapsedPosterior
 from hybridsurrogate.inference.ensemble import EnsembleDraws, EnsembleSampler, short_ensemble
-from hybridsurrogate.inference.importance import ImportanceDraws, Proposals, importance_draws
+from hybridsurrogate.inference.importance import (
+    ImportanceDraws,
+    Proposals,
+    importance_draws,
+    moment_match,
+)
 from hybridsurrogate.inference.laplace import LaplacePosterior
 from hybridsurrogate.inference.modes import Gaussian, distinct, find_modes
 from hybridsurrogate.inference.pareto import KHAT_LIMIT
@@ -223,6 +228,13 @@ def _collapsed_draws(
         n = max(_OVERSAMPLING * n_draws, _MIN_PROPOSALS)
         sampled = importance_draws(log_density, minor, n, n_draws, random_state)
         trusted = sampled.khat <= KHAT_LIMIT
+        few = not trusted or sampled.effective_draws < 0.1 * n
+        if few and sampler == "auto" and _solves_equations(target):
+            # the many small calls of an ensemble are dear there: many proposals in few calls first
+            weight = np.full(n_draws, 1 / n_draws)
+            wide = [moment_match(sampled.draws, weight, minor[0]), *minor[1:]]
+            sampled = importance_draws(log_density, wide, 4 * n, n_draws, random_state)
+            trusted = sampled.khat <= KHAT_LIMIT
         if sampler == "importance" or (trusted and len(modes) == 1):
             return sampled.draws, of_importance(sampled, len(modes)), sampled.proposals
         if trusted:
@@ -232,6 +244,10 @@ def _collapsed_draws(
     backend = sampler if isinstance(sampler, EnsembleSampler) else EnsembleSampler()
     run = backend.run(log_density, modes, n_draws, random_state)
     return run.draws, _of_ensemble(run, len(modes)), None
+
+
+def _solves_equations(target: CollapsedPosterior) -> bool:
+    return any(effect.modification is not None for effect in target.model.effects)
 
 
 def _full_draws(

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hybridsurrogate.dynamics import Modification
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.inference.linear_rows import Runs
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.statistics import Statistics, statistics
 from hybridsurrogate.likelihoods import Likelihood, TransformedNormal
+from hybridsurrogate.ode import OdeSimulator
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Basis, Domain, Surrogate
@@ -123,9 +126,9 @@ def make_problem(
         columns[:n_inputs],
         tuple(ranges),
     )
-    context = make_context(world, columns, n_inputs, X, scale, likelihood)
     basis = surrogate.build(domain)
     _check_basis(basis, domain)
+    context = make_context(world, columns, n_inputs, X, scale, likelihood, basis)
     trained = bool(len(basis.coefficient_mean) or basis.hyperpriors)
     if isinstance(world, Simulator) and trained:
         raise ValueError(
@@ -138,9 +141,9 @@ def make_problem(
         n_inputs,
         dict(world.parameters) if world else {},
         {name: c.value for name, c in world.assumed.items()} if world else {},
-        tuple(effect.prepare(context) for effect in effects),
+        (),
         3 * scale,
-    )
+    ).with_effects([effect.prepare(context) for effect in effects])
     model.check_effects(X)
     kept, run_statistics = None, None
     if runs is not None and run_eta is not None and trained:
@@ -184,8 +187,13 @@ def make_context(
     X: FloatArray,
     scale: float,
     likelihood: Likelihood,
+    basis: Basis,
 ) -> Context:
     """Return what causes may know about the measured rows."""
+    simulator = simulation.simulator if simulation is not None else None
+    ode = simulator if isinstance(simulator, OdeSimulator) else None
+    if not isinstance(basis, ExactBasis):
+        ode = None
     return Context(
         dict(zip(columns, X.T, strict=True)),
         n_inputs,
@@ -193,6 +201,8 @@ def make_context(
         dict(simulation.assumed) if simulation else {},
         scale,
         log_scale=likelihood.log_scale,
+        states=ode.typical_states(X[:, :n_inputs]) if ode else {},
+        rates=ode.rates if ode else (),
     )
 
 
@@ -210,6 +220,11 @@ class _Transformed:
 
     def __init__(self, simulator: Simulator, likelihood: Likelihood):
         self.simulator, self.likelihood = simulator, likelihood
+
+    def modified(self, modifications: Sequence[Modification]) -> _Transformed:
+        """Return the simulation with changed dynamics."""
+        assert isinstance(self.simulator, OdeSimulator)
+        return _Transformed(self.simulator.modified(modifications), self.likelihood)
 
     def __call__(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         # parameters far in the tails may break a simulation: NaN there means impossible

@@ -42,16 +42,31 @@ class Layout:
     edges: FloatArray
     log_weight: FloatArray
 
+    def at(self, index: NDArray[np.intp]) -> Layout:
+        """Return the layout at some of its nodes."""
+        return replace(
+            self,
+            grid=self.grid[index],
+            edges=self.edges[index],
+            log_weight=self.log_weight[index],
+        )
+
 
 def layout(model: MeasuredModel) -> Layout:
-    """Return the layout for the last cause of a model; earlier causes count as known shapes."""
+    """Return the layout for the last cause of a model; earlier causes count as known shapes.
+
+    What was enumerated for an earlier cause is held where it was found.
+    """
     last = len(model.effects) - 1
+    grids = [effect.grid() for effect in model.effects]
     neutral = np.zeros(model.n_unknowns)
-    sizes, nodes, cells = [], [], []
-    axes: dict[str, FloatArray] = model.effects[last].grid() if model.effects else {}
+    sizes, nodes, held, cells = [], [], [], []
+    axes: dict[str, FloatArray] = grids[last] if model.effects else {}
     start = model.effects[last].start() if model.effects else {}
     for position, (owner, name) in enumerate(model.theta_names, start=model.n_parameters):
         if owner != last:
+            if name in grids[owner]:
+                held.append(position)
             continue
         prior = model.priors[position]
         if name in axes:
@@ -65,7 +80,7 @@ def layout(model: MeasuredModel) -> Layout:
     edges = np.empty((1, 0, 2))
     if nodes:
         edges = np.stack([cell[k] for cell, k in zip(cells, index, strict=True)], axis=1)
-    taken = {*sizes, *nodes}
+    taken = {*sizes, *nodes, *held}
     fixed = [k for k in range(model.n_unknowns) if k not in taken]
     return _with_cells(
         model,

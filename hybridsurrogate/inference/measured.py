@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -66,6 +66,19 @@ class MeasuredModel:
     constants: dict[str, float]
     effects: tuple[Cause, ...]
     default_sd: float
+
+    def with_effects(self, effects: Sequence[Cause]) -> MeasuredModel:
+        """Return a model without causes with these; some may change an ODE's right-hand side."""
+        changes = [e.modification for e in effects if e.modification is not None]
+        if not changes:
+            return replace(self, effects=tuple(effects))
+        numbers = {name: value for change in changes for name, value in change.constants.items()}
+        return replace(
+            self,
+            basis=self.basis.modified(changes),
+            constants={**self.constants, **numbers},
+            effects=tuple(effects),
+        )
 
     @cached_property
     def theta_names(self) -> tuple[tuple[int, str], ...]:

@@ -71,8 +71,8 @@ class NoiseTable:
         self._values -= 0.5 * n * np.log(2 * np.pi)
 
     def __call__(self, squares: FloatArray) -> FloatArray:
-        """Return the log integral, linear in log squares between the nodes."""
+        """Return the log integral, linear in log squares between the nodes; NaN stays NaN."""
         step = (self._high - self._low) / (_N_TABLE - 1)
         position = np.maximum((np.log(squares) - self._low) / step, 0.0)
-        index = np.minimum(position.astype(np.intp), _N_TABLE - 2)
+        index = np.nan_to_num(np.minimum(position, _N_TABLE - 2)).astype(np.intp)
         return self._values[index] + np.diff(self._values)[index] * (position - index)

@@ -21,6 +21,10 @@ from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.priors import FloatArray
 
 _MAX_CLIMB = 12
+# nodes that are followed where each needs runs of the simulation
+_FOLLOWED = 16
+# a prior scale that is as good as zero, whose square is a number still
+_NO_SIZE = 1e-100
 
 
 def scan(
@@ -88,7 +92,7 @@ def _scan(
     terms = []
     for size in sizes:
         # one size for all directions of a cause; caps bind only parameters, which come alone
-        scale = np.minimum(size, parts.cap.min(axis=1))[:, None]
+        scale = np.maximum(np.minimum(size, parts.cap.min(axis=1)), _NO_SIZE)[:, None]
         ridge = (sigma / scale) ** 2
         reduced = squares - np.sum(along_h**2 / (eigenvalue + ridge), axis=2)
         log_det_h = 0.5 * np.sum(np.log1p(eigenvalue / ridge), axis=1)
@@ -161,9 +165,15 @@ def climb(
     proposal = point
     # columns move only with the cause's own parameters, and these are enumerated or fixed
     columns = columns_at_nodes(model, X, plan, point)
+    followed = np.arange(len(plan.grid))
+    costly = bool(len(plan.nodes)) and model.effects[-1].touches_simulation
     for _ in range(_MAX_CLIMB):
         parts = linearise(model, X, belief, plan, proposal, columns)
-        here, move = _solve(parts, y, plan, proposal, sigma, size)
+        here, move, badness = _solve(parts, y, plan, proposal, sigma, size)
+        here = here._replace(node=int(followed[here.node]))
+        if costly and len(followed) > _FOLLOWED and np.isfinite(here.objective):
+            index = np.argsort(badness)[:_FOLLOWED]
+            followed, plan, columns = followed[index], plan.at(index), columns[index]
         if not np.isfinite(here.objective):
             if best is None:
                 return here
@@ -184,12 +194,12 @@ def climb(
 
 def _solve(
     parts: Linearised, y: FloatArray, plan: Layout, z: FloatArray, sigma: float, size: float
-) -> tuple[Peak, FloatArray]:
-    """Return the fit at z, columns free, and the z at which the linear model is best."""
+) -> tuple[Peak, FloatArray, FloatArray]:
+    """Return the fit at z, columns free, the z of the best linear model, and (T,) badness."""
     T, _, q = parts.H.shape
     d, s = parts.G.shape[2], len(plan.sizes)
     design, residual, log_det = _whitened(parts, y, sigma)
-    scale = np.minimum(size, parts.cap)
+    scale = np.maximum(np.minimum(size, parts.cap), _NO_SIZE)
     penalty = np.concatenate([np.ones((T, d)), scale**-2.0], axis=1) * sigma**2
     normal = np.swapaxes(design, 1, 2) @ design
     normal[:, np.arange(d + q), np.arange(d + q)] += penalty
@@ -197,10 +207,11 @@ def _solve(
     try:
         solution = np.linalg.solve(normal, right[..., None])[..., 0]
     except np.linalg.LinAlgError:  # slopes without bound: the simulation breaks down around here
-        return Peak(z.copy(), np.inf, np.inf, 0), z
+        return Peak(z.copy(), np.inf, np.inf, 0), z, np.full(T, np.inf)
     best_linear = np.einsum("tn,tn->t", residual, residual) - np.einsum("tk,tk->t", right, solution)
     badness = best_linear / sigma**2 + log_det - 2 * parts.log_weight
-    node = int(np.argmin(np.where(np.isnan(badness), np.inf, badness)))
+    badness = np.where(np.isnan(badness), np.inf, badness)
+    node = int(np.argmin(badness))
     # the fit at z itself: what is nonlinear stays, columns are estimated anew
     held = np.concatenate(
         [z[plan.fixed], (z[plan.sizes] - plan.neutral[plan.sizes]) * parts.H_rms[node, :s]]
@@ -219,7 +230,7 @@ def _solve(
     move[plan.fixed] = np.clip(solution[node, : len(plan.fixed)], -6, 6)
     size_move = solution[node, d : d + s] / parts.H_rms[node, :s]
     move[plan.sizes] = np.clip(plan.neutral[plan.sizes] + size_move, -6, 6)
-    return peak, move
+    return peak, move, badness
 
 
 def _whitened(

@@ -9,12 +9,13 @@ likelihood to the diagnosis, is written on those two functions.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from sklearn.base import BaseEstimator
 
+from hybridsurrogate.dynamics import Modification
 from hybridsurrogate.priors import FloatArray, Prior
 
 
@@ -118,6 +119,16 @@ class Basis(ABC):
         """Return phi for the same rows: (n, p)."""
 
     known_depends_on_hyper = False
+
+    def modified(self, modifications: Sequence[Modification]) -> Basis:
+        """Return the basis of a simulation with changed dynamics.
+
+        Their numbers follow the assumed constants in omega.
+        """
+        raise ValueError(
+            "Causes inside the dynamics need surrogate=ExactSurrogate(): what was trained on runs "
+            "knows no right-hand side."
+        )
 
     def outer(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return known part (J, n) and features (J, n, p) of n inputs for each of J parameters.

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from hybridsurrogate.dynamics import Modification
 from hybridsurrogate.surrogates.base import Basis, Domain, FloatArray, Surrogate
 from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
 
@@ -48,13 +50,17 @@ class ExactSurrogate(Surrogate):
 class ExactBasis(Basis):
     """The simulation as known part, and no features."""
 
-    simulate: Callable[[FloatArray, FloatArray], FloatArray]
+    simulate: Any
 
     def known(
         self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
     ) -> FloatArray:
         """Return the simulation."""
         return self.simulate(X, omega)
+
+    def modified(self, modifications: Sequence[Modification]) -> Basis:
+        """Return the basis of a simulation with changed dynamics."""
+        return replace(self, simulate=self.simulate.modified(modifications))
 
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return no features."""

@@ -14,7 +14,7 @@ import pandas as pd
 from hybridsurrogate.diagnosis.report import html, pictures, rivals, scores, sentences, tables
 from hybridsurrogate.diagnosis.report.section import Section
 from hybridsurrogate.diagnosis.report.summary import summary
-from hybridsurrogate.diagnosis.report.view import View
+from hybridsurrogate.diagnosis.report.view import View, label
 from hybridsurrogate.effects.notation import word as _word
 
 if TYPE_CHECKING:
@@ -146,11 +146,15 @@ def make_report(diagnosis: DiscrepancyDiagnosis, test: pictures.Test = None) -> 
 def _formulas(view: View) -> tuple[tuple[str, str], ...]:
     if not view.extended:
         return ()
-    best = view.diagnosis.best_cause_
     output, name = view.output, _word(view.output)
     if view.log_scale:
         output, name = f"log {output}", rf"\log {name}"
-    return ("Formula", f"{output} = {best.formula}"), ("In LaTeX", f"{name} = {best.latex}")
+    out = []
+    for finding, _ in view.found:
+        which = f", {label(finding.kind, finding.target)}" if len(view.found) > 1 else ""
+        out.append((f"Formula{which}", f"{output} = {finding.formula}"))
+        out.append((f"In LaTeX{which}", f"{name} = {finding.latex}"))
+    return tuple(out)
 
 
 def _beta_scan(view: View) -> pd.DataFrame | None:

@@ -84,8 +84,9 @@ def _advice(view: View) -> str:
             f"{digits.listing(list(d.indistinguishable_))} where the data come from. Predictions "
             "of extended_estimator_ follow the leading one."
         )
+    found = [label(f.kind, f.target) for f, _ in view.found if f.kind != "unexplained"]
     return (
-        f"Check {label(d.best_cause_.kind, d.best_cause_.target)} where the data come from: a "
+        f"Check {digits.listing(found)} where the data come from: a "
         "cause that fits is not yet a cause that is true. Predict with extended_estimator_."
     )
 

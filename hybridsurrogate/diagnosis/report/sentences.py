@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from hybridsurrogate.diagnosis.evidence import kind_of
@@ -9,6 +11,10 @@ from hybridsurrogate.diagnosis.report import digits
 from hybridsurrogate.diagnosis.report.tables import noise_of, thirds, unit_of
 from hybridsurrogate.diagnosis.report.view import View, label, label_of
 from hybridsurrogate.diagnosis.verdict import kind_shares
+from hybridsurrogate.effects.base import Cause
+
+if TYPE_CHECKING:
+    from hybridsurrogate.diagnosis.diagnosis import CauseFinding
 
 # what each kind means for the one who wrote the simulation
 _MEANING = {
@@ -26,6 +32,7 @@ _MEANING = {
     "saturation": "a gap grows over {column} and levels off",
     "interaction": "the columns {target} act together, which the simulation ignores",
     "delay": "the measurements lag behind the simulation, or run ahead of it, in {column}",
+    "missing-term": "{target} gains or loses something that its equation leaves out",
     "noise": "the scatter of the measurements changes over {column}",
 }
 
@@ -62,14 +69,16 @@ def verdict(view: View) -> list[str]:
             chance(view),
         ]
     best, shares = d.best_cause_, kind_shares(d.search_)
-    found = f"{label(best.kind, best.target)}{_with_estimates(view)}"
+    finding, cause = view.found[0]
+    found = f"{label(best.kind, best.target)}{_with_estimates(view, finding, cause)}"
     if d.verdict_ == "named":
         return [
             f"Named: {_lower(first)}",
             f"The cause: {found}.",
-            *_meaning(view),
+            *_meaning(view, finding, cause),
             f"It has {digits.probability(best.probability)} of the probability{_runner_up(view)}.",
             chance(view),
+            *_further(view),
         ]
     kinds = [f"{kind} ({digits.probability(shares[kind])})" for kind in d.indistinguishable_]
     return [
@@ -78,8 +87,9 @@ def verdict(view: View) -> list[str]:
         f"have at least 90 % of the probability: {digits.listing(kinds)}.",
         f"The leading one: {found}.",
         f"It has {digits.probability(best.probability)} of the probability.",
-        *_meaning(view),
+        *_meaning(view, finding, cause),
         chance(view),
+        *_further(view),
     ]
 
 
@@ -165,6 +175,11 @@ def extension(view: View) -> list[str]:
             f"Under the log-normal likelihood the cause acts on log {view.output}: adding 0.1 "
             f"there makes {view.output} larger by a factor of 1.105."
         )
+    if len(view.found) > 1:
+        out.append(
+            f"It holds {len(view.found)} causes at once; each formula shows one, with the other "
+            "causes inside 'simulation'."
+        )
     out.append(
         "Means, with 90 % intervals in brackets; the simulation's parameters were estimated anew "
         "beside the cause."
@@ -198,30 +213,41 @@ def _why_adequate(view: View) -> list[str]:
     return [f"{odds}."]
 
 
-def _with_estimates(view: View) -> str:
-    told = [
-        f"{name} {digits.interval(*values)}"
-        for name, values in view.diagnosis.best_cause_.estimates.items()
-    ]
-    units = {
-        name: unit_of(view, name)
-        for name in view.diagnosis.best_cause_.estimates
-        if unit_of(view, name)
-    }
+def _with_estimates(view: View, finding: CauseFinding, cause: Cause) -> str:
+    told = [f"{name} {digits.interval(*values)}" for name, values in finding.estimates.items()]
     if not told:
         return ""
-    in_units = ", ".join(f"{name} in units of {unit}" for name, unit in units.items())
-    in_units = in_units.replace("in units of a factor", "a factor")
-    return f", with {', '.join(told)}; 90 % intervals" + (f", {in_units}" if in_units else "")
+    units = {name: unit_of(view, cause, name) for name in finding.estimates}
+    in_units = [
+        f"{name} {unit}" if unit.startswith("a ") else f"{name} in units of {unit}"
+        for name, unit in units.items()
+        if unit
+    ]
+    return f", with {', '.join(told)}; {', '.join(['90 % intervals', *in_units])}"
 
 
-def _meaning(view: View) -> list[str]:
-    best = view.diagnosis.best_cause_
-    if best.kind not in _MEANING:
+def _meaning(view: View, finding: CauseFinding, cause: Cause) -> list[str]:
+    if finding.kind not in _MEANING:
         return []
-    column = getattr(view.cause, "column", best.target)
-    text = _MEANING[best.kind].format(output=view.output, target=best.target, column=column)
-    return [f"That means: {text}."]
+    column = getattr(cause, "column", None) or finding.target
+    names = {"output": view.output, "target": finding.target, "column": column}
+    return [f"That means: {_MEANING[finding.kind].format(**names)}."]
+
+
+def _further(view: View) -> list[str]:
+    """Say what was found beside the first cause, each by a search of its own."""
+    out = []
+    for finding, cause in view.found[1:]:
+        if finding.kind == "unexplained":
+            out.append("Beside it a smooth curve of unknown shape is needed.")
+            continue
+        known = f"{label(finding.kind, finding.target)}{_with_estimates(view, finding, cause)}"
+        out.append(
+            f"Beside it a further search found: {known}. There it has "
+            f"{digits.probability(finding.probability)} of the probability."
+        )
+        out += _meaning(view, finding, cause)
+    return out
 
 
 def _runner_up(view: View) -> str:

@@ -40,6 +40,7 @@ def summary(
         "columns": list(view.columns),
         "log_scale": view.log_scale,
         "best_cause": asdict(diagnosis.best_cause_),
+        "found_causes": [asdict(finding) for finding in diagnosis.found_causes_],
         "indistinguishable": list(diagnosis.indistinguishable_),
         "causes": diagnosis.causes_.to_dict("records"),
         "parameters": parameter_intervals(view),

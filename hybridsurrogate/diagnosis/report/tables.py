@@ -8,6 +8,7 @@ import pandas as pd
 from hybridsurrogate.diagnosis.discrepancy import Third, shares_of_thirds
 from hybridsurrogate.diagnosis.report import digits
 from hybridsurrogate.diagnosis.report.view import View
+from hybridsurrogate.effects.base import Cause
 
 Interval = tuple[float, float, float]
 
@@ -66,8 +67,9 @@ def parameter_intervals(view: View) -> dict[str, dict[str, Interval]]:
 def estimate_table(view: View) -> pd.DataFrame:
     """Return what the cause and the simulation's parameters are estimated to be, with units."""
     rows = [
-        (name, unit_of(view, name), "-", digits.interval(*told))
-        for name, told in view.diagnosis.best_cause_.estimates.items()
+        (f"{finding.kind} {name}", unit_of(view, cause, name), "-", digits.interval(*told))
+        for finding, cause in view.found
+        for name, told in finding.estimates.items()
     ]
     log = "log " if view.log_scale else ""
     for name, told in parameter_intervals(view).items():
@@ -81,32 +83,32 @@ def estimate_table(view: View) -> pd.DataFrame:
 _WORDS = ("before", "after")
 
 
-def unit_of(view: View, name: str) -> str:
-    """Return the unit of an estimate of the cause, in the user's own names; "" if unknown."""
-    cause = view.cause
-    if cause is None:
-        return ""
-    column = (
-        " * ".join(cause.reads) if cause.kind == "interaction" else getattr(cause, "column", "")
-    )
+def unit_of(view: View, cause: Cause, name: str) -> str:
+    """Return the unit of an estimate of a cause, in the user's own names; "" if unknown."""
+    column = getattr(cause, "column", None) or view.inputs[0]
+    if cause.kind == "interaction":
+        column = " * ".join(cause.reads)
+    target = cause.target or ""
     output = f"log {view.output}" if view.log_scale else view.output
-    moved = cause.target or "" if cause.kind == "parameter-drift" else output
+    moved = target if cause.kind == "parameter-drift" else output
     if name.startswith("level_"):
         return output
+    inside = cause.modification is not None
+    if name in ("amount", "amplitude") and inside:
+        return f"a share of {target}"
+    if name == "rate" and inside:
+        of = target if getattr(cause, "form", "") == "constant" else "1"
+        return f"{of} per {column}"
+    if name in ("location", "period", "width", "duration", "scale", "half", "lag"):
+        return column
     return {
-        "location": column,
-        "period": column,
-        "width": column,
-        "scale": column,
-        "half": column,
-        "lag": column,
         "amplitude": moved,
         "overtone": moved,
         "change": moved,
         "level": output,
         "slope": f"{moved} per {column}",
         "curvature": f"{moved} per {column} squared",
-        "value": cause.target or "",
+        "value": target,
         "gain": "a factor",
         "ratio": "a factor",
         "length_scale": "half the measured range",

@@ -17,7 +17,7 @@ from hybridsurrogate.plotting import Prediction
 from hybridsurrogate.priors import FloatArray
 
 if TYPE_CHECKING:
-    from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
+    from hybridsurrogate.diagnosis.diagnosis import CauseFinding, DiscrepancyDiagnosis
 
 _MOST_RIVALS = 4
 _WORTH_DRAWING = 0.005
@@ -67,8 +67,16 @@ class View:
 
     @property
     def cause(self) -> Cause | None:
-        """The cause in the extended model, prepared."""
+        """The first cause in the extended model, prepared."""
         return self.diagnosis.extended_estimator_.effects[0] if self.extended else None
+
+    @property
+    def found(self) -> list[tuple[CauseFinding, Cause]]:
+        """Every accepted cause, what was found about it and the cause itself, in order."""
+        if not self.extended:
+            return []
+        effects = self.diagnosis.extended_estimator_.effects
+        return list(zip(self.diagnosis.found_causes_, effects, strict=True))
 
     @cached_property
     def before(self) -> FloatArray:
@@ -186,7 +194,7 @@ def label(kind: str, target: str | None) -> str:
     )
 
 
-_OF = ("wrong-constant", "parameter-drift", "interaction")
+_OF = ("wrong-constant", "parameter-drift", "interaction", "missing-term")
 
 
 def label_of(rival: Weighed) -> str:

@@ -1,0 +1,199 @@
+"""What may be wrong with the right-hand side of an ODE: a rate that changes, a term left out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from hybridsurrogate.priors import FloatArray
+
+Numbers = Mapping[str, FloatArray]  # a modification's own numbers, (m,) each
+
+
+@dataclass(frozen=True)
+class Modification:
+    """A change of the right-hand side that has numbers of its own, and does nothing at neutral.
+
+    Subclasses say which numbers there are, and override `factors` or `terms`.
+    """
+
+    @property
+    def label(self) -> str:
+        """What the full names of the numbers begin with."""
+        raise NotImplementedError
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        """Own names of the numbers, at values that change nothing."""
+        raise NotImplementedError
+
+    @property
+    def sizes(self) -> tuple[str, ...]:
+        """Own names of those numbers which, all at neutral, change nothing."""
+        raise NotImplementedError
+
+    @property
+    def constants(self) -> dict[str, float]:
+        """Full names of the numbers, at values that change nothing."""
+        return {self.full(name): value for name, value in self.neutral.items()}
+
+    def full(self, name: str) -> str:
+        """Return the full name of a number."""
+        return f"{self.label}_{name}"
+
+    def factors(self, t: FloatArray, numbers: Numbers, step: float) -> dict[str, FloatArray]:
+        """Return factors on parameters at times t, which broadcast with the numbers."""
+        return {}
+
+    def terms(self, state: Mapping[str, FloatArray], numbers: Numbers) -> dict[str, FloatArray]:
+        """Return what is added to the slopes of states, (m,) each."""
+        return {}
+
+
+@dataclass(frozen=True)
+class TimeVaryingParameter(Modification):
+    """A parameter or assumed constant p that becomes p (1 + amount s(t)) in the right-hand side.
+
+    The initial state and what is observed keep p itself.
+
+    Parameters
+    ----------
+    parameter : str
+    shape : {"step", "ramp", "logistic", "periodic"}
+        What s(t) is:
+
+        - step: 0 before `location`, 1 after; a tanh over about two steps of the solver, so that a
+          Runge-Kutta method keeps its accuracy;
+        - ramp: (t - location) / duration, cut to [0, 1];
+        - logistic: 1 / (1 + exp(-(t - location) / width));
+        - periodic: instead of amount s(t), sine sin(a) + cosine cos(a) with
+          a = 2 pi (t - center) / period.
+    prefix : str or None, default=None
+        What the full names of the numbers begin with; None: parameter and shape.
+    center : float, default=0.0
+        Of the periodic shape.
+
+    Notes
+    -----
+    An amount below -1 turns the sign of p around; nothing is cut off, so a prior of the amount
+    must have the support that p allows.
+
+    Examples
+    --------
+    >>> from hybridsurrogate.dynamics import TimeVaryingParameter
+    >>> TimeVaryingParameter("rate", "step").constants
+    {'rate_step_amount': 0.0, 'rate_step_location': 0.0}
+    """
+
+    parameter: str
+    shape: str
+    prefix: str | None = None
+    center: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.shape not in _SHAPES:
+            raise ValueError(f"shape must be one of {list(_SHAPES)}, got {self.shape!r}.")
+
+    @property
+    def label(self) -> str:
+        """The prefix, or parameter and shape."""
+        return self.prefix or f"{self.parameter}_{self.shape}"
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        """The sizes at zero, then location, width, duration or period."""
+        return dict.fromkeys(self.sizes, 0.0) | _SHAPES[self.shape].others
+
+    @property
+    def sizes(self) -> tuple[str, ...]:
+        """The amount, or sine and cosine."""
+        return _SHAPES[self.shape].sizes
+
+    def factors(self, t: FloatArray, numbers: Numbers, step: float) -> dict[str, FloatArray]:
+        """Return the factor on the parameter."""
+        course = _SHAPES[self.shape].course
+        return {self.parameter: 1.0 + course(t - self.center, t, numbers, step)}
+
+
+@dataclass(frozen=True)
+class MissingTerm(Modification):
+    """A term that the right-hand side lacks in the slope of one state.
+
+    Parameters
+    ----------
+    state : str
+    form : {"constant", "proportional"}
+        The term is `rate`, or `rate` times the state.
+    prefix : str or None, default=None
+        What the full name of the rate begins with; None: state and form.
+
+    Examples
+    --------
+    >>> from hybridsurrogate.dynamics import MissingTerm
+    >>> MissingTerm("i", "proportional").constants
+    {'i_proportional_rate': 0.0}
+    """
+
+    state: str
+    form: str
+    prefix: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.form not in ("constant", "proportional"):
+            raise ValueError(f"form must be 'constant' or 'proportional', got {self.form!r}.")
+
+    @property
+    def label(self) -> str:
+        """The prefix, or state and form."""
+        return self.prefix or f"{self.state}_{self.form}"
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        """A rate of zero."""
+        return {"rate": 0.0}
+
+    @property
+    def sizes(self) -> tuple[str, ...]:
+        """The rate."""
+        return ("rate",)
+
+    def terms(self, state: Mapping[str, FloatArray], numbers: Numbers) -> dict[str, FloatArray]:
+        """Return the term."""
+        rate = numbers["rate"]
+        return {self.state: rate if self.form == "constant" else rate * state[self.state]}
+
+
+@dataclass(frozen=True)
+class _Shape:
+    sizes: tuple[str, ...]
+    others: dict[str, float]
+    course: Callable[[FloatArray, FloatArray, Numbers, float], FloatArray]
+
+
+def _step(_: FloatArray, t: FloatArray, numbers: Numbers, step: float) -> FloatArray:
+    return numbers["amount"] * 0.5 * (1 + np.tanh((t - numbers["location"]) / step))
+
+
+def _ramp(_: FloatArray, t: FloatArray, numbers: Numbers, step: float) -> FloatArray:
+    return numbers["amount"] * np.clip((t - numbers["location"]) / numbers["duration"], 0, 1)
+
+
+def _logistic(_: FloatArray, t: FloatArray, numbers: Numbers, step: float) -> FloatArray:
+    # tanh, unlike exp, does not overflow
+    rise = np.tanh((t - numbers["location"]) / (2 * numbers["width"]))
+    return numbers["amount"] * 0.5 * (1 + rise)
+
+
+def _periodic(centred: FloatArray, _: FloatArray, numbers: Numbers, step: float) -> FloatArray:
+    angle = 2 * np.pi * centred / numbers["period"]
+    return numbers["sine"] * np.sin(angle) + numbers["cosine"] * np.cos(angle)
+
+
+_SHAPES = {
+    "step": _Shape(("amount",), {"location": 0.0}, _step),
+    "ramp": _Shape(("amount",), {"location": 0.0, "duration": 1.0}, _ramp),
+    "logistic": _Shape(("amount",), {"location": 0.0, "width": 1.0}, _logistic),
+    "periodic": _Shape(("sine", "cosine"), {"period": 1.0}, _periodic),
+}

@@ -1,0 +1,128 @@
+"""Solutions of ODEs for many parameters at once: free functions on arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from hybridsurrogate.priors import FloatArray
+
+
+def equal_runs(columns: Sequence[FloatArray], n: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return where runs of equal rows begin (m,), and the run of each of the n rows (n,)."""
+    changes = np.zeros(n, dtype=bool)
+    changes[:1] = True
+    for column in columns:
+        changes[1:] |= column[1:] != column[:-1]
+    return np.flatnonzero(changes), np.cumsum(changes) - 1
+
+
+def runge_kutta(
+    slope: Callable[[int, FloatArray], FloatArray],
+    state: FloatArray,
+    n_steps: int,
+    step: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Follow m solutions at once by the classical fourth-order method with a fixed step.
+
+    Parameters
+    ----------
+    slope : callable
+        ``slope(k, state) -> (n_states, m)`` at k half steps after the start.
+    state : ndarray of shape (n_states, m)
+        At the start.
+
+    Returns
+    -------
+    states, slopes : ndarray of shape (n_steps + 1, n_states, m)
+    """
+    states = np.empty((n_steps + 1, *state.shape))
+    slopes = np.empty_like(states)
+    states[0] = state
+    for k in range(n_steps):
+        a = slope(2 * k, state)
+        b = slope(2 * k + 1, state + step / 2 * a)
+        c = slope(2 * k + 1, state + step / 2 * b)
+        d = slope(2 * k + 2, state + step * c)
+        slopes[k] = a
+        state = state + step / 6 * (a + 2 * (b + c) + d)
+        states[k + 1] = state
+    slopes[-1] = slope(2 * n_steps, state)
+    return states, slopes
+
+
+def hermite(
+    states: FloatArray,
+    slopes: FloatArray,
+    step: float,
+    position: FloatArray,
+    column: NDArray[np.intp],
+) -> FloatArray:
+    """Interpolate solutions between their steps by cubics that share states and slopes.
+
+    Parameters
+    ----------
+    states, slopes : ndarray of shape (n_steps + 1, n_states, m)
+    position : ndarray of shape (n,)
+        Time since the start in steps; NaN gives NaN.
+    column : ndarray of shape (n,)
+        Which of the m solutions.
+
+    Returns
+    -------
+    ndarray of shape (n_states, n)
+    """
+    known = np.where(np.isfinite(position), position, 0.0)
+    index = np.minimum(known, len(states) - 2).astype(np.intp)
+    t = (position - index)[:, None]
+    s = 1 - t
+    left, right = states[index, :, column], states[index + 1, :, column]
+    rise, fall = slopes[index, :, column], slopes[index + 1, :, column]
+    values = left * (s * s * (1 + 2 * t)) + right * (t * t * (1 + 2 * s))
+    values += (step * t * s) * (rise * s - fall * t)
+    return values.T
+
+
+def adaptive(
+    slope: Callable[[float, FloatArray], FloatArray],
+    state: FloatArray,
+    times: FloatArray,
+    start: float,
+    method: str,
+    max_step: float,
+) -> FloatArray:
+    """Follow one solution by a method of `scipy.integrate.solve_ivp`.
+
+    Parameters
+    ----------
+    slope : callable
+        ``slope(t, state) -> (n_states,)``
+    state : ndarray of shape (n_states,)
+    times : ndarray of shape (n,)
+
+    Returns
+    -------
+    ndarray of shape (n_states, n)
+        NaN where the method fails or the time is NaN.
+    """
+    out = np.full((len(state), len(times)), np.nan)
+    out[:, times == start] = state[:, None]
+    later = times > start
+    if not later.any() or not np.isfinite(state).all():
+        return out
+    span = (start, float(times[later].max()))
+    settings: dict[str, Any] = {
+        "method": method,
+        "rtol": 1e-8,
+        "atol": 1e-10 * (1 + np.abs(state)),
+        "max_step": max_step,
+    }
+    found = solve_ivp(slope, span, state, dense_output=True, **settings)
+    # what was reached before a failure is not kept: a solution that breaks down is no solution
+    if found.success and found.sol is not None and np.isfinite(found.y).all():
+        out[:, later] = found.sol(times[later])
+    return out

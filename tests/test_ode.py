@@ -1,0 +1,384 @@
+"""Simulations that are ODEs, changes of their dynamics, and causes inside them."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+from scipy.integrate import solve_ivp
+from sklearn.base import clone
+
+import hybridsurrogate as hs
+from hybridsurrogate.dynamics import MissingTerm, TimeVaryingParameter
+from hybridsurrogate.exceptions import FailedRunsWarning
+
+CONTACT, RECOVERY = 0.45, 0.12
+
+
+def sir(t, state, contact_rate, recovery_rate):
+    new = contact_rate * state[0] * state[1]
+    return np.stack([-new, new - recovery_rate * state[1]])
+
+
+def second(state):
+    return state[1]
+
+
+def make_epidemic(method="rk4", max_step=None):
+    return hs.OdeSimulator(
+        sir,
+        {"s": 0.999, "i": 0.001},
+        second,
+        inputs={"t": (0, 60)},
+        parameters={"contact_rate": hs.truncated_normal(0.4, 0.15, 0.05, 1.5)},
+        assumed={"recovery_rate": hs.Assumed(RECOVERY, hs.truncated_normal(0.12, 0.04, 0.02, 0.4))},
+        states=("s", "i"),
+        output="infected",
+        method=method,
+        max_step=max_step,
+    )
+
+
+def make_decay(**settings):
+    given = {
+        "rhs": lambda t, state, rate: -rate * state,
+        "initial_state": [2.0],
+        "observe": lambda state: state[0],
+        "inputs": {"t": (1, 5)},
+        "parameters": {"rate": hs.truncated_normal(1, 0.5, 0, 3)},
+        "states": "n",
+    }
+    return hs.OdeSimulator(**(given | settings))
+
+
+def hidden_fall(seed=0, n=40):
+    """Forty days of an epidemic whose contact rate falls by 65 % around day 22."""
+    t = np.linspace(1.5, 60, n)[:, None]
+    truth = make_epidemic().modified([TimeVaryingParameter("contact_rate", "logistic")])
+    omega = np.tile([CONTACT, RECOVERY, -0.65, 22.0, 3.0], (n, 1))
+    noise = np.random.default_rng(seed).standard_normal(n)
+    return t, truth(t, omega) * np.exp(0.05 * noise)
+
+
+def reference(rhs, start, times, **settings):
+    span = (0.0, float(np.max(times)))
+    exact = {"rtol": 1e-11, "atol": 1e-14, "method": "RK45"} | settings
+    return solve_ivp(rhs, span, start, dense_output=True, **exact).sol(times)
+
+
+# ------------------------------------------------------------------------------------ solutions
+
+
+def test_exponential_decay():
+    t, rate = np.linspace(1, 5, 23), np.linspace(0.2, 3, 23)
+    np.testing.assert_allclose(make_decay()(t, rate), 2 * np.exp(-rate * (t - 1)), rtol=1e-6)
+
+
+def test_logistic_growth_from_an_unknown_start():
+    simulator = hs.OdeSimulator(
+        lambda t, state, rate, **_: rate * state * (1 - state),
+        lambda start, **_: [start],
+        lambda state, rate, start: state[0],
+        inputs={"t": (0, 10)},
+        parameters={"rate": stats.uniform(0.5, 1), "start": stats.uniform(0.01, 0.1)},
+        states=("n",),
+    )
+    t, rate, start = np.linspace(0, 10, 30), np.linspace(0.5, 1.5, 30), np.linspace(0.01, 0.1, 30)
+    exact = 1 / (1 + (1 / start - 1) * np.exp(-rate * t))
+    np.testing.assert_allclose(simulator(t, np.column_stack([rate, start])), exact, rtol=1e-6)
+
+
+@pytest.mark.parametrize("method", ["rk4", "DOP853"])
+def test_harmonic_oscillator_with_a_second_input(method):
+    simulator = hs.OdeSimulator(
+        lambda t, state, stiffness, mass: np.stack([state[1], -stiffness / mass * state[0]]),
+        [1.0, 0.0],
+        lambda state: state[0],
+        inputs={"t": (0, 10), "mass": (1, 4)},
+        parameters={"stiffness": stats.uniform(0.5, 1)},
+        states=("x", "v"),
+        method=method,
+    )
+    X = np.column_stack([np.linspace(0, 10, 20), np.repeat([1.0, 4.0], 10)])
+    exact = np.cos(np.sqrt(1.2 / X[:, 1]) * X[:, 0])
+    np.testing.assert_allclose(simulator(X, np.full((20, 1), 1.2)), exact, atol=1e-6)
+
+
+def test_runge_kutta_agrees_with_scipy():
+    t = np.linspace(0, 60, 25)
+    for rate in (0.2, 0.45, 0.9):
+        expected = reference(
+            lambda s, state, rate=rate: sir(s, state, rate, RECOVERY), [0.999, 0.001], t
+        )[1]
+        # the interpolation of DOP853 is coarser than its steps
+        for method, error in {"rk4": 1e-5, "LSODA": 1e-6, "Radau": 1e-6, "DOP853": 1e-4}.items():
+            values = make_epidemic(method)(t, np.full(25, rate))
+            np.testing.assert_allclose(values, expected, rtol=error, err_msg=method)
+
+
+def test_values_do_not_depend_on_the_other_rows():
+    simulator, random = make_epidemic(), np.random.default_rng(0)
+    t, rate = np.tile(np.linspace(0, 60, 20), 30), np.repeat(random.uniform(0.1, 1, 30), 20)
+    values, order = simulator(t, rate), random.permutation(600)
+    np.testing.assert_allclose(simulator(t[order], rate[order]), values[order], rtol=1e-12)
+    np.testing.assert_allclose(simulator(t[:5], rate[:5]), values[:5], rtol=1e-12)
+
+
+def test_is_a_simulator():
+    simulator = make_epidemic()
+    assert isinstance(simulator, hs.Simulator)
+    assert clone(simulator) is simulator
+    assert simulator.rates == ("contact_rate", "recovery_rate")
+    assert repr(simulator).startswith("OdeSimulator(sir: t -> infected")
+    runs = simulator.run(16, random_state=0)
+    np.testing.assert_allclose(runs.y, simulator(runs.X, runs.omega))
+    again = pickle.loads(pickle.dumps(simulator))
+    np.testing.assert_array_equal(again(runs.X, runs.omega), runs.y)
+    np.testing.assert_allclose(simulator.solution(runs.X, runs.omega)[1], runs.y)
+    assert len(simulator(np.empty((0, 1)), np.empty((0, 1)))) == 0
+
+
+# -------------------------------------------------------------------------------- modifications
+
+CHANGES = [
+    TimeVaryingParameter("contact_rate", "step"),
+    TimeVaryingParameter("contact_rate", "ramp"),
+    TimeVaryingParameter("recovery_rate", "logistic"),
+    TimeVaryingParameter("contact_rate", "periodic", center=30.0),
+    MissingTerm("i", "constant"),
+    MissingTerm("s", "proportional"),
+]
+
+
+def test_modifications_at_neutral_change_nothing():
+    simulator = make_epidemic()
+    changed = simulator.modified(CHANGES)
+    t, rate = np.linspace(0, 60, 12), np.full((12, 1), CONTACT)
+    expected = simulator(t, rate)
+    np.testing.assert_array_equal(changed(t, rate), expected)
+    constants = np.tile([RECOVERY, *changed.modifiers.values()], (12, 1))
+    np.testing.assert_array_equal(changed(t, np.hstack([rate, constants])), expected)
+    frame = pd.DataFrame({"contact_rate": rate[:, 0], "recovery_rate": RECOVERY})
+    frame = frame.assign(**changed.modifiers)
+    np.testing.assert_array_equal(changed(t, frame), expected)
+
+
+def _course(shape, t):
+    if shape == "step":
+        # as wide as the solver's own step
+        return -0.6 * 0.5 * (1 + np.tanh((t - 25) / 0.15))
+    if shape == "logistic":
+        return -0.6 / (1 + np.exp(-(t - 25) / 4))
+    if shape == "ramp":
+        return -0.6 * np.clip((t - 25) / 8, 0, 1)
+    return 0.3 * np.sin(2 * np.pi * t / 14) - 0.2 * np.cos(2 * np.pi * t / 14)
+
+
+@pytest.mark.parametrize(
+    ("shape", "numbers"),
+    [
+        ("step", [-0.6, 25.0]),
+        ("logistic", [-0.6, 25.0, 4.0]),
+        ("ramp", [-0.6, 25.0, 8.0]),
+        ("periodic", [0.3, -0.2, 14.0]),
+    ],
+)
+def test_changing_parameter_agrees_with_scipy(shape, numbers):
+    t = np.linspace(0, 60, 30)
+    changed = make_epidemic().modified([TimeVaryingParameter("contact_rate", shape)])
+    values = changed(t, np.tile([CONTACT, RECOVERY, *numbers], (30, 1)))
+    expected = reference(
+        lambda s, state: sir(s, state, CONTACT * (1 + _course(shape, s)), RECOVERY),
+        [0.999, 0.001],
+        t,
+        max_step=0.1,
+    )[1]
+    np.testing.assert_allclose(values, expected, rtol=1e-4)
+
+
+@pytest.mark.parametrize("form", ["constant", "proportional"])
+def test_missing_term_agrees_with_scipy(form):
+    t = np.linspace(0, 60, 30)
+    changed = make_epidemic().modified([MissingTerm("i", form)])
+    values = changed(t, np.tile([CONTACT, RECOVERY, 1e-3], (30, 1)))
+
+    def slope(s, state):
+        own = 1e-3 * (1 if form == "constant" else state[1])
+        return sir(s, state, CONTACT, RECOVERY) + np.array([0, own])
+
+    np.testing.assert_allclose(values, reference(slope, [0.999, 0.001], t)[1], rtol=1e-5)
+
+
+# --------------------------------------------------------------------------------------- errors
+
+
+@pytest.mark.filterwarnings("ignore::hybridsurrogate.exceptions.PriorWarning")
+@pytest.mark.parametrize("method", ["rk4", "RK45"])
+def test_solutions_that_fail_are_nan(method):
+    def explosive(t, state, rate):
+        if np.any(rate > 2.5):
+            raise OverflowError("too fast")
+        return rate * state**2
+
+    simulator = make_decay(rhs=explosive, method=method)
+    y = simulator(np.full(4, 1.3), np.array([0.1, 2.9, 0.2, 0.3]))
+    np.testing.assert_allclose(y[[0, 2, 3]], 1 / (0.5 - 0.3 * np.array([0.1, 0.2, 0.3])), rtol=1e-5)
+    assert np.isnan(y[1])
+    assert np.isnan(simulator([4.0], [2.0])).all()  # infinite at t = 1.25
+    with pytest.warns(FailedRunsWarning, match="too fast"):
+        simulator.run(32, random_state=0)
+
+
+def test_times_before_the_start():
+    with pytest.raises(ValueError, match=r"'t' before the start of the simulation at 1 .* 0\.5"):
+        make_decay()([0.5], [1.0])
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"rhs": lambda t, state, rate: -rate}, r"rhs must return .* \(1, 2\)"),
+        ({"rhs": lambda t, state, rate: [state[0], [1, 2, 3]]}, "rhs must return"),
+        ({"initial_state": [1.0, 2.0]}, r"initial_state must return .* \(1, 2\)"),
+        ({"initial_state": {"m": 1.0}}, r"initial_state has \['m'\]"),
+        ({"observe": lambda state: state}, r"observe must return .* \(2,\)"),
+        ({"method": "euler"}, "method must be one of"),
+        ({"states": ()}, "states must be"),
+        ({"max_step": 0.0}, "max_step must be positive"),
+    ],
+)
+def test_wrong_definitions(settings, message):
+    with pytest.raises(ValueError, match=message):
+        make_decay(**settings)
+
+
+def test_wrong_names():
+    with pytest.raises(TypeError, match="rhs needs speed"):
+        make_decay(rhs=lambda t, state, speed: -speed * state)
+    with pytest.raises(TypeError, match="rate: neither rhs nor"):
+        make_decay(rhs=lambda t, state: -state)
+    with pytest.raises(ValueError, match="rhs has no parameter 'x'"):
+        make_decay().modified([TimeVaryingParameter("x", "step")])
+    with pytest.raises(ValueError, match="There is no state 'x'"):
+        make_decay().modified([MissingTerm("x", "constant")])
+    with pytest.raises(ValueError, match="give one of them another prefix"):
+        make_decay().modified([MissingTerm("n", "constant")] * 2)
+    with pytest.raises(ValueError, match="shape must be one of"):
+        TimeVaryingParameter("rate", "jump")
+    with pytest.raises(ValueError, match="form must be"):
+        MissingTerm("n", "square")
+
+
+def test_causes_inside_the_dynamics_need_an_exact_ode():
+    t, y = hidden_fall()
+    simulator = make_epidemic(max_step=1.0)
+    effects = (hs.DynamicDrift("contact_rate"),)
+    plain = hs.Simulator(
+        lambda t, contact_rate: contact_rate * t + 1,
+        inputs={"t": (0, 60)},
+        parameters={"contact_rate": stats.norm()},
+    )
+    for model in (
+        hs.PowerScaledSurrogate(plain, surrogate=hs.ExactSurrogate(), effects=effects),
+        hs.PowerScaledSurrogate(simulator.run(32, random_state=0), effects=effects),
+        hs.PowerScaledSurrogate(plain.run(32, random_state=0), effects=(hs.DynamicTerm("i"),)),
+    ):
+        with pytest.raises(ValueError, match=r"need simulation=OdeSimulator.*ExactSurrogate"):
+            model.fit(t, y)
+    model = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate())
+    for cause, message in (
+        (hs.DynamicDrift("x"), "'x' is no parameter or assumed constant"),
+        (hs.DynamicDrift("contact_rate", column="u"), "time of the simulation is 't'"),
+        (hs.DynamicDrift("contact_rate", priors={"period": stats.norm()}), "has no 'period'"),
+        (hs.DynamicTerm("x"), "no state 'x'"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            model.set_params(effects=(cause,)).fit(t, y)
+
+
+# ------------------------------------------------------------------------------------ inference
+
+
+def test_estimator_finds_a_hidden_fall_of_the_contact_rate():
+    model = hs.PowerScaledSurrogate(
+        make_epidemic(max_step=0.5),
+        surrogate=hs.ExactSurrogate(),
+        effects=(hs.DynamicDrift("contact_rate", "logistic"),),
+        likelihood="lognormal",
+        n_draws=500,
+        random_state=0,
+    )
+    inside = []
+    for seed in range(8):
+        t, y = hidden_fall(seed)
+        draws = model.fit(t, y).posterior_.estimates(0)
+        for name, truth in {"amount": -0.65, "location": 22.0, "width": 3.0}.items():
+            low, high = np.quantile(draws[name], [0.025, 0.975])
+            inside.append(low < truth < high)
+        assert np.median(np.abs(model.predict(t) / y - 1)) < 0.06
+    # of 24 intervals at 95 %: fewer than 20 would happen once in 150 times
+    assert np.sum(inside) >= 20
+
+
+@pytest.fixture(scope="module")
+def diagnosed():
+    t, y = hidden_fall()
+    model = hs.PowerScaledSurrogate(
+        make_epidemic(max_step=0.5),
+        surrogate=hs.ExactSurrogate(),
+        likelihood="lognormal",
+        n_draws=400,
+        random_state=0,
+    )
+    return hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(t, y)
+
+
+def test_diagnosis_names_the_hidden_fall(diagnosed):
+    assert diagnosed.verdict_ == "named"
+    found = diagnosed.best_cause_
+    assert (found.kind, found.target) == ("parameter-drift", "contact_rate")
+    assert "contact_rate falling by" in found.formula
+    assert "logistic" in found.formula
+    assert abs(found.estimates["location"][0] - 22) < 3
+    assert {"missing-term", "wrong-constant"} <= set(diagnosed.causes_["kind"])
+
+
+def test_extended_simulator_is_an_ode_with_the_cause_in_it(diagnosed):
+    simulator = diagnosed.extended_simulator_
+    assert isinstance(simulator, hs.OdeSimulator)
+    names = [f"contact_rate_logistic_{name}" for name in ("amount", "location", "width")]
+    assert list(simulator.parameters) == ["contact_rate", *names]
+    assert simulator.modifiers == {}
+    t = np.linspace(2, 58, 9)[:, None]
+    posterior = diagnosed.extended_estimator_.posterior_
+    eta, _ = posterior.eta(t)
+    omega = np.repeat(posterior.values, len(t), axis=0)
+    values = simulator(np.tile(t, (len(eta), 1)), omega).reshape(eta.shape)
+    np.testing.assert_allclose(np.log(values), eta, atol=1e-9)
+    assert np.isfinite(simulator.run(32, random_state=0).y).all()
+    # and it can be modified once more under names that are free
+    second_fall = hs.PowerScaledSurrogate(
+        simulator,
+        surrogate=hs.ExactSurrogate(),
+        effects=(hs.DynamicTerm("i", "proportional"),),
+        likelihood="lognormal",
+        n_draws=100,
+        random_state=0,
+    )
+    assert "rate" in second_fall.fit(*hidden_fall()).posterior_.estimates(0)
+
+
+def test_catalogue_says_why_the_dynamics_are_not_weighed():
+    t, y = hidden_fall(n=12)
+    model = hs.PowerScaledSurrogate(
+        make_epidemic(max_step=0.5).run(64, random_state=0),
+        likelihood="lognormal",
+        n_draws=100,
+        random_state=0,
+    )
+    diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, n_replicates=20, random_state=0).fit(t, y)
+    notes = diagnosis.causes_.set_index("kind")["note"]
+    assert "needs an OdeSimulator" in notes["missing-term"]
