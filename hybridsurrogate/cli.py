@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import warnings
 from collections.abc import Sequence
@@ -116,6 +117,7 @@ def _parser() -> argparse.ArgumentParser:
     own.set_defaults(run=_diagnose)
     for command in (demo, own):
         command.add_argument("--report", default="report.html", help="file to write (report.html)")
+        command.add_argument("--json", metavar="FILE", help="also write the numbers, for machines")
         command.add_argument("--seed", type=int, default=0, help="random seed (0)")
     return parser
 
@@ -186,7 +188,15 @@ def _finish(
     print(report)
     report.save(given.report)
     print(f"\nWith pictures: {given.report}")
+    if given.json:
+        with open(given.json, "w", encoding="utf-8") as file:
+            json.dump(report.to_dict(), file, indent=2, allow_nan=False)
+        print(f"Numbers: {given.json}")
 
 
 def _print_warning(message: Any, *_: Any, **__: Any) -> None:
     print(f"Warning: {message}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,11 +1,13 @@
-"""Pictures of a diagnosis: functions that take ``ax=None`` and return the Axes; nothing is shown.
+"""Drawing: functions that take numbers and the Axes to draw on, and return the Axes.
 
-Colours are those of Okabe and Ito, which colour-blind readers can tell apart.
+Nothing is shown and no window is needed. Colours are those of Okabe and Ito, which colour-blind
+readers can tell apart; where two series share an Axes, their markers or lines differ as well.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -13,158 +15,216 @@ from matplotlib import ticker
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike
+from scipy import stats
 
 from hybridsurrogate.priors import FloatArray
 
-if TYPE_CHECKING:
-    from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
-
-Test = tuple[ArrayLike, ArrayLike] | None
-
-BEFORE, AFTER, DATA, HELD_OUT, QUIET = "#0072B2", "#D55E00", "#222222", "#009E73", "#999999"
+BEFORE, AFTER, DATA, HELD_OUT, QUIET = "#0072B2", "#D55E00", "#222222", "#009E73", "#777777"
+# rivals differ in line style too
+RIVALS = (("#D55E00", "-"), ("#0072B2", "--"), ("#009E73", "-."), ("#CC79A7", ":"))
 
 
-def new_axes(n: int = 1, width: float = 7.0, height: float = 3.4) -> list[Axes]:
-    """Return n Axes side by side on a new figure without a window."""
+class Prediction(NamedTuple):
+    """Predictions at some rows: mean and central intervals, all of shape (n,)."""
+
+    mean: FloatArray
+    lower50: FloatArray
+    upper50: FloatArray
+    lower90: FloatArray
+    upper90: FloatArray
+
+
+def new_axes(
+    rows: int = 1, columns: int = 1, width: float = 7.0, height: float = 3.4, share: bool = False
+) -> list[Axes]:
+    """Return Axes on a new figure without a window, row by row; ``share`` their x within columns.
+
+    Parameters
+    ----------
+    rows, columns : int
+    width, height : float
+        Of the figure, in inches.
+    share : bool
+    """
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
-    return list(np.atleast_1d(figure.subplots(1, n)))
+    grid = figure.subplots(rows, columns, squeeze=False, sharex="col" if share else False)
+    return list(grid.ravel())
 
 
-def plot_fit(diagnosis: DiscrepancyDiagnosis, ax: Axes | None = None) -> Axes:
-    """Draw the data and the calibrated simulation with its 90 % interval.
-
-    Parameters
-    ----------
-    diagnosis : DiscrepancyDiagnosis
-        Fitted.
-    ax : matplotlib Axes or None
-    """
-    ax = ax or new_axes()[0]
-    column, X, y = _shown(diagnosis)
-    grid, values = _grid(diagnosis, column, X[:, column].min(), X[:, column].max())
-    _band(ax, diagnosis.estimator_, grid, values, BEFORE, "simulation, calibrated")
-    ax.plot(X[:, column], y, ".", color=DATA, ms=4, label="measured")
-    return _labelled(ax, diagnosis, column)
-
-
-def plot_discrepancy(diagnosis: DiscrepancyDiagnosis, ax: Axes | None = None) -> Axes:
-    """Draw measured minus simulated, with the 90 % band of the smooth discrepancy.
+def plot_prediction(
+    ax: Axes, x: FloatArray, told: Prediction, colour: str, label: str, curve: bool = True
+) -> Axes:
+    """Draw predictions with their 50 % and 90 % intervals.
 
     Parameters
     ----------
-    diagnosis : DiscrepancyDiagnosis
-        Fitted.
-    ax : matplotlib Axes or None
+    ax : Axes
+    x : ndarray of shape (n,)
+    told : Prediction
+    colour, label : str
+    curve : bool
+        Whether the rows lie on a line, so that bands make sense; else one bar for each row.
     """
-    ax = ax or new_axes()[0]
-    band = diagnosis.discrepancy_
-    columns = diagnosis.search_.problem.model.columns
-    x = band.grid[:, columns.index(band.column)]
+    if curve:
+        ax.fill_between(x, told.lower90, told.upper90, color=colour, alpha=0.18, lw=0)
+        ax.fill_between(x, told.lower50, told.upper50, color=colour, alpha=0.3, lw=0)
+        ax.plot(x, told.mean, color=colour, lw=1.5, label=f"{label}, 50 and 90 % bands")
+        return ax
+    ax.vlines(x, told.lower90, told.upper90, color=colour, alpha=0.25, lw=1)
+    ax.vlines(x, told.lower50, told.upper50, color=colour, alpha=0.6, lw=2)
+    ax.plot(x, told.mean, "_", color=colour, ms=6, label=f"{label}, 50 and 90 % intervals")
+    return ax
+
+
+def plot_measured(
+    ax: Axes, x: FloatArray, y: FloatArray, label: str = "measured", held_out: bool = False
+) -> Axes:
+    """Draw measurements as dots, those held out as crosses."""
+    mark, colour = ("x", HELD_OUT) if held_out else (".", DATA)
+    size = 4 if len(x) <= 150 else 2.5
+    ax.plot(x, y, mark, color=colour, ms=size + held_out, label=label, zorder=3)
+    return ax
+
+
+def plot_discrepancy(
+    ax: Axes, x: FloatArray, mean: FloatArray, lower: FloatArray, upper: FloatArray
+) -> Axes:
+    """Draw a smooth discrepancy with its 90 % band around the line of no discrepancy."""
     ax.axhline(0, color=QUIET, lw=1)
-    ax.fill_between(x, band.lower, band.upper, color=BEFORE, alpha=0.25, lw=0, label="90 % band")
-    ax.plot(x, band.mean, color=BEFORE, label="discrepancy")
-    ax.set_xlabel(band.column)
-    scale = "log " if diagnosis.search_.problem.likelihood.log_scale else ""
-    ax.set_ylabel(f"{scale}measured - {scale}simulated")
-    ax.legend(frameon=False, fontsize="small")
+    label = "smooth discrepancy, 90 % band"
+    ax.fill_between(x, lower, upper, color=BEFORE, alpha=0.25, lw=0)
+    ax.plot(x, mean, color=BEFORE, label=label)
     return ax
 
 
-def plot_causes(diagnosis: DiscrepancyDiagnosis, ax: Axes | None = None, most: int = 8) -> Axes:
-    """Draw the probabilities of the most probable causes.
+def plot_causes(
+    ax: Axes, names: Sequence[str], probabilities: Sequence[float], chosen: int | None
+) -> Axes:
+    """Draw probabilities as horizontal bars, the first on top, the chosen one in colour.
 
     Parameters
     ----------
-    diagnosis : DiscrepancyDiagnosis
-        Fitted.
-    ax : matplotlib Axes or None
-    most : int, default=8
-        How many causes.
+    ax : Axes
+    names : sequence of str
+    probabilities : sequence of float
+    chosen : int or None
+        Position of the one that is meant by the verdict.
     """
-    ax = ax or new_axes()[0]
-    table = diagnosis.causes_[diagnosis.causes_["note"] == ""].head(most)[::-1]
-    names = [
-        f"{kind} ({target})" if isinstance(target, str) else kind
-        for kind, target in zip(table["kind"], table["target"], strict=True)
-    ]
-    best = diagnosis.best_cause_
-    colours = [
-        AFTER if (kind == best.kind and (best.target is None or target == best.target)) else QUIET
-        for kind, target in zip(table["kind"], table["target"], strict=True)
-    ]
-    bars = ax.barh(names, 100 * table["probability"], color=colours)
+    places = np.arange(len(names))[::-1]
+    colours = [AFTER if k == chosen else QUIET for k in range(len(names))]
+    bars = ax.barh(places, 100 * np.asarray(probabilities), color=colours, height=0.7)
     ax.bar_label(bars, fmt=_percent, padding=3, fontsize="small")
-    ax.set_xlim(0, 115)
+    ax.set_yticks(places, labels=list(names))
+    ax.set_xlim(0, 118)
     ax.set_xlabel("probability in %")
-    ax.xaxis.set_major_locator(ticker.MultipleLocator(25))
+    ax.set_ylabel("what is wrong")
+    ax.set_xticks(range(0, 101, 25))
+    ax.spines[["top", "right"]].set_visible(False)
     return ax
 
 
-def plot_before_after(
-    diagnosis: DiscrepancyDiagnosis, test: Test = None, axes: list[Axes] | None = None
-) -> list[Axes]:
-    """Draw predictions before and after the extension, in and out of the measured range.
+def plot_residuals(ax: Axes, x: FloatArray, residual: FloatArray, colour: str, title: str) -> Axes:
+    """Draw residuals over a column, with their root mean square in the title."""
+    ax.axhline(0, color=QUIET, lw=1)
+    ax.plot(x, residual, ".", color=colour, ms=4 if len(x) <= 150 else 2.5)
+    rms = np.sqrt(np.mean(residual**2))
+    ax.set_title(f"{title}: root mean square {rms:.3g}", fontsize="medium")
+    return ax
+
+
+def plot_quantiles(ax: Axes, z: FloatArray, colour: str, mark: str, label: str) -> Axes:
+    """Draw sorted standardised residuals against the quantiles of the standard normal.
 
     Parameters
     ----------
-    diagnosis : DiscrepancyDiagnosis
-        Fitted.
-    test : (X_test, y_test) or None
-        Held-out rows.
-    axes : two matplotlib Axes or None
+    ax : Axes
+    z : ndarray of shape (n,)
+        Standard normal if the predictive distribution is right.
+    colour, mark, label : str
     """
-    axes = axes or new_axes(2, 10.0, 3.6)
-    column, X, y = _shown(diagnosis)
-    name = diagnosis.search_.problem.model.columns[column]
-    low, high = diagnosis.estimator_.simulation.input_ranges.get(
-        name, (X[:, column].min(), X[:, column].max())
-    )
-    grid, values = _grid(diagnosis, column, low, high)
-    titles = ("before", f"after: {diagnosis.best_cause_.kind}")
-    models = (diagnosis.estimator_, diagnosis.extended_estimator_)
-    for ax, model, colour, title in zip(axes, models, (BEFORE, AFTER), titles, strict=True):
-        ax.axvspan(X[:, column].min(), X[:, column].max(), color="#eeeeee", zorder=0, lw=0)
-        _band(ax, model, grid, values, colour, "prediction, 90 %")
-        ax.plot(X[:, column], y, ".", color=DATA, ms=4, label="measured")
-        if test is not None:
-            held = model._check_data(test[0])
-            ax.plot(held[:, column], test[1], "x", color=HELD_OUT, ms=4, label="held out")
-        ax.set_title(title, fontsize="medium")
-        _labelled(ax, diagnosis, column)
-    _share_range(axes, y if test is None else np.concatenate([y, np.asarray(test[1])]))
-    return axes
+    n = len(z)
+    expected = stats.norm.ppf((np.arange(n) + 0.5) / n)
+    end = float(expected[-1])
+    ax.plot([-end, end], [-end, end], color=QUIET, lw=1)
+    ax.plot(expected, np.sort(z), mark, color=colour, ms=4, mfc="none", label=label)
+    ax.set_xlabel("expected of a standard normal")
+    ax.set_ylabel("standardised residual")
+    return ax
 
 
-def plot_residuals(diagnosis: DiscrepancyDiagnosis, axes: list[Axes] | None = None) -> list[Axes]:
-    """Draw measured minus predicted, before and after the extension.
+def plot_scores(
+    ax: Axes, names: Sequence[str], before: FloatArray, after: FloatArray, error: FloatArray
+) -> Axes:
+    """Draw held-out scores before and after, one line for each fold.
 
     Parameters
     ----------
-    diagnosis : DiscrepancyDiagnosis
-        Fitted.
-    axes : two matplotlib Axes or None
+    ax : Axes
+    names : sequence of str
+    before, after : ndarray of shape (n,)
+        After may be NaN where nothing was added.
+    error : ndarray of shape (n,)
+        Standard error of the difference, drawn on the score after; NaN: none.
     """
-    axes = axes or new_axes(2, 10.0, 2.8)
-    column, X, y = _shown(diagnosis)
-    rows = as_given(diagnosis, X)
-    models = (diagnosis.estimator_, diagnosis.extended_estimator_)
-    for ax, model, colour, title in zip(
-        axes, models, (BEFORE, AFTER), ("before", "after"), strict=True
-    ):
-        ax.axhline(0, color=QUIET, lw=1)
-        residual = y - model.predict(rows)
-        ax.plot(X[:, column], residual, ".", color=colour, ms=4)
-        ax.set_title(
-            f"{title}: root mean square {np.sqrt(np.mean(residual**2)):.3g}", fontsize="medium"
-        )
-        ax.set_xlabel(diagnosis.search_.problem.model.columns[column])
-        ax.set_ylabel("measured - predicted")
-    limit = max(np.max(np.abs(ax.get_ylim())) for ax in axes)
-    for ax in axes:
-        ax.set_ylim(-limit, limit)
-    return axes
+    places = np.arange(len(names))[::-1]
+    ax.hlines(places, before, after, color=QUIET, lw=1)
+    ax.plot(before, places, "o", color=BEFORE, ms=6, label="before")
+    if np.isfinite(after).any():
+        bar = np.where(np.isfinite(error), error, 0.0)
+        label = "after, ± error of the difference"
+        ax.errorbar(after, places, xerr=bar, fmt="s", color=AFTER, ms=5, capsize=3, label=label)
+    ax.set_yticks(places, labels=list(names))
+    ax.set_ylim(-0.6, len(names) - 0.4)
+    ax.set_xlabel("held-out log density per row\n(further right is better)")
+    return ax
+
+
+def plot_coverage(
+    ax: Axes, names: Sequence[str], shares: FloatArray, n_rows: Sequence[int], level: float
+) -> Axes:
+    """Draw the share of held-out rows inside an interval against what it should be.
+
+    Parameters
+    ----------
+    ax : Axes
+    names : sequence of str
+    shares : ndarray of shape (n,)
+    n_rows : sequence of int
+        How many rows each share is of, for its standard error.
+    level : float
+        What the shares should be.
+    """
+    places = np.arange(len(names))[::-1]
+    error = np.sqrt(level * (1 - level) / np.asarray(n_rows))
+    ax.axvline(100 * level, color=QUIET, lw=1, ls="--", label=f"should be {100 * level:g} %")
+    for place, share, bar, name in zip(places, shares, error, names, strict=True):
+        colour, mark = (BEFORE, "o") if "before" in name else (AFTER, "s")
+        ax.errorbar(100 * share, place, xerr=100 * bar, fmt=mark, color=colour, ms=5, capsize=3)
+    ax.set_yticks(places, labels=list(names))
+    ax.set_ylim(-0.6, len(names) - 0.4)
+    ax.set_xlim(right=min(float(ax.get_xlim()[1]), 102))
+    ax.set_xlabel(f"rows in the {100 * level:g} % interval, %")
+    return ax
+
+
+def plot_rivals(
+    ax: Axes, x: FloatArray, means: Sequence[FloatArray], names: Sequence[str], place: float
+) -> Axes:
+    """Draw what each rival predicts, and the place at which they should be told apart."""
+    for mean, name, (colour, style) in zip(means, names, RIVALS, strict=False):
+        ax.plot(x, mean, color=colour, ls=style, lw=1.6, label=name)
+    ax.axvline(place, color=DATA, lw=1, ls=(0, (1, 1)), label="measure here")
+    return ax
+
+
+def plot_information(ax: Axes, x: FloatArray, information: FloatArray, place: float) -> Axes:
+    """Draw how much one more measurement would tell, over a column."""
+    ax.plot(x, information, color=DATA)
+    ax.axvline(place, color=DATA, lw=1, ls=(0, (1, 1)))
+    ax.set_ylabel("information\nin nats")
+    ax.set_ylim(bottom=0)
+    return ax
 
 
 def plot_beta_scan(table: pd.DataFrame, ax: Axes | None = None) -> Axes:
@@ -177,63 +237,42 @@ def plot_beta_scan(table: pd.DataFrame, ax: Axes | None = None) -> Axes:
     ax : matplotlib Axes or None
     """
     ax = ax or new_axes()[0]
-    for word, colour in (("before", BEFORE), ("after", AFTER)):
+    for word, colour, line in (("before", BEFORE, "--o"), ("after", AFTER, "-s")):
         best = table.iloc[int(np.argmax(table[word]))]
-        ax.plot(table["beta"], table[word], "-o", ms=3, color=colour, label=word)
-        ax.plot(best["beta"], best[word], "o", ms=9, mfc="none", color=colour)
+        label = f"{word}, best beta {best['beta']:g}"
+        ax.plot(table["beta"], table[word], line, ms=4, color=colour, label=label)
+        ax.plot(best["beta"], best[word], "o", ms=12, mfc="none", color=colour)
     ax.set_xlabel("beta (0: measured data only, 1: simulation only)")
-    ax.set_ylabel("held-out ELPD per row")
+    ax.set_xlim(-0.03, 1.03)
+    ax.set_ylabel("held-out log density per row")
     ax.legend(frameon=False, fontsize="small")
     return ax
 
 
-def as_given(diagnosis: DiscrepancyDiagnosis, X: FloatArray) -> Any:
-    """Return rows whose simulation inputs come first as the user's own columns."""
-    estimator = diagnosis.estimator_
-    rows = np.empty_like(X)
-    rows[:, estimator._column_order] = X
-    names = getattr(estimator, "feature_names_in_", None)
-    return rows if names is None else pd.DataFrame(rows, columns=names)
-
-
-def _shown(diagnosis: DiscrepancyDiagnosis) -> tuple[int, FloatArray, FloatArray]:
-    X, y = diagnosis.estimator_._measured
-    return diagnosis.search_.problem.model.columns.index(diagnosis.discrepancy_.column), X, y
-
-
-def _grid(
-    diagnosis: DiscrepancyDiagnosis, column: int, low: float, high: float
-) -> tuple[Any, FloatArray]:
-    X, _ = diagnosis.estimator_._measured
-    grid = np.repeat(np.median(X, axis=0)[None], 400, axis=0)
-    grid[:, column] = np.linspace(low, high, 400)
-    return as_given(diagnosis, grid), grid[:, column]
-
-
-def _band(ax: Axes, model: Any, grid: Any, values: FloatArray, colour: str, label: str) -> None:
-    lower, upper = model.predict_interval(grid, 0.9)
-    ax.fill_between(values, lower, upper, color=colour, alpha=0.25, lw=0)
-    ax.plot(values, model.predict(grid), color=colour, label=label)
-
-
-def _labelled(ax: Axes, diagnosis: DiscrepancyDiagnosis, column: int) -> Axes:
-    ax.set_xlabel(diagnosis.search_.problem.model.columns[column])
-    ax.set_ylabel(diagnosis.estimator_.simulation.output)
-    ax.legend(frameon=False, fontsize="small")
+def tidy(ax: Axes, xlabel: str, ylabel: str, legend: bool = True, ticks: int = 7) -> Axes:
+    """Name the axes, and explain the series where they hide the least."""
+    ax.set_xlabel(xlabel)
+    ax.set_ylabel(ylabel)
+    ax.xaxis.set_major_locator(ticker.MaxNLocator(ticks))
+    if legend:
+        ax.legend(frameon=True, framealpha=0.85, edgecolor="none", fontsize="small", loc="best")
     return ax
 
 
-def _share_range(axes: list[Axes], y: FloatArray) -> None:
-    """Give both Axes one range, wide enough for the data but not for a runaway extrapolation."""
-    low, high = float(np.min(y)), float(np.max(y))
+def share_range(axes: Sequence[Axes], values: FloatArray) -> None:
+    """Give Axes one range, wide enough for the data but not for a runaway extrapolation."""
+    values = values[np.isfinite(values)]
+    low, high = float(np.min(values)), float(np.max(values))
     room = 0.5 * (high - low) + 1e-12
     bottom = max(min(float(ax.get_ylim()[0]) for ax in axes), low - room)
     top = min(max(float(ax.get_ylim()[1]) for ax in axes), high + room)
+    if axes[0].get_yscale() == "log":
+        bottom = max(bottom, 0.2 * low)
     for ax in axes:
         ax.set_ylim(bottom, top)
 
 
 def _percent(value: float) -> str:
     if value >= 99.95:
-        return "100 %"
+        return "> 99.9 %"
     return f"{value:.1f} %" if value >= 0.1 else "< 0.1 %"

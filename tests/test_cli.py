@@ -1,5 +1,9 @@
 """The command line, as a newcomer types it."""
 
+import json
+import subprocess
+import sys
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -49,7 +53,9 @@ def test_a_demonstration_prints_its_verdict_and_writes_a_report(capsys, tmp_path
 
 
 def test_files_of_ones_own(files, capsys):
-    assert main(arguments(files, "--prior", "speed=2,0.5")) == 0
+    numbers = files / "numbers.json"
+    assert main(arguments(files, "--prior", "speed=2,0.5", "--json", str(numbers))) == 0
+    assert json.loads(numbers.read_text(encoding="utf-8"))["best_cause"]["target"] == "wind"
     assert "missing-input in wind" in capsys.readouterr().out
     assert (files / "report.html").exists()
 
@@ -69,6 +75,14 @@ def test_a_mistake_ends_with_one_clear_line(files, capsys, change, message):
     error = capsys.readouterr().err
     assert message in error
     assert len(error.splitlines()) == 1
+
+
+@pytest.mark.parametrize("module", ["hybridsurrogate", "hybridsurrogate.cli"])
+def test_the_command_as_a_module(module):
+    run = subprocess.run(
+        [sys.executable, "-m", module, "demo", "--list"], capture_output=True, text=True, check=True
+    )
+    assert "nile" in run.stdout
 
 
 def test_an_unknown_demonstration(capsys):

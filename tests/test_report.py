@@ -1,14 +1,18 @@
 """The report says in words and pictures what the attributes say in numbers."""
 
+import html.parser
 import json
 import re
+import shutil
+import subprocess
 
 import numpy as np
+import pandas as pd
 import pytest
-from matplotlib.axes import Axes
 
 import hybridsurrogate as hs
-from hybridsurrogate import plotting
+from hybridsurrogate.diagnosis.report import digits
+from hybridsurrogate.diagnosis.report.summary import plain
 
 
 def decay(t, level, rate):
@@ -29,7 +33,7 @@ def diagnose():
     t = np.linspace(0, 8, 30)
     noise = 0.1 * np.random.default_rng(0).standard_normal(30)
 
-    def run(effect, surrogate=None):
+    def run(effect, surrogate=None, cv=3, **settings):
         exact = surrogate is None
         model = hs.PowerScaledSurrogate(
             simulator if exact else simulator.run(64, random_state=0),
@@ -37,7 +41,8 @@ def diagnose():
             n_draws=200,
             random_state=0,
         )
-        diagnosis = hs.DiscrepancyDiagnosis(model, cv=3, n_replicates=40, random_state=0)
+        settings = {"n_replicates": 40, "random_state": 0, **settings}
+        diagnosis = hs.DiscrepancyDiagnosis(model, cv=cv, **settings)
         return diagnosis.fit(t[:, None], decay(t, 11, 0.25) + effect(t) + noise)
 
     return run
@@ -54,27 +59,127 @@ def report(named):
     return named.report(test=(t[:, None], decay(t, 11, 0.25) + 2.0))
 
 
+def flat(report):
+    return " ".join(str(report).split())
+
+
 def test_the_text_states_verdict_numbers_and_gain(named, report):
-    text = str(report)
-    location = named.best_cause_.estimates["location"]
-    assert "is wrong in a way that the data show" in text
-    assert f"step in t, with location {location[0]:.4g}" in text
-    assert f"p = {named.p_value_:.3g}" in text
-    assert f"{named.gain_.elpd_difference:+.3f}" in text
-    assert f"{named.gain_on([[9.0]], [3.0]).n_rows}" in text
+    text = flat(report)
+    best, gain = named.best_cause_, named.gain_
+    assert text.count("Named: the simulation 'decay' is wrong, and 30 measurements") == 1
+    assert f"step in t, with location {digits.interval(*best.estimates['location'])}" in text
+    assert "location in units of t, amplitude in units of level <mg>" in text
+    assert "Of 40 data sets made up by the simulation" in text
+    assert "none looked as wrong as yours: p = 0.024" in text
+    difference = digits.plus_minus(gain.elpd_difference, gain.standard_error, sign=True)
+    assert f"difference {difference}" in text
     assert "the folds chose: step 3" in text
-    assert "not weighed: the simulation has no assumed constants" in text
+    assert "Not weighed: wrong-constant (the simulation has no assumed constants)" in text
     assert "On the rows held back (10 rows)" in text
+    assert f"In LaTeX: \\text{{level <mg>}} = {best.latex}" in text
+    assert "There is no weight to choose" in text
 
 
-def test_the_page_needs_no_network_and_escapes_names(report, tmp_path):
+def test_where_it_is_wrong(report):
+    thirds = report.to_dict()["discrepancy"]["thirds"]
+    assert [third["column"] for third in thirds] == ["t"] * 3
+    assert sum(third["share"] for third in thirds) == pytest.approx(1)
+    most = max(thirds, key=lambda third: third["share"])
+    low, high = (digits.number(most[end]) for end in ("low", "high"))
+    assert f"{digits.percent(most['share'])} lies where t is between {low} and {high}" in flat(
+        report
+    )
+
+
+class Page(html.parser.HTMLParser):
+    """What a page holds: unclosed tags, images, addresses, headings, text."""
+
+    VOID = ("meta", "img", "br")
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.images, self.addresses, self.words = [], [], [], []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        if tag not in self.VOID:
+            self.open.append(tag)
+        attrs = dict(attrs)
+        if tag == "img":
+            self.images.append(attrs)
+        self.addresses += [attrs[k] for k in ("src", "href", "srcset", "data") if k in attrs]
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.words.append(data)
+
+
+def test_the_page_is_whole_and_needs_no_network(report, tmp_path):
     report.save(tmp_path / "report.html")
-    page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert page.startswith("<!doctype html>")
-    assert not re.search(r"(src|href)\s*=\s*['\"](?!data:)", page)
-    assert page.count("data:image/png;base64,") == 5
-    assert "level <mg>" not in page
-    assert "level &lt;mg&gt;" in page
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    page = Page(text)
+    assert text.startswith("<!doctype html>")
+    assert page.open == []
+    assert len(page.images) == 6
+    assert all(address.startswith("data:image/png;base64,") for address in page.addresses)
+    assert all(len(image["alt"]) > 40 for image in page.images)
+    style = re.search(r"<style>(.*?)</style>", text, re.S).group(1)
+    assert not re.search(r"url\(|@import|http", style)
+    assert "<script" not in text
+    assert "http" not in "".join(page.words)
+    assert "level <mg>" not in text
+    assert "level &lt;mg&gt;" in text
+    assert "prefers-color-scheme:dark" in style
+    assert 'name="viewport"' in text
+
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+
+
+def test_the_page_opens_in_a_browser(report, tmp_path):
+    browser = next((path for path in map(shutil.which, BROWSERS) if path), None)
+    if browser is None:
+        pytest.skip(f"no browser: none of {', '.join(BROWSERS)} is on the PATH")
+    report.save(tmp_path / "report.html")
+    # the page asks, once it is laid out, how its pictures came out
+    asked = (
+        (tmp_path / "report.html")
+        .read_text(encoding="utf-8")
+        .replace(
+            "</body>",
+            "<script>document.title='widths '+Array.from(document.images,"
+            "i=>i.complete?i.naturalWidth:0).join(' ')+' overflow '+"
+            "(document.documentElement.scrollWidth>innerWidth)</script></body>",
+        )
+    )
+    (tmp_path / "asked.html").write_text(asked, encoding="utf-8")
+
+    def run(*arguments):
+        flags = ("--headless", "--no-sandbox", "--disable-gpu", "--window-size=500,1200")
+        profile = f"--user-data-dir={tmp_path / 'profile'}"
+        address = (tmp_path / "asked.html").as_uri()
+        done = subprocess.run(
+            [browser, *flags, profile, *arguments, address],
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=120,
+        )
+        return done.stdout
+
+    dom = run("--dump-dom", "--virtual-time-budget=2000")
+    told = re.search(r"<title>widths ([\d ]+) overflow (\w+)</title>", dom)
+    widths = [int(width) for width in told.group(1).split()]
+    assert len(widths) == 6
+    assert min(widths) > 400
+    assert told.group(2) == "false"
+    assert "Named: the simulation 'decay' is wrong" in dom
+    picture = tmp_path / "page.png"
+    run(f"--screenshot={picture}")
+    assert picture.stat().st_size > 20_000
 
 
 def test_text_and_json_files(named, report, tmp_path):
@@ -82,36 +187,105 @@ def test_text_and_json_files(named, report, tmp_path):
     assert (tmp_path / "report.txt").read_text(encoding="utf-8").strip() == str(report)
     report.save(tmp_path / "report.json")
     values = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    assert values == report.to_dict()
+    assert values["schema_version"] == 1
     assert values["verdict"] == "named"
     assert values["best_cause"]["kind"] == "step"
+    assert values["best_cause"]["latex"] == named.best_cause_.latex
     assert values["p_value"] == named.p_value_
     assert values["gain"]["n_rows"] == 30
+    assert [fold["kind"] for fold in values["gain"]["folds"]] == ["step"] * 3
+    assert sum(fold["n_rows"] for fold in values["gain"]["folds"]) == 30
+    assert values["parameters"]["level"]["after"][0] == pytest.approx(11, abs=0.5)
+    said = [sentence for section in values["sections"] for sentence in section["sentences"]]
+    assert all(sentence in flat(report) for sentence in said)
+
+
+def test_the_dict_is_a_copy_and_nan_is_none(report):
+    report.to_dict()["verdict"] = "changed"
+    assert report.to_dict()["verdict"] == "named"
+    given = {"a": np.nan, 1: (np.float64(2.0), np.array([np.inf, 1.0])), "b": np.bool_(True)}
+    assert plain(given) == {"a": None, "1": [2.0, [None, 1.0]], "b": True}
 
 
 def test_an_adequate_simulation(diagnose):
     diagnosis = diagnose(lambda t: 0 * t)
     assert diagnosis.verdict_ == "adequate"
-    text = str(diagnosis.report())
-    assert "no reason to doubt" in text
+    report = diagnosis.report(test=([[9.0], [10.0]], [1.2, 0.9]))
+    text = flat(report)
+    assert "give no reason to doubt the simulation 'decay'" in text
+    assert "That nothing is wrong has" in text
     assert "Nothing was added" in text
+    assert "Nowhere that the data could show" in text
+    assert "In LaTeX" not in text
+    assert "there is no before and after" in text
+    assert report.to_dict()["discrepancy"]["thirds"] == []
 
 
-# a step under a coarse emulator strains the draws, and the diagnosis says so
-@pytest.mark.filterwarnings("ignore::hybridsurrogate.HybridSurrogateWarning")
-def test_an_emulator_gets_its_beta_scan(diagnose):
-    diagnosis = diagnose(lambda t: 2.0 * (t > 5), hs.PolynomialChaos(degree=4))
+def test_without_cross_validation_or_rows_held_back(diagnose):
+    report = diagnose(lambda t: 2.0 * (t > 5), cv=None).report()
+    assert "The gain was not measured by cross-validation" in flat(report)
+    assert report.to_dict()["gain"] is None
+    (gains,) = (s for s in report.sections if s.title == "What it gains")
+    assert gains.pictures == ()
+
+
+def test_a_fault_without_a_name_and_one_with_several(diagnose):
+    # a chirp is no kind of the catalogue
+    chirp = diagnose(lambda t: 1.5 * np.sin(0.12 * (t + 2) ** 2), cv=None)
+    assert chirp.verdict_ == "unexplained"
+    text = flat(chirp.report())
+    assert "Unexplained: the simulation 'decay' is wrong" in text
+    assert "beyond it the curve knows nothing" in text
+    # a slow change that several kinds can follow
+    unclear = diagnose(lambda t: 0.016 * t**2, cv=None)
+    assert unclear.verdict_ == "ambiguous"
+    text = flat(unclear.report())
+    assert "The data do not single out one cause" in text
+    assert "Do not act on the leading cause alone" in text
+    assert "in standard deviations of the noise" in text
+    for kind in unclear.indistinguishable_:
+        assert f"{kind} (" in text
+
+
+def test_two_causes_at_once(diagnose):
+    def effect(t):
+        return 2.0 * (t > 5) + 0.6 * np.sin(2 * np.pi * t / 1.3)
+
+    diagnosis = diagnose(effect, cv=None, max_causes=2)
+    assert {cause.kind for cause in diagnosis.found_causes_} == {"step", "periodic"}
     report = diagnosis.report()
-    scan = report.to_dict()["beta_scan"]
-    assert [row["beta"] for row in scan] == [0.05, 0.25, 0.5, 0.75, 0.95]
-    assert "best weight of the simulation is beta" in str(report)
+    text, (first, second) = flat(report), diagnosis.found_causes_
+    assert f"The cause: {first.kind} in t, with" in text
+    assert f"Beside it a further search found: {second.kind} in t, with" in text
+    assert "It holds 2 causes at once" in text
+    assert f"Formula, {second.kind} in t: level <mg> = {second.formula}" in text
+    assert f"Check {first.kind} in t and {second.kind} in t where" in text
+    assert [cause["kind"] for cause in report.to_dict()["found_causes"]] == [
+        first.kind,
+        second.kind,
+    ]
 
 
-def test_pictures_use_the_axes_that_they_are_given(named):
-    (ax,) = plotting.new_axes()
-    for draw in (plotting.plot_fit, plotting.plot_discrepancy, plotting.plot_causes):
-        assert draw(named, ax=ax) is ax
-        assert isinstance(draw(named), Axes)
-    axes = plotting.new_axes(2)
-    assert plotting.plot_before_after(named, axes=axes) is axes
-    assert plotting.plot_residuals(named, axes=axes) is axes
-    assert axes[0].get_xlabel() == "t"
+def scan_of(before, after):
+    return pd.DataFrame({"beta": [0.05, 0.5, 0.95], "before": before, "after": after})
+
+
+# a coarse emulator strains the draws, and the diagnosis says so
+@pytest.mark.filterwarnings("ignore::hybridsurrogate.HybridSurrogateWarning")
+def test_an_emulator_gets_its_beta_scan(diagnose, monkeypatch):
+    # the scan itself takes minutes, and is tested in test_diagnosis
+    asked = []
+
+    def beta_scan(self, X, y, betas):
+        asked.append((len(X), len(y), tuple(betas)))
+        return scan_of([-0.5, -0.9, -1.2], [-0.4, -0.3, -0.6])
+
+    monkeypatch.setattr(hs.DiscrepancyDiagnosis, "beta_scan", beta_scan)
+    diagnosis = diagnose(lambda t: 2 * np.sin(2.5 * t), hs.PolynomialChaos(degree=4), cv=None)
+    report = diagnosis.report()
+    assert asked == [(30, 30, (0.05, 0.25, 0.5, 0.75, 0.95))]
+    assert report.to_dict()["beta_scan"][1] == {"beta": 0.5, "before": -0.9, "after": -0.3}
+    assert "best weight of the simulation is beta = 0.05" in flat(report)
+    (trust,) = (s for s in report.sections if s.title == "Trust in the simulation")
+    assert "best at beta = 0.05 before and 0.5 after" in trust.pictures[0].description

@@ -71,6 +71,8 @@ class CauseFinding:
         Posterior probability of the cause.
     estimates : dict of str to (mean, low, high)
         With 90 % intervals, in the user's units.
+    latex : str
+        The formula in LaTeX.
     """
 
     kind: str
@@ -78,6 +80,7 @@ class CauseFinding:
     formula: str
     probability: float
     estimates: dict[str, tuple[float, float, float]]
+    latex: str = r"\text{simulation}"
 
 
 class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
@@ -310,6 +313,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
             chosen.cause.formula(means),
             probability,
             estimates,
+            chosen.cause.latex(means),
         )
 
     # ---------------------------------------------------------------------------- extension

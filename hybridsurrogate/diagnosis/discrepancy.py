@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybridsurrogate.diagnosis.evidence import Search, Weighed
 from hybridsurrogate.inference.linearised import Linearised, linearise
@@ -26,6 +28,9 @@ class Discrepancy:
         The input that varies.
     mean, lower, upper : ndarray of shape (m,)
         Measured minus simulated, with a pointwise 90 % band.
+    residual : ndarray of shape (n,)
+        Measured minus simulated at the measured rows; like the curve's, this simulation has
+        parameters that were estimated beside the curve.
     """
 
     grid: FloatArray
@@ -33,11 +38,54 @@ class Discrepancy:
     mean: FloatArray
     lower: FloatArray
     upper: FloatArray
+    residual: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def share_outside(self) -> float:
         """Share of the range in which the band excludes zero."""
-        return float(np.mean((self.lower > 0) | (self.upper < 0)))
+        return float(np.mean(self._outside))
+
+    @property
+    def _outside(self) -> NDArray[np.bool_]:
+        return (self.lower > 0) | (self.upper < 0)
+
+    def stretches(self, values: FloatArray) -> list[tuple[float, float, int]]:
+        """Return where the band excludes zero: ends and sign of every stretch.
+
+        Parameters
+        ----------
+        values : ndarray of shape (m,)
+            The column that varies, on the grid.
+        """
+        sign = np.where(self._outside, np.sign(self.mean), 0).astype(int)
+        cuts = np.flatnonzero(np.diff(sign)) + 1
+        pieces = np.split(np.arange(len(sign)), cuts)
+        return [
+            (float(values[p[0]]), float(values[p[-1]]), int(sign[p[0]]))
+            for p in pieces
+            if sign[p[0]]
+        ]
+
+
+class Third(NamedTuple):
+    """A third of the measured range of one column, and its part of the discrepancy.
+
+    Attributes
+    ----------
+    column : str
+    low, high : float
+        Its ends; rows at the upper end belong to the next third.
+    share : float
+        Of the sum of squares of the discrepancy over all measured rows.
+    rows : float
+        Share of the measured rows that lie in it.
+    """
+
+    column: str
+    low: float
+    high: float
+    share: float
+    rows: float
 
 
 class _Local(NamedTuple):
@@ -116,7 +164,45 @@ def estimate_discrepancy(found: Search, column: str, n_grid: int = 200) -> Discr
     H = rows.design[:, rows.first :]
     mean = H @ local.mean[rows.first :]
     sd = np.sqrt(np.einsum("nk,kl,nl->n", H, local.covariance[rows.first :, rows.first :], H))
-    return Discrepancy(grid, column, mean, mean - _Z90 * sd, mean + _Z90 * sd)
+    at_rows = _rows(found, process, problem.X)
+    simulated = at_rows.offset + at_rows.design[:, : at_rows.first] @ local.mean[: at_rows.first]
+    band = mean - _Z90 * sd, mean + _Z90 * sd
+    return Discrepancy(grid, column, mean, *band, problem.y - simulated)
+
+
+def shares_of_thirds(X: FloatArray, delta: FloatArray, columns: Sequence[str]) -> list[Third]:
+    """Return which part of a discrepancy lies in each third of each column's measured range.
+
+    Parameters
+    ----------
+    X : ndarray of shape (n, n_columns)
+        Measured rows.
+    delta : ndarray of shape (n,)
+        The discrepancy there.
+    columns : sequence of str
+        Names of the columns of X; columns with a single value have no thirds.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hybridsurrogate.diagnosis.discrepancy import shares_of_thirds
+    >>> t = np.linspace(0, 6, 7)
+    >>> thirds = shares_of_thirds(t[:, None], 1.0 * (t > 4), ["t"])
+    >>> [(third.low, third.high, third.share) for third in thirds]
+    [(0.0, 2.0, 0.0), (2.0, 4.0, 0.0), (4.0, 6.0, 1.0)]
+    """
+    square = delta**2 / max(float(np.sum(delta**2)), 1e-300)
+    out = []
+    for name, values in zip(columns, X.T, strict=True):
+        if np.ptp(values) == 0:
+            continue
+        ends = np.linspace(values.min(), values.max(), 4)
+        part = np.digitize(values, ends[1:3])
+        for k in range(3):
+            inside = part == k
+            share, rows = float(square[inside].sum()), float(np.mean(inside))
+            out.append(Third(name, float(ends[k]), float(ends[k + 1]), share, rows))
+    return out
 
 
 def _fitted(found: Search) -> FloatArray:

@@ -16,6 +16,28 @@ COVERAGE_LEVEL = 0.9
 
 
 @dataclass(frozen=True)
+class FoldGain:
+    """Scores before and after on one held-out fold.
+
+    Attributes
+    ----------
+    kind : str
+        What the fold's own search chose.
+    n_rows : int
+    elpd_before, elpd_after : float
+        Mean log predictive density per row.
+    standard_error : float
+        Of their paired difference; NaN with a single row.
+    """
+
+    kind: str
+    n_rows: int
+    elpd_before: float
+    elpd_after: float
+    standard_error: float
+
+
+@dataclass(frozen=True)
 class Gain:
     """Scores before and after an extension on the same held-out rows.
 
@@ -32,6 +54,8 @@ class Gain:
     n_rows : int
     kinds : tuple of str
         What each fold's own search chose; empty for a test set.
+    folds : tuple of FoldGain
+        The same fold by fold; empty for a test set.
     """
 
     elpd_before: float
@@ -44,6 +68,7 @@ class Gain:
     coverage_after: float
     n_rows: int
     kinds: tuple[str, ...] = ()
+    folds: tuple[FoldGain, ...] = ()
 
 
 class Scores(NamedTuple):
@@ -64,7 +89,7 @@ def pointwise(estimator: Any, X: ArrayLike, y: FloatArray) -> Scores:
     )
 
 
-def gain_from(before: Scores, after: Scores, kinds: tuple[str, ...] = ()) -> Gain:
+def gain_from(before: Scores, after: Scores, folds: tuple[FoldGain, ...] = ()) -> Gain:
     """Summarise two sets of pointwise scores of the same rows."""
     difference = paired_difference(after.log_density, before.log_density)
     return Gain(
@@ -77,8 +102,17 @@ def gain_from(before: Scores, after: Scores, kinds: tuple[str, ...] = ()) -> Gai
         float(np.mean(before.inside)),
         float(np.mean(after.inside)),
         len(before.error),
-        kinds,
+        tuple(fold.kind for fold in folds),
+        folds,
     )
+
+
+def _fold_gain(before: Scores, after: Scores, kind: str) -> FoldGain:
+    difference = after.log_density - before.log_density
+    n = len(difference)
+    error = float(np.std(difference, ddof=1) / np.sqrt(n)) if n > 1 else float("nan")
+    means = float(np.mean(before.log_density)), float(np.mean(after.log_density))
+    return FoldGain(kind, n, *means, error)
 
 
 def cross_validated_gain(
@@ -99,14 +133,16 @@ def cross_validated_gain(
         Returns X at given rows.
     y : ndarray of shape (n,)
     """
-    befores, afters, kinds = [], [], []
+    befores: list[Scores] = []
+    afters: list[Scores] = []
+    told = []
     for train, test in folds:
         plain, extended, kind = fit_pair(train)
         befores.append(pointwise(plain, take(test), y[test]))
         same = extended is plain
         afters.append(befores[-1] if same else pointwise(extended, take(test), y[test]))
-        kinds.append(kind)
+        told.append(_fold_gain(befores[-1], afters[-1], kind))
     merge = [
         Scores(*map(np.concatenate, zip(*scores, strict=True))) for scores in (befores, afters)
     ]
-    return gain_from(merge[0], merge[1], tuple(kinds))
+    return gain_from(merge[0], merge[1], tuple(told))

@@ -15,6 +15,7 @@ import numpy as np
 from sklearn.base import BaseEstimator
 
 from hybridsurrogate.dynamics import Modification
+from hybridsurrogate.effects.notation import word
 from hybridsurrogate.priors import FloatArray, Prior
 
 Rows = Mapping[str, FloatArray]  # a name and its values in n rows
@@ -164,6 +165,10 @@ class Cause(BaseEstimator):
         """Return the extended simulation in words, with numbers."""
         terms = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
         return f"simulation with {self.kind} ({terms})"
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX; by default the words of ``formula``."""
+        return word(self.formula(values))
 
     @property
     def replaces(self) -> str | None:

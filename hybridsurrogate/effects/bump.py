@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import FloatArray, Rows
+from hybridsurrogate.effects.notation import SIMULATION, minus, number, signed
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.priors import Prior
 
@@ -66,4 +67,12 @@ class Bump(Located):
         return (
             f"simulation {values['amplitude']:+.4g} exp(-({self.column} - "
             f"{values['location']:.5g})^2 / (2 * {values['width']:.4g}^2))"
+        )
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        square = rf"{minus(self.column, values['location'])}^{{2}}"
+        return (
+            rf"{SIMULATION} {signed(values['amplitude'])} "
+            rf"\exp\left(-\frac{{{square}}}{{2 \cdot {number(values['width'])}^{{2}}}}\right)"
         )

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.notation import SIMULATION, minus, number, signed
 from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
 from hybridsurrogate.priors import Prior
 
@@ -66,4 +67,13 @@ class Decay(FromOrigin):
         return (
             f"simulation {values['amplitude']:+.4g} "
             f"exp(-({self.column} - {self.origin:.5g}) / {values['scale']:.4g})"
+        )
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        assert self.origin is not None
+        distance = minus(self.column, self.origin)
+        return (
+            rf"{SIMULATION} {signed(values['amplitude'])} "
+            rf"\exp\left(-\frac{{{distance}}}{{{number(values['scale'])}}}\right)"
         )

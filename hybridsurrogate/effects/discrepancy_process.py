@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.notation import SIMULATION
 from hybridsurrogate.priors import Prior
 
 # basis functions an input: enough for the shortest length scale below (Riutort-Mayol et al. 2023,
@@ -133,3 +134,7 @@ class GaussianProcessDiscrepancy(Cause):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         return "simulation + a smooth discrepancy of unknown shape"
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        return rf"{SIMULATION} + \delta, \quad \delta \text{{ smooth, of unknown shape}}"

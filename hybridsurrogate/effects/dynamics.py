@@ -9,6 +9,7 @@ from scipy import stats
 
 from hybridsurrogate.dynamics import MissingTerm, Modification, TimeVaryingParameter
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.notation import SIMULATION, minus, number, signed, where, word
 from hybridsurrogate.priors import Prior, truncated_normal
 
 _N_LOCATIONS, _N_WIDTHS = 20, 4
@@ -214,6 +215,26 @@ class DynamicDrift(_Dynamic):
             f"({', '.join([self.shape, *extra])})"
         )
 
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        name, time = word(self.parameter), self.column or "time"
+        if self.shape == "periodic":
+            angle = rf"\frac{{2 \pi \, {word(time)}}}{{{number(values['period'])}}}"
+            share = f"+ {number(values['amplitude'], 3)}"
+            course = rf"\sin\left({angle} + \varphi\right)"
+        else:
+            distance = minus(time, values["location"], 4)
+            share = signed(values["amount"], 3)
+            course = where(time, r"\geq", values["location"], 4)
+            if self.shape == "logistic":
+                width = number(values["width"], 3)
+                course = rf"\frac{{1}}{{1 + \exp\left(-{distance} / {width}\right)}}"
+            elif self.shape == "ramp":
+                duration = number(values["duration"], 3)
+                course = rf"\min\left(1, \max\left(0, {distance} / {duration}\right)\right)"
+        changed = rf"{name} \left(1 {share} \, {course}\right)"
+        return rf"{SIMULATION}, \quad {name} \to {changed}"
+
 
 class DynamicTerm(_Dynamic):
     """A term missing from the slope of a state of an `OdeSimulator`: rate, or rate times state.
@@ -298,3 +319,10 @@ class DynamicTerm(_Dynamic):
         """Return the extended simulation in words."""
         term = f"{values['rate']:+.4g}" + ("" if self.form == "constant" else f" {self.state}")
         return f"simulation with {term} in the slope of {self.state}"
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        state = word(self.state)
+        term = signed(values["rate"]) + ("" if self.form == "constant" else rf" \, {state}")
+        slope = rf"\frac{{d}}{{dt}} {state}"
+        return rf"{SIMULATION}, \quad {slope} \to {slope} {term}"

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.notation import SIMULATION, number
 from hybridsurrogate.priors import Prior
 
 
@@ -71,3 +72,7 @@ class Gain(Cause):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         return f"{values['gain']:.4g} * simulation"
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        return rf"{number(values['gain'])} \cdot {SIMULATION}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.notation import SIMULATION, minus, signed
 
 
 class Interaction(Cause):
@@ -91,3 +92,11 @@ class Interaction(Cause):
             for name, center in zip(self.reads, self.centers, strict=True)
         )
         return f"simulation {values['slope']:+.4g} {' '.join(factors)}"
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        assert self.centers is not None
+        factors = (
+            minus(name, center) for name, center in zip(self.reads, self.centers, strict=True)
+        )
+        return rf"{SIMULATION} {signed(values['slope'])} {' '.join(factors)}"

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.notation import SIMULATION, minus, signed, where
 from hybridsurrogate.effects.over_column import OverColumn
 
 _SHAPES = ("linear", "quadratic", "categorical")
@@ -147,6 +148,25 @@ class MissingInput(OverColumn):
         text = f"simulation {values['slope']:+.4g} ({self.column} - {self.center:.5g})"
         if self.shape == "quadratic":
             text += f" {values['curvature']:+.4g} ({self.column} - {self.center:.5g})^2"
+        return text
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        if self.level is not None:
+            indicator = where(self.column, "=", self.level)
+            return rf"{SIMULATION} {signed(values['amplitude'])} \, {indicator}"
+        if self.shape == "categorical":
+            assert self.levels is not None
+            told = " ".join(
+                rf"{signed(values[name])} \, {where(self.column, '=', value)}"
+                for name, (value, _) in zip(self.coefficients, self.levels, strict=True)
+            )
+            return f"{SIMULATION} {told}"
+        assert self.center is not None
+        distance = minus(self.column, self.center)
+        text = f"{SIMULATION} {signed(values['slope'])} {distance}"
+        if self.shape == "quadratic":
+            text += f" {signed(values['curvature'])} {distance}^{{2}}"
         return text
 
 

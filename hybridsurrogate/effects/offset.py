@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, FloatArray, Rows
+from hybridsurrogate.effects.notation import SIMULATION, signed
 
 
 class Offset(Cause):
@@ -32,3 +33,7 @@ class Offset(Cause):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         return f"simulation {values['amplitude']:+.4g}"
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        return f"{SIMULATION} {signed(values['amplitude'])}"

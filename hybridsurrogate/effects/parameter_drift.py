@@ -9,6 +9,7 @@ import numpy as np
 from scipy import special, stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.notation import SIMULATION, minus, number, signed, where, word
 from hybridsurrogate.effects.over_column import span_and_spacing
 from hybridsurrogate.priors import Prior
 
@@ -222,3 +223,21 @@ class ParameterDrift(Cause):
         """Return the extended simulation in words."""
         told = _SHAPES[self.shape].words.format(column=self.column, center=self.center, **values)
         return f"simulation with {self.parameter} {told}"
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        name, center = word(self.parameter), self.center or 0.0
+        if self.shape == "linear":
+            shift = f"{signed(values['slope'])} {minus(self.column, center)}"
+        elif self.shape == "step":
+            indicator = where(self.column, r"\geq", values["location"])
+            shift = rf"{signed(values['change'])} \, {indicator}"
+        elif self.shape == "logistic":
+            distance = minus(self.column, values["location"])
+            width = number(values["width"])
+            shift = rf"\frac{{{number(values['change'])}}}{{1 + \exp({distance} / {width})}}"
+            shift = "+ " + shift.replace(r"\exp(", r"\exp(-")
+        else:
+            angle = rf"\frac{{2 \pi \, {word(self.column)}}}{{{number(values['period'], 5)}}}"
+            shift = rf"+ {number(values['amplitude'])} \sin\left({angle} + \varphi\right)"
+        return rf"{SIMULATION}, \quad {name} \to {name} {shift}"

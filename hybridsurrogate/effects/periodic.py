@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.priors import Prior
 
@@ -110,3 +111,15 @@ class Periodic(OverColumn):
             half = values["period"] / 2
             text += f" + {values['overtone']:.4g} sin(2 pi {self.column} / {half:.5g} + phase_2)"
         return text
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        period = values["period"]
+        text = SIMULATION + self._wave(values["amplitude"], period, r"\varphi")
+        if "overtone" in values:
+            text += self._wave(values["overtone"], period / 2, r"\varphi_{2}")
+        return text
+
+    def _wave(self, amplitude: float, period: float, phase: str) -> str:
+        angle = rf"\frac{{2 \pi \, {word(self.column)}}}{{{number(period, 5)}}} + {phase}"
+        return rf" + {number(amplitude)} \sin\left({angle}\right)"

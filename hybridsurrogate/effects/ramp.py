@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hybridsurrogate.effects.base import FloatArray, Rows
+from hybridsurrogate.effects.notation import SIMULATION, minus, signed
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.priors import Prior
 
@@ -66,3 +67,8 @@ class Ramp(Located):
             f"simulation, and from {self.column} = {values['location']:.5g} on "
             f"{values['slope']:+.4g} ({self.column} - {values['location']:.5g})"
         )
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        distance = minus(self.column, values["location"])
+        return rf"{SIMULATION} {signed(values['slope'])} \max\left(0, {distance}\right)"

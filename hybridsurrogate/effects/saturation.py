@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.notation import SIMULATION, minus, signed
 from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
 from hybridsurrogate.priors import Prior
 
@@ -68,3 +69,10 @@ class Saturation(FromOrigin):
         assert self.origin is not None
         u, half = f"({self.column} - {self.origin:.5g})", values["half"] - self.origin
         return f"simulation {values['amplitude']:+.4g} {u} / ({u} + {half:.4g})"
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        assert self.origin is not None
+        distance, half = minus(self.column, self.origin), signed(values["half"] - self.origin)
+        ratio = rf"\frac{{{distance}}}{{{distance} {half}}}"
+        return f"{SIMULATION} {signed(values['amplitude'])} {ratio}"

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hybridsurrogate.effects.base import FloatArray, Rows
+from hybridsurrogate.effects.notation import SIMULATION, signed, where
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.priors import Prior
 
@@ -60,3 +61,8 @@ class Step(Located):
             f"simulation, and from {self.column} = {values['location']:.6g} on "
             f"{values['amplitude']:+.4g}"
         )
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        indicator = where(self.column, r"\geq", values["location"], 6)
+        return rf"{SIMULATION} {signed(values['amplitude'])} \, {indicator}"

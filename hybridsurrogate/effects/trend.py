@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.notation import SIMULATION, minus, signed
 from hybridsurrogate.effects.over_column import OverColumn
 
 
@@ -84,4 +85,13 @@ class Trend(OverColumn):
         )
         if "curvature" in values:
             text += f" {values['curvature']:+.4g} ({self.column} - {self.center:.5g})^2"
+        return text
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        assert self.center is not None
+        distance = minus(self.column, self.center)
+        text = f"{SIMULATION} {signed(values['level'])} {signed(values['slope'])} {distance}"
+        if "curvature" in values:
+            text += f" {signed(values['curvature'])} {distance}^{{2}}"
         return text

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from hybridsurrogate.effects.base import Cause, Context, Rows
+from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.priors import Prior
 
 
@@ -80,3 +81,10 @@ class WrongConstant(Cause):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         return f"simulation with {self.constant} = {values['value']:.4g} (was {self.assumed:.4g})"
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        assert self.assumed is not None
+        name = word(self.constant)
+        value, was = number(values["value"]), number(self.assumed)
+        return rf"{SIMULATION}, \quad {name} = {value} \text{{ (was }} {was} \text{{)}}"

@@ -1,0 +1,256 @@
+"""The pictures of a report: which numbers go into which Axes; ``plotting`` draws them."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+from hybridsurrogate import plotting
+from hybridsurrogate.diagnosis.discrepancy import next_measurement
+from hybridsurrogate.diagnosis.gain import COVERAGE_LEVEL, Gain
+from hybridsurrogate.diagnosis.report import digits
+from hybridsurrogate.diagnosis.report.section import Picture
+from hybridsurrogate.diagnosis.report.view import View, label, label_of, prediction
+from hybridsurrogate.plotting import AFTER, BEFORE
+
+Test = tuple[ArrayLike, ArrayLike] | None
+
+_MOST_CAUSES = 8
+# a range so wide that small outputs would be a flat line
+_DECADES_FOR_LOG_AXIS = 1.5
+
+
+def rendered(axes: list[Axes], description: str) -> Picture:
+    """Return the figure of some Axes as a picture."""
+    buffer = io.BytesIO()
+    figure = axes[0].get_figure(root=True)
+    assert isinstance(figure, Figure)
+    figure.savefig(buffer, format="png", dpi=120, facecolor="white")
+    return Picture(description, buffer.getvalue())
+
+
+def picture_fit(view: View) -> Picture:
+    """Draw data and calibrated simulation, and below what the simulation misses."""
+    top, bottom = axes = plotting.new_axes(2, 1, height=5.4, share=True)
+    model = view.diagnosis.estimator_
+    _draw_model(top, view, model, BEFORE, "simulation, calibrated", view.x.min(), view.x.max())
+    plotting.plot_measured(top, view.x, view.y)
+    _log_axis(top, view, view.y)
+    plotting.tidy(top, "", view.output)
+    band = view.diagnosis.discrepancy_
+    if band.column == view.name:
+        values = band.grid[:, view.shown]
+        plotting.plot_discrepancy(bottom, values, band.mean, band.lower, band.upper)
+        plotting.plot_measured(bottom, view.x, band.residual, "measured - simulated")
+    else:
+        # the smooth curve is one over the inputs and does not know the column that matters
+        _draw_column(bottom, view)
+    log = "log " if view.log_scale else ""
+    plotting.tidy(bottom, view.name, f"{log}measured - {log}simulated")
+    return rendered(
+        axes,
+        f"Above: measured {view.output} over {view.name} and the calibrated simulation. Below: "
+        f"{_told_below(view)}",
+    )
+
+
+def picture_causes(view: View) -> Picture:
+    """Draw the probabilities of the causes."""
+    table = view.diagnosis.causes_
+    table = table[table["note"] == ""].head(_MOST_CAUSES)
+    targets = [target if isinstance(target, str) else None for target in table["target"]]
+    names = [label(kind, target) for kind, target in zip(table["kind"], targets, strict=True)]
+    best = view.diagnosis.best_cause_
+    wanted = label(best.kind, best.target)
+    chosen = names.index(wanted) if wanted in names else None
+    height = 1.0 + 0.32 * len(names)
+    axes = plotting.new_axes(height=height)
+    plotting.plot_causes(axes[0], names, list(table["probability"]), chosen)
+    told = "; ".join(
+        f"{name} {digits.percent(p)}"
+        for name, p in zip(names[:4], table["probability"], strict=False)
+    )
+    return rendered(axes, f"Bars of the probabilities of the causes, most probable first: {told}.")
+
+
+def picture_extension(view: View, test: Test) -> Picture:
+    """Draw the extended model against the data, over all that was simulated or held back."""
+    axes = plotting.new_axes(height=3.8)
+    ax = axes[0]
+    low, high = view.simulated_range()
+    model = view.diagnosis.extended_estimator_
+    outputs = view.y
+    held = None
+    if test is not None:
+        held = model._check_data(test[0])
+        low, high = (
+            min(low, held[:, view.shown].min()),
+            max(high, held[:, view.shown].max()),
+        )
+        outputs = np.concatenate([outputs, np.asarray(test[1], dtype=float)])
+    name = "extended model" if view.extended else "simulation, calibrated"
+    ends = float(view.x.min()), float(view.x.max())
+    if view.is_curve and (low, high) != ends:
+        ax.axvspan(*ends, color="#eeeeee", zorder=0, lw=0, label="measured range")
+    _draw_model(ax, view, model, AFTER if view.extended else BEFORE, name, low, high)
+    plotting.plot_measured(ax, view.x, view.y)
+    if held is not None and test is not None:
+        plotting.plot_measured(
+            ax, held[:, view.shown], np.asarray(test[1], dtype=float), "held back", held_out=True
+        )
+    _log_axis(ax, view, outputs)
+    plotting.share_range(axes, outputs)
+    plotting.tidy(ax, view.name, view.output)
+    return rendered(
+        axes,
+        f"Measured {view.output} over {view.name} and the predictions of the {name} with 50 % and "
+        f"90 % intervals, from {view.name} = {digits.number(low)} to {digits.number(high)}.",
+    )
+
+
+def picture_residuals(view: View) -> Picture:
+    """Draw residuals before and after over the shown column, and their quantiles."""
+    models = [("before", view.diagnosis.estimator_, BEFORE, "o")]
+    if view.extended:
+        models.append(("after", view.diagnosis.extended_estimator_, AFTER, "s"))
+    n = len(models)
+    axes = plotting.new_axes(2, n, width=7.0 if n > 1 else 4.5, height=5.4)
+    log = "log " if view.log_scale else ""
+    sizes = []
+    for k, (word, model, colour, mark) in enumerate(models):
+        residual = view.working_residuals(model)
+        sizes.append(float(np.sqrt(np.mean(residual**2))))
+        plotting.plot_residuals(axes[k], view.x, residual, colour, word)
+        plotting.tidy(axes[k], view.name, f"{log}measured - {log}predicted", False, ticks=5)
+        plotting.plot_quantiles(axes[n + k], view.standardised(model), colour, mark, word)
+    for row in (axes[:n], axes[n:]):
+        limit = max(np.max(np.abs(ax.get_ylim())) for ax in row)
+        for ax in row:
+            ax.set_ylim(-limit, limit)
+    told = " and ".join(
+        f"{digits.number(size, 3)} {word}" for size, (word, *_) in zip(sizes, models, strict=True)
+    )
+    return rendered(
+        axes,
+        f"Above: residuals over {view.name}, their root mean square {told}. Below: standardised "
+        "residuals against normal quantiles; on the line where the predicted spread is right.",
+    )
+
+
+def picture_gain(gain: Gain | None, on_test: Gain | None) -> Picture:
+    """Draw held-out scores before and after, fold by fold, and coverage."""
+    rows: list[tuple[str, float, float, float]] = []
+    covered: list[tuple[str, float, int]] = []
+    if gain is not None:
+        rows += [
+            (f"fold {k + 1}: {f.kind}", f.elpd_before, f.elpd_after, f.standard_error)
+            for k, f in enumerate(gain.folds)
+        ]
+    for name, g in (("all folds", gain), ("held back", on_test)):
+        if g is not None:
+            rows.append((name, g.elpd_before, g.elpd_after, g.standard_error))
+            covered.append((f"{name}, before", g.coverage_before, g.n_rows))
+            if g.elpd_difference:
+                covered.append((f"{name}, after", g.coverage_after, g.n_rows))
+    names = [row[0] for row in rows]
+    before, after, error = np.array([row[1:] for row in rows]).T
+    after = np.where(after == before, np.nan, after)
+    axes = plotting.new_axes(1, 2, height=1.5 + 0.32 * max(len(rows), len(covered)))
+    plotting.plot_scores(axes[0], names, before, after, error)
+    titles, shares, counts = zip(*covered, strict=True)
+    plotting.plot_coverage(axes[1], titles, np.array(shares), counts, COVERAGE_LEVEL)
+    for ax in axes:
+        ax.legend(frameon=False, fontsize="small", loc="lower center", bbox_to_anchor=(0.5, 1))
+    told = "; ".join(
+        f"{name} {digits.score(b, e)}" + ("" if np.isnan(a) else f" and {digits.score(a, e)}")
+        for name, b, a, e in zip(names, before, after, error, strict=True)
+        if not name.startswith("fold ")
+    )
+    inside = "; ".join(f"{t} {digits.percent(s)}" for t, s in zip(titles, shares, strict=True))
+    return rendered(
+        axes,
+        f"Left: held-out log density per row before and, where something was added, after: {told}. "
+        f"Right: share of held-out rows inside the 90 % interval: {inside}.",
+    )
+
+
+def picture_next(view: View) -> Picture:
+    """Draw the rivals' predictions and where one more measurement would tell them apart."""
+    place = view.diagnosis.next_measurement_
+    at = np.array([place[name] for name in view.columns])
+    low, high = view.simulated_range()
+    rows = view.grid(min(low, at[view.shown]), max(high, at[view.shown]), at)
+    x = rows[:, view.shown]
+    rivals = view.rivals()
+    means = [view.expected(rival, rows) for rival in rivals]
+    axes = plotting.new_axes(2, 1, height=5.0, share=True)
+    plotting.plot_rivals(axes[0], x, means, [label_of(r) for r in rivals], at[view.shown])
+    if view.is_curve:
+        plotting.plot_measured(axes[0], view.x, view.y)
+    _log_axis(axes[0], view, view.y)
+    near = means[0] if view.is_curve else np.concatenate(means)
+    plotting.share_range(axes[:1], np.concatenate([view.y, near]))
+    plotting.tidy(axes[0], "", view.output)
+    information = next_measurement(view.diagnosis.search_, rows)
+    plotting.plot_information(axes[1], x, information, at[view.shown])
+    plotting.tidy(axes[1], view.name, "information\nin nats", legend=False)
+    told = digits.listing([label_of(rival) for rival in rivals])
+    return rendered(
+        axes,
+        f"What the rivals predict over {view.name}: {told}. A vertical line marks "
+        f"{view.name} = {digits.number(float(at[view.shown]))}, where one more measurement would "
+        "best tell them apart.",
+    )
+
+
+def picture_trust(scan: pd.DataFrame) -> Picture:
+    """Draw held-out scores against beta."""
+    ax = plotting.plot_beta_scan(scan)
+    best = {word: scan["beta"][int(np.argmax(scan[word]))] for word in ("before", "after")}
+    return rendered(
+        [ax],
+        "Held-out log density per row against beta before and after the extension; best at "
+        f"beta = {best['before']:g} before and {best['after']:g} after.",
+    )
+
+
+def _draw_column(ax: Axes, view: View) -> None:
+    residual = view.working_residuals(view.diagnosis.estimator_)
+    ax.axhline(0, color=plotting.QUIET, lw=1)
+    plotting.plot_measured(ax, view.x, residual, "measured - simulated")
+    moved = residual - view.working_residuals(view.diagnosis.extended_estimator_)
+    ax.plot(view.x, moved, "_", color=AFTER, ms=6, label="extended model - simulated")
+
+
+def _told_below(view: View) -> str:
+    band = view.diagnosis.discrepancy_
+    if band.column != view.name:
+        return "measured minus simulated, and what the extended model makes of it."
+    return (
+        "measured minus simulated with a smooth curve and its pointwise 90 % band, which excludes "
+        f"zero over {digits.percent(band.share_outside)} of the measured range. Here the "
+        "parameters are estimated beside the curve, so that they differ from those above."
+    )
+
+
+def _draw_model(
+    ax: Axes, view: View, model: object, colour: str, name: str, low: float, high: float
+) -> None:
+    if view.is_curve:
+        rows = view.grid(low, high)
+        told = prediction(model, view.as_given(rows))
+        plotting.plot_prediction(ax, rows[:, view.shown], told, colour, name)
+    else:
+        # with several columns a curve would belong to rows that nobody measured
+        told = prediction(model, view.as_given(view.X))
+        plotting.plot_prediction(ax, view.x, told, colour, name, curve=False)
+
+
+def _log_axis(ax: Axes, view: View, y: np.ndarray) -> None:
+    if view.log_scale and np.log10(y.max() / y.min()) > _DECADES_FOR_LOG_AXIS:
+        ax.set_yscale("log")

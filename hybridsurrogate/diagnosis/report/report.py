@@ -1,0 +1,179 @@
+"""The report of a diagnosis: text, one self-contained HTML file, a dict for machines."""
+
+from __future__ import annotations
+
+import copy
+import json
+import os
+import textwrap
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from hybridsurrogate.diagnosis.report import html, pictures, rivals, scores, sentences, tables
+from hybridsurrogate.diagnosis.report.section import Section
+from hybridsurrogate.diagnosis.report.summary import summary
+from hybridsurrogate.diagnosis.report.view import View, label
+from hybridsurrogate.effects.notation import word as _word
+
+if TYPE_CHECKING:
+    from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
+
+_BETAS = (0.05, 0.25, 0.5, 0.75, 0.95)
+_WIDTH = 88
+_NOTE = (
+    "Written by hybridsurrogate. Surrogates on two data sources: Reiser, Bürkner and Guthke, "
+    "arXiv 2412.11875."
+)
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a diagnosis says; prints as text, shows as HTML in a notebook.
+
+    Attributes
+    ----------
+    title : str
+    sections : tuple of Section
+    summary : dict
+        What ``to_dict`` returns a copy of.
+    """
+
+    title: str
+    sections: tuple[Section, ...]
+    summary: dict[str, Any]
+
+    def __str__(self) -> str:
+        lines = [self.title, "=" * len(self.title)]
+        for section in self.sections:
+            lines += ["", section.title, "-" * len(section.title)]
+            lines += [_wrapped(sentence) for sentence in section.sentences]
+            lines += [f"{name}:\n    {formula}" for name, formula in section.formulas]
+            if section.table is not None:
+                lines += ["", *([section.caption] if section.caption else [])]
+                lines.append(_aligned(section.table))
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        return html.fragment(self.sections)
+
+    def to_html(self) -> str:
+        """Return one self-contained HTML page: no network, pictures inline."""
+        return html.page(self.title, self.sections, _NOTE)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything that the report says, ready for JSON.
+
+        Returns
+        -------
+        dict
+            ``schema_version`` is raised whenever a key changes its meaning or goes away. Numbers
+            that do not exist are None.
+        """
+        return copy.deepcopy(self.summary)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the report: text where the name ends in .txt, JSON for .json, else HTML."""
+        name = os.fspath(path)
+        if name.endswith(".txt"):
+            content = str(self) + "\n"
+        elif name.endswith(".json"):
+            content = json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n"
+        else:
+            content = self.to_html()
+        with open(name, "w", encoding="utf-8") as file:
+            file.write(content)
+
+
+def make_report(diagnosis: DiscrepancyDiagnosis, test: pictures.Test = None) -> Report:
+    """Write the report of a fitted diagnosis.
+
+    Parameters
+    ----------
+    diagnosis : DiscrepancyDiagnosis
+    test : (X_test, y_test) or None
+        Rows held back.
+
+    Returns
+    -------
+    Report
+    """
+    view = View(diagnosis)
+    gain = diagnosis.gain_
+    on_test = diagnosis.gain_on(*test) if test is not None else None
+    scan = _beta_scan(view)
+    title = sentences.title_of(view)
+    sections = (
+        Section("Verdict", tuple(sentences.verdict(view)), (pictures.picture_fit(view),)),
+        Section(
+            "Where",
+            tuple(sentences.where(view)),
+            table=tables.third_table(view),
+            caption="Share of the squared discrepancy by thirds of each measured range",
+        ),
+        Section(
+            "Causes weighed",
+            tuple(rivals.rivals(view)),
+            (pictures.picture_causes(view),),
+            tables.cause_table(view),
+        ),
+        Section(
+            "The extended model",
+            tuple(sentences.extension(view)),
+            (pictures.picture_extension(view, test), pictures.picture_residuals(view)),
+            tables.estimate_table(view),
+            formulas=_formulas(view),
+        ),
+        Section(
+            "What it gains",
+            tuple(scores.gains(view, gain, on_test)),
+            () if gain is None and on_test is None else (pictures.picture_gain(gain, on_test),),
+        ),
+        Section(
+            "Trust in the simulation",
+            tuple(scores.trust(view, scan)),
+            () if scan is None else (pictures.picture_trust(scan),),
+        ),
+        Section("What to do next", tuple(rivals.next_step(view)), (pictures.picture_next(view),)),
+        Section("How far the numbers can be trusted", tuple(scores.draws(view))),
+    )
+    return Report(title, sections, summary(view, title, sections, on_test, scan))
+
+
+def _formulas(view: View) -> tuple[tuple[str, str], ...]:
+    if not view.extended:
+        return ()
+    output, name = view.output, _word(view.output)
+    if view.log_scale:
+        output, name = f"log {output}", rf"\log {name}"
+    out = []
+    for finding, _ in view.found:
+        which = f", {label(finding.kind, finding.target)}" if len(view.found) > 1 else ""
+        out.append((f"Formula{which}", f"{output} = {finding.formula}"))
+        out.append((f"In LaTeX{which}", f"{name} = {finding.latex}"))
+    return tuple(out)
+
+
+def _beta_scan(view: View) -> pd.DataFrame | None:
+    diagnosis = view.diagnosis
+    if not diagnosis.estimator_.posterior_.coefficients.shape[1]:
+        return None
+    return diagnosis.beta_scan(view.as_given(view.X), view.y, _BETAS)
+
+
+def _wrapped(sentence: str) -> str:
+    return textwrap.fill(sentence, _WIDTH, break_long_words=False, break_on_hyphens=False)
+
+
+def _aligned(table: pd.DataFrame) -> str:
+    """Return a table as text, its columns left-aligned."""
+    cells = [[str(name) for name in table.columns]]
+    cells += [[str(cell) for cell in row] for row in table.itertuples(index=False)]
+    widths = [max(len(row[k]) for row in cells) for k in range(len(table.columns))]
+    return "\n".join(
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in cells
+    )

@@ -1,0 +1,184 @@
+"""What the extension is worth and how far the numbers can be trusted, in prose."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pandas as pd
+
+from hybridsurrogate.diagnosis.gain import COVERAGE_LEVEL, Gain
+from hybridsurrogate.diagnosis.report import digits
+from hybridsurrogate.diagnosis.report.view import View
+from hybridsurrogate.posterior import KHAT_LIMIT
+
+_EXPLAINED = (
+    "Scores are log predictive densities per row (ELPD): the logarithm of the probability density "
+    "that a model had given to what was then measured. Higher is better; 0.7 more means twice the "
+    "density."
+)
+
+
+def gains(view: View, gain: Gain | None, on_test: Gain | None) -> list[str]:
+    """Say what the extension gains on rows that it has not seen."""
+    if gain is None and (on_test is None or not view.extended):
+        return [*_not_measured(), *([] if on_test is None else _same_model(on_test))]
+    out = [_EXPLAINED]
+    if gain is not None:
+        out += _cross_validated(gain, view.diagnosis.best_cause_.kind)
+    if on_test is not None:
+        if view.extended:
+            out += _gain(on_test, f"On the rows held back ({on_test.n_rows} rows)")
+        else:
+            out += _same_model(on_test)
+    return out
+
+
+def judgement(gain: Gain) -> str:
+    """Return in plain words what a difference of scores and its standard error amount to."""
+    difference, error = gain.elpd_difference, gain.standard_error
+    if difference == 0:
+        return "the extension changes nothing"
+    if not math.isfinite(error) or error <= 0:
+        return "too few rows for a standard error, so that nothing follows from the difference"
+    ratio = difference / error
+    if abs(ratio) <= 1:
+        return "no gain that can be told from chance: the difference is within its standard error"
+    if ratio > 2:
+        return "the extended model predicts better"
+    if ratio > 0:
+        return "the extended model seems to predict better, but by less than two standard errors"
+    if ratio >= -2:
+        return "the extended model seems to predict worse, by less than two standard errors"
+    return "the extended model predicts worse: do not use it for rows like these"
+
+
+def trust(view: View, scan: pd.DataFrame | None) -> list[str]:
+    """Say how much the simulation should weigh against the data, before and after."""
+    if scan is None:
+        return [
+            "There is no weight to choose: the surrogate is the simulation itself and learns no "
+            "coefficients from the measured data."
+        ]
+    first = (
+        "The weight beta says how much the simulation's runs count against the measured data: 0 is "
+        f"the data only, 1 the simulation only. Tried: {digits.listing(_betas(scan))}."
+    )
+    before, after = (scan.iloc[int(np.argmax(scan[word]))] for word in ("before", "after"))
+    if not view.extended:
+        return [
+            first,
+            f"The best is beta = {before['beta']:g} (held-out score {before['before']:.3f}).",
+        ]
+    moved = float(after["beta"]) - float(before["beta"])
+    meaning = (
+        "with its fault named the simulation deserves more weight"
+        if moved > 0
+        else "naming the fault does not raise the weight that the simulation deserves"
+        if moved == 0
+        else "even with its fault named the simulation deserves less weight than before"
+    )
+    return [
+        first,
+        f"Before the extension the best weight of the simulation is beta = {before['beta']:g} "
+        f"(held-out score {before['before']:.3f}), after it beta = {after['beta']:g} "
+        f"({after['after']:.3f}): {meaning}.",
+    ]
+
+
+def draws(view: View) -> list[str]:
+    """Say whether the numerical methods behind the numbers did their job."""
+    models = [("before", view.diagnosis.estimator_)]
+    if view.extended:
+        models.append(("after", view.diagnosis.extended_estimator_))
+    out = []
+    for word, model in models:
+        d = model.diagnostics_
+        khat = (
+            ""
+            if math.isnan(d.khat)
+            else f" and a Pareto k-hat of {d.khat:.2f} (below {KHAT_LIMIT:g} is good)"
+        )
+        problems = d.problems()
+        trouble = f"Doubtful: {'; '.join(problems)}." if problems else "No problems were found."
+        out.append(
+            f"The model {word} the extension rests on {d.effective_draws:.0f} effective draws by "
+            f"{d.sampler} sampling{khat}. {trouble}"
+        )
+    return out
+
+
+def _cross_validated(gain: Gain, best: str) -> list[str]:
+    n = len(gain.folds)
+    rows = f"On {gain.n_rows} measured rows, held out in {n} folds in turn"
+    if set(gain.kinds) == {"none"}:
+        return [
+            f"{rows}: {gain.elpd_before:.3f}. The search was repeated in each fold and none of "
+            "them added anything, so that there is no gain to measure.",
+            _coverage(gain),
+        ]
+    counts = {kind: gain.kinds.count(kind) for kind in dict.fromkeys(gain.kinds)}
+    chose = ", ".join(f"{kind} {count}" for kind, count in counts.items())
+    out = [
+        *_gain(gain, rows),
+        f"The search was repeated in each of the {n} folds, so that choosing the cause is paid "
+        f"for; the folds chose: {chose}.",
+    ]
+    if counts.get(best, 0) < n:
+        out.append(
+            f"Only {counts.get(best, 0)} of the {n} folds chose {best}, as all rows together do: "
+            "the score after is that of whatever each fold chose."
+        )
+    return out
+
+
+def _gain(gain: Gain, rows: str) -> list[str]:
+    error = gain.standard_error
+    change = gain.rmse_after / gain.rmse_before - 1 if gain.rmse_before > 0 else 0.0
+    way = f"{digits.percent(abs(change))} {'less' if change < 0 else 'more'}"
+    way = way if change else "unchanged"
+    return [
+        f"{rows}: {digits.score(gain.elpd_before, error)} before, "
+        f"{digits.score(gain.elpd_after, error)} after, difference "
+        f"{digits.plus_minus(gain.elpd_difference, error, sign=True)} (standard error): "
+        f"{judgement(gain)}.",
+        f"The root mean square error of the predicted mean is {digits.number(gain.rmse_before)} "
+        f"before and {digits.number(gain.rmse_after)} after, {way}.",
+        _coverage(gain),
+    ]
+
+
+def _coverage(gain: Gain) -> str:
+    allowed = 2 * math.sqrt(COVERAGE_LEVEL * (1 - COVERAGE_LEVEL) / gain.n_rows)
+    off = gain.coverage_after - COVERAGE_LEVEL
+    word = (
+        "as it should be, within chance"
+        if abs(off) <= allowed
+        else "too few: the uncertainty stated is too small"
+        if off < 0
+        else "too many: the uncertainty stated is too large"
+    )
+    before, after = (digits.percent(c) for c in (gain.coverage_before, gain.coverage_after))
+    told = f"{after} of the rows" if before == after else f"{before} before and {after} after"
+    return f"The {100 * COVERAGE_LEVEL:g} % interval holds {told}: {word}."
+
+
+def _same_model(gain: Gain) -> list[str]:
+    return [
+        f"On the rows held back ({gain.n_rows} rows) the simulation scores {gain.elpd_before:.3f} "
+        f"(log predictive density per row, higher is better), with a root mean square error of "
+        f"{digits.number(gain.rmse_before)}; its 90 % interval holds "
+        f"{digits.percent(gain.coverage_before)} of them. Nothing was added, so that there is no "
+        "before and after."
+    ]
+
+
+def _not_measured() -> list[str]:
+    return [
+        "The gain was not measured by cross-validation. Fit with cv=5, or give rows held back: "
+        "report(test=(X_test, y_test))."
+    ]
+
+
+def _betas(scan: pd.DataFrame) -> list[str]:
+    return [f"{beta:g}" for beta in scan["beta"]]

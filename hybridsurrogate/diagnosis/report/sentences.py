@@ -1,0 +1,264 @@
+"""What was found, in prose: verdict, place, extension."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hybridsurrogate.diagnosis.evidence import kind_of
+from hybridsurrogate.diagnosis.report import digits
+from hybridsurrogate.diagnosis.report.tables import noise_of, thirds, unit_of
+from hybridsurrogate.diagnosis.report.view import View, label, label_of
+from hybridsurrogate.diagnosis.verdict import kind_shares
+from hybridsurrogate.effects.base import Cause
+
+if TYPE_CHECKING:
+    from hybridsurrogate.diagnosis.diagnosis import CauseFinding
+
+# what each kind means for the one who wrote the simulation
+_MEANING = {
+    "offset": "{output} is measured higher or lower than simulated by the same amount everywhere",
+    "trend": "the gap between measured and simulated {output} grows steadily over {column}",
+    "periodic": "a regular wave over {column} is in the data and not in the simulation",
+    "step": "{output} changes level at one place of {column}, and the simulation does not",
+    "bump": "around one place of {column} the data rise or dip, and the simulation does not",
+    "gain": "measured {output} is a constant multiple of simulated {output}",
+    "wrong-constant": "the assumed constant {target} has another value",
+    "parameter-drift": "the parameter {target} changes over {column} instead of staying constant",
+    "missing-input": "{target}, which the simulation ignores, influences {output}",
+    "ramp": "from one place of {column} on the gap grows steadily",
+    "decay": "a gap at the start of {column} dies away",
+    "saturation": "a gap grows over {column} and levels off",
+    "interaction": "the columns {target} act together, which the simulation ignores",
+    "delay": "the measurements lag behind the simulation, or run ahead of it, in {column}",
+    "missing-term": "{target} gains or loses something that its equation leaves out",
+    "noise": "the scatter of the measurements changes over {column}",
+}
+
+
+def title_of(view: View) -> str:
+    """Return what the report is about."""
+    return f"Diagnosis of the simulation {name_of(view)}"
+
+
+def name_of(view: View) -> str:
+    """Return the name of the simulation, or of its output."""
+    simulator = view.diagnosis.estimator_.simulation.simulator
+    return f"'{simulator.name}'" if simulator is not None else f"of {view.output}"
+
+
+def verdict(view: View) -> list[str]:
+    """Say whether anything is wrong, what, and how sure that is."""
+    d = view.diagnosis
+    data = f"{len(view.y)} measurements of {view.output}"
+    if d.verdict_ == "adequate":
+        return [
+            f"Adequate: {data} give no reason to doubt the simulation {name_of(view)}.",
+            chance(view),
+            *_why_adequate(view),
+            "This is no proof that it is right: a fault well below the noise, whose standard "
+            f"deviation is about {noise_of(view)}, would not show.",
+        ]
+    first = f"The simulation {name_of(view)} is wrong, and {data} show it."
+    if d.verdict_ == "unexplained":
+        return [
+            f"Unexplained: {_lower(first)}",
+            "No cause of the catalogue accounts for it better than a smooth curve of unknown "
+            f"shape, which has {digits.probability(d.best_cause_.probability)} of the probability.",
+            chance(view),
+        ]
+    best, shares = d.best_cause_, kind_shares(d.search_)
+    finding, cause = view.found[0]
+    found = f"{label(best.kind, best.target)}{_with_estimates(view, finding, cause)}"
+    if d.verdict_ == "named":
+        return [
+            f"Named: {_lower(first)}",
+            f"The cause: {found}.",
+            *_meaning(view, finding, cause),
+            f"It has {digits.probability(best.probability)} of the probability{_runner_up(view)}.",
+            chance(view),
+            *_further(view),
+        ]
+    kinds = [f"{kind} ({digits.probability(shares[kind])})" for kind in d.indistinguishable_]
+    return [
+        f"Ambiguous: {_lower(first)}",
+        "The data do not single out one cause. Given that something is wrong, these together "
+        f"have at least 90 % of the probability: {digits.listing(kinds)}.",
+        f"The leading one: {found}.",
+        f"It has {digits.probability(best.probability)} of the probability.",
+        *_meaning(view, finding, cause),
+        chance(view),
+        *_further(view),
+    ]
+
+
+def chance(view: View) -> str:
+    """Say what the p-value counts."""
+    d = view.diagnosis
+    n = int(d.n_replicates)
+    as_bad = max(round(d.p_value_ * (n + 1)) - 1, 0)
+    how_many = {0: "none", n: "all"}.get(as_bad, str(as_bad))
+    return (
+        f"Of {n} data sets made up by the simulation itself, with noise, and searched in the same "
+        f"way, {how_many} looked as wrong as yours: p = {digits.number(d.p_value_, 2)}, where up "
+        f"to {d.false_alarm_rate:g} counts as wrong."
+    )
+
+
+def where(view: View) -> list[str]:
+    """Say in which part of the measured range the simulation is wrong, and by how much."""
+    band = view.diagnosis.discrepancy_
+    values = band.grid[:, view.columns.index(band.column)]
+    scale = f"log {view.output}" if view.log_scale else view.output
+    stretches = band.stretches(values)
+    out = []
+    if not view.extended:
+        out.append(
+            "Nowhere that the data could show. The picture's band is pointwise: it leaves zero in "
+            "places even where nothing is wrong."
+        )
+        return out
+    elif not thirds(view):
+        out.append("The predicted mean stays as it is; what changes is its uncertainty.")
+    else:
+        change = np.abs(view.change)
+        most = int(np.argmax(change))
+        place = digits.listing(
+            [f"{n} = {digits.number(v)}" for n, v in zip(view.columns, view.X[most], strict=True)]
+        )
+        out.append(
+            "The extended model moves the calibrated simulation's predictions at the measured rows "
+            f"by {digits.number(float(np.sqrt(np.mean(change**2))), 3)} (root mean square, in "
+            f"units of {view.output}), and by {digits.number(float(view.change[most]), 3)} where "
+            f"it moves them most, at {place}."
+        )
+        part = max((t for t in thirds(view) if t.column == view.name), key=lambda t: t.share)
+        out.append(
+            f"Of this (as a sum of squares) {digits.percent(part.share)} lies where {part.column} "
+            f"is between {digits.number(part.low)} and {digits.number(part.high)}, which holds "
+            f"{digits.percent(part.rows)} of the rows."
+        )
+    if view.name not in view.inputs:
+        # the smooth curve knows the inputs only, and would draw the scatter that the column makes
+        return out
+    stretches = [s for s in stretches if s[1] > s[0]]
+    if stretches:
+        spans = [
+            f"{'+' if sign > 0 else '-'} from {digits.number(low)} to {digits.number(high)}"
+            for low, high, sign in stretches[:4]
+        ]
+        more = f" and {len(stretches) - 4} more stretches" if len(stretches) > 4 else ""
+        out.append(
+            f"A smooth curve through measured minus simulated {scale} is clear of zero (pointwise "
+            f"90 % band) over {digits.percent(band.share_outside)} of the measured range of "
+            f"{band.column}{_elsewhere(view)}: "
+            f"{', '.join(spans)}{more}."
+        )
+    else:
+        out.append(
+            f"A smooth curve through measured minus simulated {scale} is nowhere clear of zero "
+            f"(pointwise 90 % band) over the measured range of {band.column}{_elsewhere(view)}: it "
+            "is too slow to follow what was found."
+        )
+    return out
+
+
+def extension(view: View) -> list[str]:
+    """Say what was added to the simulation and what the numbers are."""
+    if not view.extended:
+        return ["Nothing was added: the extended model is the simulation as it is."]
+    d = view.diagnosis
+    out = []
+    if view.log_scale:
+        out.append(
+            f"Under the log-normal likelihood the cause acts on log {view.output}: adding 0.1 "
+            f"there makes {view.output} larger by a factor of 1.105."
+        )
+    if len(view.found) > 1:
+        out.append(
+            f"It holds {len(view.found)} causes at once; each formula shows one, with the other "
+            "causes inside 'simulation'."
+        )
+    out.append(
+        "Means, with 90 % intervals in brackets; the simulation's parameters were estimated anew "
+        "beside the cause."
+    )
+    if d.extended_simulator_ is not None:
+        names = digits.listing(list(d.extended_simulator_.parameter_names))
+        out.append(f"extended_simulator_ runs the formula, with the parameters {names}.")
+    return out
+
+
+def _elsewhere(view: View) -> str:
+    return "" if view.is_curve else ", the other columns at their medians"
+
+
+def _lower(sentence: str) -> str:
+    return sentence[0].lower() + sentence[1:]
+
+
+def _why_adequate(view: View) -> list[str]:
+    d = view.diagnosis
+    none = float(d.search_.probability[0])
+    odds = f"That nothing is wrong has {digits.probability(none)} of the probability"
+    if d.p_value_ <= d.false_alarm_rate:
+        return [f"{odds}: more than half, which decides in spite of the small p."]
+    if none <= 0.5:
+        shares = kind_shares(d.search_)
+        first = max(shares, key=lambda kind: shares[kind])
+        return [
+            f"{odds}; {first} looks more probable, but chance alone often brings forth as much."
+        ]
+    return [f"{odds}."]
+
+
+def _with_estimates(view: View, finding: CauseFinding, cause: Cause) -> str:
+    told = [f"{name} {digits.interval(*values)}" for name, values in finding.estimates.items()]
+    if not told:
+        return ""
+    units = {name: unit_of(view, cause, name) for name in finding.estimates}
+    in_units = [
+        f"{name} {unit}" if unit.startswith("a ") else f"{name} in units of {unit}"
+        for name, unit in units.items()
+        if unit
+    ]
+    return f", with {', '.join(told)}; {', '.join(['90 % intervals', *in_units])}"
+
+
+def _meaning(view: View, finding: CauseFinding, cause: Cause) -> list[str]:
+    if finding.kind not in _MEANING:
+        return []
+    column = getattr(cause, "column", None) or finding.target
+    names = {"output": view.output, "target": finding.target, "column": column}
+    return [f"That means: {_MEANING[finding.kind].format(**names)}."]
+
+
+def _further(view: View) -> list[str]:
+    """Say what was found beside the first cause, each by a search of its own."""
+    out = []
+    for finding, cause in view.found[1:]:
+        if finding.kind == "unexplained":
+            out.append("Beside it a smooth curve of unknown shape is needed.")
+            continue
+        known = f"{label(finding.kind, finding.target)}{_with_estimates(view, finding, cause)}"
+        out.append(
+            f"Beside it a further search found: {known}. There it has "
+            f"{digits.probability(finding.probability)} of the probability."
+        )
+        out += _meaning(view, finding, cause)
+    return out
+
+
+def _runner_up(view: View) -> str:
+    found = view.diagnosis.search_
+    best = view.diagnosis.best_cause_
+    others = [
+        (float(p), w)
+        for p, w in zip(found.probability, found.weighed, strict=True)
+        if (kind_of(w), w.cause.target if w.cause else None) != (best.kind, best.target)
+    ]
+    if not others:
+        return ""
+    p, w = max(others, key=lambda pair: pair[0])
+    return f", the nearest rival ({label_of(w)}) {digits.probability(p)}"

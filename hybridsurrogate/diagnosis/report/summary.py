@@ -1,0 +1,91 @@
+"""What a report says, for machines."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from hybridsurrogate.diagnosis.gain import Gain
+from hybridsurrogate.diagnosis.report.section import Section
+from hybridsurrogate.diagnosis.report.tables import parameter_intervals, thirds
+from hybridsurrogate.diagnosis.report.view import View
+
+# raised whenever a key changes its meaning or goes away
+SCHEMA_VERSION = 1
+
+
+def summary(
+    view: View,
+    title: str,
+    sections: tuple[Section, ...],
+    on_test: Gain | None,
+    scan: pd.DataFrame | None,
+) -> dict[str, Any]:
+    """Return the numbers and the sentences of a report; ``json.dumps`` takes it as it is."""
+    diagnosis = view.diagnosis
+    band = diagnosis.discrepancy_
+    values = {
+        "schema_version": SCHEMA_VERSION,
+        "title": title,
+        "verdict": diagnosis.verdict_,
+        "p_value": diagnosis.p_value_,
+        "false_alarm_rate": diagnosis.false_alarm_rate,
+        "n_replicates": diagnosis.n_replicates,
+        "n_rows": len(view.y),
+        "output": view.output,
+        "columns": list(view.columns),
+        "log_scale": view.log_scale,
+        "best_cause": asdict(diagnosis.best_cause_),
+        "found_causes": [asdict(finding) for finding in diagnosis.found_causes_],
+        "indistinguishable": list(diagnosis.indistinguishable_),
+        "causes": diagnosis.causes_.to_dict("records"),
+        "parameters": parameter_intervals(view),
+        "discrepancy": {
+            "column": band.column,
+            "grid": band.grid[:, view.columns.index(band.column)],
+            "mean": band.mean,
+            "lower": band.lower,
+            "upper": band.upper,
+            "share_outside": band.share_outside,
+            "thirds": [third._asdict() for third in thirds(view)],
+        },
+        "residual_rms": {
+            "before": np.sqrt(np.mean((view.y - view.before) ** 2)),
+            "after": np.sqrt(np.mean((view.y - view.after) ** 2)),
+        },
+        "gain": None if diagnosis.gain_ is None else asdict(diagnosis.gain_),
+        "gain_on_test": None if on_test is None else asdict(on_test),
+        "beta_scan": None if scan is None else scan.to_dict("records"),
+        "next_measurement": diagnosis.next_measurement_,
+        "draws": {
+            "before": asdict(diagnosis.estimator_.diagnostics_),
+            "after": asdict(diagnosis.extended_estimator_.diagnostics_),
+        },
+        "sections": [
+            {
+                "title": section.title,
+                "sentences": list(section.sentences),
+                "formulas": dict(section.formulas),
+                "pictures": [picture.description for picture in section.pictures],
+            }
+            for section in sections
+        ],
+    }
+    return plain(values)
+
+
+def plain(value: Any) -> Any:
+    """Return a value made of dict, list, str, int, float, bool and None; NaN becomes None."""
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple | np.ndarray):
+        return [plain(item) for item in value]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,128 @@
+"""The tables of a report."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from hybridsurrogate.diagnosis.discrepancy import Third, shares_of_thirds
+from hybridsurrogate.diagnosis.report import digits
+from hybridsurrogate.diagnosis.report.view import View
+from hybridsurrogate.effects.base import Cause
+
+Interval = tuple[float, float, float]
+
+_MOST_CAUSES = 8
+
+
+def cause_table(view: View) -> pd.DataFrame:
+    """Return the causes that were weighed, most probable first."""
+    table = view.diagnosis.causes_
+    shown = table[table["note"] == ""].head(_MOST_CAUSES)
+    return pd.DataFrame(
+        {
+            "cause": shown["kind"],
+            "concerns": [t if isinstance(t, str) else "" for t in shown["target"]],
+            "probability": [digits.probability(p) for p in shown["probability"]],
+            "log evidence": [f"{e:.1f}" for e in shown["log_evidence"]],
+        }
+    )
+
+
+def thirds(view: View) -> list[Third]:
+    """Return where the extension changes the predictions; nothing without an extension."""
+    if not view.extended or not np.any(view.change):
+        return []
+    return shares_of_thirds(view.X, view.change, view.columns)
+
+
+def third_table(view: View) -> pd.DataFrame | None:
+    """Return the shares of the discrepancy by thirds of each column's measured range."""
+    found = thirds(view)
+    if not found:
+        return None
+    return pd.DataFrame(
+        {
+            "column": [t.column for t in found],
+            "from": [digits.number(t.low) for t in found],
+            "to": [digits.number(t.high) for t in found],
+            "share of the discrepancy": [digits.percent(t.share) for t in found],
+            "share of the rows": [digits.percent(t.rows) for t in found],
+        }
+    )
+
+
+def parameter_intervals(view: View) -> dict[str, dict[str, Interval]]:
+    """Return mean and 90 % interval of parameters and noise, before and after the extension."""
+    out: dict[str, dict[str, Interval]] = {}
+    models = (view.diagnosis.estimator_, view.diagnosis.extended_estimator_)
+    for word, model in zip(("before", "after"), models, strict=True):
+        draws = model.posterior_.named()
+        for name in (*view.diagnosis.estimator_.simulation.parameter_names, "sigma"):
+            if name in draws:
+                out.setdefault(name, {})[word] = _interval(draws[name])
+    return out
+
+
+def estimate_table(view: View) -> pd.DataFrame:
+    """Return what the cause and the simulation's parameters are estimated to be, with units."""
+    rows = [
+        (f"{finding.kind} {name}", unit_of(view, cause, name), "-", digits.interval(*told))
+        for finding, cause in view.found
+        for name, told in finding.estimates.items()
+    ]
+    log = "log " if view.log_scale else ""
+    for name, told in parameter_intervals(view).items():
+        shown, unit = ("noise", f"{log}{view.output}") if name == "sigma" else (name, "its own")
+        before, after = (digits.interval(*told[w]) if w in told else "-" for w in _WORDS)
+        rows.append((shown, unit, before, after))
+    table = pd.DataFrame(rows, columns=["quantity", "in units of", *_WORDS])
+    return table if view.extended else table.drop(columns="after")
+
+
+_WORDS = ("before", "after")
+
+
+def unit_of(view: View, cause: Cause, name: str) -> str:
+    """Return the unit of an estimate of a cause, in the user's own names; "" if unknown."""
+    column = getattr(cause, "column", None) or view.inputs[0]
+    if cause.kind == "interaction":
+        column = " * ".join(cause.reads)
+    target = cause.target or ""
+    output = f"log {view.output}" if view.log_scale else view.output
+    moved = target if cause.kind == "parameter-drift" else output
+    if name.startswith("level_"):
+        return output
+    inside = cause.modification is not None
+    if name in ("amount", "amplitude") and inside:
+        return f"a share of {target}"
+    if name == "rate" and inside:
+        of = target if getattr(cause, "form", "") == "constant" else "1"
+        return f"{of} per {column}"
+    if name in ("location", "period", "width", "duration", "scale", "half", "lag"):
+        return column
+    return {
+        "amplitude": moved,
+        "overtone": moved,
+        "change": moved,
+        "level": output,
+        "slope": f"{moved} per {column}",
+        "curvature": f"{moved} per {column} squared",
+        "value": target,
+        "gain": "a factor",
+        "ratio": "a factor",
+        "length_scale": "half the measured range",
+    }.get(name, "")
+
+
+def _interval(draws: np.ndarray) -> Interval:
+    low, high = np.quantile(draws, [0.05, 0.95])
+    return float(np.mean(draws)), float(low), float(high)
+
+
+def noise_of(view: View, after: bool = False) -> str:
+    """Return the size of the noise before or after the extension, with its unit."""
+    d = view.diagnosis
+    model = d.extended_estimator_ if after else d.estimator_
+    scale = f"log {view.output}" if view.log_scale else view.output
+    return f"{digits.number(float(np.mean(model.posterior_.sigma)), 2)} in units of {scale}"

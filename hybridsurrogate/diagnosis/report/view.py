@@ -1,0 +1,209 @@
+"""What a report draws and tells of a diagnosis: the column that matters, predictions, residuals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from scipy import special
+
+from hybridsurrogate.diagnosis.discrepancy import predict_locally
+from hybridsurrogate.diagnosis.evidence import Weighed, kind_of
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.plotting import Prediction
+from hybridsurrogate.priors import FloatArray
+
+if TYPE_CHECKING:
+    from hybridsurrogate.diagnosis.diagnosis import CauseFinding, DiscrepancyDiagnosis
+
+_MOST_RIVALS = 4
+_WORTH_DRAWING = 0.005
+_N_BINS = 5
+
+
+@dataclass(frozen=True)
+class View:
+    """A fitted diagnosis, seen as a report needs it; rows have the simulation's inputs first."""
+
+    diagnosis: DiscrepancyDiagnosis
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the measured columns, the simulation's inputs first."""
+        return self.diagnosis.search_.problem.model.columns
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the simulation's inputs."""
+        return self.columns[: self.diagnosis.search_.problem.model.n_inputs]
+
+    @property
+    def X(self) -> FloatArray:  # noqa: N802
+        """Measured rows."""
+        return self.diagnosis.estimator_._measured[0]
+
+    @property
+    def y(self) -> FloatArray:
+        """Measured outputs."""
+        return self.diagnosis.estimator_._measured[1]
+
+    @property
+    def output(self) -> str:
+        """Name of the output."""
+        return self.diagnosis.estimator_.simulation.output
+
+    @property
+    def log_scale(self) -> bool:
+        """Whether causes act on the logarithm of the output."""
+        return bool(self.diagnosis.search_.problem.likelihood.log_scale)
+
+    @property
+    def extended(self) -> bool:
+        """Whether there is a model after, other than the one before."""
+        return self.diagnosis.extended_estimator_ is not self.diagnosis.estimator_
+
+    @property
+    def cause(self) -> Cause | None:
+        """The first cause in the extended model, prepared."""
+        return self.diagnosis.extended_estimator_.effects[0] if self.extended else None
+
+    @property
+    def found(self) -> list[tuple[CauseFinding, Cause]]:
+        """Every accepted cause, what was found about it and the cause itself, in order."""
+        if not self.extended:
+            return []
+        effects = self.diagnosis.extended_estimator_.effects
+        return list(zip(self.diagnosis.found_causes_, effects, strict=True))
+
+    @cached_property
+    def before(self) -> FloatArray:
+        """Predictions at the measured rows before the extension."""
+        return np.asarray(self.diagnosis.estimator_.predict(self.as_given(self.X)))
+
+    @cached_property
+    def after(self) -> FloatArray:
+        """Predictions at the measured rows after the extension."""
+        return np.asarray(self.diagnosis.extended_estimator_.predict(self.as_given(self.X)))
+
+    @property
+    def change(self) -> FloatArray:
+        """What the extension adds to the predictions at the measured rows."""
+        return self.after - self.before
+
+    @cached_property
+    def shown(self) -> int:
+        """Position of the column over which pictures are drawn: that of the cause, if any.
+
+        Else the input over which the change, or without a cause the prediction, varies most.
+        """
+        varying = [k for k in range(len(self.columns)) if np.ptp(self.X[:, k]) > 0]
+        for name in self.cause.reads if self.cause is not None else ():
+            if name in self.columns and self.columns.index(name) in varying:
+                return self.columns.index(name)
+        among = [k for k in varying if k < len(self.inputs)] or [0]
+        curve = self.change if self.extended and np.ptp(self.change) > 0 else self.before
+        return max(among, key=lambda k: _explained(self.X[:, k], curve))
+
+    @property
+    def name(self) -> str:
+        """Name of the column over which pictures are drawn."""
+        return self.columns[self.shown]
+
+    @property
+    def x(self) -> FloatArray:
+        """Its measured values."""
+        return self.X[:, self.shown]
+
+    @property
+    def is_curve(self) -> bool:
+        """Whether predictions are a curve over the one column there is."""
+        return len(self.columns) == 1
+
+    def as_given(self, X: FloatArray) -> Any:
+        """Return rows whose simulation inputs come first as the user's own columns."""
+        estimator = self.diagnosis.estimator_
+        rows = np.empty_like(X)
+        rows[:, estimator._column_order] = X
+        names = getattr(estimator, "feature_names_in_", None)
+        return rows if names is None else pd.DataFrame(rows, columns=names)
+
+    def simulated_range(self) -> tuple[float, float]:
+        """Return the range of the shown column that was simulated, or else measured."""
+        ranges = self.diagnosis.estimator_.simulation.input_ranges
+        low, high = ranges.get(self.name, (self.x.min(), self.x.max()))
+        return min(low, float(self.x.min())), max(high, float(self.x.max()))
+
+    def grid(
+        self, low: float, high: float, at: FloatArray | None = None, n: int = 800
+    ) -> FloatArray:
+        """Return rows that vary the shown column, the others at their medians or at one row."""
+        rows = np.repeat((np.median(self.X, axis=0) if at is None else at)[None], n, axis=0)
+        rows[:, self.shown] = np.linspace(low, high, n)
+        return rows
+
+    def rivals(self) -> list[Weighed]:
+        """Return the most probable explanations, at least two where there are two."""
+        found = self.diagnosis.search_
+        order = np.argsort(-found.probability, kind="stable")[:_MOST_RIVALS]
+        return [
+            found.weighed[k]
+            for place, k in enumerate(order)
+            if place < 2 or found.probability[k] > _WORTH_DRAWING
+        ]
+
+    def expected(self, rival: Weighed, X: FloatArray) -> FloatArray:
+        """Return what an explanation predicts at rows, in units of the output."""
+        found = self.diagnosis.search_
+        return found.problem.likelihood.inverse(predict_locally(found, rival, X)[0])
+
+    def standardised(self, model: Any) -> FloatArray:
+        """Return residuals at the measured rows that are standard normal if the model is right."""
+        eta, noise = model.posterior_.eta(self.X)
+        working = model.posterior_.likelihood.working(self.y)
+        below = np.mean(special.ndtr((working - eta) / noise), axis=0)
+        return special.ndtri(np.clip(below, 1e-9, 1 - 1e-9))
+
+    def working_residuals(self, model: Any) -> FloatArray:
+        """Return measured minus predicted at the measured rows, on the scale of eta."""
+        eta, _ = model.posterior_.eta(self.X)
+        return model.posterior_.likelihood.working(self.y) - eta.mean(axis=0)
+
+
+def prediction(model: Any, rows: Any) -> Prediction:
+    """Return mean and central intervals of a fitted model at rows as the user gives them."""
+    return Prediction(
+        model.predict(rows), *model.predict_interval(rows, 0.5), *model.predict_interval(rows, 0.9)
+    )
+
+
+def label(kind: str, target: str | None) -> str:
+    """Return how a report calls a cause: "step in year"."""
+    if kind == "none":
+        return "nothing is wrong"
+    if kind == "unexplained":
+        return "a smooth curve, cause unknown"
+    return (
+        f"{kind} of {target}"
+        if target and kind in _OF
+        else f"{kind} in {target}"
+        if target
+        else kind
+    )
+
+
+_OF = ("wrong-constant", "parameter-drift", "interaction", "missing-term")
+
+
+def label_of(rival: Weighed) -> str:
+    """Return how a report calls one explanation of a search."""
+    return label(kind_of(rival), rival.cause.target if rival.cause else None)
+
+
+def _explained(x: FloatArray, curve: FloatArray) -> float:
+    """Return the spread of a curve's mean over bins of a column with equally many rows."""
+    order = np.argsort(x, kind="stable")
+    parts = np.array_split(curve[order], min(_N_BINS, len(curve)))
+    return float(np.std([part.mean() for part in parts]))

@@ -1,0 +1,72 @@
+"""Names and numbers in LaTeX, in the part of it that matplotlib's mathtext reads too."""
+
+from __future__ import annotations
+
+import math
+
+SIMULATION = r"\text{simulation}"
+
+# characters with a meaning in LaTeX; mathtext knows no braces or backslashes inside \text
+_IN_TEXT = {
+    "\\": "/",
+    "{": "(",
+    "}": ")",
+    "$": r"\$",
+    "%": r"\%",
+    "&": r"\&",
+    "#": r"\#",
+    "_": r"\_",
+    "^": r"}{}^{\wedge}\text{",
+    "~": r"}\sim\text{",
+}
+
+
+def word(text: str) -> str:
+    r"""Return any text as upright letters.
+
+    Examples
+    --------
+    >>> from hybridsurrogate.effects.notation import word
+    >>> print(word("contact_rate"))
+    \text{contact\_rate}
+    """
+    inside = "".join(_IN_TEXT.get(character, character) for character in text)
+    return rf"\text{{{inside}}}".replace(r"\text{}", "")
+
+
+def number(value: float, digits: int = 4) -> str:
+    r"""Return a number with so many significant digits.
+
+    Examples
+    --------
+    >>> from hybridsurrogate.effects.notation import number
+    >>> print(number(-0.0000123))
+    -1.23 \times 10^{-5}
+    """
+    if not math.isfinite(value):
+        return r"\infty" if value > 0 else r"-\infty" if value < 0 else r"\text{unknown}"
+    mantissa, _, exponent = f"{value:.{digits}g}".partition("e")
+    return rf"{mantissa} \times 10^{{{int(exponent)}}}" if exponent else mantissa
+
+
+def signed(value: float, digits: int = 4) -> str:
+    """Return a number as a term of a sum: its sign, a space, its size."""
+    sign = "-" if math.copysign(1.0, value) < 0 else "+"
+    return f"{sign} {number(abs(value), digits)}"
+
+
+def minus(column: str, value: float, digits: int = 5) -> str:
+    r"""Return how far a column is beyond a value, in brackets.
+
+    Examples
+    --------
+    >>> from hybridsurrogate.effects.notation import minus
+    >>> print(minus("t", -5))
+    \left(\text{t} + 5\right)
+    """
+    return rf"\left({word(column)} {signed(-value, digits)}\right)"
+
+
+def where(column: str, relation: str, value: float, digits: int = 5) -> str:
+    """Return the indicator of a condition on a column."""
+    return rf"\mathbf{{1}}_{{{word(column)} {relation} {number(value, digits)}}}"

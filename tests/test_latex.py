@@ -1,0 +1,135 @@
+"""Every cause writes its formula in LaTeX, with the numbers of its formula in words."""
+
+import re
+
+import numpy as np
+import pytest
+from matplotlib.mathtext import MathTextParser
+from scipy import stats
+
+import hybridsurrogate as hs
+from hybridsurrogate.effects.base import Context
+from hybridsurrogate.effects.notation import minus, number, signed, word
+
+T = np.linspace(0, 12, 24)
+CONTEXT = Context(
+    X={"t_1": T, "wind 50%": np.tile([1.0, 2.0, 3.0], 8)},
+    n_inputs=1,
+    parameters={"rate_$": stats.norm(0.5, 0.1)},
+    assumed={"floor{a}": hs.Assumed(10.0, stats.norm(10, 1))},
+    scale=1.0,
+)
+CAUSES = [
+    hs.Offset(),
+    hs.Trend("t_1"),
+    hs.Trend("t_1", degree=2),
+    hs.Periodic("t_1"),
+    hs.Periodic("t_1", harmonics=2),
+    hs.Step("t_1"),
+    hs.Ramp("t_1"),
+    hs.Bump("t_1"),
+    hs.Decay("t_1"),
+    hs.Saturation("t_1"),
+    hs.Gain(),
+    hs.WrongConstant("floor{a}"),
+    *(
+        hs.ParameterDrift("rate_$", "t_1", shape=shape)
+        for shape in ("linear", "step", "logistic", "periodic")
+    ),
+    hs.MissingInput("wind 50%"),
+    hs.MissingInput("wind 50%", shape="quadratic"),
+    hs.MissingInput("wind 50%", shape="categorical"),
+    hs.MissingInput("wind 50%", shape="categorical", level=3),
+    hs.Interaction("t_1", "wind 50%"),
+    hs.Delay("t_1"),
+    hs.Noise("t_1"),
+    hs.GaussianProcessDiscrepancy(),
+]
+
+
+def parses(text):
+    MathTextParser("agg").parse(f"${text}$")
+    return True
+
+
+def told(cause):
+    """Return a number of its own for everything that the cause estimates."""
+    one = np.ones(1)
+    names = cause.estimates(dict.fromkeys(cause.parameters, one), dict.fromkeys(_names(cause), one))
+    return {name: (-1) ** k * (1.2345 + 1.1111 * k) for k, name in enumerate(names)}
+
+
+def _names(cause):
+    # a smooth curve has coefficients without names of interest
+    return tuple(cause.coefficients)
+
+
+def numbers(text):
+    bare = (
+        text.replace("t_1", "")
+        .replace(r"t\_1", "")
+        .replace("wind 50%", "")
+        .replace(r"wind 50\%", "")
+    )
+    return {abs(float(found)) for found in re.findall(r"\d+\.?\d*(?:e-?\d+)?", bare)}
+
+
+@pytest.mark.parametrize("cause", CAUSES, ids=lambda cause: f"{cause!r}"[:60])
+def test_the_numbers_in_words_are_in_latex(cause):
+    prepared = cause.prepare(CONTEXT)
+    values = told(prepared)
+    latex = prepared.latex(values)
+    assert parses(latex)
+    assert latex.count("{") == latex.count("}")
+    assert r"\text{simulation}" in latex
+    assert numbers(prepared.formula(values)) <= numbers(latex) | {0.0}
+
+
+@pytest.mark.parametrize(
+    ("cause", "values"),
+    [
+        (hs.DynamicDrift("k_1", shape, "t"), {"amount": -0.25, "location": 3.5, **more})
+        for shape, more in (
+            ("step", {}),
+            ("ramp", {"duration": 1.75}),
+            ("logistic", {"width": 0.75}),
+        )
+    ]
+    + [
+        (hs.DynamicDrift("k_1", "periodic", "t"), {"amplitude": 0.25, "period": 3.5}),
+        (hs.DynamicTerm("S", "constant"), {"rate": -0.25}),
+        (hs.DynamicTerm("S", "proportional"), {"rate": 1.25e-6}),
+    ],
+)
+def test_causes_inside_the_dynamics(cause, values):
+    latex = cause.latex(values)
+    assert parses(latex)
+    for value in values.values():
+        assert number(abs(value)) in latex
+
+
+def test_signs_and_exponents():
+    assert number(123456.0) == r"1.235 \times 10^{5}"
+    assert number(-0.5) == "-0.5"
+    assert signed(-2.0) == "- 2"
+    assert signed(3e-7) == r"+ 3 \times 10^{-7}"
+    assert minus("t", 2.0) == r"\left(\text{t} - 2\right)"
+    assert parses(number(np.inf))
+    assert parses(number(np.nan))
+
+
+@pytest.mark.parametrize(
+    "name", ["a_b", "CO2 [%]", "a{b}", r"a\b", "x^2", "~x", "^", "m³ & $", "#"]
+)
+def test_any_name_can_be_written(name):
+    assert parses(word(name))
+
+
+def test_a_mechanism_of_ones_own_is_written_in_words():
+    class AirDrag(hs.Cause):
+        kind = "air_drag"
+
+    latex = AirDrag().latex({"rate": 0.25})
+    assert parses(latex)
+    assert "0.25" in latex
+    assert r"air\_drag" in latex

@@ -1,0 +1,93 @@
+"""The words of a report for scores, weights and numbers."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from hybridsurrogate.diagnosis.gain import FoldGain, Gain
+from hybridsurrogate.diagnosis.report import digits, scores
+
+
+def scan_of(before, after):
+    return pd.DataFrame({"beta": [0.05, 0.5, 0.95], "before": before, "after": after})
+
+
+@pytest.mark.parametrize(
+    ("after", "words"),
+    [
+        ([-1.0, -0.8, -0.3], "deserves more weight"),
+        ([-1.0, -0.3, -0.8], "does not raise the weight"),
+        ([-0.3, -0.8, -1.0], "less weight than before"),
+    ],
+)
+def test_what_the_best_beta_says(after, words):
+    scan = scan_of([-0.9, -0.5, -1.2], after)
+    assert words in scores.trust(SimpleNamespace(extended=True), scan)[-1]
+    assert "The best is beta = 0.5" in scores.trust(SimpleNamespace(extended=False), scan)[-1]
+
+
+def gain_of(difference, error, coverage=0.9, kinds=("step", "step")):
+    folds = tuple(FoldGain(kind, 50, -1.0, -1.0 + difference, error) for kind in kinds)
+    return Gain(
+        -1.0, -1.0 + difference, difference, error, 2.0, 1.5, 0.9, coverage, 100, kinds, folds
+    )
+
+
+@pytest.mark.parametrize(
+    ("difference", "error", "words"),
+    [
+        (0.5, 0.1, "the extended model predicts better"),
+        (0.15, 0.1, "seems to predict better, but by less than two"),
+        (0.05, 0.1, "within its standard error"),
+        (-0.05, 0.1, "within its standard error"),
+        (-0.15, 0.1, "seems to predict worse, by less than two"),
+        (-0.5, 0.1, "predicts worse: do not use it"),
+        (0.0, 0.0, "changes nothing"),
+        (0.5, np.nan, "too few rows"),
+    ],
+)
+def test_what_a_difference_of_scores_amounts_to(difference, error, words):
+    assert words in scores.judgement(gain_of(difference, error))
+
+
+def test_the_words_for_a_gain():
+    view = SimpleNamespace(
+        extended=True, diagnosis=SimpleNamespace(best_cause_=SimpleNamespace(kind="step"))
+    )
+    text = " ".join(scores.gains(view, gain_of(0.512, 0.123), None))
+    assert "-1.00 before, -0.49 after, difference +0.51 ± 0.12 (standard error)" in text
+    assert "2 before and 1.5 after, 25 % less" in text
+    assert "as it should be, within chance" in text
+    assert "Higher is better" in text
+    split = " ".join(scores.gains(view, gain_of(0.5, 0.1, 0.7, ("step", "bump")), None))
+    assert "the folds chose: step 1, bump 1" in split
+    assert "Only 1 of the 2 folds chose step" in split
+    assert "too few: the uncertainty stated is too small" in split
+    wide = " ".join(scores.gains(view, None, gain_of(0.5, 0.1, 1.0, ())))
+    assert "On the rows held back (100 rows)" in wide
+    assert "too many: the uncertainty stated is too large" in wide
+
+
+def test_digits():
+    assert digits.interval(1898.34, 1896.71, 1899.31) == "1898.3 (1896.7 to 1899.3)"
+    assert digits.interval(-243.1, -294.0, -192.6) == "-243 (-294 to -193)"
+    assert digits.interval(0.0312, 0.0301, 0.0323) == "0.0312 (0.0301 to 0.0323)"
+    assert digits.interval(2.0, 2.0, 2.0) == "2 (2 to 2)"
+    assert digits.plus_minus(0.2503, 0.0664, sign=True) == "+0.250 ± 0.066"
+    assert digits.plus_minus(-0.0001, 0.5) == "0.00 ± 0.50"
+    assert digits.number(20.0) == "20"
+    assert digits.number(0.0) == "0"
+    assert digits.number(123456.0) == "123456"
+    assert digits.number(1.5e-7) == "1.500e-07"
+    assert digits.number(np.nan) == "unknown"
+    assert [digits.percent(s) for s in (0, 1, 0.5, 0.0004, 0.052)] == [
+        "0 %",
+        "100 %",
+        "50 %",
+        "less than 0.1 %",
+        "5.2 %",
+    ]
+    assert digits.probability(1.0) == "more than 99.9 %"
+    assert digits.listing(["a", "b", "c"]) == "a, b and c"
