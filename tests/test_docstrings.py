@@ -12,7 +12,8 @@ MODULES = [m.name for m in pkgutil.walk_packages(hybridsurrogate.__path__, "hybr
 
 
 @pytest.mark.parametrize("name", MODULES)
-def test_examples_run(name):
+def test_examples_run(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # some write a file
     assert doctest.testmod(importlib.import_module(name)).failed == 0
 
 
