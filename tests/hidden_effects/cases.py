@@ -72,7 +72,7 @@ def _even(rng: np.random.Generator, n: int, low: float, high: float) -> Array:
     return low + (high - low) * (np.arange(n) + rng.uniform(size=n)) / n
 
 
-def _draw_setting(simulator: Simulator, n_rows: int, rng: np.random.Generator) -> Setting:
+def draw_setting(simulator: Simulator, n_rows: int, rng: np.random.Generator) -> Setting:
     """Draw true parameters and measured inputs.
 
     The first input is measured over the first 60 to 70 % of its range, the others over all of it:
@@ -118,6 +118,13 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
+def feasible(noise_sd: float, left: Array, effect: Array, setting: Setting) -> bool:
+    """Tell whether the noise is of a natural size, and the parameters do not absorb the effect."""
+    low, high = _NOISE_SHARES
+    natural = low <= noise_sd / setting.output_range <= high
+    return natural and rms(left) >= _LEAST_LEFT * rms(effect)
+
+
 def make_case(
     kind: str, size: float, seed: int, n_rows: int = 40, simulation: str | None = None
 ) -> Case:
@@ -158,7 +165,7 @@ def make_case(
     rng = np.random.default_rng([FORMS.index(kind), seed])
     for _ in range(_MOST_REDRAWS):
         name = str(rng.choice(list(SIMULATIONS)))
-        setting = _draw_setting(SIMULATIONS[simulation or name], n_rows, rng)
+        setting = draw_setting(SIMULATIONS[simulation or name], n_rows, rng)
         effect = draw_effect(kind, setting, rng)
         if effect is None:
             continue
@@ -173,10 +180,7 @@ def make_case(
         else:
             left = left_over(setting.simulator, setting.X, mu)
             noise_sd = rms(left) / size
-            share = noise_sd / setting.output_range
-            if not _NOISE_SHARES[0] <= share <= _NOISE_SHARES[1]:
-                continue
-            if rms(left) < _LEAST_LEFT * rms(mu - base):
+            if not feasible(noise_sd, left, mu - base, setting):
                 continue
         parameter_names = setting.simulator.parameter_names
         truth = {
