@@ -9,7 +9,8 @@ import time
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, astuple, dataclass
+from dataclasses import asdict, dataclass
+from io import StringIO
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -190,14 +191,16 @@ def tasks(
     rows: Sequence[int],
     seeds: range,
     nulls: range,
+    pair_seeds: range = range(0),
     pairs: Sequence[str] = (),
     whole: bool = False,
 ) -> list[Task]:
     """List the cases by seed, so that an interrupted run has some of everything."""
     found: list[Task] = []
-    for seed in range(min(seeds.start, nulls.start), max(seeds.stop, nulls.stop)):
+    for seed in sorted({*seeds, *nulls, *pair_seeds}):
         if seed in seeds:
             found += [Task(whole, k, float(s), n, seed) for k in kinds for s in sizes for n in rows]
+        if seed in pair_seeds:
             found += [Task(whole, pair, 2.0, 80, seed) for pair in pairs]
         if seed in nulls:
             found += [Task(whole, "none", 0.0, n, seed) for n in rows]
@@ -214,12 +217,15 @@ def run(todo: Iterable[Task], jobs: int = 1) -> Iterator[dict[str, Any]]:
             yield future.result()
 
 
+def complete_lines(path: Path) -> str:
+    """Return a file without a last line that was cut short."""
+    text = path.read_text(encoding="utf-8") if path.exists() else ""
+    return text[: text.rfind("\n") + 1]
+
+
 def done(path: Path) -> set[Task]:
-    """Return the tasks whose results a file already holds; a line cut short does not count."""
-    if not path.exists():
-        return set()
-    with path.open(newline="", encoding="utf-8") as file:
-        return {_task_of(row) for row in csv.DictReader(file) if row["trouble"] is not None}
+    """Return the tasks whose results a file already holds."""
+    return {_task_of(row) for row in csv.DictReader(StringIO(complete_lines(path)))}
 
 
 def _task_of(row: dict[str, str]) -> Task:
@@ -235,15 +241,14 @@ def _task_of(row: dict[str, str]) -> Task:
 def run_into(path: Path, todo: Sequence[Task], jobs: int = 1) -> Iterator[dict[str, Any]]:
     """Diagnose what a file does not hold yet, adding and yielding each row when it is there."""
     have = done(path)
-    left = [task for task in todo if task not in have]
-    ends_with_newline = not path.exists() or path.read_bytes()[-1:] in (b"\n", b"")
+    text = complete_lines(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
     with path.open("a", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, COLUMNS)
-        if not ends_with_newline:  # the run before was cut off in the middle of a line
-            file.write("\n")
-        if file.tell() == 0:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        if not text:
             writer.writeheader()
-        for row in run(sorted(left, key=lambda task: (task.seed, *astuple(task))), jobs):
+        for row in run([task for task in todo if task not in have], jobs):
             writer.writerow(row)
             file.flush()
             yield row
