@@ -59,7 +59,8 @@ def plot_coverage(table: pd.DataFrame, ax: Axes) -> None:
         ax.errorbar(found["coverage"], place, xerr=ends, fmt="o", capsize=2, label=name)
         ax.set_yticks(np.arange(len(found)), [f"{i} ({n})" for i, n in found["cases"].items()])
     ax.set(xlabel="coverage of 90 % intervals")
-    ax.legend()
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend()
 
 
 PLOTS: dict[str, Callable[[pd.DataFrame, Axes], None]] = {
