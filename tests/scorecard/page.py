@@ -53,10 +53,12 @@ def sections(table: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
         yield "Near copies counted, by kind and size", "", wide
     yield "False alarms", "", tables.false_alarms(table)
     bins = tables.name_calibration(table)
-    error = 100 * tables.calibration_error(bins)
+    error, chance = (100 * f(bins) for f in (tables.calibration_error, tables.chance_error))
     yield (
         "Probability of the first kind against how often it is right",
-        f"Given that something is wrong. Mean absolute calibration error {error:.1f} points.",
+        "Shares of kinds, given that something is wrong; undetected effects too. Mean absolute "
+        f"calibration error {error:.1f} points; {chance:.1f} are expected by chance of so few cases "
+        "even if every probability is right.",
         bins,
     )
     yield (

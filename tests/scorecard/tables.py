@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
-from scipy.stats import binomtest
+from scipy.stats import binom, binomtest
 
 from .run import complete_lines
 
@@ -153,6 +153,20 @@ def calibration_error(bins: pd.DataFrame) -> float:
     if not len(bins):
         return float("nan")
     return float(np.average((bins["stated"] - bins["right"]).abs(), weights=bins["cases"]))
+
+
+def chance_error(bins: pd.DataFrame) -> float:
+    """Return the calibration error that is expected if every stated probability is right.
+
+    It is not zero: n cases of a bin are right k times, k binomial.
+    """
+    if not len(bins):
+        return float("nan")
+    expected = []
+    for n, stated in zip(bins["cases"], bins["stated"], strict=True):
+        k = np.arange(n + 1)
+        expected.append(float(binom.pmf(k, n, stated) @ np.abs(k / n - stated)))
+    return float(np.average(expected, weights=bins["cases"]))
 
 
 def name_calibration(table: pd.DataFrame) -> pd.DataFrame:
