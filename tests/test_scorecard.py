@@ -53,7 +53,7 @@ def test_reliability_counts_in_bins():
     assert bins["stated"].tolist() == pytest.approx([0.35, 0.95])
     assert bins["right"].tolist() == [0.5, 1.0]
     assert tables.calibration_error(bins) == pytest.approx((4 * 0.15 + 2 * 0.05) / 6)
-    # one case at p is off by 2 p (1 - p) on average; two at 1/2 are 0 or 1/2 off, each half the time
+    # one case at p is off by 2 p (1 - p) on average; two at 1/2 by 0 or 1/2, as often
     one = pd.DataFrame({"cases": [1, 2], "stated": [0.9, 0.5], "right": [1.0, 0.5]})
     assert tables.chance_error(one) == pytest.approx((1 * 0.18 + 2 * 0.25) / 3)
     assert np.isnan(tables.calibration_error(tables.reliability([], [])))

@@ -57,8 +57,7 @@ def sections(table: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
     yield (
         "Probability of the first kind against how often it is right",
         "Shares of kinds, given that something is wrong; undetected effects too. Mean absolute "
-        f"calibration error {error:.1f} points; {chance:.1f} are expected by chance of so few cases "
-        "even if every probability is right.",
+        f"calibration error {error:.1f} points; with so few cases chance alone makes {chance:.1f}.",
         bins,
     )
     yield (
