@@ -11,27 +11,22 @@ import pandas as pd
 from . import tables
 
 _NAMES = {
-    "cases": "cases",
-    "detected": "detected",
+    "kind": "hidden",
     "exact": "right kind first",
     "alike": "near copies counted",
     "covered": "90 % set covers",
     "set_size": "kinds in a set",
     "ratio": "out-of-range error",
-    "seconds": "seconds",
     "rate": "false alarms",
     "upper": "upper 95 % limit",
-    "coverage": "coverage",
     "both": "both named",
     "one": "one of them",
     "wrong": "something else too",
     "low": "95 % low",
     "high": "95 % high",
-    "right": "right",
-    "stated": "stated",
 }
-_SHARES = frozenset(_NAMES) - {"cases", "set_size", "ratio", "seconds"}
-_KEYS = {"kind": "hidden", "size": "size", "rows": "rows", "noise": "noise"}
+_RATES = ("detected", "exact", "alike", "covered", "rate", "upper", "coverage", "right", "stated")
+_SHARES = frozenset([*_RATES, "both", "one", "wrong", "low", "high"])
 CATALOGUES = {False: "the usual forms of the catalogue", True: "the whole catalogue"}
 
 
@@ -74,7 +69,7 @@ def cells(table: pd.DataFrame) -> tuple[list[str], list[list[str]]]:
     """Return header and cells of a table as text: shares in percent."""
     if table.index.name or isinstance(table.index, pd.MultiIndex):
         table = table.reset_index()
-    header = [_NAMES.get(str(name), _KEYS.get(str(name), str(name))) for name in table.columns]
+    header = [_NAMES.get(str(name), str(name)) for name in table.columns]
     rows = []
     for values in table.itertuples(index=False):
         rows.append([_cell(str(c), v) for c, v in zip(table.columns, values, strict=True)])
