@@ -42,6 +42,9 @@ def sections(table: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
     ):
         if len(single) and (key == "size" or len(single[key].unique()) > 1):
             yield f"By {key}", why, tables.rates(table, key)
+    if len(single["weighed"].unique()) > 1:
+        why = "A form that is not weighed cannot be named; `unexplained` would be a right answer."
+        yield "By weighed or not, and size", why, tables.rates(table, ["weighed", "size"])
     if len(single["size"].unique()) > 1:
         wide = single.pivot_table(index="kind", columns="size", values="alike", aggfunc="mean")
         wide.columns = pd.Index([f"size {size:g}" for size in wide.columns])
@@ -51,7 +54,8 @@ def sections(table: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
     error, chance = (100 * f(bins) for f in (tables.calibration_error, tables.chance_error))
     yield (
         "Probability of the first kind against how often it is right",
-        "Shares of kinds, given that something is wrong; undetected effects too. Mean absolute "
+        "Shares of kinds that are weighed, given that something is wrong; undetected effects too. "
+        "Mean absolute "
         f"calibration error {error:.1f} points; with so few cases chance alone makes {chance:.1f}.",
         bins,
     )

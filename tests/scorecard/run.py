@@ -44,6 +44,8 @@ NUMBERS = {
     "noise": {"ratio": "ratio"},
 }
 _DRAWS = 200
+# not in the public face: until the whole catalogue is what a diagnosis weighs
+_MODULE = importlib.import_module("hybridsurrogate.diagnosis.diagnosis")
 
 
 @dataclass(frozen=True)
@@ -112,9 +114,8 @@ def _diagnose(case: Case, task: Task) -> hs.DiscrepancyDiagnosis:
     )
     n_causes = 2 if "+" in task.kind else 1
     diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, max_causes=n_causes, random_state=task.seed)
-    module = importlib.import_module("hybridsurrogate.diagnosis.diagnosis")
-    usual = module._KINDS
-    module._KINDS = None if task.whole else usual
+    usual = _MODULE._KINDS
+    _MODULE._KINDS = None if task.whole else usual
     try:
         with warnings.catch_warnings():
             # doubtful draws show in the coverage; a simulation left its domain in a rival only
@@ -122,7 +123,12 @@ def _diagnose(case: Case, task: Task) -> hs.DiscrepancyDiagnosis:
             warnings.simplefilter("ignore", RuntimeWarning)
             return diagnosis.fit(case.X, case.y)
     finally:
-        module._KINDS = usual
+        _MODULE._KINDS = usual
+
+
+def weighs(kind: str, whole: bool) -> bool:
+    """Tell whether a diagnosis weighs this form, so that it can name it."""
+    return whole or _MODULE._KINDS is None or set(kind.split("+")) <= set(_MODULE._KINDS)
 
 
 def _judge(case: Case, task: Task, diagnosis: hs.DiscrepancyDiagnosis) -> Result:

@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.stats import binom, binomtest
 
-from .run import complete_lines
+from .run import complete_lines, weighs
 
 # curves so alike over a limited range that naming one of them for another is half an answer
 NEAR_COPIES = frozenset({"trend", "ramp", "saturation", "decay"})
@@ -53,6 +53,8 @@ def judged(table: pd.DataFrame) -> pd.DataFrame:
     words = table["kind"].str.partition(":")[0]
     failed = table["trouble"] != ""
     table["word"] = words
+    pairs = zip(table["kind"], table["whole"], strict=True)
+    table["weighed"] = ["yes" if weighs(kind, whole) else "no" for kind, whole in pairs]
     table["pair"] = table["kind"].str.contains("+", regex=False)
     table["detected"] = ~table["verdict"].isin(["adequate", ""]) & ~failed
     table["exact"] = (table["found"] == words) & ~failed
@@ -170,8 +172,12 @@ def chance_error(bins: pd.DataFrame) -> float:
 
 
 def name_calibration(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the reliability of the first cause's probability, where one effect is hidden."""
+    """Return the reliability of the first cause's probability, where one effect is hidden.
+
+    Only of kinds that are weighed: a probability is one among the causes that were.
+    """
     found = single(table)
+    found = found[found["weighed"] == "yes"]
     return reliability(found["leader_share"], found["leads"])
 
 
