@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 from dataclasses import asdict
 
@@ -61,7 +60,8 @@ def test_reliability_counts_in_bins():
     assert tables.reliability([0.0, 0.2], [1, 1])["cases"].tolist() == [2]
 
 
-def test_rates():
+def test_rates(monkeypatch):
+    monkeypatch.setattr(run._MODULE, "_KINDS", ("step", "trend"), raising=False)
     found = table(
         row("step", "step", credible="step|bump"),
         row("step", "none", leader="step", credible="step"),
@@ -80,8 +80,12 @@ def test_rates():
     assert rates["covered"].tolist() == [0, 1, 0.5]
     assert rates.loc["step", "set_size"] == 1.5
     assert rates.loc["trend: quadratic", "ratio"] == pytest.approx(0.2)
+    assert found["weighed"].tolist()[:2] == ["yes", "yes"]
     # the leader counts for the calibration, found or not
-    assert tables.name_calibration(found)["right"].tolist() == [pytest.approx(3 / 5)]
+    assert tables.name_calibration(found)["right"].tolist() == [1.0]
+    # with those that are not weighed
+    everything = found.assign(weighed="yes")
+    assert tables.name_calibration(everything)["right"].tolist() == [pytest.approx(3 / 5)]
     assert tables.failures(found)["times"].tolist() == [1]
     assert tables.confusions(found).iloc[0].to_dict() == {
         "hidden": "delay",
@@ -210,13 +214,12 @@ def test_estimates_are_compared_with_the_truth(slice_):
 
 
 def test_the_whole_catalogue_and_pairs_can_be_asked_for():
-    module = importlib.import_module("hybridsurrogate.diagnosis.diagnosis")
-    usual = module._KINDS
+    usual = run._usual_forms()
     found = table(
         run.score(Task(True, "ramp", 4.0, 40, 700)),
         run.score(Task(False, "trend+missing-input", 4.0, 40, 700)),
     )
-    assert module._KINDS is usual
+    assert run._usual_forms() is usual
     assert not tables.failures(found).size
     assert found["detected"].all()
     # the whole catalogue has rivals that the usual forms have not: a ramp is seen to be one of them

@@ -114,7 +114,7 @@ def _diagnose(case: Case, task: Task) -> hs.DiscrepancyDiagnosis:
     )
     n_causes = 2 if "+" in task.kind else 1
     diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, max_causes=n_causes, random_state=task.seed)
-    usual = _MODULE._KINDS
+    usual = _usual_forms()
     _MODULE._KINDS = None if task.whole else usual
     try:
         with warnings.catch_warnings():
@@ -128,7 +128,12 @@ def _diagnose(case: Case, task: Task) -> hs.DiscrepancyDiagnosis:
 
 def weighs(kind: str, whole: bool) -> bool:
     """Tell whether a diagnosis weighs this form, so that it can name it."""
-    return whole or _MODULE._KINDS is None or set(kind.split("+")) <= set(_MODULE._KINDS)
+    usual = _usual_forms()
+    return whole or usual is None or set(kind.split("+")) <= set(usual)
+
+
+def _usual_forms() -> tuple[str, ...] | None:
+    return getattr(_MODULE, "_KINDS", None)
 
 
 def _judge(case: Case, task: Task, diagnosis: hs.DiscrepancyDiagnosis) -> Result:
