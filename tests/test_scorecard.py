@@ -117,6 +117,8 @@ def test_interval_coverage():
     coverage = tables.interval_coverage(found)
     assert coverage["cases"].to_dict() == {"amplitude": 1, "location": 2, "all": 3}
     assert coverage["coverage"].to_dict() == {"amplitude": 0, "location": 1, "all": 2 / 3}
+    assert coverage.loc["location", "low"] == pytest.approx(0.025**0.5)
+    assert np.isnan(coverage.loc["all", "low"])
 
 
 def test_both_named():

@@ -155,7 +155,8 @@ noise-free truth, in noise standard deviations; for `noise` the standard deviati
 Near copies counted: {trend, ramp, saturation, decay} are one kind. The 90 % set is
 `indistinguishable_`. The out-of-range error is the median of the extended model's root mean square
 error beyond the measured range against the plain simulation's. Failed diagnoses count as not
-detected."""
+detected. Every case has draws of its own, so that limits for independent cases apply; both
+catalogues see the same cases."""
 
 
 def write_page(table: pd.DataFrame, path: Path, source: str, pictures: list[Path]) -> None:

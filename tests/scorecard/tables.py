@@ -185,7 +185,8 @@ def interval_coverage(table: pd.DataFrame) -> pd.DataFrame:
     """Return how often 90 % intervals hold the true number, one row a number.
 
     Only of cases in which the right kind was named at the right target and in a form that states
-    the numbers of the truth: others have no interval for it.
+    the numbers of the truth: others have no interval for it. Altogether there are no limits, as the
+    numbers of one case depend on each other.
     """
     rows = []
     for cell, kind in zip(table["estimates"], table["kind"], strict=True):
@@ -194,11 +195,11 @@ def interval_coverage(table: pd.DataFrame) -> pd.DataFrame:
     found = pd.DataFrame(rows, columns=["number", "kind", "inside"])
     if found.empty:
         return pd.DataFrame(columns=["cases", "coverage", "low", "high"])
-    groups = [*found.groupby("number"), ("all", found)]
     out = []
-    for name, part in groups:
+    for name, part in found.groupby("number"):
         hits, n = int(part["inside"].sum()), len(part)
         out.append((name, n, hits / n, *clopper_pearson(hits, n)))
+    out.append(("all", len(found), found["inside"].mean(), np.nan, np.nan))
     return pd.DataFrame(out, columns=["number", "cases", "coverage", "low", "high"]).set_index(
         "number"
     )
