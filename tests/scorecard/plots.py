@@ -42,25 +42,30 @@ def plot_rates(table: pd.DataFrame, ax: Axes) -> None:
                 marker="o",
                 label=f"{label}, {name}",
             )
+    sizes = sorted(tables.single(table)["size"].unique())
     ax.set_xscale("log", base=2)
+    ax.set_xticks(sizes, [f"{size:g}" for size in sizes])
     ax.set(xlabel="effect size, noise sds", ylabel="share of cases", ylim=(0, 1.02))
     ax.legend(fontsize="small")
 
 
 def plot_coverage(table: pd.DataFrame, ax: Axes) -> None:
     """Coverage of the intervals, with the limits of so few cases."""
+    parts = {name: tables.interval_coverage(part) for name, part in by_catalogue(table)}
+    # one place for a number in every catalogue, though not every catalogue has them all
+    numbers = sorted({number for found in parts.values() for number in found.index} - {"all"})
     ax.axvline(0.9, color="0.7", linewidth=1)
-    for k, (name, part) in enumerate(by_catalogue(table)):
-        found = tables.interval_coverage(part)
-        if found.empty:
+    for k, (name, found) in enumerate(parts.items()):
+        shown = found.drop(index="all", errors="ignore")
+        if shown.empty:
             continue
-        place = np.arange(len(found)) + 0.2 * k
-        ends = np.abs(found[["low", "high"]].to_numpy().T - found["coverage"].to_numpy())
-        ax.errorbar(found["coverage"], place, xerr=ends, fmt="o", capsize=2, label=name)
-        ax.set_yticks(np.arange(len(found)), [f"{i} ({n})" for i, n in found["cases"].items()])
-    ax.set(xlabel="coverage of 90 % intervals")
+        place = np.array([numbers.index(number) for number in shown.index]) + 0.2 * k
+        ends = np.abs(shown[["low", "high"]].to_numpy().T - shown["coverage"].to_numpy())
+        ax.errorbar(shown["coverage"], place, xerr=ends, fmt="o", capsize=2, label=name)
+    ax.set_yticks(np.arange(len(numbers)), numbers)
+    ax.set(xlabel="coverage of 90 % intervals, with 95 % limits", xlim=(0, 1.02))
     if ax.get_legend_handles_labels()[0]:
-        ax.legend()
+        ax.legend(loc="lower left", fontsize="small")
 
 
 PLOTS: dict[str, Callable[[pd.DataFrame, Axes], None]] = {
