@@ -170,7 +170,7 @@ def write_page(table: pd.DataFrame, path: Path, source: str, pictures: list[Path
 
 {_HOW}
 
-{count} Made by
+{count} Made by these commands; a run that was stopped early has fewer cases than its command.
 
 ```
 {lines}
