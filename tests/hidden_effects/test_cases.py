@@ -5,10 +5,24 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hybridsurrogate import effects
+
 from .by_hand import by_hand_rates, diagnose_by_hand, fit_kind, forms, predict
-from .cases import KINDS, SIMULATIONS, InfeasibleError, left_over, make_case, rms, same_curve
+from .cases import (
+    FORMS,
+    KINDS,
+    LATER_FORMS,
+    SIMULATIONS,
+    InfeasibleError,
+    left_over,
+    make_case,
+    rms,
+    same_curve,
+)
+from .pairs import PAIR_NAMES, make_pair
 
 EFFECTS = KINDS[1:]
+FIRSTS = {"step": 13.86451818003362, "none": 11.39040988361373, "gain": 1.1415688647607047}
 
 
 def base(case):
@@ -17,7 +31,7 @@ def base(case):
     return case.simulator(case.X[:, :-1], omega)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", FORMS)
 def test_same_seed_same_data(kind):
     one, two, other = (make_case(kind, 2.0, seed) for seed in (3, 3, 4))
     for word in ("X", "y", "X_out", "mu_out"):
@@ -145,3 +159,109 @@ def test_rates_have_a_row_for_each_case():
     rows = by_hand_rates(sizes=(4,), n_seeds=1, n_null=1)
     assert sorted(row["truth"] for row in rows[4]) == sorted(EFFECTS)
     assert [row["truth"] for row in rows["none"]] == ["none"]
+
+
+# ------------------------------------------------------------------- the rest of the catalogue
+
+
+def test_earlier_cases_stay_what_they_were():
+    """Figures in the docs rest on them."""
+    firsts = {kind: float(make_case(kind, 2.0, 5000).y[0]) for kind in ("step", "none", "gain")}
+    assert firsts == pytest.approx(FIRSTS, rel=1e-6)
+
+
+@pytest.mark.parametrize("form", [form for form in LATER_FORMS if form != "noise"])
+def test_size_of_later_kinds(form):
+    for seed in range(2):
+        case = make_case(form, 2.0, seed, n_rows=30)
+        assert case.truth["form"] == form
+        assert case.truth["kind"] == form.partition(":")[0]
+        assert rms(case.truth["left"]) == pytest.approx(2 * case.truth["noise_sd"])
+        assert np.isfinite(case.mu_out).all()
+
+
+def test_noise_grows_from_end_to_end():
+    for size, seed in ((0.5, 0), (4.0, 1), (4.0, 2)):
+        case = make_case("noise", size, seed, n_rows=4000)
+        np.testing.assert_allclose(case.truth["mu"], base(case))
+        ratio = case.truth["ratio"]
+        assert max(ratio, 1 / ratio) == pytest.approx(1 + size)
+        j = case.simulator.input_names.index(case.truth["target"])
+        order = np.argsort(case.X[:, j])
+        noise = (case.y - case.truth["mu"])[order] / case.truth["noise_sd"]
+        assert rms(noise) == pytest.approx(1, rel=0.05)
+        # mean squares over tenths, of a log-linear course: 0.05 and 0.95 of the way
+        seen = rms(noise[-400:]) / rms(noise[:400])
+        assert seen == pytest.approx(ratio**0.9, rel=0.15)
+
+
+def context(case):
+    simulator = case.simulator
+    names = [*simulator.input_names, "extra"]
+    return effects.Context(
+        dict(zip(names, case.X.T, strict=True)),
+        len(names) - 1,
+        simulator.parameters,
+        simulator.assumed,
+        1.0,
+    )
+
+
+ADDED = {
+    "trend: quadratic": lambda name: effects.Trend(name, degree=2),
+    "ramp": effects.Ramp,
+    "decay": effects.Decay,
+    "saturation": effects.Saturation,
+    "interaction": lambda name: effects.Interaction(*name.split(" * ")),
+}
+
+
+@pytest.mark.parametrize("form", ADDED)
+def test_the_catalogue_can_draw_what_is_added(form):
+    """The same curve and the same words for its numbers, though both are written apart."""
+    for seed in range(3):
+        case = make_case(form, 2.0, seed)
+        known, truth = context(case), case.truth
+        cause = ADDED[form](truth["target"]).prepare(known)
+        theta = {name: truth[name] for name in cause.parameters}
+        columns = cause.columns(known.X, theta)
+        curve = truth["mu"] - base(case)
+        weights = np.linalg.lstsq(columns, curve, rcond=None)[0]
+        np.testing.assert_allclose(columns @ weights, curve, atol=1e-8 * rms(curve))
+        told = cause.estimates(theta, dict(zip(cause.coefficients, weights, strict=True)))
+        shared = set(told) & set(truth)
+        assert shared >= set(told) - {"level"}
+        for name in shared:
+            assert float(told[name]) == pytest.approx(float(truth[name]), rel=1e-6)
+
+
+@pytest.mark.parametrize("form", ["delay", "parameter-drift: step", "parameter-drift: logistic"])
+def test_the_catalogue_can_draw_what_is_changed_inside(form):
+    for seed in range(3):
+        case = make_case(form, 2.0, seed)
+        known, truth = context(case), case.truth
+        if form == "delay":
+            cause = effects.Delay(truth["target"])
+        else:
+            cause = effects.ParameterDrift(truth["target"], truth["along"], form.partition(": ")[2])
+        cause = cause.prepare(known)
+        theta = {name: truth[name] for name in cause.parameters}
+        omega = {name: np.full(len(case.X), v) for name, v in truth["parameters"].items()}
+        constants = {name: a.value for name, a in case.simulator.assumed.items()}
+        X, omega = cause.inputs(known.X, omega, theta)
+        columns = [omega.get(name, constants.get(name)) for name in (*omega, *constants)]
+        inputs = np.column_stack([X[name] for name in case.simulator.input_names])
+        drawn = case.simulator(inputs, np.column_stack(np.broadcast_arrays(*columns)))
+        off = np.abs(drawn - truth["mu"]) > 1e-6 * rms(truth["left"])
+        # the catalogue's step rises over a fifth of the distance of neighbours
+        assert off.sum() <= (1 if form.endswith("step") else 0)
+
+
+@pytest.mark.parametrize("name", PAIR_NAMES)
+def test_pairs(name):
+    case, again = (make_pair(name, 2.0, 3, n_rows=40) for _ in range(2))
+    np.testing.assert_array_equal(case.y, again.y)
+    assert "+".join(case.truth["kinds"]) == name
+    left = left_over(case.simulator, case.X, case.truth["mu"])
+    # each is twice the noise: together between once, where they oppose each other, and twice that
+    assert 2 <= rms(left) / case.truth["noise_sd"] <= 4.2

@@ -1,0 +1,228 @@
+"""The scorecard's arithmetic on rows made by hand, and a slice of `python -m tests.scorecard`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+
+import numpy as np
+import pandas as pd
+import pytest
+from scorecard import page, plots, run, tables
+from scorecard.__main__ import main
+from scorecard.run import Result, Task
+
+
+def row(kind, found, *, size=2.0, rows=40, seed=0, whole=False, **given):
+    """One row of results, as a run would write it."""
+    told = {
+        "simulation": "cooling",
+        "noise_share": 0.02,
+        "verdict": "adequate" if found == "none" else "named",
+        "found": found,
+        "leader": found,
+        "leader_share": 0.8,
+        "credible": found,
+        "several": found,
+        "ratio": 0.5,
+    }
+    return asdict(Task(whole, kind, size, rows, seed)) | asdict(Result(**(told | given)))
+
+
+def table(*rows):
+    return tables.judged(pd.DataFrame(list(rows)))
+
+
+# ------------------------------------------------------------------------------------ arithmetic
+
+
+def test_clopper_pearson():
+    # with no hits the limits are powers; 5 of 10 as in Clopper and Pearson's chart
+    assert tables.clopper_pearson(0, 10) == pytest.approx((0.0, 1 - 0.025**0.1))
+    assert tables.clopper_pearson(5, 10) == pytest.approx((0.1871, 0.8129), abs=1e-4)
+    assert tables.upper_limit(0, 59) == pytest.approx(1 - 0.05 ** (1 / 59))
+    assert tables.upper_limit(10, 10) == 1.0
+    assert tables.clopper_pearson(0, 0) == (0.0, 1.0)
+
+
+def test_reliability_counts_in_bins():
+    stated = [0.1, 0.3, 0.5, 0.5, 0.9, 1.0, np.nan]
+    bins = tables.reliability(stated, [0, 1, 1, 0, 1, 1, 1], edges=(0.0, 0.5, 1.0))
+    assert bins["cases"].tolist() == [4, 2]
+    assert bins["stated"].tolist() == pytest.approx([0.35, 0.95])
+    assert bins["right"].tolist() == [0.5, 1.0]
+    assert tables.calibration_error(bins) == pytest.approx((4 * 0.15 + 2 * 0.05) / 6)
+    # one case at p is off by 2 p (1 - p) on average; two at 1/2 by 0 or 1/2, as often
+    one = pd.DataFrame({"cases": [1, 2], "stated": [0.9, 0.5], "right": [1.0, 0.5]})
+    assert tables.chance_error(one) == pytest.approx((1 * 0.18 + 2 * 0.25) / 3)
+    assert np.isnan(tables.calibration_error(tables.reliability([], [])))
+    # 0 belongs to the first bin, an edge to the bin below it
+    assert tables.reliability([0.0, 0.2], [1, 1])["cases"].tolist() == [2]
+
+
+def test_rates(monkeypatch):
+    monkeypatch.setattr(run._MODULE, "_KINDS", ("step", "trend"), raising=False)
+    found = table(
+        row("step", "step", credible="step|bump"),
+        row("step", "none", leader="step", credible="step"),
+        row("trend: quadratic", "ramp", ratio=0.1),
+        row("trend: quadratic", "trend", ratio=0.3),
+        row("delay", "", verdict="", credible="", trouble="ValueError: no"),
+        row("none", "none"),
+        row("trend+step", "trend"),
+    )
+    rates = tables.rates(found, "kind")
+    assert rates.index.tolist() == ["delay", "step", "trend: quadratic"]
+    assert rates["cases"].tolist() == [1, 2, 2]
+    assert rates["detected"].tolist() == [0, 0.5, 1]
+    assert rates["exact"].tolist() == [0, 0.5, 0.5]
+    assert rates["alike"].tolist() == [0, 0.5, 1]
+    assert rates["covered"].tolist() == [0, 1, 0.5]
+    assert rates.loc["step", "set_size"] == 1.5
+    assert rates.loc["trend: quadratic", "ratio"] == pytest.approx(0.2)
+    assert found["weighed"].tolist()[:2] == ["yes", "yes"]
+    # the leader counts for the calibration, found or not
+    assert tables.name_calibration(found)["right"].tolist() == [1.0]
+    # with those that are not weighed
+    everything = found.assign(weighed="yes")
+    assert tables.name_calibration(everything)["right"].tolist() == [pytest.approx(3 / 5)]
+    assert tables.failures(found)["times"].tolist() == [1]
+    assert tables.confusions(found).iloc[0].to_dict() == {
+        "hidden": "delay",
+        "taken for": "-",
+        "times": 1,
+        "of": 1,
+    }
+
+
+def test_near_copies_are_alike_only_among_themselves():
+    found = table(row("decay", "saturation"), row("decay", "bump"), row("step", "ramp"))
+    assert found["alike"].tolist() == [True, False, False]
+
+
+def test_false_alarms():
+    found = table(*[row("none", "step" if s < 2 else "none", seed=s) for s in range(40)])
+    alarms = tables.false_alarms(found).loc["all"]
+    assert alarms["alarms"] == 2
+    assert alarms["rate"] == 0.05
+    assert alarms["upper"] == pytest.approx(tables.upper_limit(2, 40))
+
+
+def test_interval_coverage():
+    found = table(
+        row("step", "step", estimates=json.dumps({"location": [1, 0, 2], "amplitude": [3, 0, 2]})),
+        row("bump", "bump", estimates=json.dumps({"location": [1, 1, 2]})),
+        row("bump", "none"),
+    )
+    coverage = tables.interval_coverage(found)
+    assert coverage["cases"].to_dict() == {"amplitude": 1, "location": 2, "all": 3}
+    assert coverage["coverage"].to_dict() == {"amplitude": 0, "location": 1, "all": 2 / 3}
+    assert coverage.loc["location", "low"] == pytest.approx(0.025**0.5)
+    assert np.isnan(coverage.loc["all", "low"])
+
+
+def test_both_named():
+    found = table(
+        row("trend+step", "trend", several="trend|step"),
+        row("trend+step", "step", several="step|trend"),
+        row("trend+step", "trend", several="trend|bump"),
+        row("trend+step", "none", several="none"),
+    )
+    named = tables.both_named(found).loc["all"]
+    assert (named["both"], named["one"], named["wrong"]) == (0.5, 0.25, 0.25)
+    assert tables.single(found).empty
+
+
+# --------------------------------------------------------------------------- an interrupted run
+
+
+def test_an_interrupted_run_is_carried_on(tmp_path, monkeypatch, capsys):
+    path, scored = tmp_path / "card.csv", []
+
+    def score(task):
+        scored.append(task)
+        return row(found="step", **asdict(task))
+
+    monkeypatch.setattr(run, "score", score)
+    todo = run.tasks(["step", "trend"], [1, 2], [40], range(2), range(1), range(1), ["trend+step"])
+    assert len(todo) == 10
+    assert {task.seed for task in todo[:6]} == {0}  # some of everything first
+    results = run.run_into(path, todo)
+    for _ in range(4):
+        next(results)
+    results.close()
+    text = path.read_text()
+    path.write_text(text[: text.rfind("{}") + 1])  # killed while it wrote the fourth
+    assert len(list(run.run_into(path, todo))) == 7
+    assert len(scored) == 4 + 7
+    assert run.done(path) == set(todo)
+    assert len(tables.read(path)) == 10
+    assert list(run.run_into(path, todo)) == []
+    # beside one catalogue the other is another case
+    assert not run.done(path) & {Task(True, t.kind, t.size, t.rows, t.seed) for t in todo}
+
+    main(["--from-csv", str(path), "--page", str(tmp_path / "scorecard.md")])
+    assert "near copies counted" in capsys.readouterr().out
+    text = (tmp_path / "scorecard.md").read_text()
+    assert "It rests on 10 cases" in text
+    assert "--kinds step trend --sizes 1 2 --rows 40 --seeds 2 --nulls 1 --pairs 1" in text
+    for name in plots.PLOTS:
+        assert (tmp_path / f"scorecard-{name}.png").exists()
+        assert f"(scorecard-{name}.png)" in text
+
+
+def test_a_page_of_both_catalogues_has_both():
+    found = table(row("step", "step"), row("step", "ramp", whole=True))
+    text = page.report(found, page.as_markdown, "##")
+    assert all(name in text for name in page.CATALOGUES.values())
+    assert len(page.commands(found)) == 2
+    assert page.commands(found)[1].endswith("--whole")
+
+
+def test_a_diagnosis_that_fails_is_a_row(monkeypatch):
+    def fail(case, task):
+        raise FloatingPointError("no\nnumbers")
+
+    monkeypatch.setattr(run, "_diagnose", fail)
+    found = run.score(Task(False, "step", 2.0, 40, 0))
+    assert found["trouble"] == "FloatingPointError: no numbers"
+    assert found["simulation"]
+
+
+# ------------------------------------------------------------------------------------- a slice
+
+KINDS = ("offset", "trend", "periodic", "step", "bump", "wrong-constant", "missing-input", "gain")
+
+
+@pytest.fixture(scope="module")
+def slice_():
+    return table(*[run.score(Task(False, kind, 4.0, 40, 700)) for kind in KINDS])
+
+
+def test_effects_of_four_times_the_noise_are_found(slice_):
+    assert not tables.failures(slice_).size
+    assert slice_["detected"].all()
+    # 94 % expected: more than two of eight wrong has probability 0.01
+    assert slice_["exact"].sum() >= 6
+    assert slice_["covered"].sum() >= 6
+
+
+def test_estimates_are_compared_with_the_truth(slice_):
+    coverage = tables.interval_coverage(slice_)
+    # about 12 numbers at 90 %, correlated within a case: below 60 % has probability 0.01
+    assert coverage.loc["all", "cases"] >= 6
+    assert coverage.loc["all", "coverage"] >= 0.6
+    assert slice_["ratio"].median() < 0.25
+
+
+def test_the_whole_catalogue_and_pairs_can_be_asked_for():
+    usual = run._usual_forms()
+    found = table(
+        run.score(Task(True, "ramp", 4.0, 40, 700)),
+        run.score(Task(False, "trend+missing-input", 4.0, 40, 700)),
+    )
+    assert run._usual_forms() is usual
+    assert not tables.failures(found).size
+    assert found["detected"].all()
+    # the whole catalogue has rivals that the usual forms have not: a ramp is seen to be one of them
+    assert found["credible"].str.contains("ramp")[0]
