@@ -59,3 +59,19 @@ def test_table_of_combinations():
         # the counts scatter more than a Poisson distribution's
         counts = ("counts", surrogate)
         assert found[(*counts, "negative binomial")] > found[(*counts, "Poisson")] + 1
+
+
+def test_measured_data():
+    shared_path("data", "nile_flow.csv")
+    shared_path("data", "flu_boarding_school_1978.csv")
+    rows = {
+        cells[0]: cells
+        for cells in (
+            [cell.strip() for cell in line.strip("|").split("|")]
+            for line in run_example("measured_data.py").splitlines()
+        )
+    }
+    assert "step(year)" in rows["nile"][4]
+    # the dam at Aswan was begun in 1899, and the rains had failed a year before
+    assert 1895 < float(rows["nile"][7].split()[1]) < 1902
+    assert rows["school-influenza"][3] == "adequate"
