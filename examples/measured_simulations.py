@@ -269,7 +269,7 @@ class BeamSpreading(hs.Cause):
     kind = "beam-spreading"
     target = "distance"
     # none to all of it within the block
-    parameters = {"rate": loguniform(0.05, 20)}  # noqa: RUF012
+    parameters = {"rate": loguniform(0.05, 20)}
 
     def gain(self, X, theta):
         return 1 / (1 + theta["rate"] * X["distance"])
@@ -281,7 +281,7 @@ class DistanceControl(hs.Cause):
     kind = "distance-control"
     target = "feet"
     # the relative error of the length of a professional's putt
-    parameters = {"spread": halfnorm(scale=0.2)}  # noqa: RUF012
+    parameters = {"spread": halfnorm(scale=0.2)}
 
     def gain(self, X, theta):
         error = (X["feet"] + 1) * np.maximum(theta["spread"], 1e-6)

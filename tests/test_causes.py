@@ -578,7 +578,7 @@ class NoisyBump(hs.Cause):
 
     kind = "noisy-bump"
     target = "t"
-    parameters = {"place": stats.uniform(0, 4)}  # noqa: RUF012
+    parameters = {"place": stats.uniform(0, 4)}
     coefficients = ("height",)
 
     def columns(self, X, theta):

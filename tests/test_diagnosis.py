@@ -172,7 +172,7 @@ def test_a_missing_input_by_name(simulator):
 class Leak(hs.Cause):
     kind = "leak"
     target = "t"
-    parameters = {"rate": halfnorm(scale=1.0)}  # noqa: RUF012
+    parameters = {"rate": halfnorm(scale=1.0)}
     coefficients = ("amplitude",)
 
     def columns(self, X, theta):

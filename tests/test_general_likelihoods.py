@@ -12,7 +12,9 @@ from hybridsurrogate.surrogates.polynomial_chaos import multi_indices
 
 def legendre_features(points, ranges, degree):
     """The conventions of the package, by numpy's Legendre class."""
-    scaled = [(2 * x - low - high) / (high - low) for x, (low, high) in zip(points, ranges)]  # noqa: B905
+    scaled = [
+        (2 * x - low - high) / (high - low) for x, (low, high) in zip(points, ranges, strict=True)
+    ]
     columns = []
     for powers in multi_indices(len(ranges), degree):
         term = np.ones(np.broadcast_shapes(*(np.shape(x) for x in scaled)))

@@ -108,7 +108,7 @@ def search(
     if accepted is None:
         null = best_null(problem, belief, noise)
     else:
-        null = nothing_further(problem, Fitted(*accepted[1:5]), belief)
+        null = nothing_further(problem, Fitted(*accepted[1:5]), belief, noise)
     peaks = [null, *best_peaks(problem, causes, belief, noise, null)]
     smallest = min(sigma for *_, sigma in peaks)
     sizes = np.geomspace(

@@ -49,28 +49,29 @@ class Fitted(NamedTuple):
     sigma: float
 
 
-def nothing_further(problem: Problem, accepted: Fitted, belief: Belief) -> Fitted:
+def nothing_further(
+    problem: Problem, accepted: Fitted, belief: Belief, noise: NoiseTable
+) -> Fitted:
     """Fit "nothing else is wrong" from where the accepted cause was found."""
     model = problem.model.with_effects((*problem.model.effects, Nothing()))
     plan, known = layout(model), accepted.plan
     z = accepted.peak.z.copy()
     if len(known.nodes):
         priors = [accepted.model.priors[k] for k in known.nodes]
-        z[known.nodes] = to_normal(priors, _mean_node(problem, accepted, belief))
+        z[known.nodes] = to_normal(priors, _mean_node(problem, accepted, belief, noise))
     largest = LARGEST_SIZE * problem.scale
     peak = climb(model, problem.X, problem.y, belief, plan, z, accepted.sigma, largest)
     sigma = max(float(np.sqrt(peak.squares / len(problem.y))), _FLOOR * problem.scale)
     return Fitted(model, plan, peak, sigma)
 
 
-def _mean_node(problem: Problem, accepted: Fitted, belief: Belief) -> FloatArray:
+def _mean_node(problem: Problem, accepted: Fitted, belief: Belief, noise: NoiseTable) -> FloatArray:
     """Return the mean of the enumerated coordinates, (len(nodes),), around the best node.
 
     A node is only as near as its cell is small, and what it misses would look like another cause.
     """
     plan = accepted.plan
     parts = linearise(accepted.model, problem.X, belief, plan, accepted.peak.z)
-    noise = NoiseTable(problem.noise_prior, problem.scale, len(problem.y))
     sizes = np.array([LARGEST_SIZE * problem.scale])
     log_evidence = scan(parts, problem.y[None], accepted.sigma, noise, sizes)[0]
     best = int(np.argmax(log_evidence))

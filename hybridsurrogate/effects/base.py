@@ -94,6 +94,10 @@ class Cause(BaseEstimator):
     ``X``, ``omega`` and ``theta`` are mappings from names to arrays of shape (n,): all rows of all
     draws come in one call, so methods must be vectorised.
 
+    Names, priors and coefficients are plain class attributes, because that is all that a user's own
+    cause needs. Causes whose priors follow from their arguments override them by properties, which
+    type checkers reject unless told: ``# type: ignore[override]``.
+
     Examples
     --------
     Air drag missing from a simulated fall, ten lines:

@@ -65,15 +65,20 @@ def student_draws(
 
 def student_log_density(approximation: Gaussian, x: FloatArray) -> FloatArray:
     """Return the log density of that proposal at points (J, d)."""
-    d, nu = len(approximation.mean), DEGREES_OF_FREEDOM
+    d = len(approximation.mean)
     scaled = np.linalg.solve(PROPOSAL_SCALE * approximation.factor, (x - approximation.mean).T)
     log_det = np.log(np.diagonal(PROPOSAL_SCALE * approximation.factor)).sum()
+    return _standard_student(np.einsum("dj,dj->j", scaled, scaled), d) - log_det
+
+
+def _standard_student(squares: FloatArray, d: int) -> FloatArray:
+    """Return the log density of d standard Student-t variables at a squared distance from 0."""
+    nu = DEGREES_OF_FREEDOM
     return (
         special.gammaln((nu + d) / 2)
         - special.gammaln(nu / 2)
         - 0.5 * d * np.log(nu * np.pi)
-        - log_det
-        - 0.5 * (nu + d) * np.log1p(np.einsum("dj,dj->j", scaled, scaled) / nu)
+        - 0.5 * (nu + d) * np.log1p(squares / nu)
     )
 
 
@@ -154,12 +159,7 @@ def _noise_draws(
     points[: n // 2] /= np.sqrt(chi2)
     squares = np.einsum("jk,jk->j", points, points)
     log_normal = -0.5 * squares - 0.5 * d * np.log(2 * np.pi)
-    log_student = (
-        special.gammaln((DEGREES_OF_FREEDOM + d) / 2)
-        - special.gammaln(DEGREES_OF_FREEDOM / 2)
-        - 0.5 * d * np.log(DEGREES_OF_FREEDOM * np.pi)
-        - 0.5 * (DEGREES_OF_FREEDOM + d) * np.log1p(squares / DEGREES_OF_FREEDOM)
-    )
+    log_student = _standard_student(squares, d)
     return scale * points, np.logaddexp(log_normal, log_student) - np.log(2) - d * np.log(scale)
 
 

@@ -41,7 +41,7 @@ class View:
         return self.columns[: self.diagnosis.search_.problem.model.n_inputs]
 
     @property
-    def X(self) -> FloatArray:  # noqa: N802
+    def X(self) -> FloatArray:
         """Measured rows."""
         return self.diagnosis.estimator_._measured[0]
 
