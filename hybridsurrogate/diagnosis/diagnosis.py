@@ -374,6 +374,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
                 self.false_alarm_rate,
                 None,
                 random_state,
+                self.search_,
             )
             accepted = _causes_of(steps)
             after = self._extended(before, accepted, take(train), y[train])

@@ -6,13 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import special
 
-from hybridsurrogate.diagnosis.evidence import Search, Weighed, search
+from hybridsurrogate.diagnosis.evidence import Search, Weighed, kind_of, prior_odds, search
 from hybridsurrogate.diagnosis.null import null_test
 from hybridsurrogate.diagnosis.verdict import leader
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.inference.linearised import Belief
+
+# first causes whose best companions are looked for
+_LOOKED_AHEAD = 4
 
 
 @dataclass(frozen=True)
@@ -45,17 +49,22 @@ def forward_search(
     false_alarm_rate: float,
     n_replicates: int | None,
     random_state: np.random.RandomState,
+    nearby: Search | None = None,
 ) -> list[Step]:
     """Search, accept the best cause, and search again beside it until nothing more is found.
 
     Every search has its own replicates, in which the causes accepted so far are true, so that the
     chance of a false cause is controlled at each step. A smooth discrepancy of unknown shape ends
-    the search: it leaves nothing to name.
+    the search: it leaves nothing to name. Where one more cause may follow, a cause is chosen for
+    what it explains together with its best companion: two curves over one input are no curve of
+    the catalogue, and either alone is easily beaten by a curve of any shape.
 
     Parameters
     ----------
     n_replicates : int or None
         None: probabilities alone decide, and no remainder is weighed: quick, for folds.
+    nearby : Search or None
+        The first search in other rows of the same data: starting points for that of these rows.
 
     Returns
     -------
@@ -63,24 +72,56 @@ def forward_search(
         At least one; only the last may have found nothing.
     """
     steps: list[Step] = []
-    accepted: Weighed | None = None
+    thorough = n_replicates is not None
+    found = search(problem, causes, belief, thorough, nearby=nearby)
     while True:
-        found = search(problem, causes, belief, n_replicates is not None, accepted)
         p_value = 0.0
         if n_replicates is not None:
             p_value = null_test(found, n_replicates, random_state).p_value
-        chosen = found.weighed[0]
         # the p-value guards against noise, the probability against a cause that is no better
-        if p_value <= false_alarm_rate and found.probability[0] <= 0.5:
-            chosen = found.weighed[leader(found)]
-        step = Step(found, p_value, chosen)
-        if steps and not step.found:
+        if p_value > false_alarm_rate or found.probability[0] > 0.5:
+            return steps or [Step(found, p_value, found.weighed[0])]
+        chosen, beside = found.weighed[leader(found)], None
+        if len(steps) + 1 < max_causes:
+            chosen, beside = _look_ahead(problem, causes, belief, found, chosen, thorough)
+        steps.append(Step(found, p_value, chosen))
+        if beside is None:
             return steps
-        steps.append(step)
-        cause = chosen.cause
-        if cause is None or cause.kind == "unexplained" or len(steps) == max_causes:
-            return steps
-        effects = (*problem.model.effects, cause)
-        problem = replace(problem, model=problem.model.with_effects(effects))
-        causes = [other for other in causes if other is not cause]
-        accepted = chosen
+        problem, causes, found = beside.problem, _others(causes, chosen), beside
+
+
+def _look_ahead(
+    problem: Problem,
+    causes: Sequence[Cause],
+    belief: Belief,
+    found: Search,
+    leading: Weighed,
+    thorough: bool,
+) -> tuple[Weighed, Search | None]:
+    """Return the cause that explains most together with a second one, and the search beside it.
+
+    No search where nothing can be named beside the cause: a smooth discrepancy leads.
+    """
+    log_prior = np.log(prior_odds(found.weighed))
+    order = np.argsort(-found.probability)
+    named = [k for k in order if kind_of(found.weighed[k]) not in ("none", "unexplained")]
+    best, best_value, best_search = leading, -np.inf, None
+    if kind_of(leading) == "unexplained":
+        at = next(k for k, w in enumerate(found.weighed) if w is leading)
+        best_value = log_prior[at] + leading.log_evidence
+    for k in named[:_LOOKED_AHEAD]:
+        first = found.weighed[k]
+        assert first.cause is not None
+        effects = (*problem.model.effects, first.cause)
+        extended = replace(problem, model=problem.model.with_effects(effects))
+        beside = search(extended, _others(causes, first), belief, thorough, first)
+        evidence = np.array([w.log_evidence for w in beside.weighed])
+        companions = special.logsumexp(evidence - evidence[0] + np.log(prior_odds(beside.weighed)))
+        value = log_prior[k] + first.log_evidence + companions
+        if value > best_value:
+            best, best_value, best_search = first, value, beside
+    return best, best_search
+
+
+def _others(causes: Sequence[Cause], chosen: Weighed) -> list[Cause]:
+    return [cause for cause in causes if cause is not chosen.cause]

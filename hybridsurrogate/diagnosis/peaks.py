@@ -61,8 +61,7 @@ def nothing_further(
         z[known.nodes] = to_normal(priors, _mean_node(problem, accepted, belief, noise))
     largest = LARGEST_SIZE * problem.scale
     peak = climb(model, problem.X, problem.y, belief, plan, z, accepted.sigma, largest)
-    sigma = max(float(np.sqrt(peak.squares / len(problem.y))), _FLOOR * problem.scale)
-    return Fitted(model, plan, peak, sigma)
+    return Fitted(model, plan, peak, _sigma_of(problem, peak, accepted.sigma))
 
 
 def _mean_node(problem: Problem, accepted: Fitted, belief: Belief, noise: NoiseTable) -> FloatArray:
@@ -92,11 +91,9 @@ def best_null(problem: Problem, belief: Belief, noise: NoiseTable) -> Fitted:
     squares = np.sum(((problem.y - known - features @ belief.mean) / factor) ** 2, axis=1)
     squares = np.where(np.isfinite(squares), squares, np.inf)
     starts = z[np.argsort(squares)[:2]]
-    return _best(problem, belief, noise, model, plan, [z[0], *starts], 0.3 * problem.scale)
-
-
-def _with_cause(problem: Problem, cause: Cause) -> MeasuredModel:
-    return problem.model.with_effects((*problem.model.effects, cause))
+    sigma = 0.3 * problem.scale
+    peak = _highest(problem, belief, model, plan, [z[0], *starts], sigma)
+    return _settled(problem, belief, noise, Fitted(model, plan, peak, sigma))
 
 
 def best_peaks(
@@ -105,9 +102,22 @@ def best_peaks(
     belief: Belief,
     noise: NoiseTable,
     null: Fitted,
+    nearby: Sequence[FloatArray] | None = None,
 ) -> list[Fitted]:
-    """Fit every cause: once from the null fit, and in earnest where that looks promising."""
-    fits = [_best_peak(problem, cause, belief, noise, null, thorough=False) for cause in causes]
+    """Fit every cause: from one start, and in earnest where that looks promising.
+
+    ``nearby`` are the peaks of the same causes in other rows of the same data: the climbs start
+    there, and need no other start.
+    """
+    models = [problem.model.with_effects((*problem.model.effects, cause)) for cause in causes]
+    plans = [layout(model) for model in models]
+    starts = [_starts(model, plan, null) for model, plan in zip(models, plans, strict=True)]
+    if nearby is not None:
+        starts = [[z] for z in nearby]
+    fits: list[Fitted] = []
+    for model, plan, (first, *_) in zip(models, plans, starts, strict=True):
+        peak = _highest(problem, belief, model, plan, [first], null.sigma)
+        fits.append(Fitted(model, plan, peak, _sigma_of(problem, peak, null.sigma)))
     sizes = np.geomspace(SMALLEST_SIZE * null.sigma, LARGEST_SIZE * problem.scale, 4)
     reached = np.empty(len(fits))
     for k, (model, plan, peak, sigma) in enumerate(fits):
@@ -118,71 +128,67 @@ def best_peaks(
     # could not be followed at all gets its other starting points, too
     named = [cause.kind != "unexplained" for cause in causes]
     promising = ~(reached < np.max(reached[named], initial=-np.inf) - _PROMISING)
-    return [
-        _best_peak(problem, cause, belief, noise, null) if earnest else fit
-        for cause, fit, earnest in zip(causes, fits, promising, strict=True)
-    ]
+    for k in map(int, np.flatnonzero(promising)):
+        model, plan, peak, _ = fits[k]
+        other = _highest(problem, belief, model, plan, starts[k][1:], null.sigma)
+        best = min(peak, other, key=lambda found: found.objective)
+        fits[k] = _settled(problem, belief, noise, Fitted(model, plan, best, null.sigma))
+    return fits
 
 
-def _best_peak(
-    problem: Problem,
-    cause: Cause,
-    belief: Belief,
-    noise: NoiseTable,
-    null: Fitted,
-    thorough: bool = True,
-) -> Fitted:
-    """Fit one cause, starting from the null fit and from the prior's centre.
-
-    A cause that is far behind already is followed from the null fit alone, on its first grid.
-    """
-    model = _with_cause(problem, cause)
-    plan = layout(model)
-    starts = []
+def _starts(model: MeasuredModel, plan: Layout, null: Fitted) -> list[FloatArray]:
+    """Return starting points: the null fit first, then other sizes, then the prior's centre."""
     centres = [null.peak.z]
     if np.linalg.norm(null.peak.z[: model.n_parameters]) > 1.0:
         # the simulation's parameters start anew, accepted causes stay where they are
         anew = null.peak.z.copy()
         anew[: model.n_parameters] = 0.0
         centres.append(anew)
-    for z_parameters in centres:
+    starts = []
+    for centre in centres:
         for move in _NEUTRAL_MOVES if len(plan.sizes) else (0.0,):
             z = plan.neutral.copy()
-            z[: len(z_parameters)] = z_parameters
+            z[: len(centre)] = centre
             z[plan.sizes] += move
             starts.append(z)
-    if not thorough:
-        largest = LARGEST_SIZE * problem.scale
-        peak = climb(model, problem.X, problem.y, belief, plan, starts[0], null.sigma, largest)
-        if np.isfinite(peak.objective):
-            sigma = float(np.sqrt(peak.squares / len(problem.y)))
-            return Fitted(model, plan, peak, max(sigma, _FLOOR * problem.scale))
-    return _best(problem, belief, noise, model, plan, starts, null.sigma)
+    return starts
 
 
-def _best(
+def _sigma_of(problem: Problem, peak: Peak, sigma: float) -> float:
+    """Return the noise that a fit suggests; the one it was made with where it failed."""
+    if not np.isfinite(peak.objective):
+        return sigma
+    return max(float(np.sqrt(peak.squares / len(problem.y))), _FLOOR * problem.scale)
+
+
+def _highest(
     problem: Problem,
     belief: Belief,
-    noise: NoiseTable,
     model: MeasuredModel,
     plan: Layout,
     starts: Sequence[FloatArray],
     sigma: float,
-) -> Fitted:
-    """Climb from every start, then again with the noise that the best fit suggests."""
+) -> Peak:
+    """Climb from every start and return the best fit; one at infinity where there is no start."""
     largest = LARGEST_SIZE * problem.scale
     peaks = [climb(model, problem.X, problem.y, belief, plan, z, sigma, largest) for z in starts]
-    peak = min(peaks, key=lambda found: found.objective)
+    nowhere = Peak(plan.neutral, np.inf, np.inf, 0)
+    return min(peaks, key=lambda found: found.objective, default=nowhere)
+
+
+def _settled(problem: Problem, belief: Belief, noise: NoiseTable, fit: Fitted) -> Fitted:
+    """Climb on with the noise that the fit suggests, and a finer grid where the evidence is."""
+    model, plan, peak, sigma = fit
     if not np.isfinite(peak.objective):
-        return Fitted(model, plan, peak, sigma)
-    sizes = np.array([largest])
+        return fit
+    largest = LARGEST_SIZE * problem.scale
     for round_ in range(_MAX_REFINEMENTS):
-        sigma = max(float(np.sqrt(peak.squares / len(problem.y))), _FLOOR * problem.scale)
+        sigma = _sigma_of(problem, peak, sigma)
         finer = plan
         if len(plan.nodes):
             parts = linearise(model, problem.X, belief, plan, peak.z)
-            log_evidence = scan(parts, problem.y[None], sigma, noise, sizes)[0]
-            finer = refine(model, plan, log_evidence)
+            nodes = scan(parts, problem.y[None], sigma, noise, np.array([largest]))[0]
+            finer = refine(model, plan, nodes)
         settled = finer is plan and round_ > 0
         plan = finer
         if settled:

@@ -13,6 +13,9 @@ from hybridsurrogate.effects.notation import SIMULATION, minus, number, signed, 
 from hybridsurrogate.effects.over_column import span_and_spacing
 from hybridsurrogate.priors import Prior
 
+# the simulation runs at every period that is tried
+_MOST_CYCLES = 25
+
 
 class _Shape(NamedTuple):
     """One way to drift: its sizes, zero where nothing drifts, and the shift they bring about."""
@@ -71,8 +74,8 @@ class ParameterDrift(Cause):
     degree of freedom): over the measured rows the parameter changes by about its own prior standard
     deviation, or by much less or more. The location is uniform over the measured rows, the width
     log-uniform from half the distance of neighbouring rows (at most a twentieth of the span) to a
-    quarter of the span, the period log-uniform from four distances of neighbouring rows to twice
-    their span.
+    quarter of the span, the period log-uniform from four distances of neighbouring rows (at least a
+    25th of the span) to twice their span.
 
     Parameters
     ----------
@@ -158,6 +161,7 @@ class ParameterDrift(Cause):
         if self.shape == "linear":
             size /= span
         location = stats.uniform(low, span)
+        shortest = float(np.clip(4 * spacing, span / _MOST_CYCLES, span))
         defaults: dict[str, dict[str, Prior]] = {
             "linear": {},
             "step": {"location": location},
@@ -165,7 +169,7 @@ class ParameterDrift(Cause):
                 "location": location,
                 "width": stats.loguniform(0.5 * min(spacing, 0.1 * span), 0.25 * span),
             },
-            "periodic": {"period": stats.loguniform(min(4 * spacing, span), 2 * span)},
+            "periodic": {"period": stats.loguniform(shortest, 2 * span)},
         }
         return ParameterDrift(
             self.parameter,

@@ -12,6 +12,9 @@ from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.priors import Prior
 
+# more periods than this in the measured span are looked for only where a prior says so
+_MOST_CYCLES = 100
+
 
 class Periodic(OverColumn):
     """A sine of unknown period, amplitude and phase over one column, perhaps with an overtone.
@@ -20,8 +23,10 @@ class Periodic(OverColumn):
     ``+ overtone sin(4 pi x / period + phase_2)``: a wave whose crests and troughs differ. The
     period is in units of the column, the amplitudes in those of the output. The period is
     log-uniform between the shortest that the rows resolve (two distances of neighbouring rows, four
-    with an overtone) and twice their span. Linear in sine and cosine at a given period, as in a
-    Lomb-Scargle periodogram (Scargle 1982, Astrophysical Journal 263:835).
+    with an overtone), or a hundredth of their span (a fiftieth) where that is longer, and twice
+    their span: with rows without end there would be no end of periods to try. Linear in sine and
+    cosine at a given period, as in a Lomb-Scargle periodogram (Scargle 1982, Astrophysical Journal
+    263:835).
 
     Parameters
     ----------
@@ -69,7 +74,8 @@ class Periodic(OverColumn):
             distinct = np.unique(context.column(self.column))
             n = max(len(distinct), 4)
             span = float(np.ptp(distinct)) or 1.0
-            prepared.period = stats.loguniform(self.harmonics * 2.0 * span / (n - 1), 2.0 * span)
+            shortest = self.harmonics * span * max(2.0 / (n - 1), 1.0 / _MOST_CYCLES)
+            prepared.period = stats.loguniform(shortest, 2.0 * span)
         return prepared
 
     @property

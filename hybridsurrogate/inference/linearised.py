@@ -193,7 +193,7 @@ def linearise(
         else:
             H = columns[:, :, own]
     H = np.broadcast_to(H, (T, len(X), H.shape[2]))
-    rms: FloatArray = np.sqrt(np.mean(H**2, axis=1))
+    rms: FloatArray = np.sqrt(np.einsum("tnq,tnq->tq", H, H) / len(X))
     if model.effects and model.effects[-1].kind == "unexplained":
         # the basis of a process is one object: its prior variance per row, not per column
         rms = np.broadcast_to(np.sqrt(np.sum(rms**2, axis=1, keepdims=True)), rms.shape)

@@ -21,6 +21,8 @@ from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.priors import FloatArray
 
 _MAX_CLIMB = 12
+# a climb ends when a step gains less, in units of the log density times two
+_SETTLED = 0.01
 # nodes that are followed where each needs runs of the simulation
 _FOLLOWED = 16
 # a prior scale that is as good as zero, whose square is a number still
@@ -181,7 +183,7 @@ def climb(
         elif best is None or here.objective < best.objective - 1e-4:
             gain = np.inf if best is None else best.objective - here.objective
             best, point, target, step = here, proposal, move, 1.0
-            if gain < 1e-3:
+            if gain < _SETTLED:
                 break
         else:
             step *= 0.3
@@ -198,33 +200,41 @@ def _solve(
     """Return the fit at z, columns free, the z of the best linear model, and (T,) badness."""
     T, _, q = parts.H.shape
     d, s = parts.G.shape[2], len(plan.sizes)
-    design, residual, log_det = _whitened(parts, y, sigma)
+    units = [_normal_equations(unit, y / factor, sigma) for unit, factor in parts.by_noise()]
+    normal, right, total = (np.concatenate(block) for block in list(zip(*units, strict=True))[:3])
     scale = np.maximum(np.minimum(size, parts.cap), _NO_SIZE)
     penalty = np.concatenate([np.ones((T, d)), scale**-2.0], axis=1) * sigma**2
-    normal = np.swapaxes(design, 1, 2) @ design
     normal[:, np.arange(d + q), np.arange(d + q)] += penalty
-    right = np.einsum("tnk,tn->tk", design, residual)
     try:
         solution = np.linalg.solve(normal, right[..., None])[..., 0]
     except np.linalg.LinAlgError:  # slopes without bound: the simulation breaks down around here
         return Peak(z.copy(), np.inf, np.inf, 0), z, np.full(T, np.inf)
-    best_linear = np.einsum("tn,tn->t", residual, residual) - np.einsum("tk,tk->t", right, solution)
-    badness = best_linear / sigma**2 + log_det - 2 * parts.log_weight
+    best_linear = total - np.einsum("tk,tk->t", right, solution)
+    badness = best_linear / sigma**2 - 2 * parts.log_weight
+    if parts.noise is not None:
+        # without noise factors the determinant is the same everywhere, and only sigma matters
+        badness = badness + 2 * np.concatenate([np.full(len(u[0]), u[3]) for u in units])
+        badness = badness + 2 * np.sum(np.log(parts.noise), axis=1)
     badness = np.where(np.isnan(badness), np.inf, badness)
     node = int(np.argmin(badness))
     # the fit at z itself: what is nonlinear stays, columns are estimated anew
+    ((unit, factor),) = parts.at(np.array([node])).by_noise()
+    whiten, log_det = _whitener(unit.U, sigma)
+    design = np.hstack([whiten(unit.G[0], 0), whiten(unit.H[0], 0)])
     held = np.concatenate(
         [z[plan.fixed], (z[plan.sizes] - plan.neutral[plan.sizes]) * parts.H_rms[node, :s]]
     )
-    kept = np.r_[: len(plan.fixed), d : d + s]
-    free = np.setdiff1d(np.arange(d + q), kept)
-    columns = design[node][:, free]
-    rest = residual[node] - design[node][:, kept] @ held
+    free = np.ones(d + q, dtype=bool)
+    free[: len(plan.fixed)] = free[d : d + s] = False
+    rest = whiten(y / factor - unit.mean[0], 0) - design[:, ~free] @ held
+    columns = design[:, free]
     fitted = np.linalg.solve(normal[node][np.ix_(free, free)], columns.T @ rest)
     rest = rest - columns @ fitted
     squares = float(rest @ rest)
-    prior = float(penalty[node, kept] @ held**2 + penalty[node, free] @ fitted**2)
-    objective = (squares + prior) / sigma**2 + float(log_det[node])
+    prior = float(penalty[node, ~free] @ held**2 + penalty[node, free] @ fitted**2)
+    objective = (squares + prior) / sigma**2
+    if parts.noise is not None:
+        objective += 2 * (log_det + float(np.sum(np.log(factor))))
     peak = Peak(z.copy(), squares, objective if np.isfinite(objective) else np.inf, node)
     move = z.copy()
     move[plan.fixed] = np.clip(solution[node, : len(plan.fixed)], -6, 6)
@@ -233,24 +243,27 @@ def _solve(
     return peak, move, badness
 
 
-def _whitened(
-    parts: Linearised, y: FloatArray, sigma: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return design (T, n, d + q) and residual (T, n) of noise covariance sigma^2 I.
+def _normal_equations(
+    unit: Linearised, y: FloatArray, sigma: float
+) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+    """Return normal matrices (T, k, k), right sides (T, k), sums of squares (T,), log det of U.
 
-    The third, (T,), is twice by how much the log determinants at the nodes exceed that of sigma.
+    In blocks: G and the residual are mostly the same at all nodes, and H is tall.
     """
-    designs, residuals, log_dets = [], [], []
-    for unit, factor in parts.by_noise():
-        whiten, log_det = _whitener(unit.U, sigma)
-        T, n, _ = unit.H.shape
-        G = np.broadcast_to(whiten(unit.G, 1), (T, n, unit.G.shape[2]))
-        designs.append(np.concatenate([G, whiten(unit.H, 1)], axis=2))
-        residual = whiten((y / factor - unit.mean)[..., None], 1)[..., 0]
-        residuals.append(np.broadcast_to(residual, (T, n)))
-        # without noise factors it is the same everywhere, and only sigma matters
-        excess = 0.0 if parts.noise is None else 2 * (log_det + float(np.sum(np.log(factor))))
-        log_dets.append(np.full(T, excess))
-    if len(designs) == 1:
-        return designs[0], residuals[0], log_dets[0]
-    return np.concatenate(designs), np.concatenate(residuals), np.concatenate(log_dets)
+    whiten, log_det = _whitener(unit.U, sigma)
+    T, _, q = unit.H.shape
+    d = unit.G.shape[2]
+    G, H = whiten(unit.G, 1), whiten(unit.H, 1)
+    residual = whiten((y - unit.mean)[..., None], 1)
+    both = np.concatenate([G, residual], axis=2)
+    inner = np.swapaxes(both, 1, 2) @ both
+    across = np.swapaxes(both, 1, 2) @ H
+    normal = np.empty((T, d + q, d + q))
+    normal[:, :d, :d] = inner[:, :d, :d]
+    normal[:, :d, d:] = across[:, :d]
+    normal[:, d:, :d] = np.swapaxes(across[:, :d], 1, 2)
+    normal[:, d:, d:] = np.swapaxes(H, 1, 2) @ H
+    right = np.empty((T, d + q))
+    right[:, :d] = inner[:, :d, d]
+    right[:, d:] = across[:, d]
+    return normal, right, np.broadcast_to(inner[:, d, d], (T,)), log_det
