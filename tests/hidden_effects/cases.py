@@ -19,9 +19,9 @@ import numpy as np
 
 from hybridsurrogate.simulation import Simulator
 
-from .by_hand import KINDS as EFFECT_KINDS
-from .by_hand import fit_kind
 from .curves import Setting, between, draw_effect, run
+from .fits import fit_kind
+from .forms import KINDS as EFFECT_KINDS
 from .simulations import SIMULATIONS, Array
 
 KINDS = ("none", *EFFECT_KINDS)

@@ -15,8 +15,10 @@ import numpy as np
 
 import hybridsurrogate as hs
 
-from .by_hand import KINDS, diagnose_by_hand, judge, print_rates
+from .by_hand import diagnose_by_hand
 from .cases import Case, make_case
+from .forms import KINDS
+from .rates import judge, print_rates
 
 
 def diagnose(case: Case, seed: int) -> dict[str, Any]:
