@@ -34,6 +34,7 @@ def diagnose(case: Case, seed: int) -> dict[str, Any]:
     return {
         "kind": diagnosis.best_cause_.kind,
         "set": diagnosis.indistinguishable_,
+        "effect": next(iter(diagnosis.extended_estimator_.effects), None),
         "verdict": diagnosis.verdict_,
         "p_value": diagnosis.p_value_,
         "predict": diagnosis.extended_estimator_.predict,
