@@ -12,8 +12,9 @@ from .calibration import Calibrated
 
 @dataclass(frozen=True)
 class Features:
-    """Scaled columns: inputs from 0 to 1 over the measured rows, the others standardised.
+    """Scaled columns: inputs from 0 to 1 over the measured rows, recorded ones standardised.
 
+    The simulation's output is only divided by its spread: a gain is a factor on all of it.
     ``words`` says what a term that is linear in the column would be called.
     """
 
@@ -34,6 +35,7 @@ def features(calibrated: Calibrated) -> Features:
     p, n_extras = len(problem.simulator.input_names), problem.X.shape[1]
     centre, scale = raw.mean(axis=0), raw.std(axis=0)
     centre[:p], scale[:p] = raw[:, :p].min(axis=0), np.ptp(raw[:, :p], axis=0)
+    centre[-1] = 0.0
     words = ("trend",) * p + ("missing-input",) * (n_extras - p) + ("gain",)
     return Features(calibrated, words, centre, scale)
 

@@ -59,8 +59,10 @@ def draws_the_truth(case: Case, effect: Cause) -> bool:
     effect = effect.prepare(Context(measured, p, simulator.parameters, simulator.assumed, 1.0))
     priors = list(effect.parameters.values())
     bounds = np.array([prior.ppf([1e-4, 1 - 1e-4]) for prior in priors]).reshape(-1, 2)
-    shares = qmc.Sobol(max(len(priors), 1), rng=np.random.default_rng(0)).random(64)
-    starts = np.column_stack([prior.ppf(u) for prior, u in zip(priors, shares.T, strict=False)])
+    starts = np.empty((1, 0))
+    if priors:
+        shares = qmc.Sobol(len(priors), rng=np.random.default_rng(0)).random(64)
+        starts = np.column_stack([prior.ppf(u) for prior, u in zip(priors, shares.T, strict=True)])
 
     def columns(X: Array, shape: Array) -> Array:
         rows = dict(zip(names, np.tile(X, (len(shape), 1)).T, strict=True))

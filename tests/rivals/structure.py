@@ -86,7 +86,7 @@ def _candidates(words: tuple[str, ...]) -> Iterator[_Candidate]:
     yield _Candidate("offset", [Over(size, (0,))])
     for j, word in enumerate(words):
         if word != "trend":
-            # their columns have mean 0, where the effect is 0 too
+            # where the column is 0, so is the effect
             yield _Candidate(word, [Over(size * DotProduct(0.0, "fixed"), (j,))])
             continue
         yield _Candidate(word, [Over(size * DotProduct(1.0, (1e-2, 1e2)), (j,))])
