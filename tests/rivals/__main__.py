@@ -36,6 +36,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         except KeyboardInterrupt:
             print(f"Interrupted; {source} keeps what there is, the same command goes on.")
     rows = read(source)
+    if not rows:
+        print(f"{source} holds no results.")
+        return
     print(f"\n{counts(rows)}\n\n{table(rows, given.methods)}")
 
 

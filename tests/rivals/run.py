@@ -5,11 +5,13 @@ from __future__ import annotations
 import csv
 import warnings
 from collections.abc import Iterator, Sequence
+from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from hidden_effects.cases import make_case
 from hidden_effects.forms import KINDS
+from scorecard.run import complete_lines
 
 from .judging import result
 from .methods import METHODS
@@ -51,10 +53,11 @@ def tasks(sizes: Sequence[float], n_seeds: int, n_nulls: int, first_seed: int) -
 def run_into(path: Path, methods: Sequence[str], todo: Sequence[Task]) -> Iterator[dict[str, Any]]:
     """Add what a file does not hold yet, and yield each row when it is there."""
     have = {(row["method"], _task_of(row)) for row in read(path)}
-    new = not path.exists() or path.stat().st_size == 0
+    text = complete_lines(path)
+    path.write_text(text, encoding="utf-8")
     with path.open("a", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n", extrasaction="ignore")
-        if new:
+        if not text:
             writer.writeheader()
         for task in todo:
             names = [name for name in methods if (name, task) not in have]
@@ -79,16 +82,13 @@ def _answers(task: Task, methods: Sequence[str]) -> Iterator[dict[str, Any]]:
 
 def read(path: Path) -> list[dict[str, Any]]:
     """Return the rows of a file, numbers as numbers."""
-    if not path.exists():
-        return []
-    with path.open(newline="", encoding="utf-8") as file:
-        return [
-            row
-            | {"size": float(row["size"]), "seed": int(row["seed"])}
-            | {word: row[word] == "True" for word in ("exact", "equivalent")}
-            | {word: float(row[word]) for word in ("ratio", "seconds")}
-            for row in csv.DictReader(file)
-        ]
+    return [
+        row
+        | {"size": float(row["size"]), "seed": int(row["seed"])}
+        | {word: row[word] == "True" for word in ("exact", "equivalent")}
+        | {word: float(row[word]) for word in ("ratio", "seconds")}
+        for row in csv.DictReader(StringIO(complete_lines(path)))
+    ]
 
 
 def _task_of(row: dict[str, Any]) -> Task:

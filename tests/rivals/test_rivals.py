@@ -10,7 +10,7 @@ from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 
 from hybridsurrogate import effects
 
-from . import methods
+from . import methods, symbolic
 from .__main__ import main
 from .calibration import Measurements, calibrate, with_term
 from .features import features
@@ -41,6 +41,13 @@ class Sealed:
 
     def __getattr__(self, name):
         raise AssertionError(f"A method looked at {name!r}.")
+
+
+@pytest.fixture(autouse=True)
+def _few_formulas(monkeypatch):
+    # for what is plain to see; the comparison breeds more
+    monkeypatch.setattr(symbolic, "_POPULATION", 100)
+    monkeypatch.setattr(symbolic, "_GENERATIONS", 4)
 
 
 def able(name):
@@ -189,15 +196,19 @@ def ramp_target(seed):
 
 def test_the_same_command_goes_on(tmp_path, capsys):
     path = tmp_path / "rivals.csv"
-    given = ["--sizes", "4", "--seeds", "1", "--nulls", "1", "--methods", "toolbox"]
+    given = ["--sizes", "--seeds", "0", "--nulls", "2", "--methods", "toolbox"]
     main([*given, "--out", str(path)])
-    assert "9 cases a size, 1 in which nothing is hidden." in capsys.readouterr().out
+    assert "0 cases a size, 2 in which nothing is hidden." in capsys.readouterr().out
     rows = read(path)
-    assert {row["seed"] for row in rows} == {30_000}
-    assert list(run_into(path, ["toolbox"], tasks([4], 1, 1, 30_000))) == []
+    assert {row["seed"] for row in rows} == {30_000, 30_001}
+    assert list(run_into(path, ["toolbox"], tasks([], 0, 2, 30_000))) == []
+    with path.open("a") as file:
+        file.write("toolbox,none,0.0,3")  # a run that was cut short
     main(["--from-csv", str(path), "--methods", "toolbox"])
     assert "| toolbox of tests | 9 of 9 |" in capsys.readouterr().out
     assert read(path) == rows
+    main(["--from-csv", str(tmp_path / "absent.csv")])
+    assert "absent.csv holds no results." in capsys.readouterr().out
 
 
 def test_the_table_counts():
