@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -37,10 +38,10 @@ def table(rows: Sequence[Row], methods: Iterable[str]) -> str:
 def counts(rows: Sequence[Row]) -> str:
     """Say how many cases the shares are of."""
     tasks = {(row["kind"], row["size"], row["seed"]) for row in rows}
-    nulls = sum(size == 0 for _, size, _ in tasks)
-    sizes = {size for _, size, _ in tasks if size > 0}
-    each = (len(tasks) - nulls) // max(len(sizes), 1)
-    return f"{each} cases a size, {nulls} in which nothing is hidden."
+    of_size = Counter(size for _, size, _ in tasks)
+    nulls = of_size.pop(0.0, 0)
+    hidden = ", ".join(f"{n} of size {size:g}" for size, n in sorted(of_size.items()))
+    return f"Cases: {hidden + ', ' if hidden else ''}{nulls} in which nothing is hidden."
 
 
 def _line(cells: Sequence[str]) -> str:

@@ -198,7 +198,7 @@ def test_the_same_command_goes_on(tmp_path, capsys):
     path = tmp_path / "rivals.csv"
     given = ["--sizes", "--seeds", "0", "--nulls", "2", "--methods", "toolbox"]
     main([*given, "--out", str(path)])
-    assert "0 cases a size, 2 in which nothing is hidden." in capsys.readouterr().out
+    assert "Cases: 2 in which nothing is hidden." in capsys.readouterr().out
     rows = read(path)
     assert {row["seed"] for row in rows} == {30_000, 30_001}
     assert list(run_into(path, ["toolbox"], tasks([], 0, 2, 30_000))) == []
@@ -238,7 +238,7 @@ def test_the_table_counts():
         "0.60 / 1.00",
         "0.2 |",
     ]
-    assert counts(rows[:4] + rows[5:]) == "4 cases a size, 3 in which nothing is hidden."
+    assert counts(rows) == "Cases: 4 of size 1, 1 of size 4, 3 in which nothing is hidden."
 
 
 def test_tasks_by_seed():
