@@ -63,7 +63,7 @@ def _cells(name: str, rows: Sequence[Row], sizes: Sequence[float]) -> list[str]:
         " / ".join(_share(some, "equivalent") for some in hidden) + " %",
         " / ".join(_share(some, "equivalent") for some in nameable) + " %",
         alarms if nulls else "",
-        " / ".join(_median(some, "ratio", 2) for some in hidden),
+        " / ".join(_median(some, "ratio", 3) for some in hidden),
         _median(rows, "seconds", 1),
     ]
 

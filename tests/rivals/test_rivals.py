@@ -235,7 +235,7 @@ def test_the_table_counts():
         "50 / 0 %",
         "100 / 0 %",
         "33 % of 3",
-        "0.60 / 1.00",
+        "0.600 / 1.000",
         "0.2 |",
     ]
     assert counts(rows) == "Cases: 4 of size 1, 1 of size 4, 3 in which nothing is hidden."
