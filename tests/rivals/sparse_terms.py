@@ -18,8 +18,8 @@ from .calibration import Calibrated, Curve, Measurements, calibrate, with_term
 from .features import Features, features
 
 # steps and bumps at unknown places would be more terms than rows; a changed constant or a drifting
-# parameter is no term at all; with the simulation's output among the terms its threshold keeps that
-# for nearly every trend
+# parameter is no term at all; the simulation's output is left out: among the terms, it was kept for
+# all of the three trends looked at while this was written
 WORDS = ("offset", "trend", "periodic", "missing-input")
 WORDS_BY_DEFAULT = ("offset", "trend", "missing-input")
 _N_FREQUENCIES = 8
