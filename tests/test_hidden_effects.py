@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hidden_effects.by_hand import KINDS, judge
 from hidden_effects.cases import make_case
+from hidden_effects.forms import KINDS
+from hidden_effects.rates import judge
 from hidden_effects.side_by_side import diagnose
 
 SIMULATED = [kind for kind in KINDS if kind != "none"]

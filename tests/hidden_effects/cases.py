@@ -19,9 +19,9 @@ import numpy as np
 
 from hybridsurrogate.simulation import Simulator
 
-from .by_hand import KINDS as EFFECT_KINDS
-from .by_hand import fit_kind
 from .curves import Setting, between, draw_effect, run
+from .fits import fit_kind
+from .forms import KINDS as EFFECT_KINDS
 from .simulations import SIMULATIONS, Array
 
 KINDS = ("none", *EFFECT_KINDS)
@@ -202,7 +202,7 @@ def make_case(
 # The second is the first with a number more, so it follows it always: to name it is a mistake
 # all the same, one of saying too much.
 _CONTAINED = {("offset", "trend")}
-_SAME_CURVE = 0.05
+SAME_CURVE = 0.05
 
 
 def same_curve(case: Case, kind_a: str, kind_b: str) -> bool:
@@ -225,4 +225,4 @@ def same_curve(case: Case, kind_a: str, kind_b: str) -> bool:
     if not fits:  # "unexplained" and the like name no curve
         return False
     best = fits[0]
-    return bool(np.sqrt(best.rss / len(case.X)) < _SAME_CURVE * rms(case.truth["left"]))
+    return bool(np.sqrt(best.rss / len(case.X)) < SAME_CURVE * rms(case.truth["left"]))

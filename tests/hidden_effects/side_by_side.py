@@ -15,8 +15,10 @@ import numpy as np
 
 import hybridsurrogate as hs
 
-from .by_hand import KINDS, diagnose_by_hand, judge, print_rates
+from .by_hand import diagnose_by_hand
 from .cases import Case, make_case
+from .forms import KINDS
+from .rates import judge, print_rates
 
 
 def diagnose(case: Case, seed: int) -> dict[str, Any]:
@@ -32,6 +34,7 @@ def diagnose(case: Case, seed: int) -> dict[str, Any]:
     return {
         "kind": diagnosis.best_cause_.kind,
         "set": diagnosis.indistinguishable_,
+        "effect": next(iter(diagnosis.extended_estimator_.effects), None),
         "verdict": diagnosis.verdict_,
         "p_value": diagnosis.p_value_,
         "predict": diagnosis.extended_estimator_.predict,

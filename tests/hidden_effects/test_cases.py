@@ -7,7 +7,7 @@ import pytest
 
 from hybridsurrogate import effects
 
-from .by_hand import by_hand_rates, diagnose_by_hand, fit_kind, forms, predict
+from .by_hand import diagnose_by_hand
 from .cases import (
     FORMS,
     KINDS,
@@ -19,7 +19,11 @@ from .cases import (
     rms,
     same_curve,
 )
+from .fits import fit_kind
+from .forms import forms
 from .pairs import PAIR_NAMES, make_pair
+from .problem import predict
+from .rates import by_hand_rates
 
 EFFECTS = KINDS[1:]
 FIRSTS = {"step": 13.86451818003362, "none": 11.39040988361373, "gain": 1.1415688647607047}
