@@ -15,6 +15,12 @@ from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.inference.linearised import Belief
 
 
+def _ends(cause: Cause) -> bool:
+    """Tell whether nothing is searched for beside a cause."""
+    # a curve of any shape leaves nothing to name, and beside outliers nothing is in closed form
+    return cause.kind == "unexplained" or cause.has_outliers
+
+
 @dataclass(frozen=True)
 class Step:
     """One search, the p-value of the whole of it, and the cause that it chose.
@@ -50,7 +56,7 @@ def forward_search(
 
     Every search has its own replicates, in which the causes accepted so far are true, so that the
     chance of a false cause is controlled at each step. A smooth discrepancy of unknown shape ends
-    the search: it leaves nothing to name.
+    the search: it leaves nothing to name. So do outliers.
 
     Parameters
     ----------
@@ -78,7 +84,7 @@ def forward_search(
             return steps
         steps.append(step)
         cause = chosen.cause
-        if cause is None or cause.kind == "unexplained" or len(steps) == max_causes:
+        if cause is None or _ends(cause) or len(steps) == max_causes:
             return steps
         effects = (*problem.model.effects, cause)
         problem = replace(problem, model=problem.model.with_effects(effects))

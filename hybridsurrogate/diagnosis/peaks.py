@@ -138,6 +138,11 @@ def _best_peak(
     """
     model = _with_cause(problem, cause)
     plan = layout(model)
+    if cause.is_process and not cause.changes_output:
+        # correlated noise left free would take all the noise there is: it has the size of the noise
+        z = np.concatenate([null.peak.z, plan.neutral[len(null.peak.z) :]])
+        peak = climb(model, problem.X, problem.y, belief, plan, z, null.sigma, null.sigma)
+        return Fitted(model, plan, peak, null.sigma)
     starts = []
     centres = [null.peak.z]
     if np.linalg.norm(null.peak.z[: model.n_parameters]) > 1.0:
