@@ -85,7 +85,7 @@ def find_mode(
     D, residual = design / noise[..., None], residual / noise
     R, _, n = residual.shape
     residual = np.broadcast_to(residual, (R, shape.n_shares, n))
-    weight = np.ones(residual.shape)
+    weight: FloatArray = np.ones(residual.shape)
     k = design.shape[2]
     transposed = np.swapaxes(D, 1, 2)
     sigma: FloatArray = np.maximum(np.std(residual, axis=2), 1e-300)
