@@ -2,6 +2,8 @@
 
 from hybridsurrogate.diagnosis import CauseFinding, DiscrepancyDiagnosis
 from hybridsurrogate.effects import (
+    SIMULATED,
+    Autocorrelation,
     Bump,
     Cause,
     Decay,
@@ -13,7 +15,9 @@ from hybridsurrogate.effects import (
     Interaction,
     MissingInput,
     Noise,
+    NoiseOfMean,
     Offset,
+    Outliers,
     ParameterDrift,
     Periodic,
     Ramp,
@@ -63,7 +67,9 @@ from hybridsurrogate.surrogates import (
 __version__ = "0.1.0"
 
 __all__ = [
+    "SIMULATED",
     "Assumed",
+    "Autocorrelation",
     "Bump",
     "Cause",
     "CauseFinding",
@@ -91,9 +97,11 @@ __all__ = [
     "NegativeBinomial",
     "NetworkSurrogate",
     "Noise",
+    "NoiseOfMean",
     "Normal",
     "OdeSimulator",
     "Offset",
+    "Outliers",
     "ParameterDrift",
     "ParametricSurrogate",
     "Periodic",

@@ -105,7 +105,8 @@ class Posterior:
     Attributes
     ----------
     model : MeasuredModel
-    likelihood : Likelihood
+    plain_likelihood : Likelihood
+        Of rows that are no outliers.
     values : ndarray of shape (S, n_unknowns)
         omega and theta in the user's units.
     sigma : ndarray of shape (S,)
@@ -114,7 +115,7 @@ class Posterior:
     """
 
     model: MeasuredModel
-    likelihood: Likelihood
+    plain_likelihood: Likelihood
     values: FloatArray
     sigma: FloatArray
     coefficients: FloatArray
@@ -125,11 +126,16 @@ class Posterior:
         """Number of draws."""
         return len(self.sigma)
 
+    @property
+    def likelihood(self) -> Likelihood:
+        """The likelihood of measured rows, with outliers where a cause has some."""
+        return self.model.likelihood_of(self.plain_likelihood, self.values)
+
     def take(self, index: NDArray[np.intp]) -> Posterior:
         """Return the posterior with some of its draws."""
         return Posterior(
             self.model,
-            self.likelihood,
+            self.plain_likelihood,
             self.values[index],
             self.sigma[index],
             self.coefficients[index],

@@ -537,7 +537,12 @@ def test_what_is_left_out_comes_with_a_reason():
     assert reasons["delay"] == ["t has 4 distinct values, 5 are needed"]
     assert reasons["step"] == ["t has 4 distinct values, 6 are needed"]
     assert reasons["periodic"][1] == "overtone: t has 4 distinct values, 12 are needed"
-    assert reasons["noise"] == ["6 rows are too few"] * 2
+    few = "6 rows are too few"
+    assert sorted(reasons["noise"]) == [few] * 2 + [
+        *[f"autocorrelation: {few}"] * 2,
+        f"mean: {few}",
+        f"tails: {few}",
+    ]
     assert any("straight line over it says the same" in r for r in reasons["missing-input"])
     _, without = catalogue(context_of(frame[["t"]], simulator))
     assert ("missing-input", "no measured column beside the inputs") in {

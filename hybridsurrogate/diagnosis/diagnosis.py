@@ -37,21 +37,6 @@ from hybridsurrogate.surrogates.base import Basis
 # one cause is "named" when it is three times as probable as all its rivals together
 _NAMED = 0.75
 _MIN_ROWS = 8
-# the forms for which the evidence is tuned, "none" beside them
-_KINDS = (
-    "offset",
-    "trend",
-    "periodic",
-    "step",
-    "bump",
-    "gain",
-    "wrong-constant",
-    "parameter-drift",
-    "parameter-drift: inside",
-    "missing-term",
-    "missing-input",
-    "unexplained",
-)
 # enough for scores whose own standard error is that of a handful of rows
 _FOLD_DRAWS = 400
 
@@ -273,7 +258,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
             likelihood,
             problem.model.basis,
         )
-        causes, skipped = catalogue(context, tuple(self.causes), _KINDS)
+        causes, skipped = catalogue(context, tuple(self.causes))
         return problem, causes, skipped
 
     def _emulator(self, problem: Problem) -> tuple[Basis, Belief]:

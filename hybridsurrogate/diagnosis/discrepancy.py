@@ -128,7 +128,7 @@ def _posterior(found: Search, w: Weighed, size: float) -> _Local:
     rows = _rows(found, w, found.problem.X)
     design, first = rows.design, rows.first
     H = design[:, first:]
-    if w.cause is not None and w.cause.kind == "unexplained":
+    if w.cause is not None and w.cause.is_process:
         rms = np.full(H.shape[1], np.sqrt(np.mean(np.sum(H**2, axis=1))))
     else:
         rms = np.sqrt(np.mean(H**2, axis=0))
@@ -143,7 +143,8 @@ def _posterior(found: Search, w: Weighed, size: float) -> _Local:
 
 def predict_locally(found: Search, w: Weighed, X: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return mean and variance of a new noisy eta at rows X (n, n_columns) under one cause."""
-    local = _posterior(found, w, float(found.sizes[-1]))
+    noisy_path = w.cause is not None and w.cause.is_process and not w.cause.changes_output
+    local = _posterior(found, w, w.sigma if noisy_path else float(found.sizes[-1]))
     rows = _rows(found, w, X)
     variance = np.einsum("nk,kl,nl->n", rows.design, local.covariance, rows.design)
     return rows.offset + rows.design @ local.mean, variance + (w.sigma * rows.noise) ** 2

@@ -25,6 +25,7 @@ from hybridsurrogate.diagnosis.peaks import (
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.discrepancy_process import GaussianProcessDiscrepancy
 from hybridsurrogate.estimators.problem import Problem
+from hybridsurrogate.inference.heavy_tails import settled
 from hybridsurrogate.inference.layout import Layout, layout
 from hybridsurrogate.inference.linearised import Belief, linearise
 from hybridsurrogate.inference.measured import MeasuredModel
@@ -108,6 +109,7 @@ def search(
         The search over the same causes in other rows of the same data: the climbs start where its
         climbs ended, which saves time and chooses nothing.
     """
+    problem = replace(problem, model=replace(problem.model, reference=belief.mean))
     noise = NoiseTable(problem.noise_prior, problem.scale, len(problem.y))
     if accepted is None:
         null = best_null(problem, belief, noise)
@@ -175,7 +177,14 @@ def _weigh_remainder(
             continue
         parts = linearise(w.model, problem.X, belief, w.plan, w.peak.z)
         nodes = scan(parts, problem.y[None], w.sigma, noise, sizes)[0]
-        parts = parts.at(np.flatnonzero(nodes > nodes.max() - 10.0))
+        best_first = np.argsort(-nodes)
+        parts = parts.at(best_first[nodes[best_first] > nodes.max() - 10.0])
+        beyond_node = 0.0
+        if parts.noise_differs:
+            # every node would need its own factorisation: the best one tells what a curve adds
+            parts = settled(parts, problem.y, w.sigma)
+            plain = scan(parts, problem.y[None], w.sigma, noise, sizes)[0]
+            beyond_node = w.log_evidence - float(plain[0])
         terms = [
             np.logaddexp.reduce(
                 scan(
@@ -189,7 +198,7 @@ def _weigh_remainder(
             for basis in bases
             for size in sizes[::2]
         ]
-        total = float(np.logaddexp.reduce(terms) - np.log(len(terms)))
+        total = float(np.logaddexp.reduce(terms) - np.log(len(terms))) + beyond_node
         out.append(w._replace(log_evidence_with_remainder=total))
     return out
 

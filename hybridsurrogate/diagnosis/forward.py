@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
-from hybridsurrogate.diagnosis.evidence import Search, Weighed, kind_of, prior_odds, search
+from hybridsurrogate.diagnosis.evidence import Search, Weighed, prior_odds, search
 from hybridsurrogate.diagnosis.null import null_test
 from hybridsurrogate.diagnosis.verdict import leader
 from hybridsurrogate.effects.base import Cause
@@ -55,9 +55,9 @@ def forward_search(
 
     Every search has its own replicates, in which the causes accepted so far are true, so that the
     chance of a false cause is controlled at each step. A smooth discrepancy of unknown shape ends
-    the search: it leaves nothing to name. Where one more cause may follow, a cause is chosen for
-    what it explains together with its best companion: two curves over one input are no curve of
-    the catalogue, and either alone is easily beaten by a curve of any shape.
+    the search: it leaves nothing to name. So do outliers. Where one more cause may follow, a cause
+    is chosen for what it explains together with its best companion: two curves over one input are
+    no curve of the catalogue, and either alone is easily beaten by a curve of any shape.
 
     Parameters
     ----------
@@ -100,16 +100,15 @@ def _look_ahead(
 ) -> tuple[Weighed, Search | None]:
     """Return the cause that explains most together with a second one, and the search beside it.
 
-    No search where nothing can be named beside the cause: a smooth discrepancy leads.
+    No search where nothing can be named beside the cause: a smooth discrepancy, or outliers.
     """
     log_prior = np.log(prior_odds(found.weighed))
-    order = np.argsort(-found.probability)
-    named = [k for k in order if kind_of(found.weighed[k]) not in ("none", "unexplained")]
+    order = [int(k) for k in np.argsort(-found.probability)]
     best, best_value, best_search = leading, -np.inf, None
-    if kind_of(leading) == "unexplained":
-        at = next(k for k, w in enumerate(found.weighed) if w is leading)
+    if _ends(leading):
+        at = next(k for k in order if found.weighed[k] is leading)
         best_value = log_prior[at] + leading.log_evidence
-    for k in named[:_LOOKED_AHEAD]:
+    for k in [k for k in order if not _ends(found.weighed[k])][:_LOOKED_AHEAD]:
         first = found.weighed[k]
         assert first.cause is not None
         effects = (*problem.model.effects, first.cause)
@@ -125,3 +124,10 @@ def _look_ahead(
 
 def _others(causes: Sequence[Cause], chosen: Weighed) -> list[Cause]:
     return [cause for cause in causes if cause is not chosen.cause]
+
+
+def _ends(weighed: Weighed) -> bool:
+    """Tell whether nothing is searched for beside a cause."""
+    # a curve of any shape leaves nothing to name, and beside outliers nothing is in closed form
+    cause = weighed.cause
+    return cause is None or cause.kind == "unexplained" or cause.has_outliers

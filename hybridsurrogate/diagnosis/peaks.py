@@ -116,6 +116,11 @@ def best_peaks(
         starts = [[z] for z in nearby]
     fits: list[Fitted] = []
     for model, plan, (first, *_) in zip(models, plans, starts, strict=True):
+        if _is_noise_process(model):
+            # left free it would take all the noise there is: it has the size of the noise
+            peak = climb(model, problem.X, problem.y, belief, plan, first, null.sigma, null.sigma)
+            fits.append(Fitted(model, plan, peak, null.sigma))
+            continue
         peak = _highest(problem, belief, model, plan, [first], null.sigma)
         fits.append(Fitted(model, plan, peak, _sigma_of(problem, peak, null.sigma)))
     sizes = np.geomspace(SMALLEST_SIZE * null.sigma, LARGEST_SIZE * problem.scale, 4)
@@ -130,10 +135,17 @@ def best_peaks(
     promising = ~(reached < np.max(reached[named], initial=-np.inf) - _PROMISING)
     for k in map(int, np.flatnonzero(promising)):
         model, plan, peak, _ = fits[k]
+        if _is_noise_process(model):
+            continue
         other = _highest(problem, belief, model, plan, starts[k][1:], null.sigma)
         best = min(peak, other, key=lambda found: found.objective)
         fits[k] = _settled(problem, belief, noise, Fitted(model, plan, best, null.sigma))
     return fits
+
+
+def _is_noise_process(model: MeasuredModel) -> bool:
+    cause = model.effects[-1]
+    return cause.is_process and not cause.changes_output
 
 
 def _starts(model: MeasuredModel, plan: Layout, null: Fitted) -> list[FloatArray]:

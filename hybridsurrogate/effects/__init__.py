@@ -1,6 +1,7 @@
 """The catalogue of causes: one small file a kind."""
 
-from hybridsurrogate.effects.base import Cause, Context
+from hybridsurrogate.effects.autocorrelation import Autocorrelation
+from hybridsurrogate.effects.base import SIMULATED, Cause, Context
 from hybridsurrogate.effects.bump import Bump
 from hybridsurrogate.effects.decay import Decay
 from hybridsurrogate.effects.delay import Delay
@@ -10,7 +11,9 @@ from hybridsurrogate.effects.gain import Gain
 from hybridsurrogate.effects.interaction import Interaction
 from hybridsurrogate.effects.missing_input import MissingInput
 from hybridsurrogate.effects.noise import Noise
+from hybridsurrogate.effects.noise_of_mean import NoiseOfMean
 from hybridsurrogate.effects.offset import Offset
+from hybridsurrogate.effects.outliers import Outliers
 from hybridsurrogate.effects.parameter_drift import ParameterDrift
 from hybridsurrogate.effects.periodic import Periodic
 from hybridsurrogate.effects.ramp import Ramp
@@ -20,6 +23,8 @@ from hybridsurrogate.effects.trend import Trend
 from hybridsurrogate.effects.wrong_constant import WrongConstant
 
 __all__ = [
+    "SIMULATED",
+    "Autocorrelation",
     "Bump",
     "Cause",
     "Context",
@@ -32,7 +37,9 @@ __all__ = [
     "Interaction",
     "MissingInput",
     "Noise",
+    "NoiseOfMean",
     "Offset",
+    "Outliers",
     "ParameterDrift",
     "Periodic",
     "Ramp",

@@ -19,6 +19,8 @@ from hybridsurrogate.effects.notation import word
 from hybridsurrogate.priors import FloatArray, Prior
 
 Rows = Mapping[str, FloatArray]  # a name and its values in n rows
+# the name under which `Cause.noise` finds the simulation's output, where it asks for it
+SIMULATED = "simulated output"
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,8 @@ class Context:
         Typical size of the output on the scale of eta, for default priors.
     log_scale : bool
         Whether eta is the logarithm of the output.
+    location : float
+        Mean of the output on the scale of eta.
     states : dict of str to float
         Typical sizes of the states of an `OdeSimulator` that is its own surrogate, else empty.
     rates : tuple of str
@@ -51,6 +55,7 @@ class Context:
     assumed: Mapping[str, Any]
     scale: float
     log_scale: bool = False
+    location: float = 0.0
     states: Mapping[str, float] = field(default_factory=dict)
     rates: tuple[str, ...] = ()
 
@@ -88,6 +93,12 @@ class Cause(BaseEstimator):
         Names of the columns' coefficients, which are linear and integrated out exactly.
     coefficient_sd : float or None
         Their prior standard deviation on the scale of eta; None: three times its spread.
+    meaning : str or None
+        What the cause means for the one who wrote the simulation, for a report; None: as its kind.
+    is_process : bool
+        Whether the columns are the basis of one random curve, so that they share one size.
+    follows_mean : bool
+        Whether ``noise`` looks at the simulation's output: ``X[SIMULATED]``, on the scale of eta.
 
     Notes
     -----
@@ -119,6 +130,9 @@ class Cause(BaseEstimator):
     parameters: Mapping[str, Prior] = {}
     coefficients: tuple[str, ...] = ()
     coefficient_sd: float | None = None
+    meaning: str | None = None
+    is_process: bool = False
+    follows_mean: bool = False
 
     def prepare(self, context: Context) -> Cause:
         """Return the cause with every default filled in from the context."""
@@ -142,6 +156,10 @@ class Cause(BaseEstimator):
         It may depend on parameters that a search enumerates (`grid`), not on sizes (`start`).
         """
         return 1.0
+
+    def outliers(self, theta: Rows) -> FloatArray | float:
+        """Return the share of measurements that are outliers, as long as theta is."""
+        return 0.0
 
     def grid(self) -> dict[str, FloatArray]:
         """Return nodes of those parameters that a search has to enumerate.
@@ -207,6 +225,11 @@ class Cause(BaseEstimator):
     def touches_noise(self) -> bool:
         """Whether the cause changes the noise."""
         return type(self).noise is not Cause.noise
+
+    @property
+    def has_outliers(self) -> bool:
+        """Whether the noise has heavy tails, so that rows are not Gaussian given the rest."""
+        return type(self).outliers is not Cause.outliers
 
     @property
     def name(self) -> str:

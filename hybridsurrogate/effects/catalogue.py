@@ -8,6 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
+from hybridsurrogate.effects.autocorrelation import Autocorrelation
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.bump import Bump
 from hybridsurrogate.effects.decay import Decay
@@ -18,7 +19,9 @@ from hybridsurrogate.effects.gain import Gain
 from hybridsurrogate.effects.interaction import Interaction
 from hybridsurrogate.effects.missing_input import MissingInput, trouble_with_levels
 from hybridsurrogate.effects.noise import Noise
+from hybridsurrogate.effects.noise_of_mean import NoiseOfMean
 from hybridsurrogate.effects.offset import Offset
+from hybridsurrogate.effects.outliers import Outliers
 from hybridsurrogate.effects.parameter_drift import ParameterDrift
 from hybridsurrogate.effects.periodic import Periodic
 from hybridsurrogate.effects.ramp import Ramp
@@ -46,6 +49,7 @@ _MIN_DISTINCT = {
     "bump": 8,
     "delay": 5,
     "missing-input: quadratic": 4,
+    "noise: autocorrelation": 12,
 }
 _MIN_ROWS = 4
 # two standard deviations are compared, and those of a few rows say nothing
@@ -78,6 +82,9 @@ FORMS = (
     "missing-input: categorical",
     "missing-input: level",
     "noise",
+    "noise: mean",
+    "noise: tails",
+    "noise: autocorrelation",
     "unexplained",
 )
 # inside the dynamics: a step is a steep logistic course, a ramp nearly a slow one
@@ -171,12 +178,15 @@ def _built_in(context: Context) -> Iterator[tuple[str, Cause]]:
             yield "parameter-drift: over extras", ParameterDrift(parameter, column)
     for column in context.X:
         yield "noise", Noise(column)
+        yield "noise: autocorrelation", Autocorrelation(column)
+    yield "noise: mean", NoiseOfMean()
+    yield "noise: tails", Outliers()
     yield "unexplained", GaussianProcessDiscrepancy()
 
 
 def _reason_to_skip(form: str, cause: Cause, context: Context) -> str | None:
     n = len(next(iter(context.X.values())))
-    needed_rows = _MIN_ROWS_OF_NOISE if form == "noise" else _MIN_ROWS
+    needed_rows = _MIN_ROWS_OF_NOISE if form.startswith("noise") else _MIN_ROWS
     if n < needed_rows:
         return f"{n} rows are too few"
     if form == "offset" and context.log_scale:

@@ -38,6 +38,7 @@ class GaussianProcessDiscrepancy(Cause):
     """
 
     kind = "unexplained"
+    is_process = True
 
     def __init__(
         self,

@@ -6,13 +6,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hybridsurrogate.effects.base import Cause, Context
+from hybridsurrogate.effects.base import SIMULATED, Cause, Context
+from hybridsurrogate.likelihoods.contaminated import log_shape
 from hybridsurrogate.priors import FloatArray
 
 _N_DRAWS = 5
 # draws from the bulk of the prior: the tails of a Cauchy prior would flatten all others
 _BULK = (0.15, 0.85)
 _MOST_LEVELS = 6
+# of outliers, so many standard deviations are drawn
+_FAR = 15.0
 
 
 def plot_cause(cause: Cause, context: Context, ax: Axes | None = None) -> Axes:
@@ -31,6 +34,10 @@ def plot_cause(cause: Cause, context: Context, ax: Axes | None = None) -> Axes:
     ax = ax or Figure(figsize=(4.5, 2.8), layout="constrained").subplots()
     column = next((name for name in cause.reads if name in context.X), context.inputs[0])
     values = np.asarray(context.X[column])
+    if cause.follows_mean:
+        column, values = SIMULATED, context.location + context.scale * np.array([-2.0, 2.0])
+    if cause.has_outliers:
+        column, values = "deviation, in sd of the other rows", np.array([-_FAR, _FAR])
     x = np.linspace(values.min(), values.max(), 300)
     # a column of levels is only known at its levels
     x = np.unique(values) if len(np.unique(values)) <= _MOST_LEVELS else x
@@ -63,6 +70,9 @@ def _shape(
 ) -> tuple[str, FloatArray]:
     """Return what a cause changes, in words, and by how much at some rows."""
     n = len(next(iter(rows.values())))
+    if cause.has_outliers:
+        z = np.linspace(-_FAR, _FAR, n)
+        return "log density of the noise", log_shape(z, np.asarray(cause.outliers(theta)))
     columns = cause.columns(rows, theta)
     if columns is not None:
         return "added to the simulation", columns @ weight

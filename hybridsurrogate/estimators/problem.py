@@ -10,6 +10,7 @@ import numpy as np
 from hybridsurrogate.dynamics import Modification
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.inference.linear_rows import Runs
+from hybridsurrogate.inference.linearised import coefficient_belief
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.statistics import Statistics, statistics
 from hybridsurrogate.likelihoods import Likelihood, TransformedNormal
@@ -56,6 +57,7 @@ class Problem:
     def collapses(self) -> bool:
         """Whether the coefficients are Gaussian given everything else."""
         linear = not self.model.basis.known_depends_on_hyper
+        linear &= not any(effect.has_outliers for effect in self.model.effects)
         return linear and isinstance(self.likelihood, TransformedNormal)
 
     def given(self, hyper: FloatArray) -> Problem:
@@ -68,7 +70,8 @@ class Problem:
             X, omega = self.runs.X, self.runs.omega
             eta = self.likelihood.working(self.runs.y) - basis.known(X, omega)
             simulation = statistics(basis.features(X, omega), eta, spread(eta), self.runs.weights)
-        return replace(self, model=replace(self.model, basis=basis), simulation=simulation)
+        model = replace(self.model, basis=basis, reference=None)
+        return replace(self, model=model, simulation=simulation)
 
 
 def spread(values: FloatArray, weights: FloatArray | None = None) -> float:
@@ -128,7 +131,8 @@ def make_problem(
     )
     basis = surrogate.build(domain)
     _check_basis(basis, domain)
-    context = make_context(world, columns, n_inputs, X, scale, likelihood, basis)
+    location = float(np.average(eta, weights=weights))
+    context = make_context(world, columns, n_inputs, X, scale, likelihood, basis, location)
     trained = bool(len(basis.coefficient_mean) or basis.hyperpriors)
     if isinstance(world, Simulator) and trained:
         raise ValueError(
@@ -145,6 +149,10 @@ def make_problem(
         3 * scale,
     ).with_effects([effect.prepare(context) for effect in effects])
     model.check_effects(X)
+    if any(effect.has_outliers for effect in effects):
+        _check_outliers(likelihood)
+    if any(effect.follows_mean for effect in effects):
+        model = replace(model, reference=_reference(basis, domain, run_weights))
     kept, run_statistics = None, None
     if runs is not None and run_eta is not None and trained:
         run_weights = np.ones(len(runs.y)) if run_weights is None else run_weights
@@ -155,6 +163,28 @@ def make_problem(
             run_statistics = statistics(features, centred, domain.scale, run_weights)
     prior = noise_prior if noise_prior is not None else likelihood.noise_prior(scale)
     return Problem(model, X, eta, weights, y, likelihood, run_statistics, kept, prior, scale)
+
+
+def _check_outliers(likelihood: Likelihood) -> None:
+    if not isinstance(likelihood, TransformedNormal):
+        raise ValueError(
+            "Outliers are a share of rows beside a normal or log-normal likelihood, not beside a "
+            f"{likelihood.name} one."
+        )
+
+
+def _reference(basis: Basis, domain: Domain, weights: FloatArray | None) -> FloatArray:
+    """Return coefficients (p,) as the rows that train the surrogate tell them, at full power."""
+    if not len(basis.coefficient_mean):
+        return basis.coefficient_mean
+    hyper = np.array([prior.median() for prior in basis.hyperpriors.values()])
+    given = basis.given(hyper)
+    centred = domain.eta - given.known(domain.X, domain.omega)
+    features = given.features(domain.X, domain.omega)
+    weights = weights if weights is not None and len(weights) == len(centred) else None
+    told = coefficient_belief(given, statistics(features, centred, domain.scale, weights)).mean
+    factor = basis.factor(hyper[None]) if len(hyper) else None
+    return told if factor is None else basis.coefficient_mean + factor[0] @ told
 
 
 def _check_basis(basis: Basis, domain: Domain) -> None:
@@ -188,6 +218,7 @@ def make_context(
     scale: float,
     likelihood: Likelihood,
     basis: Basis,
+    location: float = 0.0,
 ) -> Context:
     """Return what causes may know about the measured rows."""
     simulator = simulation.simulator if simulation is not None else None
@@ -201,6 +232,7 @@ def make_context(
         dict(simulation.assumed) if simulation else {},
         scale,
         log_scale=likelihood.log_scale,
+        location=location,
         states=ode.typical_states(X[:, :n_inputs]) if ode else {},
         rates=ode.rates if ode else (),
     )

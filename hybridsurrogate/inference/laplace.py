@@ -98,12 +98,12 @@ class LaplacePosterior:
     def _likelihood(
         self, design: Design, u: FloatArray, v: FloatArray, smoothed: bool = False
     ) -> FloatArray:
-        told = self.likelihood.smoothed if smoothed else self.likelihood.log_density
         sigma = np.exp(u[:, -1:])
         total = np.zeros(len(u))
         with np.errstate(over="ignore", invalid="ignore"):
             for rows, part in zip(self._rows, design.parts, strict=True):
                 eta = part.eta(v[:, design.kept])
+                told = part.likelihood.smoothed if smoothed else part.likelihood.log_density
                 width = (part.width,) if smoothed else ()
                 total += told(rows.y, eta, sigma * part.noise, *width) @ rows.weights
         return total
@@ -155,7 +155,7 @@ class LaplacePosterior:
         known = known + features @ basis.coefficient_mean
         whitened = features * basis.coefficient_sd if factor is None else features @ factor
         padding = [(0, 0)] * (whitened.ndim - 1) + [(0, len(self.model.column_sd))]
-        return Part(known, np.pad(whitened, padding), np.ones((1, 1)))
+        return Part(known, np.pad(whitened, padding), np.ones((1, 1)), self.likelihood)
 
     @cached_property
     def _run_features(self) -> FloatArray:
@@ -169,7 +169,8 @@ class LaplacePosterior:
         features = parts.features
         whitened = features * basis.coefficient_sd if factor is None else features @ factor
         columns = parts.columns * self.model.column_sd
-        return Part(known, np.concatenate([whitened, columns], axis=2), parts.noise)
+        design = np.concatenate([whitened, columns], axis=2)
+        return Part(known, design, parts.noise, self.model.likelihood_of(self.likelihood, values))
 
     def _blocks(self, u: FloatArray) -> list[FloatArray]:
         n = len(self.y) + (len(self.runs.y) if self.runs else 0)
@@ -248,7 +249,7 @@ class LaplacePosterior:
         design = Design(whole.parts, np.arange(len(whole.kept)))
         v: FloatArray = np.zeros((len(u), len(whole.kept)))
         sigma = np.exp(u[:, -1:])
-        if self.likelihood.rough:
+        if v.shape[1] and any(part.likelihood.rough for part in whole.parts):
             for _ in range(width_rounds):
                 v, _ = self._climb(design, u, v, _WIDTH_STEPS)
                 design = design.widened(self._factor(design, sigma, v))
@@ -298,6 +299,8 @@ class LaplacePosterior:
 
     def _factor(self, design: Design, sigma: FloatArray, v: FloatArray) -> FloatArray:
         hessian = _identity(v)
+        if not v.shape[1]:
+            return hessian
         for rows, part in zip(self._rows, design.parts, strict=True):
             hessian = hessian + part.gram(self._derivatives(rows, part, sigma, v)[1])
         return nudged_cholesky(hessian)
@@ -306,7 +309,7 @@ class LaplacePosterior:
         self, rows: Rows, part: Part, sigma: FloatArray, v: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         with np.errstate(over="ignore", invalid="ignore"):
-            score, curvature = self.likelihood.derivatives(
+            score, curvature = part.likelihood.derivatives(
                 rows.y, part.eta(v), sigma * part.noise, part.width
             )
         # impossible points have no direction: they stay where they are

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hybridsurrogate.likelihoods.base import Likelihood
 from hybridsurrogate.priors import FloatArray
 
 
@@ -35,12 +36,14 @@ class Runs(Rows):
 class Part:
     """``eta = known + design @ v`` for some rows; a design that all draws share is (n, p).
 
-    ``width`` (J, n) is how far eta is open; None: not known yet, or not asked for.
+    ``likelihood`` is that of its rows, for as many draws. ``width`` (J, n) is how far eta is open;
+    None: not known yet, or not asked for.
     """
 
     known: FloatArray
     design: FloatArray
     noise: FloatArray
+    likelihood: Likelihood
     width: FloatArray | None = None
 
     def eta(self, v: FloatArray) -> FloatArray:
@@ -72,6 +75,7 @@ class Part:
             self.known if len(self.known) == 1 else self.known[active],
             self.design if self.design.ndim == 2 else self.design[active],
             self.noise if len(self.noise) == 1 else self.noise[active],
+            self.likelihood.take(active),
             None if self.width is None else self.width[active],
         )
 

@@ -72,6 +72,8 @@ class Linearised:
     log_weight : ndarray of shape (T,)
     noise : ndarray of shape (K, n) or None
         Factor on sigma, K is 1 where the nodes do not touch it, else T. None: one everywhere.
+    outliers : ndarray of shape (T,) or None
+        Share of rows that are outliers; e then has heavy tails. None: e is normal.
     """
 
     mean: FloatArray
@@ -82,6 +84,7 @@ class Linearised:
     U: FloatArray
     log_weight: FloatArray
     noise: FloatArray | None = None
+    outliers: FloatArray | None = None
 
     def at(self, index: NDArray[np.intp]) -> Linearised:
         """Return the model at some of the nodes."""
@@ -96,7 +99,14 @@ class Linearised:
             cap=self.cap[index],
             log_weight=self.log_weight[index],
             noise=noise if noise is None or len(noise) == 1 else noise[index],
+            outliers=None if self.outliers is None else self.outliers[index],
         )
+
+    @property
+    def noise_differs(self) -> bool:
+        """Whether the nodes differ in the noise of single rows."""
+        several = self.noise is not None and len(self.noise) > 1
+        return several or self.outliers is not None
 
     def by_noise(self) -> list[tuple[Linearised, FloatArray]]:
         """Split into models of unit noise factor, rows scaled, each with its factor (n,)."""
@@ -135,14 +145,24 @@ def _values_at_nodes(model: MeasuredModel, plan: Layout, z: FloatArray) -> Float
 
 
 def _noise_at_nodes(
-    model: MeasuredModel, X: FloatArray, plan: Layout, z: FloatArray
+    model: MeasuredModel, X: FloatArray, plan: Layout, z: FloatArray, simulated: FloatArray
 ) -> FloatArray | None:
-    """Return the noise factor where it differs from one, (T, n), or (1, n) for all nodes."""
+    """Return the noise factor where it differs from one, (T, n), or (1, n) for all nodes.
+
+    Where noise follows the simulation's output, it is that at z, ``simulated`` (n,).
+    """
     if not any(effect.touches_noise for effect in model.effects):
         return None
     values = _values_at_nodes(model, plan, z)
-    noise = model.noise(X, values if model.effects[-1].touches_noise else values[:1])
+    values = values if model.effects[-1].touches_noise else values[:1]
+    noise = model.noise(X, values, np.nan_to_num(simulated))
     return None if noise.shape[1] == 1 else noise
+
+
+def _outliers_at_nodes(model: MeasuredModel, plan: Layout, z: FloatArray) -> FloatArray | None:
+    if not any(effect.has_outliers for effect in model.effects):
+        return None
+    return model.outlier_share(_values_at_nodes(model, plan, z))
 
 
 def linearise(
@@ -194,12 +214,14 @@ def linearise(
             H = columns[:, :, own]
     H = np.broadcast_to(H, (T, len(X), H.shape[2]))
     rms: FloatArray = np.sqrt(np.einsum("tnq,tnq->tq", H, H) / len(X))
-    if model.effects and model.effects[-1].kind == "unexplained":
+    if model.effects and model.effects[-1].is_process:
         # the basis of a process is one object: its prior variance per row, not per column
         rms = np.broadcast_to(np.sqrt(np.sum(rms**2, axis=1, keepdims=True)), rms.shape)
     rms = np.maximum(rms, 1e-12 * max(float(np.max(rms, initial=0.0)), 1e-300))
     cap = np.full(rms.shape, np.inf)
     cap[:, : len(plan.sizes)] = _SIZE_CAP * rms[:, : len(plan.sizes)]
     U = features[0] @ belief.factor
-    noise = _noise_at_nodes(model, X, plan, z)
-    return Linearised(mean, G, H / rms[:, None, :], rms, cap, U, plan.log_weight, noise)
+    noise = _noise_at_nodes(model, X, plan, z, response[0, 0])
+    outliers = _outliers_at_nodes(model, plan, z)
+    H = H / rms[:, None, :]
+    return Linearised(mean, G, H, rms, cap, U, plan.log_weight, noise, outliers)

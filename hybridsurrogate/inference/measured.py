@@ -8,7 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from hybridsurrogate.effects.base import Cause, Rows
+from hybridsurrogate.effects.base import SIMULATED, Cause, Rows
+from hybridsurrogate.likelihoods import Contaminated, Likelihood, TransformedNormal
 from hybridsurrogate.priors import FloatArray, Prior, from_normal
 from hybridsurrogate.surrogates.base import Basis
 
@@ -57,6 +58,9 @@ class MeasuredModel:
         Prepared causes.
     default_sd : float
         Prior sd of column coefficients for causes that name none.
+    reference : ndarray of shape (p,) or None
+        Coefficients of the surrogate with which noise follows the simulation's output. None: their
+        prior means.
     """
 
     basis: Basis
@@ -66,6 +70,7 @@ class MeasuredModel:
     constants: dict[str, float]
     effects: tuple[Cause, ...]
     default_sd: float
+    reference: FloatArray | None = None
 
     def with_effects(self, effects: Sequence[Cause]) -> MeasuredModel:
         """Return a model without causes with these; some may change an ODE's right-hand side."""
@@ -174,16 +179,49 @@ class MeasuredModel:
             if gain.ndim or gain != 1.0:
                 known = known * gain
                 features = features * gain.reshape(-1, 1)
+        if self._follows_mean:
+            rows = {**rows, SIMULATED: known + features @ self._reference}
         noise = self._noise(rows, theta, J, n)
         return known.reshape(J, n), features.reshape(J, n, features.shape[1]), noise
 
-    def noise(self, X: FloatArray, values: FloatArray) -> FloatArray:
-        """Return noise factors (J, n), or (J, 1) when no cause changes it; nothing is simulated."""
+    @property
+    def _follows_mean(self) -> bool:
+        return any(effect.follows_mean for effect in self.effects)
+
+    @property
+    def _reference(self) -> FloatArray:
+        return self.basis.coefficient_mean if self.reference is None else self.reference
+
+    def noise(self, X: FloatArray, values: FloatArray, simulated: FloatArray) -> FloatArray:
+        """Return noise factors (J, n), or (J, 1) when no cause changes it; nothing is simulated.
+
+        ``simulated`` (n,) is the simulation's output, for noise that follows it.
+        """
         J, n = len(values), len(X)
         if not any(effect.touches_noise for effect in self.effects):
             return np.ones((J, 1))
         rows, _, theta = self._rows(X, values)
-        return self._noise(rows, theta, J, n)
+        return self._noise({**rows, SIMULATED: np.tile(simulated, J)}, theta, J, n)
+
+    def likelihood_of(self, likelihood: Likelihood, values: FloatArray) -> Likelihood:
+        """Return the likelihood of measured rows for draws of `values`: some rows are outliers."""
+        share = self.outlier_share(values)
+        if share is None:
+            return likelihood
+        assert isinstance(likelihood, TransformedNormal)
+        return Contaminated(likelihood, share[:, None])
+
+    def outlier_share(self, values: FloatArray) -> FloatArray | None:
+        """Return the share of rows that are outliers for draws of `values`, (J,), or None."""
+        if not any(effect.has_outliers for effect in self.effects):
+            return None
+        theta: list[Rows] = [{} for _ in self.effects]
+        for column, (k, name) in enumerate(self.theta_names, start=self.n_parameters):
+            theta[k] = {**theta[k], name: values[:, column]}
+        rest = np.ones(len(values))
+        for effect, own in zip(self.effects, theta, strict=True):
+            rest = rest * (1 - np.asarray(effect.outliers(own)))
+        return 1 - rest
 
     def _noise(self, rows: Rows, theta: Sequence[Rows], J: int, n: int) -> FloatArray:
         noise: FloatArray = np.ones((J, 1))
@@ -213,6 +251,7 @@ class MeasuredModel:
         before it disappears in algebra.
         """
         rows, omega, theta = self._rows(X, self.values(np.zeros((2, self.n_unknowns))))
+        of_noise = {**rows, SIMULATED: np.linspace(-1.0, 1.0, 2 * len(X)) * self.default_sd}
         n = 2 * len(X)
         for effect, own in zip(self.effects, theta, strict=True):
             run_rows, run_omega = effect.inputs(rows, omega, own)
@@ -220,7 +259,7 @@ class MeasuredModel:
                 moved = run_omega if name in omega else run_rows
                 _check_array(effect, f"inputs, {name!r}", moved.get(name), [(n,)])
             _check_array(effect, "gain", effect.gain(rows, own), [(), (n,)])
-            noise = effect.noise(rows, own)
+            noise = effect.noise(of_noise, own)
             _check_array(effect, "noise", noise, [(), (n,)])
             if np.min(noise) <= 0:
                 raise ValueError(

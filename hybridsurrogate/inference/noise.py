@@ -67,8 +67,16 @@ class NoiseTable:
         self._high = np.log(n) + 2 * np.log(1e4 * scale)
         squares = np.exp(np.linspace(self._low, self._high, _N_TABLE))
         log_sigma, log_weight = noise_grid(noise_prior, scale, n)
+        self._nodes, self._log_prior = log_sigma, np.maximum(log_weight, -1e10)
         self._values = marginal_over_noise(squares, n, log_sigma, log_weight, _N_TABLE)
         self._values -= 0.5 * n * np.log(2 * np.pi)
+
+    def log_prior(self, log_sigma: FloatArray) -> FloatArray:
+        """Return the log prior density of log sigma, held at its ends beyond the nodes."""
+        step = self._nodes[1] - self._nodes[0]
+        position = np.clip((log_sigma - self._nodes[0]) / step, 0.0, len(self._nodes) - 1.001)
+        index = np.nan_to_num(position).astype(np.intp)
+        return self._log_prior[index] + np.diff(self._log_prior)[index] * (position - index)
 
     def __call__(self, squares: FloatArray) -> FloatArray:
         """Return the log integral, linear in log squares between the nodes; NaN stays NaN."""

@@ -15,9 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hybridsurrogate.inference.heavy_tails import heavy_fit, heavy_scan
 from hybridsurrogate.inference.layout import Layout
 from hybridsurrogate.inference.linearised import Belief, Linearised, columns_at_nodes, linearise
 from hybridsurrogate.inference.measured import MeasuredModel
+from hybridsurrogate.inference.noise import NoiseTable
 from hybridsurrogate.priors import FloatArray
 
 _MAX_CLIMB = 12
@@ -45,10 +47,14 @@ def scan(
     sigma : float
         Noise scale against which the priors of parameters and sizes are weighed.
     log_marginal : callable
-        Log integral over sigma as a function of the residual sum of squares.
+        Log integral over sigma as a function of the residual sum of squares; a `NoiseTable` where
+        there are outliers.
     sizes : ndarray of shape (K,)
         Prior scales of the effect's root mean square, equally probable.
     """
+    if parts.outliers is not None:
+        assert isinstance(log_marginal, NoiseTable)
+        return heavy_scan(parts, responses, sigma, log_marginal.log_prior, sizes)
     by_factor = [
         _scan(unit, responses / factor, sigma, log_marginal, sizes) - np.sum(np.log(factor))
         for unit, factor in parts.by_noise()
@@ -198,6 +204,10 @@ def _solve(
     parts: Linearised, y: FloatArray, plan: Layout, z: FloatArray, sigma: float, size: float
 ) -> tuple[Peak, FloatArray, FloatArray]:
     """Return the fit at z, columns free, the z of the best linear model, and (T,) badness."""
+    if parts.outliers is not None:
+        heavy = heavy_fit(parts, y, plan, z, sigma, size)
+        peak = Peak(z.copy(), heavy.squares, heavy.objective, heavy.node)
+        return peak, heavy.move, heavy.badness
     T, _, q = parts.H.shape
     d, s = parts.G.shape[2], len(plan.sizes)
     units = [_normal_equations(unit, y / factor, sigma) for unit, factor in parts.by_noise()]

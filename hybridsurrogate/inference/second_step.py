@@ -48,11 +48,13 @@ def conditional_draws(
     def log_density(points: FloatArray, chains: NDArray[np.intp]) -> FloatArray:
         z, log_sigma, columns = points[:, :m], points[:, m], points[:, m + 1 :]
         sigma = np.exp(log_sigma)
-        parts = model.parts(X, model.values(np.hstack([z, hyper[chains]])))
+        values = model.values(np.hstack([z, hyper[chains]]))
+        parts = model.parts(X, values)
         eta = parts.known + (parts.features @ c[chains][..., None])[..., 0]
         eta = eta + (parts.columns @ (columns * sd)[..., None])[..., 0]
         with np.errstate(all="ignore"):
-            density = likelihood.log_density(y, eta, parts.noise * sigma[:, None]) @ weights
+            told = model.likelihood_of(likelihood, values)
+            density = told.log_density(y, eta, parts.noise * sigma[:, None]) @ weights
             prior = noise_prior.logpdf(sigma) + log_sigma
         out = density + prior + prior_log_density(z) + prior_log_density(columns)
         return np.where(np.isfinite(out), out, -np.inf)

@@ -1,12 +1,14 @@
 """Likelihoods: one file a family."""
 
 from hybridsurrogate.likelihoods.base import Likelihood
+from hybridsurrogate.likelihoods.contaminated import Contaminated
 from hybridsurrogate.likelihoods.counts import NegativeBinomial, Poisson
 from hybridsurrogate.likelihoods.custom import CustomLikelihood
 from hybridsurrogate.likelihoods.normal import LogNormal, Normal, TransformedNormal
 from hybridsurrogate.likelihoods.student_t import StudentT
 
 __all__ = [
+    "Contaminated",
     "CustomLikelihood",
     "Likelihood",
     "LogNormal",

@@ -77,6 +77,10 @@ class Likelihood(ABC):
     def noise_prior(self, scale: float) -> Prior:
         """Return the default prior of sigma for outputs with this spread on the scale of eta."""
 
+    def take(self, index: FloatArray) -> Likelihood:
+        """Return the likelihood of some of the draws, where it has something of each."""
+        return self
+
     def smoothed(
         self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None
     ) -> FloatArray:

@@ -7,7 +7,8 @@ effect is drawn and the noise follows from the size, so one seed gives the same 
 (unless the noise would be too small or too large for it).
 
 Noise that changes along an input leaves no curve: there a size of s means that its standard
-deviation at one end of the measured rows is 1 + s times that at the other, log-linear between.
+deviation at one end of the measured rows is 1 + s times that at the other, log-linear between. See
+`noises` for the other forms of noise.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 
 from hybridsurrogate.simulation import Simulator
 
+from . import noises
 from .curves import Setting, between, draw_effect, run
 from .fits import fit_kind
 from .forms import KINDS as EFFECT_KINDS
@@ -37,6 +39,9 @@ LATER_FORMS = (
     "parameter-drift: step",
     "parameter-drift: logistic",
     "parameter-drift: periodic",
+    "noise: mean",
+    "noise: tails",
+    "noise: autocorrelation",
 )
 FORMS = (*KINDS, *LATER_FORMS)
 
@@ -142,7 +147,7 @@ def make_case(
     size : float
         Of the effect after what the parameters absorb, in noise standard deviations; without
         meaning for "none", whose noise is 1 to 10 % of the output range. For "noise" the factor
-        by which its standard deviation changes is 1 + size.
+        by which its standard deviation changes is 1 + size; see `noises` for its other forms.
     seed : int
         The same seed gives the same case.
     n_rows : int
@@ -172,7 +177,7 @@ def make_case(
         truth_at, numbers = effect
         mu, base = truth_at(setting.X), run(setting, setting.X)
         noise_shape = np.ones(n_rows)
-        if kind in ("none", "noise"):
+        if kind.partition(":")[0] in ("none", "noise"):
             left, noise_sd = np.zeros(n_rows), between(rng, 0.01, 0.1) * setting.output_range
             if kind == "noise":
                 numbers["ratio"] = (1 + size) ** numbers.pop("sign")
@@ -192,7 +197,11 @@ def make_case(
             "mu": mu,
             "left": left,
         }
-        y = mu + noise_sd * noise_shape * rng.normal(size=n_rows)
+        noise = noise_shape * rng.normal(size=n_rows)
+        if kind in noises.FORMS:
+            noise, told = noises.FORMS[kind](size, setting.X[:, 0], mu, rng)
+            truth |= told
+        y = mu + noise_sd * noise
         return Case(setting.simulator, setting.X, y, setting.X_out, truth_at(setting.X_out), truth)
     raise InfeasibleError(f"{kind!r} at size {size} with {simulation or 'any simulation'}")
 

@@ -186,7 +186,7 @@ def _draw_other_drift(shape: str, setting: Setting, rng: np.random.Generator) ->
 def draw_effect(kind: str, setting: Setting, rng: np.random.Generator) -> Effect | None:
     """Draw the noise-free truth as a function of X, and its numbers; None if out of bounds."""
     simulator, n_parameters = setting.simulator, len(setting.simulator.parameter_names)
-    if kind == "none":
+    if kind == "none" or kind.startswith("noise: "):
         return lambda X: run(setting, X), {"target": ""}
     if kind == "gain":
         gain = 1 + _sign(rng) * between(rng, 0.03, 0.4)

@@ -174,7 +174,7 @@ def test_earlier_cases_stay_what_they_were():
     assert firsts == pytest.approx(FIRSTS, rel=1e-6)
 
 
-@pytest.mark.parametrize("form", [form for form in LATER_FORMS if form != "noise"])
+@pytest.mark.parametrize("form", [form for form in LATER_FORMS if not form.startswith("noise")])
 def test_size_of_later_kinds(form):
     for seed in range(2):
         case = make_case(form, 2.0, seed, n_rows=30)
@@ -269,3 +269,28 @@ def test_pairs(name):
     left = left_over(case.simulator, case.X, case.truth["mu"])
     # each is twice the noise: together between once, where they oppose each other, and twice that
     assert 2 <= rms(left) / case.truth["noise_sd"] <= 4.2
+
+
+@pytest.mark.parametrize("form", ["noise: mean", "noise: tails", "noise: autocorrelation"])
+def test_size_of_unexpected_noise(form):
+    for size, seed in ((1.0, 0), (4.0, 1)):
+        case = make_case(form, size, seed, n_rows=4000)
+        np.testing.assert_allclose(case.truth["mu"], base(case))
+        noise = (case.y - case.truth["mu"]) / case.truth["noise_sd"]
+        if form == "noise: mean":
+            height = np.abs(case.truth["mu"])
+            share = (height - height.min()) / np.ptp(height)
+            low, high = rms(noise[share < 0.1]), rms(noise[share > 0.9])
+            middle = (share[share < 0.1].mean(), share[share > 0.9].mean())
+            assert high / low == pytest.approx(
+                np.divide(*(1 + size * np.array(middle[::-1]))), 0.15
+            )
+        elif form == "noise: tails":
+            far = np.isin(np.arange(4000), case.truth["rows"])
+            assert far.mean() == pytest.approx(0.1)
+            assert rms(noise[far]) / rms(noise[~far]) == pytest.approx(1 + 2 * size, rel=0.1)
+        else:
+            assert rms(noise) == pytest.approx(1, rel=0.1)
+            share = np.mean(noise[1:] * noise[:-1]) / np.mean(noise**2)
+            kept = np.exp(-np.ptp(case.X[:, 0]) / 3999 / case.truth["length"])
+            assert share == pytest.approx(size**2 / (1 + size**2) * kept, abs=0.06)

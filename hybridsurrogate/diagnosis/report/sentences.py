@@ -227,11 +227,12 @@ def _with_estimates(view: View, finding: CauseFinding, cause: Cause) -> str:
 
 
 def _meaning(view: View, finding: CauseFinding, cause: Cause) -> list[str]:
-    if finding.kind not in _MEANING:
+    meaning = cause.meaning or _MEANING.get(finding.kind)
+    if meaning is None:
         return []
     column = getattr(cause, "column", None) or finding.target
     names = {"output": view.output, "target": finding.target, "column": column}
-    return [f"That means: {_MEANING[finding.kind].format(**names)}."]
+    return [f"That means: {meaning.format(**names)}."]
 
 
 def _further(view: View) -> list[str]:

@@ -1,0 +1,149 @@
+"""Noise of which neighbouring measurements share a part."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy import stats
+
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.notation import SIMULATION, number, word
+from hybridsurrogate.effects.over_column import OverColumn, span_and_spacing
+from hybridsurrogate.priors import Prior
+
+# pairs of waves, and their longest period on the column scaled to [-1, 1]: half of what it leaves
+# between the ends of the rows is more than two of the longest correlation lengths
+_PAIRS, _PERIOD = 30, 3.0
+_EDGE = _PERIOD / 2
+
+
+class Autocorrelation(OverColumn):
+    """Correlated noise along an ordered column, beside the independent noise.
+
+    ``simulation + u(x)`` with u an Ornstein-Uhlenbeck process, the AR(1) process of unevenly spaced
+    rows: standard deviation ``amplitude``, correlation ``exp(-distance / length)`` (Uhlenbeck and
+    Ornstein 1930, Physical Review 36:823). It is written as a constant and thirty pairs of sines
+    and cosines with independent normal coefficients: the exact Fourier series of the process made
+    periodic well beyond the rows; faster parts count as independent noise. So its cost is linear in
+    the rows, and a new row is predicted from its neighbours: far from all rows u has mean zero and
+    its full standard deviation.
+
+    ``unexplained`` is a smooth curve that the simulation misses, of at least a thirteenth of the
+    measured span in length. This is rough (the paths have no slope anywhere) and soon forgets: the
+    length is log-uniform from half a spacing of neighbouring rows to a twentieth of the span, but
+    at least four spacings. What stays correlated for longer looks like a curve, and no data at
+    these rows say which it is. The amplitude is log-uniform from 0.3 % to 100 % of the spread of
+    the output; a search weighs it as it does every other size.
+
+    Parameters
+    ----------
+    column : str
+        Any measured column whose order means something, such as a time or a row number.
+    length, amplitude : frozen scipy.stats distribution or None, default=None
+        Priors, in the units of the column and of the output.
+    center, span : float or None, default=None
+        Middle and span of the measured rows.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> drift = hs.Autocorrelation("t", center=5.0, span=10.0)
+    >>> t = np.array([2.0, 3.0, 9.0])
+    >>> columns = drift.columns({"t": t}, {"length": np.full(3, 1.0), "amplitude": np.ones(3)})
+    >>> (columns @ columns.T)[0].round(2).tolist()
+    [0.95, 0.37, 0.0]
+    """
+
+    kind = "noise"
+    meaning = "what is left of {output} is alike in neighbouring measurements along {column}"
+    is_process = True
+    coefficient_sd = 1.0
+    coefficients = (
+        "constant",
+        *(f"{wave}_{k}" for k in range(1, _PAIRS + 1) for wave in ("cos", "sin")),
+    )
+
+    def __init__(
+        self,
+        column: str,
+        length: Prior | None = None,
+        amplitude: Prior | None = None,
+        center: float | None = None,
+        span: float | None = None,
+    ):
+        super().__init__(column, center, span)
+        self.length = length
+        self.amplitude = amplitude
+
+    @property
+    def name(self) -> str:
+        """The kind and the column, and what is meant."""
+        return f"noise({self.column}, autocorrelated)"
+
+    @property
+    def changes_output(self) -> bool:
+        """False: the simulation is right."""
+        return False
+
+    @property
+    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
+        """The priors of length and amplitude."""
+        return {"length": self.length, "amplitude": self.amplitude}
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in middle and span of the column and the priors."""
+        prepared = super().prepare(context)
+        span, spacing = span_and_spacing(context.column(self.column))
+        if self.length is None:
+            longest = min(max(span / 20, 4 * spacing), span / 8)
+            prepared.length = stats.loguniform(min(spacing / 2, longest / 4), longest)
+        if self.amplitude is None:
+            prepared.amplitude = stats.loguniform(0.003 * context.scale, context.scale)
+        return prepared
+
+    def grid(self) -> dict[str, FloatArray]:
+        """Return five lengths; the amplitude only scales the columns, as their size does."""
+        assert self.length is not None
+        return {"length": np.asarray(self.length.ppf((np.arange(5) + 0.5) / 5))}
+
+    def columns(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return constant, cosines and sines times the root of the variance of each wave."""
+        assert self.span is not None
+        # beyond the period's middle the waves would come back to the rows at the other end
+        scaled = np.clip(self.scaled(X), -_EDGE, _EDGE)
+        order = np.arange(_PAIRS + 1)
+        frequency = 2 * np.pi * order / _PERIOD
+        rate = self.span / (2 * np.asarray(theta["length"]))
+        rate = np.broadcast_to(rate, scaled.shape)[:, None]
+        # Fourier coefficients of exp(-rate distance) over half a period
+        cut = 1 - (-1.0) ** order * np.exp(-rate * _PERIOD / 2)
+        variance = np.where(order, 4, 2) / _PERIOD * rate / (rate**2 + frequency**2) * cut
+        height = np.sqrt(variance) * np.reshape(theta["amplitude"], (-1, 1))
+        # powers of the first wave: cosine and sine of one angle a row give all of them
+        first = np.exp(1j * scaled * frequency[1])
+        waves = np.cumprod(np.broadcast_to(first[:, None], (len(first), _PAIRS)), axis=1)
+        out = np.empty((len(first), 1 + 2 * _PAIRS))
+        out[:, 0] = height[:, 0]
+        out[:, 1::2] = height[:, 1:] * waves.real
+        out[:, 2::2] = height[:, 1:] * waves.imag
+        return out
+
+    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return the correlation length and the standard deviation of the correlated part."""
+        return {name: np.asarray(values) for name, values in theta.items()}
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        return (
+            f"simulation, with noise of which a part of {values['amplitude']:.4g} is correlated "
+            f"over {values['length']:.4g} units of {self.column}"
+        )
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        column = word(self.column)
+        variance = rf"\left({number(values['amplitude'])}\right)^{{2}}"
+        decay = rf"e^{{-|{column} - {column}'| / {number(values['length'])}}}"
+        covariance = rf"{variance} \, {decay}"
+        return rf"{SIMULATION} + u, \quad \text{{cov}}\left(u, u'\right) = {covariance}"

@@ -1,0 +1,79 @@
+"""Single measurements that are far off."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy import stats
+
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.notation import SIMULATION, number
+from hybridsurrogate.likelihoods.contaminated import LARGEST, SMALLEST
+from hybridsurrogate.priors import Prior
+
+
+class Outliers(Cause):
+    """Heavy tails: a share of the measurements scatters much more; the simulation is right.
+
+    Each measurement is, with probability ``share``, an outlier, whose standard deviation is 3 to
+    30 times that of the others (log-uniform, for each outlier its own): Tukey's contaminated normal
+    (1960, in Contributions to Probability and Statistics) with any size of outlier. Between these
+    ends the density falls like one over the distance. The share is log-uniform from 1 to 40 %.
+
+    Rows are no longer Gaussian given the rest, so an estimator with this effect is fitted as one
+    with a likelihood that is not normal. ``sigma`` is the noise of measurements that are not
+    outliers.
+
+    Parameters
+    ----------
+    share : frozen scipy.stats distribution or None, default=None
+        Prior of the share of outliers, within (0, 1).
+
+    Examples
+    --------
+    >>> import hybridsurrogate as hs
+    >>> hs.Outliers().prepare(context=None).formula({"share": 0.05})
+    'simulation, and 5 % of the measurements scatter 3 to 30 times as much as the others'
+    """
+
+    kind = "noise"
+    meaning = "a few measurements of {output} are far off, and say little"
+
+    def __init__(self, share: Prior | None = None):
+        self.share = share
+
+    @property
+    def name(self) -> str:
+        """The kind, and which."""
+        return "noise(outliers)"
+
+    @property
+    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
+        """The prior of the share."""
+        return {"share": self.share}
+
+    def prepare(self, context: Context | None) -> Cause:
+        """Fill in the prior."""
+        return Outliers(stats.loguniform(0.01, 0.4) if self.share is None else self.share)
+
+    def grid(self) -> dict[str, FloatArray]:
+        """Return six quantiles: the share is known to a factor at best."""
+        assert self.share is not None
+        return {"share": np.asarray(self.share.ppf((np.arange(6) + 0.5) / 6))}
+
+    def outliers(self, theta: Rows) -> FloatArray:
+        """Return the share of outliers."""
+        return np.asarray(theta["share"])
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        return (
+            f"simulation, and {100 * values['share']:.2g} % of the measurements scatter "
+            f"{SMALLEST:g} to {LARGEST:g} times as much as the others"
+        )
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        share = number(100 * values["share"], 2)
+        return rf"{SIMULATION}, \quad {share} \% \text{{ outliers}}"
