@@ -36,6 +36,7 @@ from hybridsurrogate.estimators import (
     choose_beta,
 )
 from hybridsurrogate.exceptions import (
+    ConfoundingWarning,
     DiagnosisWarning,
     ExtrapolationWarning,
     FailedRunsWarning,
@@ -73,6 +74,7 @@ __all__ = [
     "Bump",
     "Cause",
     "CauseFinding",
+    "ConfoundingWarning",
     "CustomLikelihood",
     "Decay",
     "Delay",

@@ -23,3 +23,7 @@ class PriorWarning(HybridSurrogateWarning):
 
 class DiagnosisWarning(HybridSurrogateWarning):
     """A diagnosis rests on too little, or something was left out of it."""
+
+
+class ConfoundingWarning(DiagnosisWarning):
+    """The data cannot tell a cause from a parameter of the simulation."""

@@ -22,6 +22,7 @@ from hybridsurrogate.priors import FloatArray
 BEFORE, AFTER, DATA, HELD_OUT, QUIET = "#0072B2", "#D55E00", "#222222", "#009E73", "#777777"
 # rivals differ in line style too
 RIVALS = (("#D55E00", "-"), ("#0072B2", "--"), ("#009E73", "-."), ("#CC79A7", ":"))
+_FEW_VALUES, _LITTLE_INFORMATION = 12, 0.05
 
 
 class Prediction(NamedTuple):
@@ -212,18 +213,21 @@ def plot_rivals(
     ax: Axes, x: FloatArray, means: Sequence[FloatArray], names: Sequence[str], place: float
 ) -> Axes:
     """Draw what each rival predicts, and the place at which they should be told apart."""
+    # a column with a few values is no line
+    mark = "o" if len(x) <= _FEW_VALUES else ""
     for mean, name, (colour, style) in zip(means, names, RIVALS, strict=False):
-        ax.plot(x, mean, color=colour, ls=style, lw=1.6, label=name)
+        ax.plot(x, mean, color=colour, ls=style, lw=1.6, marker=mark, label=name)
     ax.axvline(place, color=DATA, lw=1, ls=(0, (1, 1)), label="measure here")
     return ax
 
 
 def plot_information(ax: Axes, x: FloatArray, information: FloatArray, place: float) -> Axes:
     """Draw how much one more measurement would tell, over a column."""
-    ax.plot(x, information, color=DATA)
+    ax.plot(x, information, color=DATA, marker="o" if len(x) <= _FEW_VALUES else "")
     ax.axvline(place, color=DATA, lw=1, ls=(0, (1, 1)))
-    ax.set_ylabel("information\nin nats")
-    ax.set_ylim(bottom=0)
+    ax.set_ylabel("information\nin bits")
+    # next to nothing shall look like it
+    ax.set_ylim(0, max(float(ax.get_ylim()[1]), _LITTLE_INFORMATION))
     return ax
 
 

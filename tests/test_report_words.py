@@ -6,8 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.gain import FoldGain, Gain
-from hybridsurrogate.diagnosis.report import digits, scores
+from hybridsurrogate.diagnosis.report import digits, scores, sentences
+from hybridsurrogate.diagnosis.report.view import label_of_cause
+from hybridsurrogate.effects.catalogue import FORMS
 
 
 def scan_of(before, after):
@@ -31,7 +34,8 @@ def test_what_the_best_beta_says(after, words):
 def gain_of(difference, error, coverage=0.9, kinds=("step", "step")):
     folds = tuple(FoldGain(kind, 50, -1.0, -1.0 + difference, error) for kind in kinds)
     return Gain(
-        -1.0, -1.0 + difference, difference, error, 2.0, 1.5, 0.9, coverage, 100, kinds, folds
+        *(-1.0, -1.0 + difference, difference, error, 2.0, 1.5),
+        *(0.9, coverage, 0.4, 0.55, 100, kinds, folds),
     )
 
 
@@ -52,22 +56,44 @@ def test_what_a_difference_of_scores_amounts_to(difference, error, words):
     assert words in scores.judgement(gain_of(difference, error))
 
 
-def test_the_words_for_a_gain():
-    view = SimpleNamespace(
-        extended=True, diagnosis=SimpleNamespace(best_cause_=SimpleNamespace(kind="step"))
+def view_of(gain, beyond=None):
+    diagnosis = SimpleNamespace(
+        best_cause_=SimpleNamespace(kind="step"), gain_=gain, gain_out_of_range_=beyond
     )
-    text = " ".join(scores.gains(view, gain_of(0.512, 0.123), None))
+    return SimpleNamespace(extended=True, diagnosis=diagnosis, inputs=("t",))
+
+
+def test_the_words_for_a_gain():
+    text = " ".join(scores.gains(view_of(gain_of(0.512, 0.123)), None))
     assert "-1.00 before, -0.49 after, difference +0.51 ± 0.12 (standard error)" in text
     assert "2 before and 1.5 after, 25 % less" in text
+    assert "The 50 % interval holds 40 % before and 55 % after" in text
     assert "as it should be, within chance" in text
     assert "Higher is better" in text
-    split = " ".join(scores.gains(view, gain_of(0.5, 0.1, 0.7, ("step", "bump")), None))
-    assert "the folds chose: step 1, bump 1" in split
-    assert "Only 1 of the 2 folds chose step" in split
+    assert "Beyond the measured range the gain was not measured" in text
+    split = " ".join(scores.gains(view_of(gain_of(0.5, 0.1, 0.7, ("step", "bump"))), None))
+    assert "it chose: step 1, bump 1" in split
+    assert "Of these 2 searches 1 chose step" in split
     assert "too few: the uncertainty stated is too small" in split
-    wide = " ".join(scores.gains(view, None, gain_of(0.5, 0.1, 1.0, ())))
+    wide = " ".join(scores.gains(view_of(None), gain_of(0.5, 0.1, 1.0, ())))
     assert "On the rows held back (100 rows)" in wide
     assert "too many: the uncertainty stated is too large" in wide
+
+
+def test_the_words_for_a_gain_beyond_the_measured_range():
+    beyond = gain_of(-0.5, 0.1, kinds=("none", "bump"))
+    text = " ".join(scores.gains(view_of(gain_of(0.5, 0.1), beyond), None))
+    assert "the last 100 rows along t, in 2 parts, each foreseen from all rows before it" in text
+    assert "predicts worse: do not use it for rows like these" in text
+    assert "Of these 2 searches none chose step" in text
+    assert "cannot be foreseen from those before them" in text
+
+
+def test_a_weight_that_takes_minutes_to_try_is_not_tried():
+    costly = SimpleNamespace(extended=True, has_weight=True)
+    assert "which takes minutes. beta_scan(X, y) does it" in scores.trust(costly, None)[0]
+    exact = SimpleNamespace(extended=True, has_weight=False)
+    assert "There is no weight to choose" in scores.trust(exact, None)[0]
 
 
 def test_digits():
@@ -91,3 +117,29 @@ def test_digits():
     ]
     assert digits.probability(1.0) == "more than 99.9 %"
     assert digits.listing(["a", "b", "c"]) == "a, b and c"
+
+
+def test_every_kind_of_the_catalogue_has_words():
+    kinds = {form.partition(":")[0] for form in FORMS} - {"unexplained"}
+    assert kinds <= set(sentences._MEANING)
+    view = SimpleNamespace(output="mass", inputs=("t",), log_scale=False)
+    causes = {
+        "gap between measured and simulated mass grows steadily over t": hs.Trend("t"),
+        "is a parabola over t": hs.Trend("t", degree=2),
+        "an amount of its own for each value of batch": hs.MissingInput(
+            "batch", shape="categorical"
+        ),
+        "mass is off where batch has one of its values": hs.MissingInput(
+            "batch", shape="categorical", level=3
+        ),
+        "the columns a and b act together": hs.Interaction("a", "b"),
+        "the parameter rate changes over t": hs.ParameterDrift("rate", "t", "logistic"),
+    }
+    for words, cause in causes.items():
+        finding = SimpleNamespace(kind=cause.kind, target=cause.target)
+        (sentence,) = sentences._meaning(view, finding, cause)
+        assert words in sentence
+    assert label_of_cause(None) == "nothing is wrong"
+    assert label_of_cause(hs.ParameterDrift("rate", "t", "step")) == (
+        "parameter-drift of rate (step over t)"
+    )

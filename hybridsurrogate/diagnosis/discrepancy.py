@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.diagnosis.evidence import Search, Weighed
+from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.linearised import Linearised, linearise
 from hybridsurrogate.priors import FloatArray
 
@@ -89,14 +90,14 @@ class Third(NamedTuple):
 
 
 class _Local(NamedTuple):
-    """Gaussian posterior of the linear coefficients [g, u, h] of a cause at its best node."""
+    """Gaussian posterior of the linear coefficients [g, u, h] of a cause at one node."""
 
     mean: FloatArray
     covariance: FloatArray
 
 
 class _Rows(NamedTuple):
-    """Rows under one cause at its best node.
+    """Rows under one cause at one node.
 
     ``offset`` (n,), ``design`` (n, d + r + q) with raw columns, the sizes from column ``first`` on,
     ``noise`` (n,) the factor on sigma.
@@ -108,24 +109,24 @@ class _Rows(NamedTuple):
     noise: FloatArray
 
 
-def _rows(found: Search, w: Weighed, X: FloatArray) -> _Rows:
-    parts = _at_best_node(found, w, X)
+def _rows(found: Search, w: Weighed, X: FloatArray, node: int | None = None) -> _Rows:
+    parts = _at_node(found, w, X, w.peak.node if node is None else node)
     H = parts.H[0] * parts.H_rms[0]
     design = np.hstack([parts.G[0], parts.U, H])
     noise = np.ones(len(X)) if parts.noise is None else parts.noise[0]
     return _Rows(parts.mean[0], design, design.shape[1] - H.shape[1], noise)
 
 
-def _at_best_node(found: Search, w: Weighed, X: FloatArray) -> Linearised:
+def _at_node(found: Search, w: Weighed, X: FloatArray, node: int) -> Linearised:
     plan = w.plan
     if len(plan.nodes):
-        index = slice(w.peak.node, w.peak.node + 1)
+        index = slice(node, node + 1)
         plan = replace(plan, grid=plan.grid[index], edges=plan.edges[index], log_weight=np.zeros(1))
     return linearise(w.model, X, found.belief, plan, w.peak.z)
 
 
-def _posterior(found: Search, w: Weighed, size: float) -> _Local:
-    rows = _rows(found, w, found.problem.X)
+def _posterior(found: Search, w: Weighed, size: float, node: int | None = None) -> _Local:
+    rows = _rows(found, w, found.problem.X, node)
     design, first = rows.design, rows.first
     H = design[:, first:]
     if w.cause is not None and w.cause.is_process:
@@ -141,18 +142,28 @@ def _posterior(found: Search, w: Weighed, size: float) -> _Local:
     return _Local(mean, covariance)
 
 
-def predict_locally(found: Search, w: Weighed, X: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return mean and variance of a new noisy eta at rows X (n, n_columns) under one cause."""
+def predict_locally(
+    found: Search, w: Weighed, X: FloatArray, node: int | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return mean and variance of a new noisy eta at rows X (n, n_columns) under one cause.
+
+    Given what is not a size, such as a period, at one node of its grid; None: the best one.
+    """
     noisy_path = w.cause is not None and w.cause.is_process and not w.cause.changes_output
-    local = _posterior(found, w, w.sigma if noisy_path else float(found.sizes[-1]))
-    rows = _rows(found, w, X)
+    local = _posterior(found, w, w.sigma if noisy_path else float(found.sizes[-1]), node)
+    rows = _rows(found, w, X, node)
     variance = np.einsum("nk,kl,nl->n", rows.design, local.covariance, rows.design)
     return rows.offset + rows.design @ local.mean, variance + (w.sigma * rows.noise) ** 2
 
 
-def estimate_discrepancy(found: Search, column: str, n_grid: int = 200) -> Discrepancy:
-    """Return the smooth discrepancy over one input, by the catch-all Gaussian process."""
+def estimate_discrepancy(found: Search, cause: Cause | None, n_grid: int = 200) -> Discrepancy:
+    """Return the smooth discrepancy over one input, by the catch-all Gaussian process.
+
+    The input is the one over which the cause acts, else the first.
+    """
     problem = found.problem
+    inputs = problem.model.columns[: problem.model.n_inputs]
+    column = next((name for name in (cause.reads if cause else ()) if name in inputs), inputs[0])
     process = next(w for w in found.weighed if w.cause and w.cause.kind == "unexplained")
     k = problem.model.columns.index(column)
     grid = np.repeat(np.median(problem.X, axis=0)[None], n_grid, axis=0)
@@ -208,28 +219,3 @@ def shares_of_thirds(X: FloatArray, delta: FloatArray, columns: Sequence[str]) -
 
 def _fitted(found: Search) -> FloatArray:
     return predict_locally(found, found.weighed[0], found.problem.X)[0]
-
-
-def next_measurement(found: Search, grid: FloatArray) -> FloatArray:
-    """Return for each row of inputs how much one more measurement there tells rivals apart.
-
-    Expected information between the causes in nats, by the variance of their predictive means
-    against their predictive variance: 1/2 log(1 + between / within).
-
-    Parameters
-    ----------
-    grid : ndarray of shape (m, n_columns)
-
-    Returns
-    -------
-    ndarray of shape (m,)
-    """
-    order = np.argsort(-found.probability)[:4]
-    weight = found.probability[order] + 1e-3
-    weight = weight / weight.sum()
-    means, variances = map(
-        np.array, zip(*(predict_locally(found, found.weighed[k], grid) for k in order), strict=True)
-    )
-    centre = weight @ means
-    between = weight @ (means - centre) ** 2
-    return 0.5 * np.log1p(between / (weight @ variances))

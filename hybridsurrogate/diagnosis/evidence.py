@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
+from hybridsurrogate.diagnosis.interruption import InterruptedSearch
 from hybridsurrogate.diagnosis.peaks import (
     LARGEST_SIZE,
     SMALLEST_SIZE,
@@ -108,6 +109,11 @@ def search(
     nearby : Search or None
         The search over the same causes in other rows of the same data: the climbs start where its
         climbs ended, which saves time and chooses nothing.
+
+    Raises
+    ------
+    InterruptedSearch
+        On an interrupt: it holds the search over the causes that were fitted by then.
     """
     problem = replace(problem, model=replace(problem.model, reference=belief.mean))
     noise = NoiseTable(problem.noise_prior, problem.scale, len(problem.y))
@@ -116,7 +122,23 @@ def search(
     else:
         null = nothing_further(problem, Fitted(*accepted[1:5]), belief, noise)
     ends = _ends_of(nearby, causes)
-    peaks = [null, *best_peaks(problem, causes, belief, noise, null, ends)]
+    try:
+        fits = best_peaks(problem, causes, belief, noise, null, ends)
+    except InterruptedSearch as stop:
+        stop.kept = _weigh(problem, causes, belief, noise, [null, *stop.kept], False)
+        raise
+    return _weigh(problem, causes, belief, noise, [null, *fits], with_remainder)
+
+
+def _weigh(
+    problem: Problem,
+    causes: Sequence[Cause],
+    belief: Belief,
+    noise: NoiseTable,
+    peaks: Sequence[Fitted],
+    with_remainder: bool,
+) -> Search:
+    """Weigh "nothing is wrong" and the first so many causes at their best fits."""
     smallest = min(sigma for *_, sigma in peaks)
     sizes = np.geomspace(
         SMALLEST_SIZE * smallest,
@@ -124,7 +146,7 @@ def search(
         _N_SIZES,
     )
     weighed = []
-    for cause, (model, plan, peak, sigma) in zip([None, *causes], peaks, strict=True):
+    for cause, (model, plan, peak, sigma) in zip([None, *causes], peaks, strict=False):
         parts = linearise(model, problem.X, belief, plan, peak.z)
         nodes = scan(parts, problem.y[None], sigma, noise, sizes)[0]
         weighed.append(

@@ -9,6 +9,7 @@ import numpy as np
 from scipy import special
 
 from hybridsurrogate.diagnosis.evidence import Search, Weighed, prior_odds, search
+from hybridsurrogate.diagnosis.interruption import InterruptedSearch
 from hybridsurrogate.diagnosis.null import null_test
 from hybridsurrogate.diagnosis.verdict import leader
 from hybridsurrogate.effects.base import Cause
@@ -70,24 +71,34 @@ def forward_search(
     -------
     list of Step
         At least one; only the last may have found nothing.
+
+    Raises
+    ------
+    InterruptedSearch
+        On an interrupt: it holds the first search, as far as it came.
     """
     steps: list[Step] = []
+    found: Search | None = None
     thorough = n_replicates is not None
-    found = search(problem, causes, belief, thorough, nearby=nearby)
-    while True:
-        p_value = 0.0
-        if n_replicates is not None:
-            p_value = null_test(found, n_replicates, random_state).p_value
-        # the p-value guards against noise, the probability against a cause that is no better
-        if p_value > false_alarm_rate or found.probability[0] > 0.5:
-            return steps or [Step(found, p_value, found.weighed[0])]
-        chosen, beside = found.weighed[leader(found)], None
-        if len(steps) + 1 < max_causes:
-            chosen, beside = _look_ahead(problem, causes, belief, found, chosen, thorough)
-        steps.append(Step(found, p_value, chosen))
-        if beside is None:
-            return steps
-        problem, causes, found = beside.problem, _others(causes, chosen), beside
+    try:
+        found = search(problem, causes, belief, thorough, nearby=nearby)
+        while True:
+            p_value = 0.0
+            if n_replicates is not None:
+                p_value = null_test(found, n_replicates, random_state).p_value
+            # the p-value guards against noise, the probability against a cause that is no better
+            if p_value > false_alarm_rate or found.probability[0] > 0.5:
+                return steps or [Step(found, p_value, found.weighed[0])]
+            chosen, beside = found.weighed[leader(found)], None
+            if len(steps) + 1 < max_causes:
+                chosen, beside = _look_ahead(problem, causes, belief, found, chosen, thorough)
+            steps.append(Step(found, p_value, chosen))
+            if beside is None:
+                return steps
+            problem, causes, found = beside.problem, _others(causes, chosen), beside
+    except KeyboardInterrupt as stop:
+        kept = steps[0].search if steps else found or getattr(stop, "kept", None)
+        raise InterruptedSearch(kept) from stop
 
 
 def _look_ahead(

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hybridsurrogate.diagnosis.folds import Folds
+from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.scoring import elpd, paired_difference
 
-COVERAGE_LEVEL = 0.9
+if TYPE_CHECKING:
+    from hybridsurrogate.diagnosis.rehearsal import Pair
+
+COVERAGE_LEVEL, HALF = 0.9, 0.5
 
 
 @dataclass(frozen=True)
@@ -51,6 +57,8 @@ class Gain:
         Root mean square error of the predictive mean, in the units of y.
     coverage_before, coverage_after : float
         Share of rows inside the 90 % predictive interval.
+    half_before, half_after : float
+        Share of rows inside the 50 % predictive interval.
     n_rows : int
     kinds : tuple of str
         What each fold's own search chose; empty for a test set.
@@ -66,6 +74,8 @@ class Gain:
     rmse_after: float
     coverage_before: float
     coverage_after: float
+    half_before: float
+    half_after: float
     n_rows: int
     kinds: tuple[str, ...] = ()
     folds: tuple[FoldGain, ...] = ()
@@ -77,16 +87,17 @@ class Scores(NamedTuple):
     log_density: FloatArray
     error: FloatArray
     inside: FloatArray
+    inside_half: FloatArray
 
 
 def pointwise(estimator: Any, X: ArrayLike, y: FloatArray) -> Scores:
-    """Return log density, error of the mean and whether the interval holds y, for each row."""
-    lower, upper = estimator.predict_interval(X, COVERAGE_LEVEL)
-    return Scores(
-        estimator.log_predictive_density(X, y),
-        np.asarray(y, dtype=float) - estimator.predict(X),
-        ((y >= lower) & (y <= upper)).astype(float),
-    )
+    """Return log density, error of the mean and whether the intervals hold y, for each row."""
+    inside = []
+    for level in (COVERAGE_LEVEL, HALF):
+        lower, upper = estimator.predict_interval(X, level)
+        inside.append(((y >= lower) & (y <= upper)).astype(float))
+    error = np.asarray(y, dtype=float) - estimator.predict(X)
+    return Scores(estimator.log_predictive_density(X, y), error, *inside)
 
 
 def gain_from(before: Scores, after: Scores, folds: tuple[FoldGain, ...] = ()) -> Gain:
@@ -101,6 +112,8 @@ def gain_from(before: Scores, after: Scores, folds: tuple[FoldGain, ...] = ()) -
         float(np.sqrt(np.mean(after.error**2))),
         float(np.mean(before.inside)),
         float(np.mean(after.inside)),
+        float(np.mean(before.inside_half)),
+        float(np.mean(after.inside_half)),
         len(before.error),
         tuple(fold.kind for fold in folds),
         folds,
@@ -115,20 +128,20 @@ def _fold_gain(before: Scores, after: Scores, kind: str) -> FoldGain:
     return FoldGain(kind, n, *means, error)
 
 
-def cross_validated_gain(
-    folds: list[tuple[NDArray[np.intp], NDArray[np.intp]]],
-    fit_pair: Callable[[NDArray[np.intp]], tuple[Any, Any, str]],
+def held_out_gain(
+    tests: Sequence[NDArray[np.intp]],
+    pairs: Iterable[Pair],
     take: Callable[[NDArray[np.intp]], ArrayLike],
     y: FloatArray,
 ) -> Gain:
-    """Return the gain on held-out folds.
+    """Return the gain on rows held out in turn.
 
     Parameters
     ----------
-    folds : list of (train, test) row indices
-    fit_pair : callable
-        Given training rows, searches anew and returns the estimator before, the one after, and
-        the kind that the search chose.
+    tests : sequence of row indices
+        One for each fold.
+    pairs : iterable of Pair
+        The models before and after, from a search on the other rows of each fold.
     take : callable
         Returns X at given rows.
     y : ndarray of shape (n,)
@@ -136,8 +149,7 @@ def cross_validated_gain(
     befores: list[Scores] = []
     afters: list[Scores] = []
     told = []
-    for train, test in folds:
-        plain, extended, kind = fit_pair(train)
+    for test, (plain, extended, kind) in zip(tests, pairs, strict=True):
         befores.append(pointwise(plain, take(test), y[test]))
         same = extended is plain
         afters.append(befores[-1] if same else pointwise(extended, take(test), y[test]))
@@ -146,3 +158,43 @@ def cross_validated_gain(
         Scores(*map(np.concatenate, zip(*scores, strict=True))) for scores in (befores, afters)
     ]
     return gain_from(merge[0], merge[1], tuple(told))
+
+
+def proof(
+    rehearse: Callable[[ArrayLike, FloatArray], Pair],
+    within: Folds,
+    beyond: Folds,
+    X: ArrayLike,
+    y: FloatArray,
+) -> tuple[Gain | None, Gain | None]:
+    """Return the gain within the measured range and beyond it, None where there are no folds.
+
+    Parameters
+    ----------
+    rehearse : callable
+        Returns the models before and after for given rows, from a search on them.
+    within, beyond : list of (train, test)
+    X, y : array-like of shape (n, n_columns), (n,)
+    """
+    take = rows_of(X)
+    out: list[Gain | None] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", HybridSurrogateWarning)
+        for folds in (within, beyond):
+            pairs = (rehearse(take(train), y[train]) for train, _ in folds)
+            tests = [test for _, test in folds]
+            out.append(held_out_gain(tests, pairs, take, y) if folds else None)
+    doubtful = {str(w.message) for w in caught if "doubtful" in str(w.message)}
+    if doubtful:
+        warnings.warn(
+            f"{len(doubtful)} of the fits behind the gain have doubtful draws, for example: "
+            f"{sorted(doubtful)[0]}",
+            DiagnosisWarning,
+            stacklevel=4,
+        )
+    return out[0], out[1]
+
+
+def rows_of(X: ArrayLike) -> Callable[[Any], Any]:
+    """Return a function from row numbers to rows of an array or a DataFrame."""
+    return X.iloc.__getitem__ if hasattr(X, "iloc") else np.asarray(X).__getitem__

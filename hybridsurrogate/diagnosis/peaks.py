@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
+from hybridsurrogate.diagnosis.interruption import InterruptedSearch
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.nothing import Nothing
 from hybridsurrogate.estimators.problem import Problem
@@ -107,7 +108,8 @@ def best_peaks(
     """Fit every cause: from one start, and in earnest where that looks promising.
 
     ``nearby`` are the peaks of the same causes in other rows of the same data: the climbs start
-    there, and need no other start.
+    there, and need no other start. An `InterruptedSearch` holds the fits of the first so many
+    causes.
     """
     models = [problem.model.with_effects((*problem.model.effects, cause)) for cause in causes]
     plans = [layout(model) for model in models]
@@ -115,31 +117,36 @@ def best_peaks(
     if nearby is not None:
         starts = [[z] for z in nearby]
     fits: list[Fitted] = []
-    for model, plan, (first, *_) in zip(models, plans, starts, strict=True):
-        if _is_noise_process(model):
-            # left free it would take all the noise there is: it has the size of the noise
-            peak = climb(model, problem.X, problem.y, belief, plan, first, null.sigma, null.sigma)
-            fits.append(Fitted(model, plan, peak, null.sigma))
-            continue
-        peak = _highest(problem, belief, model, plan, [first], null.sigma)
-        fits.append(Fitted(model, plan, peak, _sigma_of(problem, peak, null.sigma)))
-    sizes = np.geomspace(SMALLEST_SIZE * null.sigma, LARGEST_SIZE * problem.scale, 4)
-    reached = np.empty(len(fits))
-    for k, (model, plan, peak, sigma) in enumerate(fits):
-        parts = linearise(model, problem.X, belief, plan, peak.z)
-        nodes = scan(parts, problem.y[None], sigma, noise, sizes)[0]
-        reached[k] = special.logsumexp(nodes)
-    # a curve of any shape reaches high at once: named causes are compared with each other; what
-    # could not be followed at all gets its other starting points, too
-    named = [cause.kind != "unexplained" for cause in causes]
-    promising = ~(reached < np.max(reached[named], initial=-np.inf) - _PROMISING)
-    for k in map(int, np.flatnonzero(promising)):
-        model, plan, peak, _ = fits[k]
-        if _is_noise_process(model):
-            continue
-        other = _highest(problem, belief, model, plan, starts[k][1:], null.sigma)
-        best = min(peak, other, key=lambda found: found.objective)
-        fits[k] = _settled(problem, belief, noise, Fitted(model, plan, best, null.sigma))
+    try:
+        for model, plan, (first, *_) in zip(models, plans, starts, strict=True):
+            if _is_noise_process(model):
+                # left free it would take all the noise there is: it has the size of the noise
+                peak = climb(
+                    model, problem.X, problem.y, belief, plan, first, null.sigma, null.sigma
+                )
+                fits.append(Fitted(model, plan, peak, null.sigma))
+                continue
+            peak = _highest(problem, belief, model, plan, [first], null.sigma)
+            fits.append(Fitted(model, plan, peak, _sigma_of(problem, peak, null.sigma)))
+        sizes = np.geomspace(SMALLEST_SIZE * null.sigma, LARGEST_SIZE * problem.scale, 4)
+        reached = np.empty(len(fits))
+        for k, (model, plan, peak, sigma) in enumerate(fits):
+            parts = linearise(model, problem.X, belief, plan, peak.z)
+            nodes = scan(parts, problem.y[None], sigma, noise, sizes)[0]
+            reached[k] = special.logsumexp(nodes)
+        # a curve of any shape reaches high at once: named causes are compared with each other; what
+        # could not be followed at all gets its other starting points, too
+        named = [cause.kind != "unexplained" for cause in causes]
+        promising = ~(reached < np.max(reached[named], initial=-np.inf) - _PROMISING)
+        for k in map(int, np.flatnonzero(promising)):
+            model, plan, peak, _ = fits[k]
+            if _is_noise_process(model):
+                continue
+            other = _highest(problem, belief, model, plan, starts[k][1:], null.sigma)
+            best = min(peak, other, key=lambda found: found.objective)
+            fits[k] = _settled(problem, belief, noise, Fitted(model, plan, best, null.sigma))
+    except KeyboardInterrupt as stop:
+        raise InterruptedSearch(fits) from stop
     return fits
 
 

@@ -77,6 +77,11 @@ class Autocorrelation(OverColumn):
         self.amplitude = amplitude
 
     @property
+    def variant(self) -> str:
+        """Neighbours that err together."""
+        return "autocorrelation"
+
+    @property
     def name(self) -> str:
         """The kind and the column, and what is meant."""
         return f"noise({self.column}, autocorrelated)"

@@ -232,6 +232,11 @@ class Cause(BaseEstimator):
         return type(self).outliers is not Cause.outliers
 
     @property
+    def variant(self) -> str:
+        """Which of several forms of the kind it is, in a word or two; "" for the plain one."""
+        return ""
+
+    @property
     def name(self) -> str:
         """The kind and, where there is one, the target."""
         return f"{self.kind}({self.target})" if self.target else self.kind

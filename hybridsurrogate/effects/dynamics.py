@@ -125,6 +125,11 @@ class DynamicDrift(_Dynamic):
         return self.parameter
 
     @property
+    def variant(self) -> str:
+        """The course, and that it is one inside the dynamics."""
+        return f"{self.shape} inside the dynamics"
+
+    @property
     def name(self) -> str:
         """The kind, the parameter, and its course in time."""
         return f"{self.kind}({self.parameter} in the dynamics, {self.shape} over {self.column})"
@@ -285,6 +290,11 @@ class DynamicTerm(_Dynamic):
     def target(self) -> str:  # type: ignore[override]
         """The state concerned."""
         return self.state
+
+    @property
+    def variant(self) -> str:
+        """Whether the term is constant or proportional to the state."""
+        return self.form
 
     @property
     def name(self) -> str:

@@ -72,6 +72,13 @@ class MissingInput(OverColumn):
         return f"{self.kind}({self.column}{level})"
 
     @property
+    def variant(self) -> str:
+        """The shape, or the one level; a straight line is the plain form."""
+        if self.level is not None:
+            return f"level {self.level:g}"
+        return "" if self.shape == "linear" else self.shape
+
+    @property
     def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
         """Slope and curvature, one deviation a level, or the amplitude of one level."""
         if self.shape != "categorical":

@@ -72,6 +72,11 @@ class NoiseOfMean(Cause):
         self.log_scale = log_scale
 
     @property
+    def variant(self) -> str:
+        """Over the simulated output."""
+        return "mean"
+
+    @property
     def name(self) -> str:
         """The kind, and what it follows."""
         return "noise(output)"

@@ -44,6 +44,11 @@ class Outliers(Cause):
         self.share = share
 
     @property
+    def variant(self) -> str:
+        """Heavy tails."""
+        return "tails"
+
+    @property
     def name(self) -> str:
         """The kind, and which."""
         return "noise(outliers)"

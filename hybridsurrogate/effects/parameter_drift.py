@@ -135,6 +135,11 @@ class ParameterDrift(Cause):
         return (self.column,)
 
     @property
+    def variant(self) -> str:
+        """The shape, and over which column."""
+        return f"{self.shape} over {self.column}"
+
+    @property
     def name(self) -> str:
         """The kind, the parameter and the column over which it drifts."""
         shape = "" if self.shape == "linear" else f", {self.shape}"

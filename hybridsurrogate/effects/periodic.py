@@ -61,6 +61,11 @@ class Periodic(OverColumn):
         self.harmonics = harmonics
 
     @property
+    def variant(self) -> str:
+        """Whether there is an overtone."""
+        return "overtone" if self.harmonics == 2 else ""
+
+    @property
     def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
         """Sine and cosine, and those of the overtone."""
         return ("sine", "cosine", "overtone_sine", "overtone_cosine")[: 2 * self.harmonics]

@@ -49,6 +49,11 @@ class Trend(OverColumn):
         self.degree = degree
 
     @property
+    def variant(self) -> str:
+        """Quadratic, or plain."""
+        return "quadratic" if self.degree == 2 else ""
+
+    @property
     def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
         """Level and slope, and the curvature of a parabola."""
         return ("level", "slope", "curvature")[: self.degree + 1]

@@ -169,7 +169,7 @@ def _judge(case: Case, task: Task, diagnosis: hs.DiscrepancyDiagnosis) -> Result
 def kind_probabilities(diagnosis: hs.DiscrepancyDiagnosis) -> dict[str, float]:
     """Return the probability of each kind, all its targets and forms together, "none" too."""
     table = diagnosis.causes_
-    weighed = table[table["note"] == ""]
+    weighed = table[table["log_evidence"].notna()]
     sums = weighed.groupby("kind")["probability"].sum()
     return {str(kind): float(value) for kind, value in sums.items()}
 

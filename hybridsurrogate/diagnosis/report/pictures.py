@@ -11,16 +11,15 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from hybridsurrogate import plotting
-from hybridsurrogate.diagnosis.discrepancy import next_measurement
 from hybridsurrogate.diagnosis.gain import COVERAGE_LEVEL, Gain
+from hybridsurrogate.diagnosis.next_measurement import information_at
 from hybridsurrogate.diagnosis.report import digits
 from hybridsurrogate.diagnosis.report.section import Picture
-from hybridsurrogate.diagnosis.report.view import View, label, label_of, prediction
+from hybridsurrogate.diagnosis.report.view import View, label_of, prediction
 from hybridsurrogate.plotting import AFTER, BEFORE
 
 Test = tuple[ArrayLike, ArrayLike] | None
 
-_MOST_CAUSES = 8
 # a range so wide that small outputs would be a flat line
 _DECADES_FOR_LOG_AXIS = 1.5
 
@@ -61,20 +60,13 @@ def picture_fit(view: View) -> Picture:
 
 def picture_causes(view: View) -> Picture:
     """Draw the probabilities of the causes."""
-    table = view.diagnosis.causes_
-    table = table[table["note"] == ""].head(_MOST_CAUSES)
-    targets = [target if isinstance(target, str) else None for target in table["target"]]
-    names = [label(kind, target) for kind, target in zip(table["kind"], targets, strict=True)]
-    best = view.diagnosis.best_cause_
-    wanted = label(best.kind, best.target)
-    chosen = names.index(wanted) if wanted in names else None
-    height = 1.0 + 0.32 * len(names)
-    axes = plotting.new_axes(height=height)
-    plotting.plot_causes(axes[0], names, list(table["probability"]), chosen)
-    told = "; ".join(
-        f"{name} {digits.percent(p)}"
-        for name, p in zip(names[:4], table["probability"], strict=False)
-    )
+    rivals, probabilities = zip(*view.most_probable, strict=True)
+    names = [label_of(rival) for rival in rivals]
+    chosen = next((k for k, rival in enumerate(rivals) if rival.cause is view.cause), None)
+    axes = plotting.new_axes(height=1.0 + 0.32 * len(names))
+    plotting.plot_causes(axes[0], names, probabilities, chosen)
+    first = zip(names[:4], probabilities, strict=False)
+    told = "; ".join(f"{name} {digits.percent(p)}" for name, p in first)
     return rendered(axes, f"Bars of the probabilities of the causes, most probable first: {told}.")
 
 
@@ -142,25 +134,23 @@ def picture_residuals(view: View) -> Picture:
     )
 
 
-def picture_gain(gain: Gain | None, on_test: Gain | None) -> Picture:
-    """Draw held-out scores before and after, fold by fold, and coverage."""
+def picture_gain(gains: dict[str, Gain]) -> Picture:
+    """Draw held-out scores before and after, fold by fold, and coverage; gains have names."""
     rows: list[tuple[str, float, float, float]] = []
     covered: list[tuple[str, float, int]] = []
-    if gain is not None:
+    for name, g in gains.items():
         rows += [
-            (f"fold {k + 1}: {f.kind}", f.elpd_before, f.elpd_after, f.standard_error)
-            for k, f in enumerate(gain.folds)
+            (f"{name}, {k + 1}: {f.kind}", f.elpd_before, f.elpd_after, f.standard_error)
+            for k, f in enumerate(g.folds)
         ]
-    for name, g in (("all folds", gain), ("held back", on_test)):
-        if g is not None:
-            rows.append((name, g.elpd_before, g.elpd_after, g.standard_error))
-            covered.append((f"{name}, before", g.coverage_before, g.n_rows))
-            if g.elpd_difference:
-                covered.append((f"{name}, after", g.coverage_after, g.n_rows))
+        rows.append((f"{name}, all", g.elpd_before, g.elpd_after, g.standard_error))
+        covered.append((f"{name}, before", g.coverage_before, g.n_rows))
+        if g.elpd_difference:
+            covered.append((f"{name}, after", g.coverage_after, g.n_rows))
     names = [row[0] for row in rows]
     before, after, error = np.array([row[1:] for row in rows]).T
     after = np.where(after == before, np.nan, after)
-    axes = plotting.new_axes(1, 2, height=1.5 + 0.32 * max(len(rows), len(covered)))
+    axes = plotting.new_axes(1, 2, height=1.5 + 0.3 * max(len(rows), len(covered)))
     plotting.plot_scores(axes[0], names, before, after, error)
     titles, shares, counts = zip(*covered, strict=True)
     plotting.plot_coverage(axes[1], titles, np.array(shares), counts, COVERAGE_LEVEL)
@@ -169,7 +159,7 @@ def picture_gain(gain: Gain | None, on_test: Gain | None) -> Picture:
     told = "; ".join(
         f"{name} {digits.score(b, e)}" + ("" if np.isnan(a) else f" and {digits.score(a, e)}")
         for name, b, a, e in zip(names, before, after, error, strict=True)
-        if not name.startswith("fold ")
+        if name.endswith(", all")
     )
     inside = "; ".join(f"{t} {digits.percent(s)}" for t, s in zip(titles, shares, strict=True))
     return rendered(
@@ -196,9 +186,9 @@ def picture_next(view: View) -> Picture:
     near = means[0] if view.is_curve else np.concatenate(means)
     plotting.share_range(axes[:1], np.concatenate([view.y, near]))
     plotting.tidy(axes[0], "", view.output)
-    information = next_measurement(view.diagnosis.search_, rows)
+    information = information_at(view.diagnosis.search_, rows)
     plotting.plot_information(axes[1], x, information, at[view.shown])
-    plotting.tidy(axes[1], view.name, "information\nin nats", legend=False)
+    plotting.tidy(axes[1], view.name, "information\nin bits", legend=False)
     told = digits.listing([label_of(rival) for rival in rivals])
     return rendered(
         axes,

@@ -14,14 +14,14 @@ import pandas as pd
 from hybridsurrogate.diagnosis.report import html, pictures, rivals, scores, sentences, tables
 from hybridsurrogate.diagnosis.report.section import Section
 from hybridsurrogate.diagnosis.report.summary import summary
-from hybridsurrogate.diagnosis.report.view import View, label
+from hybridsurrogate.diagnosis.report.view import View, label_of_cause
 from hybridsurrogate.effects.notation import word as _word
 
 if TYPE_CHECKING:
     from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
 
 _BETAS = (0.05, 0.25, 0.5, 0.75, 0.95)
-_WIDTH = 88
+_WIDTH, _HOLD = 88, "\u00a0"
 _NOTE = (
     "Written by hybridsurrogate. Surrogates on two data sources: Reiser, Bürkner and Guthke, "
     "arXiv 2412.11875."
@@ -102,8 +102,13 @@ def make_report(diagnosis: DiscrepancyDiagnosis, test: pictures.Test = None) -> 
     Report
     """
     view = View(diagnosis)
-    gain = diagnosis.gain_
     on_test = diagnosis.gain_on(*test) if test is not None else None
+    measured = {
+        "folds": diagnosis.gain_,
+        "beyond": diagnosis.gain_out_of_range_,
+        "held back": on_test,
+    }
+    known = {name: gain for name, gain in measured.items() if gain is not None}
     scan = _beta_scan(view)
     title = sentences.title_of(view)
     sections = (
@@ -129,8 +134,8 @@ def make_report(diagnosis: DiscrepancyDiagnosis, test: pictures.Test = None) -> 
         ),
         Section(
             "What it gains",
-            tuple(scores.gains(view, gain, on_test)),
-            () if gain is None and on_test is None else (pictures.picture_gain(gain, on_test),),
+            tuple(scores.gains(view, on_test)),
+            (pictures.picture_gain(known),) if known else (),
         ),
         Section(
             "Trust in the simulation",
@@ -150,22 +155,26 @@ def _formulas(view: View) -> tuple[tuple[str, str], ...]:
     if view.log_scale:
         output, name = f"log {output}", rf"\log {name}"
     out = []
-    for finding, _ in view.found:
-        which = f", {label(finding.kind, finding.target)}" if len(view.found) > 1 else ""
+    for finding, cause in view.found:
+        which = f", {label_of_cause(cause)}" if len(view.found) > 1 else ""
         out.append((f"Formula{which}", f"{output} = {finding.formula}"))
         out.append((f"In LaTeX{which}", f"{name} = {finding.latex}"))
     return tuple(out)
 
 
 def _beta_scan(view: View) -> pd.DataFrame | None:
+    """Return held-out scores at a few weights, None where it makes no sense or takes minutes."""
     diagnosis = view.diagnosis
-    if not diagnosis.estimator_.posterior_.coefficients.shape[1]:
+    if not view.has_weight or view.infers_surrogate:
         return None
     return diagnosis.beta_scan(view.as_given(view.X), view.y, _BETAS)
 
 
 def _wrapped(sentence: str) -> str:
-    return textwrap.fill(sentence, _WIDTH, break_long_words=False, break_on_hyphens=False)
+    # a number stays with its sign
+    held = sentence.replace(" %", _HOLD + "%")
+    text = textwrap.fill(held, _WIDTH, break_long_words=False, break_on_hyphens=False)
+    return text.replace(_HOLD, " ")
 
 
 def _aligned(table: pd.DataFrame) -> str:

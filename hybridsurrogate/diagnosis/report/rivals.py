@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from hybridsurrogate.diagnosis.discrepancy import next_measurement
 from hybridsurrogate.diagnosis.report import digits
 from hybridsurrogate.diagnosis.report.tables import noise_of
-from hybridsurrogate.diagnosis.report.view import View, label, label_of
+from hybridsurrogate.diagnosis.report.view import View, label, label_of, label_of_cause
+from hybridsurrogate.diagnosis.verdict import NOT_WEIGHED, is_weighed
 
 # probability of a remainder from which on it is told
 _REMAINDER = 0.5
-# expected information in nats below which one more measurement is hardly worth it
-_LITTLE_INFORMATION = 0.05
+# causes whose failing runs are told one by one; the table of causes has all of them
+_MOST_NOTES = 3
+# expected information in bits below which one more measurement is hardly worth it
+_LITTLE_INFORMATION = 0.07
 _SETTLED = 0.95
 
 
@@ -26,10 +28,16 @@ def rivals(view: View) -> list[str]:
     if view.extended:
         out += _alike(view) + _remainder(view)
     table = d.causes_
+    weighed = is_weighed(table)
+    failing = table[weighed & (table["note"] != "")]
+    for kind, target, note in failing[["kind", "target", "note"]].head(_MOST_NOTES).to_numpy():
+        under = "As it is" if kind == "none" else f"With {label(kind, target)}"
+        out.append(f"{under} {note}.")
+    left = table[~weighed]
     skipped = [
-        f"{kind} ({note.removeprefix('not weighed: ')})"
-        for kind, note in zip(table["kind"], table["note"], strict=True)
-        if note
+        f"{label(kind, target if isinstance(target, str) else None)} "
+        f"({note.removeprefix(NOT_WEIGHED)})"
+        for kind, target, note in zip(left["kind"], left["target"], left["note"], strict=True)
     ]
     if skipped:
         out.append(f"Not weighed: {digits.listing(skipped)}.")
@@ -45,15 +53,9 @@ def next_step(view: View) -> list[str]:
     out = [_advice(view)]
     if not others:
         return out
-    here, there = (float(view.expected(rival, at)[0]) for rival in (first, others[0]))
-    nats = float(next_measurement(d.search_, at)[0])
-    out.append(
-        f"One more measurement would best tell the explanations apart at {place}: there "
-        f"'{label_of(first)}' expects {view.output} = {digits.number(here)}, "
-        f"'{label_of(others[0])}' {digits.number(there)}, with noise of "
-        f"{noise_of(view, after=True)}."
-    )
-    if nats < _LITTLE_INFORMATION:
+    bits = f"{_small(d.next_information_)} bits"
+    scale = "where 1 bit decides between two explanations that are equally probable"
+    if d.next_information_ < _LITTLE_INFORMATION:
         settled = d.search_.probability.max() > _SETTLED
         why = (
             "the data have decided between them already"
@@ -61,10 +63,22 @@ def next_step(view: View) -> list[str]:
             else "within what was simulated they predict nearly the same, beside their uncertainty"
         )
         out.append(
-            f"It would tell little, {digits.number(nats, 2)} nats where 0.7 decide between two "
-            f"equal rivals: {why}."
+            "No single measurement more would tell much about which explanation is true: "
+            f"{why}. The best place is {place}, with {bits} on average, {scale}."
         )
+        return out
+    here, there = (float(view.expected(rival, at)[0]) for rival in (first, others[0]))
+    out.append(
+        f"One more measurement would best tell the explanations apart at {place}: there "
+        f"'{label_of(first)}' expects {view.output} = {digits.number(here)}, "
+        f"'{label_of(others[0])}' {digits.number(there)}, with noise of "
+        f"{noise_of(view, after=True)}. It would tell {bits} on average, {scale}."
+    )
     return out
+
+
+def _small(value: float) -> str:
+    return "less than 0.01" if value < 0.01 else digits.number(value, 2)
 
 
 def _advice(view: View) -> str:
@@ -84,7 +98,7 @@ def _advice(view: View) -> str:
             f"{digits.listing(list(d.indistinguishable_))} where the data come from. Predictions "
             "of extended_estimator_ follow the leading one."
         )
-    found = [label(f.kind, f.target) for f, _ in view.found if f.kind != "unexplained"]
+    found = [label_of_cause(c) for f, c in view.found if f.kind != "unexplained"]
     return (
         f"Check {digits.listing(found)} where the data come from: a "
         "cause that fits is not yet a cause that is true. Predict with extended_estimator_."
@@ -103,7 +117,7 @@ def _alike(view: View) -> list[str]:
     for other in others:
         gap = working(view.expected(first, view.X)) - working(view.expected(other, view.X))
         size = float(np.sqrt(np.mean(gap**2))) / noise
-        told.append(f"{digits.number(size, 2)} from {label_of(other)}")
+        told.append(f"{_small(size)} from {label_of(other)}")
     return [
         f"At the measured rows the fitted curve of {label_of(first)} is this far, in standard "
         f"deviations of the noise (root mean square), from those of its rivals: "
@@ -113,8 +127,8 @@ def _alike(view: View) -> list[str]:
 
 def _remainder(view: View) -> list[str]:
     d = view.diagnosis
-    best = d.causes_[d.causes_["kind"] == d.best_cause_.kind].iloc[0]
-    remainder = float(best["remainder"])
+    place = [w.cause is view.cause for w in d.search_.weighed].index(True)
+    remainder = float(d.search_.remainder[place])
     if d.verdict_ not in ("named", "ambiguous") or not remainder > _REMAINDER:
         return []
     left = view.y - view.after

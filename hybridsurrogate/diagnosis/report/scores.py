@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pandas as pd
 
-from hybridsurrogate.diagnosis.gain import COVERAGE_LEVEL, Gain
+from hybridsurrogate.diagnosis.gain import COVERAGE_LEVEL, HALF, Gain
 from hybridsurrogate.diagnosis.report import digits
 from hybridsurrogate.diagnosis.report.view import View
 from hybridsurrogate.posterior import KHAT_LIMIT
@@ -19,18 +19,43 @@ _EXPLAINED = (
 )
 
 
-def gains(view: View, gain: Gain | None, on_test: Gain | None) -> list[str]:
+def gains(view: View, on_test: Gain | None) -> list[str]:
     """Say what the extension gains on rows that it has not seen."""
-    if gain is None and (on_test is None or not view.extended):
+    d = view.diagnosis
+    if d.gain_ is None and (on_test is None or not view.extended):
         return [*_not_measured(), *([] if on_test is None else _same_model(on_test))]
     out = [_EXPLAINED]
-    if gain is not None:
-        out += _cross_validated(gain, view.diagnosis.best_cause_.kind)
+    if d.gain_ is not None:
+        n = len(d.gain_.folds)
+        rows = f"Within the measured range ({d.gain_.n_rows} rows, held out in {n} folds in turn)"
+        out += _with_search(d.gain_, d.best_cause_.kind, rows)
+        out += _out_of_range(view)
     if on_test is not None:
         if view.extended:
             out += _gain(on_test, f"On the rows held back ({on_test.n_rows} rows)")
         else:
             out += _same_model(on_test)
+    return out
+
+
+def _out_of_range(view: View) -> list[str]:
+    gain, name = view.diagnosis.gain_out_of_range_, view.inputs[0]
+    if gain is None:
+        return [
+            "Beyond the measured range the gain was not measured: it would need one input along "
+            "which rows have an order, and 14 rows or more. Give rows held back instead: "
+            "report(test=(X_test, y_test))."
+        ]
+    blocks = len(gain.folds)
+    parts = "one part" if blocks == 1 else f"{blocks} parts"
+    rows = (
+        f"Beyond what a model had seen (the last {gain.n_rows} rows along {name}, in {parts}, each "
+        "foreseen from all rows before it)"
+    )
+    best = view.diagnosis.best_cause_.kind
+    out = _with_search(gain, best, rows)
+    if gain.kinds.count(best) < blocks and view.extended:
+        out.append("What shows in the last rows alone cannot be foreseen from those before them.")
     return out
 
 
@@ -55,6 +80,11 @@ def judgement(gain: Gain) -> str:
 
 def trust(view: View, scan: pd.DataFrame | None) -> list[str]:
     """Say how much the simulation should weigh against the data, before and after."""
+    if scan is None and view.has_weight:
+        return [
+            "How much weight the simulation deserves was not tried: this surrogate infers its "
+            "hyperparameters anew at every weight, which takes minutes. beta_scan(X, y) does it."
+        ]
     if scan is None:
         return [
             "There is no weight to choose: the surrogate is the simulation itself and learns no "
@@ -62,7 +92,8 @@ def trust(view: View, scan: pd.DataFrame | None) -> list[str]:
         ]
     first = (
         "The weight beta says how much the simulation's runs count against the measured data: 0 is "
-        f"the data only, 1 the simulation only. Tried: {digits.listing(_betas(scan))}."
+        f"the data only, 1 the simulation only. Tried on three folds: "
+        f"{digits.listing(_betas(scan))}."
     )
     before, after = (scan.iloc[int(np.argmax(scan[word]))] for word in ("before", "after"))
     if not view.extended:
@@ -108,26 +139,26 @@ def draws(view: View) -> list[str]:
     return out
 
 
-def _cross_validated(gain: Gain, best: str) -> list[str]:
+def _with_search(gain: Gain, best: str, rows: str) -> list[str]:
+    """Say what was gained where the search was repeated on the other rows of each fold."""
     n = len(gain.folds)
-    rows = f"On {gain.n_rows} measured rows, held out in {n} folds in turn"
     if set(gain.kinds) == {"none"}:
         return [
-            f"{rows}: {gain.elpd_before:.3f}. The search was repeated in each fold and none of "
-            "them added anything, so that there is no gain to measure.",
+            f"{rows}: {gain.elpd_before:.3f}. The search was repeated without these rows each time "
+            "and never added anything, so that there is no gain to measure.",
             _coverage(gain),
         ]
     counts = {kind: gain.kinds.count(kind) for kind in dict.fromkeys(gain.kinds)}
     chose = ", ".join(f"{kind} {count}" for kind, count in counts.items())
     out = [
         *_gain(gain, rows),
-        f"The search was repeated in each of the {n} folds, so that choosing the cause is paid "
-        f"for; the folds chose: {chose}.",
+        "The search was repeated without these rows each time, so that choosing the cause is paid "
+        f"for; it chose: {chose}.",
     ]
     if counts.get(best, 0) < n:
         out.append(
-            f"Only {counts.get(best, 0)} of the {n} folds chose {best}, as all rows together do: "
-            "the score after is that of whatever each fold chose."
+            f"Of these {n} searches {counts.get(best, 0) or 'none'} chose {best}, as all rows "
+            "together do: the score after is that of whatever each of them chose."
         )
     return out
 
@@ -149,6 +180,7 @@ def _gain(gain: Gain, rows: str) -> list[str]:
 
 
 def _coverage(gain: Gain) -> str:
+    """Say how many rows the 90 % and the 50 % interval hold."""
     allowed = 2 * math.sqrt(COVERAGE_LEVEL * (1 - COVERAGE_LEVEL) / gain.n_rows)
     off = gain.coverage_after - COVERAGE_LEVEL
     word = (
@@ -158,9 +190,23 @@ def _coverage(gain: Gain) -> str:
         if off < 0
         else "too many: the uncertainty stated is too large"
     )
-    before, after = (digits.percent(c) for c in (gain.coverage_before, gain.coverage_after))
-    told = f"{after} of the rows" if before == after else f"{before} before and {after} after"
-    return f"The {100 * COVERAGE_LEVEL:g} % interval holds {told}: {word}."
+    outer, inner = (
+        _before_and_after(*pair)
+        for pair in (
+            (gain.coverage_before, gain.coverage_after),
+            (gain.half_before, gain.half_after),
+        )
+    )
+    return (
+        f"The {100 * COVERAGE_LEVEL:g} % interval holds {outer} of these rows: {word}. The "
+        f"{100 * HALF:g} % interval holds {inner}."
+    )
+
+
+def _before_and_after(before: float, after: float) -> str:
+    if before == after:
+        return digits.percent(after)
+    return f"{digits.percent(before)} before and {digits.percent(after)} after"
 
 
 def _same_model(gain: Gain) -> list[str]:

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hybridsurrogate.diagnosis.evidence import kind_of
+from hybridsurrogate.diagnosis.confounding import confounded, told
 from hybridsurrogate.diagnosis.report import digits
 from hybridsurrogate.diagnosis.report.tables import noise_of, thirds, unit_of
-from hybridsurrogate.diagnosis.report.view import View, label, label_of
+from hybridsurrogate.diagnosis.report.view import View, label_of, label_of_cause
 from hybridsurrogate.diagnosis.verdict import kind_shares
 from hybridsurrogate.effects.base import Cause
 
 if TYPE_CHECKING:
-    from hybridsurrogate.diagnosis.diagnosis import CauseFinding
+    from hybridsurrogate.diagnosis.finding import CauseFinding
 
 # what each kind means for the one who wrote the simulation
 _MEANING = {
@@ -34,6 +34,12 @@ _MEANING = {
     "delay": "the measurements lag behind the simulation, or run ahead of it, in {column}",
     "missing-term": "{target} gains or loses something that its equation leaves out",
     "noise": "the scatter of the measurements changes over {column}",
+    # forms that are another thing than the plain one of their kind
+    "trend: quadratic": "the gap between measured and simulated {output} is a parabola over "
+    "{column}",
+    "missing-input: categorical": "{output} is higher or lower by an amount of its own for each "
+    "value of {target}, which the simulation ignores",
+    "missing-input: level": "{output} is off where {target} has one of its values",
 }
 
 
@@ -70,7 +76,7 @@ def verdict(view: View) -> list[str]:
         ]
     best, shares = d.best_cause_, kind_shares(d.search_)
     finding, cause = view.found[0]
-    found = f"{label(best.kind, best.target)}{_with_estimates(view, finding, cause)}"
+    found = f"{label_of_cause(cause)}{_with_estimates(view, finding, cause)}"
     if d.verdict_ == "named":
         return [
             f"Named: {_lower(first)}",
@@ -119,7 +125,13 @@ def where(view: View) -> list[str]:
             "places even where nothing is wrong."
         )
         return out
-    elif not thirds(view):
+    if not any(cause.changes_output for _, cause in view.found):
+        out.append(
+            "The simulation's curve stays as it is; what changes is how far the measurements "
+            "scatter around it, and with that how much each of them counts."
+        )
+        return out
+    if not thirds(view):
         out.append("The predicted mean stays as it is; what changes is its uncertainty.")
     else:
         change = np.abs(view.change)
@@ -158,8 +170,8 @@ def where(view: View) -> list[str]:
     else:
         out.append(
             f"A smooth curve through measured minus simulated {scale} is nowhere clear of zero "
-            f"(pointwise 90 % band) over the measured range of {band.column}{_elsewhere(view)}: it "
-            "is too slow to follow what was found."
+            f"(pointwise 90 % band) over the measured range of {band.column}{_elsewhere(view)}: "
+            "what was found is no smooth curve over that column."
         )
     return out
 
@@ -184,6 +196,7 @@ def extension(view: View) -> list[str]:
         "Means, with 90 % intervals in brackets; the simulation's parameters were estimated anew "
         "beside the cause."
     )
+    out += told(confounded(d.confounded_))
     if d.extended_simulator_ is not None:
         names = digits.listing(list(d.extended_simulator_.parameter_names))
         out.append(f"extended_simulator_ runs the formula, with the parameters {names}.")
@@ -217,21 +230,25 @@ def _with_estimates(view: View, finding: CauseFinding, cause: Cause) -> str:
     told = [f"{name} {digits.interval(*values)}" for name, values in finding.estimates.items()]
     if not told:
         return ""
-    units = {name: unit_of(view, cause, name) for name in finding.estimates}
+    named: dict[str, list[str]] = {}
+    for name in finding.estimates:
+        named.setdefault(unit_of(view, cause, name), []).append(name)
     in_units = [
-        f"{name} {unit}" if unit.startswith("a ") else f"{name} in units of {unit}"
-        for name, unit in units.items()
+        f"{digits.listing(names)} {unit if unit.startswith('a ') else f'in units of {unit}'}"
+        for unit, names in named.items()
         if unit
     ]
     return f", with {', '.join(told)}; {', '.join(['90 % intervals', *in_units])}"
 
 
 def _meaning(view: View, finding: CauseFinding, cause: Cause) -> list[str]:
-    meaning = cause.meaning or _MEANING.get(finding.kind)
+    form = f"{cause.kind}: {(cause.variant.split() or [''])[0]}"
+    meaning = cause.meaning or _MEANING.get(form, _MEANING.get(cause.kind))
     if meaning is None:
         return []
     column = getattr(cause, "column", None) or finding.target
-    names = {"output": view.output, "target": finding.target, "column": column}
+    target = (finding.target or "").replace(" * ", " and ")
+    names = {"output": view.output, "target": target, "column": column}
     return [f"That means: {meaning.format(**names)}."]
 
 
@@ -242,7 +259,7 @@ def _further(view: View) -> list[str]:
         if finding.kind == "unexplained":
             out.append("Beside it a smooth curve of unknown shape is needed.")
             continue
-        known = f"{label(finding.kind, finding.target)}{_with_estimates(view, finding, cause)}"
+        known = f"{label_of_cause(cause)}{_with_estimates(view, finding, cause)}"
         out.append(
             f"Beside it a further search found: {known}. There it has "
             f"{digits.probability(finding.probability)} of the probability."
@@ -253,11 +270,10 @@ def _further(view: View) -> list[str]:
 
 def _runner_up(view: View) -> str:
     found = view.diagnosis.search_
-    best = view.diagnosis.best_cause_
     others = [
         (float(p), w)
         for p, w in zip(found.probability, found.weighed, strict=True)
-        if (kind_of(w), w.cause.target if w.cause else None) != (best.kind, best.target)
+        if w.cause is not view.cause
     ]
     if not others:
         return ""

@@ -13,6 +13,7 @@ from hybridsurrogate.diagnosis.gain import Gain
 from hybridsurrogate.diagnosis.report.section import Section
 from hybridsurrogate.diagnosis.report.tables import parameter_intervals, thirds
 from hybridsurrogate.diagnosis.report.view import View
+from hybridsurrogate.diagnosis.trust import best_betas
 
 # raised whenever a key changes its meaning or goes away
 SCHEMA_VERSION = 1
@@ -57,10 +58,16 @@ def summary(
             "before": np.sqrt(np.mean((view.y - view.before) ** 2)),
             "after": np.sqrt(np.mean((view.y - view.after) ** 2)),
         },
-        "gain": None if diagnosis.gain_ is None else asdict(diagnosis.gain_),
-        "gain_on_test": None if on_test is None else asdict(on_test),
+        "gain": _of(diagnosis.gain_),
+        "gain_out_of_range": _of(diagnosis.gain_out_of_range_),
+        "gain_on_test": _of(on_test),
         "beta_scan": None if scan is None else scan.to_dict("records"),
+        "best_beta": None
+        if scan is None
+        else dict(zip(("before", "after"), best_betas(scan), strict=True)),
         "next_measurement": diagnosis.next_measurement_,
+        "next_information": diagnosis.next_information_,
+        "confounded": diagnosis.confounded_.to_dict("records"),
         "draws": {
             "before": asdict(diagnosis.estimator_.diagnostics_),
             "after": asdict(diagnosis.extended_estimator_.diagnostics_),
@@ -76,6 +83,10 @@ def summary(
         ],
     }
     return plain(values)
+
+
+def _of(gain: Gain | None) -> dict[str, Any] | None:
+    return None if gain is None else asdict(gain)
 
 
 def plain(value: Any) -> Any:

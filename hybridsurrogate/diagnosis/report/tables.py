@@ -8,32 +8,34 @@ import pandas as pd
 from hybridsurrogate.diagnosis.discrepancy import Third, shares_of_thirds
 from hybridsurrogate.diagnosis.report import digits
 from hybridsurrogate.diagnosis.report.view import View
+from hybridsurrogate.diagnosis.verdict import form_of
 from hybridsurrogate.effects.base import Cause
 
 Interval = tuple[float, float, float]
 
-_MOST_CAUSES = 8
-
 
 def cause_table(view: View) -> pd.DataFrame:
     """Return the causes that were weighed, most probable first."""
-    table = view.diagnosis.causes_
-    shown = table[table["note"] == ""].head(_MOST_CAUSES)
+    base = view.diagnosis.search_.weighed[0].log_evidence
+    shown = view.most_probable
     return pd.DataFrame(
         {
-            "cause": shown["kind"],
-            "concerns": [t if isinstance(t, str) else "" for t in shown["target"]],
-            "probability": [digits.probability(p) for p in shown["probability"]],
-            "log evidence": [f"{e:.1f}" for e in shown["log_evidence"]],
+            "cause": [form_of(w.cause) if w.cause else "none" for w, _ in shown],
+            "concerns": [(w.cause.target or "") if w.cause else "" for w, _ in shown],
+            "probability": [digits.probability(p) for _, p in shown],
+            "log evidence": [f"{w.log_evidence - base:.1f}" for w, _ in shown],
         }
     )
 
 
 def thirds(view: View) -> list[Third]:
     """Return where the extension changes the predictions; nothing without an extension."""
-    if not view.extended or not np.any(view.change):
+    if not any(cause.changes_output for _, cause in view.found) or not np.any(view.change):
         return []
-    return shares_of_thirds(view.X, view.change, view.columns)
+    found = shares_of_thirds(view.X, view.change, view.columns)
+    # other columns than inputs and what a cause looks at have a share by accident
+    matter = {*view.inputs, *(name for _, cause in view.found for name in cause.reads)}
+    return [third for third in found if third.column in matter]
 
 
 def third_table(view: View) -> pd.DataFrame | None:
@@ -93,6 +95,8 @@ def unit_of(view: View, cause: Cause, name: str) -> str:
     moved = target if cause.kind == "parameter-drift" else output
     if name.startswith("level_"):
         return output
+    if cause.kind == "noise" and name == "slope":
+        return f"log noise per {column}"
     inside = cause.modification is not None
     if name in ("amount", "amplitude") and inside:
         return f"a share of {target}"

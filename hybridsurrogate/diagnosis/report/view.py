@@ -11,17 +11,20 @@ import pandas as pd
 from scipy import special
 
 from hybridsurrogate.diagnosis.discrepancy import predict_locally
-from hybridsurrogate.diagnosis.evidence import Weighed, kind_of
+from hybridsurrogate.diagnosis.evidence import Weighed
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.plotting import Prediction
 from hybridsurrogate.priors import FloatArray
 
 if TYPE_CHECKING:
-    from hybridsurrogate.diagnosis.diagnosis import CauseFinding, DiscrepancyDiagnosis
+    from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
+    from hybridsurrogate.diagnosis.finding import CauseFinding
 
 _MOST_RIVALS = 4
+_MOST_CAUSES = 8
 _WORTH_DRAWING = 0.005
 _N_BINS = 5
+_FEW_LEVELS = 12
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,16 @@ class View:
     def extended(self) -> bool:
         """Whether there is a model after, other than the one before."""
         return self.diagnosis.extended_estimator_ is not self.diagnosis.estimator_
+
+    @property
+    def has_weight(self) -> bool:
+        """Whether there is a surrogate for whose training runs and measurements compete."""
+        return bool(self.diagnosis.estimator_.posterior_.coefficients.shape[1])
+
+    @property
+    def infers_surrogate(self) -> bool:
+        """Whether the surrogate has hyperparameters, to be inferred anew at every weight."""
+        return bool(self.diagnosis.estimator_.posterior_.model.n_hyper)
 
     @property
     def cause(self) -> Cause | None:
@@ -137,12 +150,24 @@ class View:
         return min(low, float(self.x.min())), max(high, float(self.x.max()))
 
     def grid(
-        self, low: float, high: float, at: FloatArray | None = None, n: int = 800
+        self, low: float, high: float, at: FloatArray | None = None, n: int = 400
     ) -> FloatArray:
         """Return rows that vary the shown column, the others at their medians or at one row."""
-        rows = np.repeat((np.median(self.X, axis=0) if at is None else at)[None], n, axis=0)
-        rows[:, self.shown] = np.linspace(low, high, n)
+        known = np.unique(self.x)
+        few = self.name not in self.inputs and len(known) <= _FEW_LEVELS
+        # between its few values a column such as a batch means nothing
+        values = known if few else np.linspace(low, high, n)
+        row = np.median(self.X, axis=0) if at is None else at
+        rows = np.repeat(row[None], len(values), axis=0)
+        rows[:, self.shown] = values
         return rows
+
+    @property
+    def most_probable(self) -> list[tuple[Weighed, float]]:
+        """The first few of all causes that were weighed, with their probabilities."""
+        found = self.diagnosis.search_
+        order = np.argsort(-found.probability, kind="stable")[:_MOST_CAUSES]
+        return [(found.weighed[k], float(found.probability[k])) for k in order]
 
     def rivals(self) -> list[Weighed]:
         """Return the most probable explanations, at least two where there are two."""
@@ -179,27 +204,27 @@ def prediction(model: Any, rows: Any) -> Prediction:
     )
 
 
-def label(kind: str, target: str | None) -> str:
-    """Return how a report calls a cause: "step in year"."""
-    if kind == "none":
-        return "nothing is wrong"
-    if kind == "unexplained":
-        return "a smooth curve, cause unknown"
-    return (
-        f"{kind} of {target}"
-        if target and kind in _OF
-        else f"{kind} in {target}"
-        if target
-        else kind
-    )
+def label(kind: str, target: str | None, variant: str = "") -> str:
+    """Return how a report calls a cause: "step in year", "trend in t (quadratic)"."""
+    if kind in _WORDS:
+        return _WORDS[kind]
+    of = "of" if kind in _OF else "in"
+    name = f"{kind} {of} {target}" if target else kind
+    return f"{name} ({variant})" if variant else name
 
 
+_WORDS = {"none": "nothing is wrong", "unexplained": "a smooth curve, cause unknown"}
 _OF = ("wrong-constant", "parameter-drift", "interaction", "missing-term")
+
+
+def label_of_cause(cause: Cause | None) -> str:
+    """Return how a report calls a cause, None for nothing wrong."""
+    return label("none", None) if cause is None else label(cause.kind, cause.target, cause.variant)
 
 
 def label_of(rival: Weighed) -> str:
     """Return how a report calls one explanation of a search."""
-    return label(kind_of(rival), rival.cause.target if rival.cause else None)
+    return label_of_cause(rival.cause)
 
 
 def _explained(x: FloatArray, curve: FloatArray) -> float:

@@ -1,0 +1,129 @@
+"""From a fitted estimator to what a search needs: the problem, the causes, the emulator."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from hybridsurrogate.diagnosis.emulator_error import correct_emulator
+from hybridsurrogate.effects.base import Cause, Context
+from hybridsurrogate.effects.catalogue import Skipped, catalogue
+from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.estimators.problem import Problem, make_context, make_problem
+from hybridsurrogate.exceptions import DiagnosisWarning
+from hybridsurrogate.inference.linearised import Belief, coefficient_belief
+from hybridsurrogate.simulation import SimulationData
+from hybridsurrogate.surrogates.base import Basis
+
+
+class Prepared(NamedTuple):
+    """The measured rows as a problem without effects, and the causes to weigh on it.
+
+    Attributes
+    ----------
+    problem : Problem
+    causes : list of Cause
+        Prepared.
+    skipped : list of Skipped
+        What cannot be weighed, with reasons.
+    unusable : list of Skipped
+        The user's own among them.
+    """
+
+    problem: Problem
+    causes: list[Cause]
+    skipped: list[Skipped]
+    unusable: list[Skipped]
+
+    def warn(self) -> None:
+        """Warn of the user's own causes that cannot be weighed."""
+        for left in self.unusable:
+            name = f"{left.kind}({left.target})" if left.target else left.kind
+            warnings.warn(
+                f"Your cause {name!r} was not weighed: {left.reason}.",
+                DiagnosisWarning,
+                stacklevel=3,
+            )
+
+
+def prepare(
+    fitted: PowerScaledSurrogate, own: Sequence[Cause], forms: Collection[str] | None = None
+) -> Prepared:
+    """Return what a search over the catalogue and the user's own causes needs.
+
+    Parameters
+    ----------
+    fitted : PowerScaledSurrogate
+        Without effects.
+    own : sequence of Cause
+        The user's.
+    forms : collection of str or None, default=None
+        Which forms of the catalogue; None: all.
+
+    Raises
+    ------
+    ValueError
+        By name, for a cause of the user's that returns a wrong shape or NaN.
+    """
+    surrogate, likelihood = fitted._check_parameters()
+    X, y = fitted._measured
+    columns = fitted.posterior_.model.columns
+    problem = make_problem(
+        fitted.simulation, surrogate, likelihood, fitted.noise_prior, (), columns, X, y
+    )
+    # a search over causes has no time to infer a surrogate's hyperparameters each time
+    hyper = fitted.posterior_.values[:, fitted.posterior_.model.n_unknowns :]
+    problem = problem.given(np.median(hyper, axis=0))
+    context = make_context(
+        fitted.simulation,
+        columns,
+        problem.model.n_inputs,
+        X,
+        problem.scale,
+        likelihood,
+        problem.model.basis,
+    )
+    usable, unusable = [], []
+    for cause in own:
+        reason = _lacks(cause, context, problem)
+        if reason is None:
+            usable.append(cause)
+        else:
+            unusable.append(Skipped(cause.kind, cause.target, reason))
+    causes, skipped = catalogue(context, usable, forms)
+    return Prepared(problem, causes, [*unusable, *skipped], unusable)
+
+
+def _lacks(cause: Cause, context: Context, problem: Problem) -> str | None:
+    """Return what a cause of the user's needs and does not find, None where it has everything."""
+    try:
+        prepared = cause.prepare(context)
+    except ValueError as error:
+        return str(error)
+    try:
+        problem.model.with_effects([prepared]).check_effects(problem.X)
+    except KeyError as error:
+        there = [*context.X, *context.parameters, *context.assumed]
+        return f"it asks for {error}; there are {there}"
+    return None
+
+
+def trained_emulator(problem: Problem, fitted: PowerScaledSurrogate) -> tuple[Problem, Belief]:
+    """Return the problem with the surrogate as the runs alone tell it, its own error corrected."""
+    basis = problem.model.basis
+    belief = coefficient_belief(basis, problem.simulation)
+    runs = fitted.simulation
+    if problem.simulation is None or not isinstance(runs, SimulationData):
+        return problem, belief
+    run_eta = problem.likelihood.working(runs.y)
+    corrected, belief = correct_emulator(basis, belief, runs, run_eta)
+    return with_basis(problem, corrected), belief
+
+
+def with_basis(problem: Problem, basis: Basis) -> Problem:
+    """Return the problem with another surrogate of the same simulation."""
+    return replace(problem, model=replace(problem.model, basis=basis))

@@ -1,0 +1,103 @@
+"""The whole diagnosis once more, on some of the rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from numpy.random import RandomState
+from numpy.typing import ArrayLike
+from sklearn.base import clone
+
+from hybridsurrogate.diagnosis.evidence import Search, kind_of
+from hybridsurrogate.diagnosis.extension import extend_simulator
+from hybridsurrogate.diagnosis.forward import Step, forward_search
+from hybridsurrogate.diagnosis.preparation import prepare, with_basis
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.estimators.problem import Problem
+from hybridsurrogate.simulation import Simulator
+
+# enough for scores whose own standard error is that of a handful of rows
+FOLD_DRAWS = 400
+
+
+class Pair(NamedTuple):
+    """The models before and after, fitted to the same rows, and the kind that was chosen."""
+
+    before: PowerScaledSurrogate
+    after: PowerScaledSurrogate
+    kind: str
+
+
+@dataclass(frozen=True)
+class Rehearsal:
+    """Search and extension, repeated on some of the rows: selection is part of what is scored.
+
+    Attributes
+    ----------
+    estimator : PowerScaledSurrogate
+        The model before, not fitted.
+    own : sequence of Cause
+    found : Search
+        On all rows: emulator and belief come from the runs alone, which are the same in each fold,
+        and climbs start where its climbs ended.
+    max_causes : int
+    false_alarm_rate : float
+    """
+
+    estimator: PowerScaledSurrogate
+    own: Sequence[Cause]
+    found: Search
+    max_causes: int
+    false_alarm_rate: float
+
+    def __call__(self, X: ArrayLike, y: ArrayLike) -> Pair:
+        """Return the models before and after for these rows."""
+        before = clone(self.estimator)
+        before.set_params(n_draws=min(int(before.n_draws), FOLD_DRAWS)).fit(X, y)
+        prepared = prepare(before, self.own)
+        problem = with_basis(prepared.problem, self.found.problem.model.basis)
+        steps = forward_search(
+            problem,
+            prepared.causes,
+            self.found.belief,
+            self.max_causes,
+            self.false_alarm_rate,
+            None,
+            # without replicates nothing in a search is random
+            RandomState(0),
+            self.found,
+        )
+        after = extended(before, accepted(steps), X, y)
+        return Pair(before, after, kind_of(steps[0].chosen))
+
+
+def accepted(steps: Sequence[Step]) -> tuple[Cause, ...]:
+    """Return the causes that a forward search accepted."""
+    return tuple(step.chosen.cause for step in steps if step.found and step.chosen.cause)
+
+
+def extended(
+    before: PowerScaledSurrogate, causes: tuple[Cause, ...], X: ArrayLike, y: ArrayLike
+) -> PowerScaledSurrogate:
+    """Return the estimator with causes as effects, fitted; the one before where there are none."""
+    return clone(before).set_params(effects=causes).fit(X, y) if causes else before
+
+
+def extended_simulator(
+    simulator: Simulator | None, causes: Sequence[Cause], problem: Problem
+) -> Simulator | None:
+    """Return the user's simulation with all causes in it.
+
+    None where there are only runs, or nothing to add.
+    """
+    # a factor acts on the simulation alone, not on what other causes add to it
+    ordered = sorted(causes, key=lambda cause: not cause.touches_simulation)
+    changes = [c for c in ordered if c.kind != "unexplained" and c.changes_output]
+    if simulator is None or not changes:
+        return None
+    for cause in changes:
+        simulator = extend_simulator(simulator, cause, problem)
+    return simulator

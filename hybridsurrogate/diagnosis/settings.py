@@ -1,0 +1,57 @@
+"""What a diagnosis can work with."""
+
+from __future__ import annotations
+
+from numbers import Integral
+from typing import TYPE_CHECKING
+
+from sklearn.utils import check_scalar
+
+from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.likelihoods import TransformedNormal, as_likelihood
+
+if TYPE_CHECKING:
+    from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
+
+_MIN_ROWS = 8
+
+
+def check_settings(diagnosis: DiscrepancyDiagnosis) -> None:
+    """Raise TypeError or ValueError, with a way out, for parameters that cannot work."""
+    _check_estimator(diagnosis.estimator)
+    check_scalar(diagnosis.max_causes, "max_causes", Integral, min_val=1)
+    rate, n = diagnosis.false_alarm_rate, diagnosis.n_replicates
+    if not 0 < rate < 1:
+        raise ValueError(f"false_alarm_rate must be in (0, 1), got {rate}.")
+    if n < 1 / rate - 1:
+        raise ValueError(
+            f"n_replicates = {n} cannot give a p-value of {rate}: use at least {int(1 / rate)}."
+        )
+
+
+def check_rows(n: int) -> None:
+    """Raise ValueError for fewer measured rows than a diagnosis can work with."""
+    if n < _MIN_ROWS:
+        raise ValueError(f"A diagnosis needs at least {_MIN_ROWS} measured rows, got {n}.")
+
+
+def _check_estimator(estimator: PowerScaledSurrogate | None) -> None:
+    if not isinstance(estimator, PowerScaledSurrogate):
+        raise TypeError(
+            "estimator must be a PowerScaledSurrogate, whose effects a diagnosis can extend; "
+            f"got {type(estimator).__name__}."
+        )
+    if estimator.simulation is None:
+        raise ValueError("There is no simulation to diagnose: give the estimator simulation=...")
+    if tuple(estimator.effects):
+        raise ValueError(
+            "The estimator has effects already. Diagnose the estimator without them: a cause "
+            "found now is named beside the catalogue, not beside another cause."
+        )
+    likelihood = as_likelihood(estimator.likelihood)
+    if not isinstance(likelihood, TransformedNormal):
+        raise ValueError(
+            "The diagnosis weighs causes in closed form, which needs a normal or log-normal "
+            f"likelihood, not a {likelihood.name} one. For counts use likelihood='lognormal' "
+            "on y + 1, measured and simulated."
+        )

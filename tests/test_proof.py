@@ -1,0 +1,143 @@
+"""Gains within and beyond the measured range, and how far trust in the simulation rises."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+from sklearn.base import clone
+
+import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.folds import folds_beyond, future_folds, random_folds
+from hybridsurrogate.diagnosis.gain import FoldGain, held_out_gain, pointwise
+from hybridsurrogate.diagnosis.trust import best_betas, scan_beta
+
+
+def line(t, level, slope):
+    return level + slope * t
+
+
+@pytest.fixture(scope="module")
+def simulator():
+    return hs.Simulator(line, {"t": (0, 14)}, {"level": norm(0, 3), "slope": norm(1, 0.5)})
+
+
+def test_the_future_is_foreseen_from_the_past_alone():
+    x = np.random.default_rng(0).permutation(50.0 * np.arange(40))
+    folds = future_folds(x)
+    assert [len(test) for _, test in folds] == [5, 6, 5]
+    for train, test in folds:
+        assert x[train].max() < x[test].min()
+    assert sorted(np.concatenate([test for _, test in folds])) == sorted(np.argsort(x)[24:])
+
+
+def test_rows_of_equal_time_stay_together():
+    x = np.repeat(np.arange(10.0), 4)
+    folds = future_folds(x)
+    assert folds
+    for train, test in folds:
+        assert not set(x[train]) & set(x[test])
+
+
+def test_too_few_rows_have_no_future():
+    assert future_folds(np.arange(11.0)) == []
+    assert future_folds(np.zeros(40)) == []
+    # the first cut would leave nine rows to learn from, the second twelve
+    assert [len(train) for train, _ in future_folds(np.arange(16.0))] == [12, 14]
+
+
+def test_order_along_the_only_input_or_in_time(simulator):
+    X = np.column_stack([np.arange(30.0), np.zeros(30)])
+    assert len(folds_beyond(simulator, X)) == 3
+    two = hs.Simulator(lambda t, depth: t + depth, {"t": (0, 1), "depth": (0, 1)})
+    assert folds_beyond(two, X) == []
+    ode = hs.OdeSimulator(
+        lambda t, state, rate, depth: -rate * depth * state,
+        initial_state=[1.0],
+        observe=lambda state: state[0],
+        inputs={"t": (0, 4), "depth": (1, 2)},
+        parameters={"rate": norm(1, 0.1)},
+        states="n",
+    )
+    assert len(folds_beyond(ode, X)) == 3
+
+
+class Told:
+    """A fitted model that always predicts a standard normal around one value."""
+
+    def __init__(self, mean):
+        self.mean = mean
+
+    def predict(self, X):
+        return np.full(len(X), self.mean)
+
+    def predict_interval(self, X, level):
+        half = norm.ppf(0.5 + level / 2)
+        return self.predict(X) - half, self.predict(X) + half
+
+    def log_predictive_density(self, X, y):
+        return norm.logpdf(y, self.mean)
+
+
+def test_scores_of_known_models():
+    y = np.array([0.0, 0.5, 1.0, 3.0])
+    scores = pointwise(Told(0.0), y[:, None], y)
+    # a standard normal has 50 % within 0.674 and 90 % within 1.645
+    assert scores.inside_half.tolist() == [1, 1, 0, 0]
+    assert scores.inside.tolist() == [1, 1, 1, 0]
+    tests = [np.array([0, 1]), np.array([2, 3])]
+    pairs = [(Told(0.0), Told(1.0), "offset"), (Told(0.0), Told(1.0), "trend")]
+    gain = held_out_gain(tests, pairs, y[:, None].__getitem__, y)
+    # log densities differ by -0.5 ((y - 1)^2 - y^2) = y - 0.5
+    assert gain.elpd_difference == pytest.approx(np.mean(y - 0.5))
+    assert gain.standard_error == pytest.approx(np.std(y, ddof=1) / 2)
+    assert gain.rmse_before == pytest.approx(np.sqrt(np.mean(y**2)))
+    assert (gain.coverage_before, gain.coverage_after) == (0.75, 0.75)
+    assert (gain.half_before, gain.half_after) == (0.5, 0.5)
+    assert gain.kinds == ("offset", "trend")
+    expected = FoldGain("offset", 2, 0, 0, 0.25)
+    assert gain.folds[0].n_rows == expected.n_rows
+    assert gain.folds[0].standard_error == pytest.approx(expected.standard_error)
+
+
+def test_a_wave_pays_off_beyond_the_measured_rows_too(simulator):
+    rng = np.random.default_rng(1)
+    t = np.sort(rng.uniform(0, 14, 40))
+    y = line(t, 1.0, 1.2) + 2 * np.sin(2 * np.pi * t / 2.9) + 0.4 * rng.standard_normal(40)
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), n_draws=200, random_state=0
+    )
+    diagnosis = hs.DiscrepancyDiagnosis(model, cv=2, n_replicates=20, random_state=0)
+    diagnosis.fit(t[:, None], y)
+    within, beyond = diagnosis.gain_, diagnosis.gain_out_of_range_
+    assert (within.n_rows, beyond.n_rows) == (40, 16)
+    assert (len(within.folds), len(beyond.folds)) == (2, 3)
+    assert beyond.kinds == ("periodic",) * 3
+    assert beyond.elpd_difference > 2 * beyond.standard_error
+    assert beyond.rmse_after < 0.5 * beyond.rmse_before
+
+
+def test_trust_rises_once_the_fault_is_named(simulator):
+    rng = np.random.default_rng(0)
+    t = np.sort(rng.uniform(0, 14, 40))
+    y = line(t, 1.0, 1.0) + 3 * (t - 5) ** 2 / 20 + 0.3 * rng.standard_normal(40)
+    before = hs.PowerScaledSurrogate(
+        simulator.run(64, random_state=0),
+        surrogate=hs.PolynomialChaos(degree=2),
+        n_draws=200,
+        random_state=0,
+    )
+    parabola = hs.Trend("t", degree=2, center=7.0, span=14.0)
+    after = clone(before).set_params(effects=(parabola,))
+    betas = np.array([0.05, 0.5, 0.9])
+    X = t[:, None]
+    scan = scan_beta((before, after), betas, random_folds(40, 2, 0), X.__getitem__, y)
+    assert list(scan.columns) == ["beta", "before", "after"]
+    first, then = best_betas(scan)
+    assert first < then
+    # with most of the weight on the runs, a straight line cannot follow the bend
+    assert scan["after"].iloc[-1] > scan["before"].iloc[-1] + 0.5
+
+
+def test_folds_are_those_asked_for():
+    folds = random_folds(20, 5, 0)
+    assert sorted(np.concatenate([test for _, test in folds])) == list(range(20))
+    assert [len(test) for _, test in random_folds(9, 5, 0)] == [3, 2, 2, 2]

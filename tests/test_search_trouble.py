@@ -1,0 +1,213 @@
+"""Searches that are stopped, causes that cannot be weighed, simulations that fail."""
+
+import numpy as np
+import pytest
+from scipy.stats import halfnorm, norm
+from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
+
+import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.evidence import search
+from hybridsurrogate.diagnosis.preparation import prepare, trained_emulator
+from hybridsurrogate.diagnosis.verdict import cause_table
+
+
+def line(t, level, slope):
+    return level + slope * t
+
+
+T = np.linspace(0, 10, 30)
+Y = line(T, 1.0, 1.0) + 2.0 * (T > 6) + 0.2 * np.random.default_rng(0).standard_normal(30)
+
+
+def diagnosis_of(*causes, function=line, **settings):
+    simulator = hs.Simulator(function, {"t": (0, 10)}, {"level": norm(0, 3), "slope": norm(1, 0.5)})
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), n_draws=200, random_state=0
+    )
+    settings = {"cv": None, "n_replicates": 20, "random_state": 0, **settings}
+    return hs.DiscrepancyDiagnosis(model, causes=causes, **settings)
+
+
+class Own(hs.Cause):
+    """A bend whose strength is unknown."""
+
+    kind = "bend"
+    target = "t"
+    parameters = {"rate": halfnorm(scale=1.0)}
+    coefficients = ("amplitude",)
+
+    def columns(self, X, theta):
+        return np.sqrt(theta["rate"] * X["t"])[:, None]
+
+
+class Stopped(Own):
+    """Whose user presses Ctrl-C at its first curve after the checks."""
+
+    calls = 0
+
+    def columns(self, X, theta):
+        Stopped.calls += 1
+        if Stopped.calls > 1:
+            raise KeyboardInterrupt
+        return super().columns(X, theta)
+
+
+def test_an_interrupted_search_keeps_the_causes_already_weighed():
+    Stopped.calls = 0
+    diagnosis = diagnosis_of(Stopped())
+    with (
+        pytest.warns(hs.DiagnosisWarning, match="causes had been weighed, and causes_ holds them"),
+        pytest.raises(KeyboardInterrupt),
+    ):
+        diagnosis.fit(T[:, None], Y)
+    table = diagnosis.causes_
+    weighed = table[table["note"] == ""]
+    assert {"none", "step", "trend", "bump", "offset"} <= set(weighed["kind"])
+    assert weighed["probability"].sum() == pytest.approx(1)
+    assert weighed["kind"].iloc[0] == "step"
+    (note,) = table[table["kind"] == "bend"]["note"]
+    assert note == "not weighed: the search was interrupted"
+    assert not hasattr(diagnosis, "verdict_")
+    with pytest.raises(NotFittedError):
+        diagnosis.predict(T[:, None])
+
+
+def test_an_interrupt_after_the_search_keeps_the_verdict(monkeypatch):
+    def stop(*arguments):
+        raise KeyboardInterrupt
+
+    diagnosis = diagnosis_of().fit(T[:, None], Y).set_params(cv=2)
+    monkeypatch.setattr("hybridsurrogate.diagnosis.diagnosis.proof", stop)
+    with (
+        pytest.warns(hs.DiagnosisWarning, match=r"(\d+) of \1 causes had been weighed"),
+        pytest.raises(KeyboardInterrupt),
+    ):
+        diagnosis.fit(T[:, None], Y)
+    assert diagnosis.verdict_ in ("named", "ambiguous")
+    assert diagnosis.causes_["kind"].iloc[0] == diagnosis.best_cause_.kind
+    # nothing is left of the fit before
+    assert not hasattr(diagnosis, "n_features_in_")
+    assert diagnosis.gain_ is None
+
+
+class Flat(Own):
+    def columns(self, X, theta):
+        return np.sqrt(theta["rate"] * X["t"])
+
+
+class Broken(Own):
+    def columns(self, X, theta):
+        return np.full((len(X["t"]), 1), np.nan)
+
+
+class Shrunk(Own):
+    def gain(self, X, theta):
+        return np.ones(3)
+
+
+@pytest.mark.parametrize(
+    ("cause", "message"),
+    [
+        (Flat(), r"The cause 'bend\(t\)' must return shape \(60, 1\) from columns"),
+        (Broken(), r"The cause 'bend\(t\)' returned NaN or infinity from columns"),
+        (Shrunk(), r"The cause 'bend\(t\)' must return shape \(\) or \(60,\) from gain"),
+    ],
+)
+def test_a_cause_of_the_users_that_is_wrong_is_named(cause, message):
+    with pytest.raises(ValueError, match=message):
+        diagnosis_of(cause).fit(T[:, None], Y)
+
+
+class Windy(Own):
+    def columns(self, X, theta):
+        return (theta["rate"] * X["wind"])[:, None]
+
+
+@pytest.mark.parametrize(
+    ("cause", "kind", "reason"),
+    [
+        (Windy(), "bend", "it asks for 'wind'; there are ['t', 'level', 'slope']"),
+        (hs.Trend("wind"), "trend", "There is no measured column 'wind'"),
+        (hs.WrongConstant("ambient"), "wrong-constant", "ambient"),
+        (hs.DynamicDrift("slope"), "parameter-drift", "OdeSimulator"),
+    ],
+)
+def test_a_cause_of_the_users_that_lacks_something_is_skipped_with_a_reason(cause, kind, reason):
+    with pytest.warns(hs.DiagnosisWarning, match="was not weighed"):
+        diagnosis = diagnosis_of(cause).fit(T[:, None], Y)
+    table = diagnosis.causes_
+    notes = table[(table["kind"] == kind) & (table["log_evidence"].isna())]["note"]
+    assert any(note.startswith("not weighed: ") and reason in note for note in notes)
+    assert diagnosis.verdict_ in ("named", "ambiguous")
+
+
+def test_too_few_distinct_values_are_a_reason_too():
+    t = np.repeat([0.0, 5.0, 10.0], 10)
+    diagnosis = diagnosis_of().fit(t[:, None], Y)
+    notes = diagnosis.causes_.set_index("kind")["note"]
+    assert notes["step"] == "not weighed: t has 3 distinct values, 6 are needed"
+    assert notes["offset"] == ""
+
+
+def half_broken(t, level, slope):
+    # a slope below one is a case that this simulation cannot do
+    return np.where(slope < 1.0, np.nan, level + slope * t)
+
+
+def test_parameters_for_which_the_simulation_fails_are_impossible_and_reported():
+    y = line(T, 1.0, 1.3) + 0.2 * np.random.default_rng(1).standard_normal(30)
+    diagnosis = diagnosis_of(function=half_broken).fit(T[:, None], y)
+    assert diagnosis.estimator_.posterior_.values[:, 1].min() >= 1.0
+    assert diagnosis.verdict_ == "adequate"
+    notes = diagnosis.causes_.set_index("kind")["note"]
+    failed = int(notes["none"].split()[4])
+    # half of the prior of the slope lies below one: 32 of 64, and three standard errors
+    assert abs(failed - 32) <= 12
+    assert notes["none"].endswith(
+        "of 64 sets of parameters from the priors, which count as impossible"
+    )
+    assert notes["offset"] == ""
+
+
+def test_an_equation_that_blows_up_for_some_parameters():
+    # n' = rate n^2 leaves every bound at t = 1 / rate
+    simulator = hs.OdeSimulator(
+        lambda t, state, rate: rate * state**2,
+        initial_state=[1.0],
+        observe=lambda state: state[0],
+        inputs={"t": (0, 1)},
+        parameters={"rate": hs.truncated_normal(0.8, 0.4, 0.1, 2.0)},
+        states="n",
+    )
+    t = np.linspace(0.05, 0.95, 24)
+    y = 1 / (1 - 0.7 * t) + 0.02 * np.random.default_rng(0).standard_normal(24)
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), n_draws=100, random_state=0
+    )
+    model.fit(t[:, None], y)
+    assert np.isfinite(model.predict(t[:, None])).all()
+    assert abs(model.posterior_.values[:, 0].mean() - 0.7) < 0.02
+    table = table_of(model, ("offset", "unexplained"))
+    assert "the simulation fails for" in table.set_index("kind")["note"]["none"]
+    assert np.isfinite(table["log_evidence"]).all()
+
+
+def table_of(fitted, forms):
+    """Return the table of causes of a search over some forms."""
+    prepared = prepare(fitted, (), forms)
+    problem, belief = trained_emulator(prepared.problem, fitted)
+    return cause_table(search(problem, prepared.causes, belief), prepared.skipped)
+
+
+def test_near_copies_have_forms_of_their_own():
+    forms = ("trend", "trend: quadratic", "parameter-drift", "parameter-drift: logistic")
+    model = clone(diagnosis_of().estimator).fit(T[:, None], Y)
+    table = table_of(model, (*forms, "unexplained"))
+    assert list(table.columns) == [
+        *("kind", "target", "form", "probability", "log_evidence", "remainder", "note")
+    ]
+    weighed = table[table["note"] == ""]
+    assert {"none", "trend", "trend: quadratic", "unexplained"} <= set(weighed["form"])
+    assert "parameter-drift: logistic over t" in set(weighed["form"])
+    assert not weighed.duplicated(["kind", "target", "form"]).any()
