@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,26 +14,31 @@ Numbers = Mapping[str, FloatArray]  # a modification's own numbers, (m,) each
 
 
 @dataclass(frozen=True)
-class Modification:
+class Modification(ABC):
     """A change of the right-hand side that has numbers of its own, and does nothing at neutral.
 
-    Subclasses say which numbers there are, and override `factors` or `terms`.
+    Subclasses say which numbers there are and what they concern, and override `factors` or
+    `terms`.
     """
 
     @property
+    @abstractmethod
     def label(self) -> str:
         """What the full names of the numbers begin with."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def neutral(self) -> dict[str, float]:
         """Own names of the numbers, at values that change nothing."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def sizes(self) -> tuple[str, ...]:
         """Own names of those numbers which, all at neutral, change nothing."""
-        raise NotImplementedError
+
+    @abstractmethod
+    def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
+        """Raise ValueError where an ODE with these rates and states has nothing to change."""
 
     @property
     def constants(self) -> dict[str, float]:
@@ -111,6 +117,11 @@ class TimeVaryingParameter(Modification):
         """The amount, or sine and cosine."""
         return _SHAPES[self.shape].sizes
 
+    def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
+        """Raise ValueError where the right-hand side does not take the parameter."""
+        if self.parameter not in rates:
+            raise ValueError(f"rhs has no parameter {self.parameter!r}; it has {list(rates)}.")
+
     def factors(self, t: FloatArray, numbers: Numbers, step: float) -> dict[str, FloatArray]:
         """Return the factor on the parameter."""
         course = _SHAPES[self.shape].course
@@ -158,6 +169,11 @@ class MissingTerm(Modification):
     def sizes(self) -> tuple[str, ...]:
         """The rate."""
         return ("rate",)
+
+    def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
+        """Raise ValueError where there is no such state."""
+        if self.state not in states:
+            raise ValueError(f"There is no state {self.state!r}; the states are {list(states)}.")
 
     def terms(self, state: Mapping[str, FloatArray], numbers: Numbers) -> dict[str, FloatArray]:
         """Return the term."""

@@ -128,7 +128,7 @@ class OdeSimulator(Simulator):
         names = (*others, *(n for n in (*(parameters or ()), *(assumed or ())) if n not in numbers))
         rates = accepted_names(rhs, "rhs", 2, names)
         for change in modifications:
-            _check_modification(change, states, rates)
+            change.check(rates, states)
         function = OdeFunction(
             rhs,
             initial_state,
@@ -269,13 +269,3 @@ def _numbers(modifications: Sequence[Modification]) -> dict[str, float]:
             )
         numbers |= change.constants
     return numbers
-
-
-def _check_modification(
-    change: Modification, states: tuple[str, ...], rates: tuple[str, ...]
-) -> None:
-    parameter, state = getattr(change, "parameter", None), getattr(change, "state", None)
-    if parameter is not None and parameter not in rates:
-        raise ValueError(f"rhs has no parameter {parameter!r}; it has {list(rates)}.")
-    if state is not None and state not in states:
-        raise ValueError(f"There is no state {state!r}; the states are {list(states)}.")

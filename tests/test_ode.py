@@ -266,6 +266,9 @@ def test_wrong_names():
         make_decay().modified([MissingTerm("x", "constant")])
     with pytest.raises(ValueError, match="give one of them another prefix"):
         make_decay().modified([MissingTerm("n", "constant")] * 2)
+    plain = hs.Simulator(lambda t: t, inputs={"t": (0, 1)})
+    with pytest.raises(ValueError, match="no right-hand side"):
+        plain.modified([MissingTerm("n", "constant")])
     with pytest.raises(ValueError, match="shape must be one of"):
         TimeVaryingParameter("rate", "jump")
     with pytest.raises(ValueError, match="form must be"):
@@ -369,6 +372,34 @@ def test_extended_simulator_is_an_ode_with_the_cause_in_it(diagnosed):
         random_state=0,
     )
     assert "rate" in second_fall.fit(*hidden_fall()).posterior_.estimates(0)
+
+
+def test_extension_changes_the_dynamics_before_the_output():
+    t, y = hidden_fall()
+    fall = hs.DynamicDrift("contact_rate", "step")
+    model = hs.PowerScaledSurrogate(
+        make_epidemic(max_step=1.0),
+        surrogate=hs.ExactSurrogate(),
+        effects=(hs.Gain(), fall),
+        likelihood="lognormal",
+        n_draws=50,
+        random_state=0,
+    ).fit(t, y)
+    posterior = model.posterior_
+    diagnosis = hs.DiscrepancyDiagnosis(model)
+    diagnosis.estimator_ = model
+    extended = diagnosis._extended_simulator(diagnosis._problem(model)[0], posterior.model.effects)
+    assert list(extended.parameters) == [
+        "contact_rate",
+        "contact_rate_step_amount",
+        "contact_rate_step_location",
+        "log_gain",
+    ]
+    # on a logarithmic scale a gain is a column
+    values = [*posterior.values[0], *posterior.effect_coefficients[0]]
+    np.testing.assert_allclose(
+        np.log(extended(t, np.tile(values, (len(t), 1)))), posterior.eta(t)[0][0], atol=1e-9
+    )
 
 
 def test_catalogue_says_why_the_dynamics_are_not_weighed():

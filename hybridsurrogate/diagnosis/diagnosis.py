@@ -310,8 +310,11 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
 
     def _extended_simulator(self, problem: Problem, causes: tuple[Cause, ...]) -> Any:
         simulator = self.estimator_.simulation.simulator
-        # a factor acts on the simulation alone, not on what other causes add to it
-        ordered = sorted(causes, key=lambda cause: not cause.touches_simulation)
+        # what is inside the dynamics first, while they are seen; a factor acts on the simulation
+        # alone, not on what other causes add to it
+        ordered = sorted(
+            causes, key=lambda cause: (cause.modification is None, not cause.touches_simulation)
+        )
         changes = [c for c in ordered if c.kind != "unexplained" and c.changes_output]
         if simulator is None or not changes:
             return None

@@ -10,7 +10,6 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.likelihoods import Likelihood
-from hybridsurrogate.ode import OdeSimulator
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation import Simulator
 
@@ -66,7 +65,7 @@ def extend_simulator(simulator: Simulator, cause: Cause, problem: Problem) -> Si
     if not cause.changes_output:
         raise ValueError(f"The cause {cause.name!r} leaves the simulation as it is.")
     change = cause.modification
-    if change is not None and isinstance(simulator, OdeSimulator):
+    if change is not None:
         priors = {change.full(name): prior for name, prior in cause.parameters.items()}
         return simulator.modified([change], priors)
     taken = {*simulator.input_names, *simulator.parameter_names, *simulator.assumed_names}
