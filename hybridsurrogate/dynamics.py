@@ -67,19 +67,20 @@ class TimeVaryingParameter(Modification):
     Parameters
     ----------
     parameter : str
-    shape : {"step", "ramp", "logistic", "periodic"}
+    shape : {"step", "ramp", "logistic", "exponential", "periodic"}
         What s(t) is:
 
         - step: 0 before `location`, 1 after; a tanh over about two steps of the solver, so that a
           Runge-Kutta method keeps its accuracy;
         - ramp: (t - location) / duration, cut to [0, 1];
         - logistic: 1 / (1 + exp(-(t - location) / width));
+        - exponential: the factor on p is exp(rate (t - center));
         - periodic: instead of amount s(t), sine sin(a) + cosine cos(a) with
           a = 2 pi (t - center) / period.
     prefix : str or None, default=None
         What the full names of the numbers begin with; None: parameter and shape.
     center : float, default=0.0
-        Of the periodic shape.
+        Of the exponential and the periodic shape.
 
     Notes
     -----
@@ -114,7 +115,7 @@ class TimeVaryingParameter(Modification):
 
     @property
     def sizes(self) -> tuple[str, ...]:
-        """The amount, or sine and cosine."""
+        """The amount, the rate, or sine and cosine."""
         return _SHAPES[self.shape].sizes
 
     def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
@@ -202,6 +203,11 @@ def _logistic(_: FloatArray, t: FloatArray, numbers: Numbers, step: float) -> Fl
     return numbers["amount"] * 0.5 * (1 + rise)
 
 
+def _exponential(centred: FloatArray, _: FloatArray, numbers: Numbers, step: float) -> FloatArray:
+    # a factor of e^50 breaks any simulation; beyond there is overflow only
+    return np.expm1(np.clip(numbers["rate"] * centred, -50, 50))
+
+
 def _periodic(centred: FloatArray, _: FloatArray, numbers: Numbers, step: float) -> FloatArray:
     angle = 2 * np.pi * centred / numbers["period"]
     return numbers["sine"] * np.sin(angle) + numbers["cosine"] * np.cos(angle)
@@ -211,5 +217,6 @@ _SHAPES = {
     "step": _Shape(("amount",), {"location": 0.0}, _step),
     "ramp": _Shape(("amount",), {"location": 0.0, "duration": 1.0}, _ramp),
     "logistic": _Shape(("amount",), {"location": 0.0, "width": 1.0}, _logistic),
+    "exponential": _Shape(("rate",), {}, _exponential),
     "periodic": _Shape(("sine", "cosine"), {"period": 1.0}, _periodic),
 }

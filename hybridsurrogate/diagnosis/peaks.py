@@ -14,6 +14,7 @@ from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.inference.layout import Layout, layout, refine
 from hybridsurrogate.inference.linearised import Belief, linearise
 from hybridsurrogate.inference.measured import MeasuredModel
+from hybridsurrogate.inference.multistart import best_of_many, is_followed
 from hybridsurrogate.inference.noise import NoiseTable
 from hybridsurrogate.inference.scan import Peak, climb, scan
 from hybridsurrogate.priors import FloatArray, to_normal
@@ -35,6 +36,10 @@ _FLOOR = 1e-6
 
 # causes this far (in nats) behind the best one after a first climb are not followed in earnest
 _PROMISING = 12.0
+
+
+# a fit this many times closer than without the cause is as good as exact
+_NEGLIGIBLE = 1e-3
 
 
 _NEUTRAL_MOVES = (0.0, 0.7, -0.7)
@@ -121,6 +126,10 @@ def best_peaks(
             peak = climb(model, problem.X, problem.y, belief, plan, first, null.sigma, null.sigma)
             fits.append(Fitted(model, plan, peak, null.sigma))
             continue
+        if is_followed(model.effects[-1]):
+            start = None if nearby is None else first
+            fits.append(_followed(problem, belief, noise, model, plan, null, start))
+            continue
         peak = _highest(problem, belief, model, plan, [first], null.sigma)
         fits.append(Fitted(model, plan, peak, _sigma_of(problem, peak, null.sigma)))
     sizes = np.geomspace(SMALLEST_SIZE * null.sigma, LARGEST_SIZE * problem.scale, 4)
@@ -135,12 +144,30 @@ def best_peaks(
     promising = ~(reached < np.max(reached[named], initial=-np.inf) - _PROMISING)
     for k in map(int, np.flatnonzero(promising)):
         model, plan, peak, _ = fits[k]
-        if _is_noise_process(model):
+        if _is_noise_process(model) or is_followed(model.effects[-1]):
             continue
         other = _highest(problem, belief, model, plan, starts[k][1:], null.sigma)
         best = min(peak, other, key=lambda found: found.objective)
         fits[k] = _settled(problem, belief, noise, Fitted(model, plan, best, null.sigma))
     return fits
+
+
+def _followed(
+    problem: Problem,
+    belief: Belief,
+    noise: NoiseTable,
+    model: MeasuredModel,
+    plan: Layout,
+    null: Fitted,
+    z: FloatArray | None,
+) -> Fitted:
+    """Fit a cause whose unknowns are all followed, from many starts or from a known peak z."""
+    sigma, plain = null.sigma, plan.followed()
+    if z is None:
+        floor = _NEGLIGIBLE * null.sigma
+        z, sigma = best_of_many(model, problem.X, problem.y, belief, plan, null.peak.z, floor)
+    peak = _highest(problem, belief, model, plain, [z], sigma)
+    return _settled(problem, belief, noise, Fitted(model, plain, peak, sigma))
 
 
 def _is_noise_process(model: MeasuredModel) -> bool:

@@ -14,7 +14,8 @@ from hybridsurrogate.effects.bump import Bump
 from hybridsurrogate.effects.decay import Decay
 from hybridsurrogate.effects.delay import Delay
 from hybridsurrogate.effects.discrepancy_process import GaussianProcessDiscrepancy
-from hybridsurrogate.effects.dynamics import DynamicDrift, DynamicTerm
+from hybridsurrogate.effects.dynamic_drift import DynamicDrift
+from hybridsurrogate.effects.dynamic_term import DynamicTerm
 from hybridsurrogate.effects.gain import Gain
 from hybridsurrogate.effects.interaction import Interaction
 from hybridsurrogate.effects.missing_input import MissingInput, trouble_with_levels
@@ -88,7 +89,7 @@ FORMS = (
     "unexplained",
 )
 # inside the dynamics: a step is a steep logistic course, a ramp nearly a slow one
-_COURSES = ("logistic", "periodic")
+_COURSES = ("logistic", "exponential", "periodic")
 _MIN_TIMES = 8
 
 

@@ -42,6 +42,17 @@ class Layout:
     edges: FloatArray
     log_weight: FloatArray
 
+    def followed(self) -> Layout:
+        """Return the layout with nothing enumerated: what was is followed like a parameter."""
+        return replace(
+            self,
+            fixed=np.concatenate([self.fixed, self.nodes]),
+            nodes=self.nodes[:0],
+            grid=np.empty((1, 0)),
+            edges=np.empty((1, 0, 2)),
+            log_weight=np.zeros(1),
+        )
+
     def at(self, index: NDArray[np.intp]) -> Layout:
         """Return the layout at some of its nodes."""
         return replace(
