@@ -212,6 +212,17 @@ class OdeSimulator(Simulator):
         """Return the states (n_states, n) for rows as in calling the simulator."""
         return self.function.solution(self._columns(*self._check_points(X, omega)))
 
+    def held(self, X: FloatArray) -> FloatArray:
+        """Return inputs (n, n_inputs) with times before the start at the start.
+
+        A cause that shifts time, such as a delay, meets the initial state there.
+        """
+        time = X[:, :1]
+        # NaN stays NaN
+        return np.hstack(
+            [np.where(time < self.function.start, self.function.start, time), X[:, 1:]]
+        )
+
     def typical_states(self, X: FloatArray) -> dict[str, float]:
         """Return the root mean square of each state at the medians of the priors.
 

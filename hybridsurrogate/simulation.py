@@ -123,6 +123,10 @@ class Simulator:
         """Return sizes of the states inside, which a function does not show: none."""
         return {}
 
+    def held(self, X: FloatArray) -> FloatArray:
+        """Return inputs (n, n_inputs) before which nothing happens moved to where it begins."""
+        return X
+
     def modified(
         self,
         modifications: Sequence[Modification],

@@ -237,6 +237,21 @@ def test_times_before_the_start():
         make_decay()([0.5], [1.0])
 
 
+def test_a_delay_meets_the_initial_state_before_the_start():
+    t = np.linspace(1, 5, 30)
+    y = make_decay()(np.maximum(t - 0.6, 1), np.full(30, 1.1))
+    y = y + 0.01 * np.random.default_rng(0).standard_normal(30)
+    model = hs.PowerScaledSurrogate(
+        make_decay(),
+        surrogate=hs.ExactSurrogate(),
+        effects=(hs.Delay("t"),),
+        n_draws=200,
+        random_state=0,
+    ).fit(t[:, None], y)
+    assert model.posterior_.estimates(0)["lag"].mean() == pytest.approx(0.6, abs=0.05)
+    np.testing.assert_allclose(model.predict([[1.2]]), 2.0, atol=0.02)
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [

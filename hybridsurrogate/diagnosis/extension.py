@@ -45,7 +45,7 @@ class ExtendedFunction:
         run_X, run_omega = self.cause.inputs(X, omega, theta)
         inputs = np.column_stack([run_X[name] for name in simulator.input_names])
         points = np.column_stack([run_omega[name] for name in parameters]) if parameters else None
-        eta = self.likelihood.link(simulator(inputs, points))
+        eta = self.likelihood.link(simulator(simulator.held(inputs), points))
         eta = self.cause.gain(X, theta) * eta
         columns = self.cause.columns(X, theta)
         if columns is not None:

@@ -257,7 +257,7 @@ class _Transformed:
     def __call__(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         # parameters far in the tails may break a simulation: NaN there means impossible
         with np.errstate(all="ignore"):
-            return self.likelihood.link(self.simulator(X, omega))
+            return self.likelihood.link(self.simulator(self.simulator.held(X), omega))
 
 
 def _callable(
