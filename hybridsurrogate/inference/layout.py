@@ -14,6 +14,9 @@ from hybridsurrogate.priors import FloatArray, Prior, prior_range, to_normal
 # a grid is fine enough when this many nodes an axis lie within two nats of the best
 _ENOUGH_NODES = 4
 _MOST_SPLIT = 40
+# a constant may have been assumed at the very end of its prior, where z knows no slope: its search
+# begins where the prior has mass
+_FARTHEST = 2.0
 
 
 @dataclass(frozen=True)
@@ -85,7 +88,7 @@ def layout(model: MeasuredModel) -> Layout:
             cells.append(_cells(axes[name], prior))
         elif name in start:
             sizes.append(position)
-            neutral[position] = to_normal([prior], [start[name]])[0]
+            neutral[position] = np.clip(to_normal([prior], [start[name]])[0], -_FARTHEST, _FARTHEST)
     mesh = np.meshgrid(*(np.arange(len(cell)) for cell in cells), indexing="ij")
     index = [axis.ravel() for axis in mesh]
     edges = np.empty((1, 0, 2))
