@@ -60,7 +60,7 @@ def main() -> None:
         },
         states=("susceptible", "infected"),
         output="infected per 100,000",
-        max_step=0.5,
+        max_step=1.0 if given.fast else 0.5,
     )
     simulation = simulator.run(200 if given.fast else 1000, random_state=0)
     settings = {
