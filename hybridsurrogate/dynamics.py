@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,26 +14,31 @@ Numbers = Mapping[str, FloatArray]  # a modification's own numbers, (m,) each
 
 
 @dataclass(frozen=True)
-class Modification:
+class Modification(ABC):
     """A change of the right-hand side that has numbers of its own, and does nothing at neutral.
 
-    Subclasses say which numbers there are, and override `factors` or `terms`.
+    Subclasses say which numbers there are and what they concern, and override `factors` or
+    `terms`.
     """
 
     @property
+    @abstractmethod
     def label(self) -> str:
         """What the full names of the numbers begin with."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def neutral(self) -> dict[str, float]:
         """Own names of the numbers, at values that change nothing."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def sizes(self) -> tuple[str, ...]:
         """Own names of those numbers which, all at neutral, change nothing."""
-        raise NotImplementedError
+
+    @abstractmethod
+    def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
+        """Raise ValueError where an ODE with these rates and states has nothing to change."""
 
     @property
     def constants(self) -> dict[str, float]:
@@ -61,19 +67,20 @@ class TimeVaryingParameter(Modification):
     Parameters
     ----------
     parameter : str
-    shape : {"step", "ramp", "logistic", "periodic"}
+    shape : {"step", "ramp", "logistic", "exponential", "periodic"}
         What s(t) is:
 
         - step: 0 before `location`, 1 after; a tanh over about two steps of the solver, so that a
           Runge-Kutta method keeps its accuracy;
         - ramp: (t - location) / duration, cut to [0, 1];
         - logistic: 1 / (1 + exp(-(t - location) / width));
+        - exponential: the factor on p is exp(rate (t - center));
         - periodic: instead of amount s(t), sine sin(a) + cosine cos(a) with
           a = 2 pi (t - center) / period.
     prefix : str or None, default=None
         What the full names of the numbers begin with; None: parameter and shape.
     center : float, default=0.0
-        Of the periodic shape.
+        Of the exponential and the periodic shape.
 
     Notes
     -----
@@ -108,8 +115,13 @@ class TimeVaryingParameter(Modification):
 
     @property
     def sizes(self) -> tuple[str, ...]:
-        """The amount, or sine and cosine."""
+        """The amount, the rate, or sine and cosine."""
         return _SHAPES[self.shape].sizes
+
+    def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
+        """Raise ValueError where the right-hand side does not take the parameter."""
+        if self.parameter not in rates:
+            raise ValueError(f"rhs has no parameter {self.parameter!r}; it has {list(rates)}.")
 
     def factors(self, t: FloatArray, numbers: Numbers, step: float) -> dict[str, FloatArray]:
         """Return the factor on the parameter."""
@@ -159,6 +171,11 @@ class MissingTerm(Modification):
         """The rate."""
         return ("rate",)
 
+    def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
+        """Raise ValueError where there is no such state."""
+        if self.state not in states:
+            raise ValueError(f"There is no state {self.state!r}; the states are {list(states)}.")
+
     def terms(self, state: Mapping[str, FloatArray], numbers: Numbers) -> dict[str, FloatArray]:
         """Return the term."""
         rate = numbers["rate"]
@@ -186,6 +203,11 @@ def _logistic(_: FloatArray, t: FloatArray, numbers: Numbers, step: float) -> Fl
     return numbers["amount"] * 0.5 * (1 + rise)
 
 
+def _exponential(centred: FloatArray, _: FloatArray, numbers: Numbers, step: float) -> FloatArray:
+    # a factor of e^50 breaks any simulation; beyond there is overflow only
+    return np.expm1(np.clip(numbers["rate"] * centred, -50, 50))
+
+
 def _periodic(centred: FloatArray, _: FloatArray, numbers: Numbers, step: float) -> FloatArray:
     angle = 2 * np.pi * centred / numbers["period"]
     return numbers["sine"] * np.sin(angle) + numbers["cosine"] * np.cos(angle)
@@ -195,5 +217,6 @@ _SHAPES = {
     "step": _Shape(("amount",), {"location": 0.0}, _step),
     "ramp": _Shape(("amount",), {"location": 0.0, "duration": 1.0}, _ramp),
     "logistic": _Shape(("amount",), {"location": 0.0, "width": 1.0}, _logistic),
+    "exponential": _Shape(("rate",), {}, _exponential),
     "periodic": _Shape(("sine", "cosine"), {"period": 1.0}, _periodic),
 }

@@ -128,7 +128,7 @@ class OdeSimulator(Simulator):
         names = (*others, *(n for n in (*(parameters or ()), *(assumed or ())) if n not in numbers))
         rates = accepted_names(rhs, "rhs", 2, names)
         for change in modifications:
-            _check_modification(change, states, rates)
+            change.check(rates, states)
         function = OdeFunction(
             rhs,
             initial_state,
@@ -212,6 +212,17 @@ class OdeSimulator(Simulator):
         """Return the states (n_states, n) for rows as in calling the simulator."""
         return self.function.solution(self._columns(*self._check_points(X, omega)))
 
+    def held(self, X: FloatArray) -> FloatArray:
+        """Return inputs (n, n_inputs) with times before the start at the start.
+
+        A cause that shifts time, such as a delay, meets the initial state there.
+        """
+        time = X[:, :1]
+        # NaN stays NaN
+        return np.hstack(
+            [np.where(time < self.function.start, self.function.start, time), X[:, 1:]]
+        )
+
     def typical_states(self, X: FloatArray) -> dict[str, float]:
         """Return the root mean square of each state at the medians of the priors.
 
@@ -269,13 +280,3 @@ def _numbers(modifications: Sequence[Modification]) -> dict[str, float]:
             )
         numbers |= change.constants
     return numbers
-
-
-def _check_modification(
-    change: Modification, states: tuple[str, ...], rates: tuple[str, ...]
-) -> None:
-    parameter, state = getattr(change, "parameter", None), getattr(change, "state", None)
-    if parameter is not None and parameter not in rates:
-        raise ValueError(f"rhs has no parameter {parameter!r}; it has {list(rates)}.")
-    if state is not None and state not in states:
-        raise ValueError(f"There is no state {state!r}; the states are {list(states)}.")

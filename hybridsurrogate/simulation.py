@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from tqdm import tqdm
 
 from hybridsurrogate.design import draw_design
+from hybridsurrogate.dynamics import Modification
 from hybridsurrogate.priors import FloatArray, Prior, prior_range
 from hybridsurrogate.simulation_data import SimulationData, drop_failed, read_simulation
 from hybridsurrogate.variables import (
@@ -57,6 +58,8 @@ class Simulator:
     parameter_ranges : dict of name to (low, high)
         Of the parameters, then of the assumed constants: the support of the prior, with an
         infinite end replaced by the 0.1 % quantile.
+    rates : tuple of str
+        Those parameters and constants of which a right-hand side is known; see `OdeSimulator`.
 
     Examples
     --------
@@ -82,6 +85,7 @@ class Simulator:
     assumed_names: tuple[str, ...]
     input_ranges: dict[str, Range]
     parameter_ranges: dict[str, Range]
+    rates: tuple[str, ...]
 
     def __init__(
         self,
@@ -100,6 +104,7 @@ class Simulator:
             "vectorized": vectorized,
             "input_ranges": check_ranges(inputs),
             "parameter_ranges": {name: prior_range(prior) for name, prior in priors.items()},
+            "rates": (),
         }
         self.__dict__.update(fields)
         _check_arguments(function, self.name, (*self.input_names, *self.parameter_ranges))
@@ -113,6 +118,24 @@ class Simulator:
     def simulator(self) -> Simulator:
         """Itself: runs and a callable simulation can be asked for it alike."""
         return self
+
+    def typical_states(self, X: FloatArray) -> dict[str, float]:
+        """Return sizes of the states inside, which a function does not show: none."""
+        return {}
+
+    def held(self, X: FloatArray) -> FloatArray:
+        """Return inputs (n, n_inputs) before which nothing happens moved to where it begins."""
+        return X
+
+    def modified(
+        self,
+        modifications: Sequence[Modification],
+        parameters: Mapping[str, Prior] | None = None,
+    ) -> Simulator:
+        """Return the simulator with changed dynamics; only an `OdeSimulator` knows its own."""
+        raise ValueError(
+            f"{self.name!r} shows no right-hand side to change: only an OdeSimulator does."
+        )
 
     def __sklearn_clone__(self) -> Simulator:
         return self

@@ -27,8 +27,16 @@ def test_italy():
     folder = shared_path("data", "italy_covid19_wave1.csv").parent
     printed = run_example("italy_covid.py", str(folder))
     assert "Best beta of each scheme" in printed
-    # constant rates cannot follow a lockdown
-    assert "adequate" not in printed
+    # constant rates cannot follow a lockdown, a contact rate that falls can
+    assert "named simulation with contact_rate falling by" in printed
+    scores = {}
+    for line in printed.splitlines():
+        name, found, rest = line.partition(": ELPD per day ")
+        if found:
+            elpd, _, error = rest.partition(", RMSE per 100,000 ")
+            scores[name] = (float(elpd), float(error))
+    assert scores["with the cause"][0] > scores["without the cause"][0] + 1.5
+    assert scores["with the cause"][1] < 25
 
 
 def test_right_choices_win():

@@ -237,6 +237,21 @@ def test_times_before_the_start():
         make_decay()([0.5], [1.0])
 
 
+def test_a_delay_meets_the_initial_state_before_the_start():
+    t = np.linspace(1, 5, 30)
+    y = make_decay()(np.maximum(t - 0.6, 1), np.full(30, 1.1))
+    y = y + 0.01 * np.random.default_rng(0).standard_normal(30)
+    model = hs.PowerScaledSurrogate(
+        make_decay(),
+        surrogate=hs.ExactSurrogate(),
+        effects=(hs.Delay("t"),),
+        n_draws=200,
+        random_state=0,
+    ).fit(t[:, None], y)
+    assert model.posterior_.estimates(0)["lag"].mean() == pytest.approx(0.6, abs=0.05)
+    np.testing.assert_allclose(model.predict([[1.2]]), 2.0, atol=0.02)
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
@@ -266,6 +281,9 @@ def test_wrong_names():
         make_decay().modified([MissingTerm("x", "constant")])
     with pytest.raises(ValueError, match="give one of them another prefix"):
         make_decay().modified([MissingTerm("n", "constant")] * 2)
+    plain = hs.Simulator(lambda t: t, inputs={"t": (0, 1)})
+    with pytest.raises(ValueError, match="no right-hand side"):
+        plain.modified([MissingTerm("n", "constant")])
     with pytest.raises(ValueError, match="shape must be one of"):
         TimeVaryingParameter("rate", "jump")
     with pytest.raises(ValueError, match="form must be"):
@@ -369,6 +387,34 @@ def test_extended_simulator_is_an_ode_with_the_cause_in_it(diagnosed):
         random_state=0,
     )
     assert "rate" in second_fall.fit(*hidden_fall()).posterior_.estimates(0)
+
+
+def test_extension_changes_the_dynamics_before_the_output():
+    t, y = hidden_fall()
+    fall = hs.DynamicDrift("contact_rate", "step")
+    model = hs.PowerScaledSurrogate(
+        make_epidemic(max_step=1.0),
+        surrogate=hs.ExactSurrogate(),
+        effects=(hs.Gain(), fall),
+        likelihood="lognormal",
+        n_draws=50,
+        random_state=0,
+    ).fit(t, y)
+    posterior = model.posterior_
+    diagnosis = hs.DiscrepancyDiagnosis(model)
+    diagnosis.estimator_ = model
+    extended = diagnosis._extended_simulator(diagnosis._problem(model)[0], posterior.model.effects)
+    assert list(extended.parameters) == [
+        "contact_rate",
+        "contact_rate_step_amount",
+        "contact_rate_step_location",
+        "log_gain",
+    ]
+    # on a logarithmic scale a gain is a column
+    values = [*posterior.values[0], *posterior.effect_coefficients[0]]
+    np.testing.assert_allclose(
+        np.log(extended(t, np.tile(values, (len(t), 1)))), posterior.eta(t)[0][0], atol=1e-9
+    )
 
 
 def test_catalogue_says_why_the_dynamics_are_not_weighed():

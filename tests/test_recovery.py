@@ -392,6 +392,32 @@ def squared(x, omega):
     return omega**2 * x
 
 
+def test_a_jump_beside_a_period_needs_no_ensemble():
+    # the density of a jump's location has edges: first proposals miss them, wider ones do not
+    t = np.linspace(0, 10, 30)
+    noise = 0.1 * np.random.default_rng(0).standard_normal(30)
+    y = 3 * np.exp(-0.3 * t) + 0.5 * (t > 4) + 0.3 * np.sin(2 * np.pi * t / 2.5) + noise
+    simulator = hs.Simulator(
+        lambda t, start, rate: start * np.exp(-rate * t),
+        inputs={"t": (0, 10)},
+        parameters={
+            "start": hs.truncated_normal(3, 1, 0, 6),
+            "rate": hs.truncated_normal(0.3, 0.1, 0, 1),
+        },
+    )
+    model = hs.PowerScaledSurrogate(
+        simulator,
+        surrogate=hs.ExactSurrogate(),
+        effects=[hs.Step("t"), hs.Periodic("t")],
+        n_draws=300,
+        random_state=0,
+    ).fit(t[:, None], y)
+    assert model.diagnostics_.sampler == "importance"
+    posterior = model.posterior_
+    assert posterior.estimates(0)["location"].mean() == pytest.approx(4, abs=0.35)
+    assert posterior.estimates(1)["period"].mean() == pytest.approx(2.5, abs=0.1)
+
+
 def test_two_modes_go_to_the_ensemble():
     simulator = hs.Simulator(
         squared, inputs={"x": (0, 1)}, parameters={"omega": stats.uniform(-2, 4)}

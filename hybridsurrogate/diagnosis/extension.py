@@ -10,7 +10,6 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.likelihoods import Likelihood
-from hybridsurrogate.ode import OdeSimulator
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation import Simulator
 
@@ -46,7 +45,7 @@ class ExtendedFunction:
         run_X, run_omega = self.cause.inputs(X, omega, theta)
         inputs = np.column_stack([run_X[name] for name in simulator.input_names])
         points = np.column_stack([run_omega[name] for name in parameters]) if parameters else None
-        eta = self.likelihood.link(simulator(inputs, points))
+        eta = self.likelihood.link(simulator(simulator.held(inputs), points))
         eta = self.cause.gain(X, theta) * eta
         columns = self.cause.columns(X, theta)
         if columns is not None:
@@ -66,7 +65,7 @@ def extend_simulator(simulator: Simulator, cause: Cause, problem: Problem) -> Si
     if not cause.changes_output:
         raise ValueError(f"The cause {cause.name!r} leaves the simulation as it is.")
     change = cause.modification
-    if change is not None and isinstance(simulator, OdeSimulator):
+    if change is not None:
         priors = {change.full(name): prior for name, prior in cause.parameters.items()}
         return simulator.modified([change], priors)
     taken = {*simulator.input_names, *simulator.parameter_names, *simulator.assumed_names}

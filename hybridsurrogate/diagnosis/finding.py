@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hybridsurrogate.diagnosis.evidence import kind_of
 from hybridsurrogate.diagnosis.forward import Step
 from hybridsurrogate.posterior import Posterior
 
@@ -22,7 +23,7 @@ class CauseFinding:
     formula : str
         The extended simulation in words, with numbers.
     probability : float
-        Posterior probability of the cause.
+        Posterior probability of the kind: all its forms and targets together.
     estimates : dict of str to (mean, low, high)
         With 90 % intervals, in the user's units.
     latex : str
@@ -48,7 +49,8 @@ def finding_of(step: Step, position: int, posterior: Posterior) -> CauseFinding:
     posterior : Posterior
     """
     chosen, found = step.chosen, step.search
-    probability = float(found.probability[[w is chosen for w in found.weighed]].sum())
+    alike = [kind_of(w) == kind_of(chosen) for w in found.weighed]
+    probability = float(found.probability[alike].sum())
     cause = chosen.cause
     if cause is None:
         return CauseFinding("none", None, "the simulation as it is", probability, {})

@@ -139,6 +139,6 @@ def _others(causes: Sequence[Cause], chosen: Weighed) -> list[Cause]:
 
 def _ends(weighed: Weighed) -> bool:
     """Tell whether nothing is searched for beside a cause."""
-    # a curve of any shape leaves nothing to name, and beside outliers nothing is in closed form
+    # a curve or a path of any shape leaves nothing to name; beside outliers there is no closed form
     cause = weighed.cause
-    return cause is None or cause.kind == "unexplained" or cause.has_outliers
+    return cause is None or cause.is_process or cause.has_outliers

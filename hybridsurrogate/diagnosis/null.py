@@ -8,6 +8,7 @@ import numpy as np
 from scipy import special
 
 from hybridsurrogate.diagnosis.evidence import Search
+from hybridsurrogate.inference.layout import layout
 from hybridsurrogate.inference.linearised import linearise
 from hybridsurrogate.inference.scan import scan
 from hybridsurrogate.priors import FloatArray
@@ -45,7 +46,9 @@ def null_test(found: Search, n_replicates: int, random_state: np.random.RandomSt
     for w in found.weighed:
         z = w.plan.neutral.copy()
         z[: len(base)] = base
-        parts = linearise(w.model, problem.X, found.belief, w.plan, z)
+        # in a replicate a change may be anywhere, not only where the measured one is
+        plan = w.plan if len(w.plan.nodes) else layout(w.model)
+        parts = linearise(w.model, problem.X, found.belief, plan, z)
         evidence.append(
             special.logsumexp(scan(parts, responses, null.sigma, found.noise, found.sizes), axis=1)
         )

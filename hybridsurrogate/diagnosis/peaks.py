@@ -15,6 +15,7 @@ from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.inference.layout import Layout, layout, refine
 from hybridsurrogate.inference.linearised import Belief, linearise
 from hybridsurrogate.inference.measured import MeasuredModel
+from hybridsurrogate.inference.multistart import best_of_many, is_followed
 from hybridsurrogate.inference.noise import NoiseTable
 from hybridsurrogate.inference.scan import Peak, climb, scan
 from hybridsurrogate.priors import FloatArray, to_normal
@@ -35,7 +36,11 @@ _FLOOR = 1e-6
 
 
 # causes this far (in nats) behind the best one after a first climb are not followed in earnest
-_PROMISING = 12.0
+_FAR_BEHIND = 12.0
+
+
+# a fit this many times closer than without the cause is as good as exact
+_NEGLIGIBLE = 1e-3
 
 
 _NEUTRAL_MOVES = (0.0, 0.7, -0.7)
@@ -119,28 +124,14 @@ def best_peaks(
     fits: list[Fitted] = []
     try:
         for model, plan, (first, *_) in zip(models, plans, starts, strict=True):
-            if _is_noise_process(model):
-                # left free it would take all the noise there is: it has the size of the noise
-                peak = climb(
-                    model, problem.X, problem.y, belief, plan, first, null.sigma, null.sigma
-                )
-                fits.append(Fitted(model, plan, peak, null.sigma))
-                continue
-            peak = _highest(problem, belief, model, plan, [first], null.sigma)
-            fits.append(Fitted(model, plan, peak, _sigma_of(problem, peak, null.sigma)))
-        sizes = np.geomspace(SMALLEST_SIZE * null.sigma, LARGEST_SIZE * problem.scale, 4)
-        reached = np.empty(len(fits))
-        for k, (model, plan, peak, sigma) in enumerate(fits):
-            parts = linearise(model, problem.X, belief, plan, peak.z)
-            nodes = scan(parts, problem.y[None], sigma, noise, sizes)[0]
-            reached[k] = special.logsumexp(nodes)
-        # a curve of any shape reaches high at once: named causes are compared with each other; what
-        # could not be followed at all gets its other starting points, too
-        named = [cause.kind != "unexplained" for cause in causes]
-        promising = ~(reached < np.max(reached[named], initial=-np.inf) - _PROMISING)
-        for k in map(int, np.flatnonzero(promising)):
+            if is_followed(model.effects[-1]):
+                start = None if nearby is None else first
+                fits.append(_followed(problem, belief, noise, model, plan, null, start))
+            else:
+                fits.append(_once(problem, belief, model, plan, first, null.sigma))
+        for k in _promising(problem, belief, noise, null, fits):
             model, plan, peak, _ = fits[k]
-            if _is_noise_process(model):
+            if _is_noise_process(model) or is_followed(model.effects[-1]):
                 continue
             other = _highest(problem, belief, model, plan, starts[k][1:], null.sigma)
             best = min(peak, other, key=lambda found: found.objective)
@@ -148,6 +139,58 @@ def best_peaks(
     except KeyboardInterrupt as stop:
         raise InterruptedSearch(fits) from stop
     return fits
+
+
+def _followed(
+    problem: Problem,
+    belief: Belief,
+    noise: NoiseTable,
+    model: MeasuredModel,
+    plan: Layout,
+    null: Fitted,
+    z: FloatArray | None,
+) -> Fitted:
+    """Fit a cause whose unknowns are all followed, from many starts or from a known peak z."""
+    sigma, plain = null.sigma, plan.followed()
+    if z is None:
+        floor = _NEGLIGIBLE * null.sigma
+        z, sigma = best_of_many(model, problem.X, problem.y, belief, plan, null.peak.z, floor)
+    peak = _highest(problem, belief, model, plain, [z], sigma)
+    return _settled(problem, belief, noise, Fitted(model, plain, peak, sigma))
+
+
+def _once(
+    problem: Problem,
+    belief: Belief,
+    model: MeasuredModel,
+    plan: Layout,
+    start: FloatArray,
+    sigma: float,
+) -> Fitted:
+    """Climb once, on the first grid."""
+    if _is_noise_process(model):
+        # left free it would take all the noise there is: it has the size of the noise
+        peak = climb(model, problem.X, problem.y, belief, plan, start, sigma, sigma)
+        return Fitted(model, plan, peak, sigma)
+    peak = _highest(problem, belief, model, plan, [start], sigma)
+    return Fitted(model, plan, peak, _sigma_of(problem, peak, sigma))
+
+
+def _promising(
+    problem: Problem, belief: Belief, noise: NoiseTable, null: Fitted, fits: Sequence[Fitted]
+) -> list[int]:
+    """Return the positions of the fits that are not far behind, and of those that failed."""
+    sizes = np.geomspace(SMALLEST_SIZE * null.sigma, LARGEST_SIZE * problem.scale, 4)
+    reached = np.empty(len(fits))
+    for k, (model, plan, peak, sigma) in enumerate(fits):
+        parts = linearise(model, problem.X, belief, plan, peak.z)
+        nodes = scan(parts, problem.y[None], sigma, noise, sizes)[0]
+        reached[k] = special.logsumexp(nodes)
+    # a curve of any shape reaches high at once: named causes are compared with each other; what
+    # could not be followed at all gets its other starting points, too
+    named = [fit.model.effects[-1].kind != "unexplained" for fit in fits]
+    behind = reached < np.max(reached[named], initial=-np.inf) - _FAR_BEHIND
+    return [int(k) for k in np.flatnonzero(~behind)]
 
 
 def _is_noise_process(model: MeasuredModel) -> bool:

@@ -94,7 +94,9 @@ def extended_simulator(
     None where there are only runs, or nothing to add.
     """
     # a factor acts on the simulation alone, not on what other causes add to it
-    ordered = sorted(causes, key=lambda cause: not cause.touches_simulation)
+    ordered = sorted(
+        causes, key=lambda cause: (cause.modification is None, not cause.touches_simulation)
+    )
     changes = [c for c in ordered if c.kind != "unexplained" and c.changes_output]
     if simulator is None or not changes:
         return None

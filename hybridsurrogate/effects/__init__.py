@@ -6,7 +6,8 @@ from hybridsurrogate.effects.bump import Bump
 from hybridsurrogate.effects.decay import Decay
 from hybridsurrogate.effects.delay import Delay
 from hybridsurrogate.effects.discrepancy_process import GaussianProcessDiscrepancy
-from hybridsurrogate.effects.dynamics import DynamicDrift, DynamicTerm
+from hybridsurrogate.effects.dynamic_drift import DynamicDrift
+from hybridsurrogate.effects.dynamic_term import DynamicTerm
 from hybridsurrogate.effects.gain import Gain
 from hybridsurrogate.effects.interaction import Interaction
 from hybridsurrogate.effects.missing_input import MissingInput

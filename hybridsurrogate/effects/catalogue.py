@@ -14,7 +14,8 @@ from hybridsurrogate.effects.bump import Bump
 from hybridsurrogate.effects.decay import Decay
 from hybridsurrogate.effects.delay import Delay
 from hybridsurrogate.effects.discrepancy_process import GaussianProcessDiscrepancy
-from hybridsurrogate.effects.dynamics import DynamicDrift, DynamicTerm
+from hybridsurrogate.effects.dynamic_drift import DynamicDrift
+from hybridsurrogate.effects.dynamic_term import DynamicTerm
 from hybridsurrogate.effects.gain import Gain
 from hybridsurrogate.effects.interaction import Interaction
 from hybridsurrogate.effects.missing_input import MissingInput, trouble_with_levels
@@ -88,7 +89,7 @@ FORMS = (
     "unexplained",
 )
 # inside the dynamics: a step is a steep logistic course, a ramp nearly a slow one
-_COURSES = ("logistic", "periodic")
+_COURSES = ("logistic", "exponential", "periodic")
 _MIN_TIMES = 8
 
 
@@ -170,8 +171,10 @@ def _built_in(context: Context) -> Iterator[tuple[str, Cause]]:
         yield "missing-input", MissingInput(column)
         yield "missing-input: quadratic", MissingInput(column, shape="quadratic")
         yield "missing-input: categorical", MissingInput(column, shape="categorical")
-        if trouble_with_levels(context.X[column], column) is None:
-            for level in np.unique(context.X[column]):
+        levels = np.unique(context.X[column])
+        # of two levels one against the other is a straight line
+        if len(levels) > 2 and trouble_with_levels(context.X[column], column) is None:
+            for level in levels:
                 one = MissingInput(column, shape="categorical", level=float(level))
                 yield "missing-input: level", one
         for parameter in context.parameters:
@@ -236,6 +239,6 @@ def _impossible(context: Context, wanted: Collection[str]) -> Iterator[Skipped]:
     if len(context.inputs) < 2 and "interaction" in wanted:
         yield Skipped("interaction", None, "a product needs two inputs, the simulation has one")
     for column in context.extras:
-        trouble = trouble_with_levels(context.X[column], column)
+        trouble = _trouble_with_categories(context.X[column], column)
         if trouble and "missing-input: level" in wanted:
             yield Skipped("missing-input", column, f"level: {trouble}")

@@ -8,6 +8,9 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.priors import Prior
 
+# longest period in spans of the measured rows: a wave of which less is seen is any smooth curve
+LONGEST_PERIOD = 1.25
+
 
 def span_and_spacing(values: FloatArray) -> tuple[float, float]:
     """Return how far the values reach, and the mean distance of distinct neighbours."""

@@ -10,7 +10,7 @@ from scipy import special, stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, minus, number, signed, where, word
-from hybridsurrogate.effects.over_column import span_and_spacing
+from hybridsurrogate.effects.over_column import LONGEST_PERIOD, span_and_spacing
 from hybridsurrogate.priors import Prior
 
 # the simulation runs at every period that is tried
@@ -75,7 +75,7 @@ class ParameterDrift(Cause):
     deviation, or by much less or more. The location is uniform over the measured rows, the width
     log-uniform from half the distance of neighbouring rows (at most a twentieth of the span) to a
     quarter of the span, the period log-uniform from four distances of neighbouring rows (at least a
-    25th of the span) to twice their span.
+    25th of the span) to five quarters of their span.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ class ParameterDrift(Cause):
                 "location": location,
                 "width": stats.loguniform(0.5 * min(spacing, 0.1 * span), 0.25 * span),
             },
-            "periodic": {"period": stats.loguniform(shortest, 2 * span)},
+            "periodic": {"period": stats.loguniform(shortest, LONGEST_PERIOD * span)},
         }
         return ParameterDrift(
             self.parameter,

@@ -9,7 +9,7 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, number, word
-from hybridsurrogate.effects.over_column import OverColumn
+from hybridsurrogate.effects.over_column import LONGEST_PERIOD, OverColumn
 from hybridsurrogate.priors import Prior
 
 # more periods than this in the measured span are looked for only where a prior says so
@@ -23,8 +23,8 @@ class Periodic(OverColumn):
     ``+ overtone sin(4 pi x / period + phase_2)``: a wave whose crests and troughs differ. The
     period is in units of the column, the amplitudes in those of the output. The period is
     log-uniform between the shortest that the rows resolve (two distances of neighbouring rows, four
-    with an overtone), or a hundredth of their span (a fiftieth) where that is longer, and twice
-    their span: with rows without end there would be no end of periods to try. Linear in sine and
+    with an overtone), or a hundredth of their span (a fiftieth) where that is longer, and five
+    quarters of their span: with rows without end there would be no end of periods to try. Linear in sine and
     cosine at a given period, as in a Lomb-Scargle periodogram (Scargle 1982, Astrophysical Journal
     263:835).
 
@@ -80,7 +80,7 @@ class Periodic(OverColumn):
             n = max(len(distinct), 4)
             span = float(np.ptp(distinct)) or 1.0
             shortest = self.harmonics * span * max(2.0 / (n - 1), 1.0 / _MOST_CYCLES)
-            prepared.period = stats.loguniform(shortest, 2.0 * span)
+            prepared.period = stats.loguniform(shortest, LONGEST_PERIOD * span)
         return prepared
 
     @property

@@ -13,14 +13,8 @@ from sklearn.base import clone
 from sklearn.utils import check_random_state
 
 from hybridsurrogate.estimators.base import SurrogateEstimator
-from hybridsurrogate.estimators.fitting import (
-    FirstStep,
-    Fit,
-    finish,
-    fit_problem,
-    make_target,
-    of_importance,
-)
+from hybridsurrogate.estimators.first_step import FirstStep, of_importance
+from hybridsurrogate.estimators.fitting import Fit, finish, fit_problem, make_target
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.estimators.predictive_weighted import PredictiveWeightedSurrogate
 from hybridsurrogate.estimators.problem import Problem

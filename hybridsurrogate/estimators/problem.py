@@ -14,11 +14,9 @@ from hybridsurrogate.inference.linearised import coefficient_belief
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.statistics import Statistics, statistics
 from hybridsurrogate.likelihoods import Likelihood, TransformedNormal
-from hybridsurrogate.ode import OdeSimulator
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Basis, Domain, Surrogate
-from hybridsurrogate.surrogates.exact import ExactBasis
 
 
 @dataclass(frozen=True)
@@ -193,7 +191,7 @@ def _check_basis(basis: Basis, domain: Domain) -> None:
     name = type(basis).__name__.lstrip("_")
     if len(basis.coefficient_sd) != p or not (basis.coefficient_sd > 0).all():
         raise ValueError(f"{name} needs a positive prior sd for each of its {p} coefficients.")
-    if not basis.known_depends_on_hyper and not isinstance(basis, ExactBasis):
+    if not basis.known_depends_on_hyper and not basis.is_simulation:
         known = np.asarray(basis.known(domain.X, domain.omega))
         _check_shape(f"{name}.known", known, (n,))
     features = np.asarray(basis.features(domain.X, domain.omega))
@@ -222,9 +220,8 @@ def make_context(
 ) -> Context:
     """Return what causes may know about the measured rows."""
     simulator = simulation.simulator if simulation is not None else None
-    ode = simulator if isinstance(simulator, OdeSimulator) else None
-    if not isinstance(basis, ExactBasis):
-        ode = None
+    if not basis.is_simulation:
+        simulator = None  # an emulator has no dynamics inside
     return Context(
         dict(zip(columns, X.T, strict=True)),
         n_inputs,
@@ -233,8 +230,8 @@ def make_context(
         scale,
         log_scale=likelihood.log_scale,
         location=location,
-        states=ode.typical_states(X[:, :n_inputs]) if ode else {},
-        rates=ode.rates if ode else (),
+        states=simulator.typical_states(X[:, :n_inputs]) if simulator else {},
+        rates=simulator.rates if simulator else (),
     )
 
 
@@ -255,13 +252,12 @@ class _Transformed:
 
     def modified(self, modifications: Sequence[Modification]) -> _Transformed:
         """Return the simulation with changed dynamics."""
-        assert isinstance(self.simulator, OdeSimulator)
         return _Transformed(self.simulator.modified(modifications), self.likelihood)
 
     def __call__(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         # parameters far in the tails may break a simulation: NaN there means impossible
         with np.errstate(all="ignore"):
-            return self.likelihood.link(self.simulator(X, omega))
+            return self.likelihood.link(self.simulator(self.simulator.held(X), omega))
 
 
 def _callable(

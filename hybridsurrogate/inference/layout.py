@@ -14,6 +14,9 @@ from hybridsurrogate.priors import FloatArray, Prior, prior_range, to_normal
 # a grid is fine enough when this many nodes an axis lie within two nats of the best
 _ENOUGH_NODES = 4
 _MOST_SPLIT = 40
+# a constant may have been assumed at the very end of its prior, where z knows no slope: its search
+# begins where the prior has mass
+_FARTHEST = 2.0
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,17 @@ class Layout:
     grid: FloatArray
     edges: FloatArray
     log_weight: FloatArray
+
+    def followed(self) -> Layout:
+        """Return the layout with nothing enumerated: what was is followed like a parameter."""
+        return replace(
+            self,
+            fixed=np.concatenate([self.fixed, self.nodes]),
+            nodes=self.nodes[:0],
+            grid=np.empty((1, 0)),
+            edges=np.empty((1, 0, 2)),
+            log_weight=np.zeros(1),
+        )
 
     def at(self, index: NDArray[np.intp]) -> Layout:
         """Return the layout at some of its nodes."""
@@ -74,7 +88,7 @@ def layout(model: MeasuredModel) -> Layout:
             cells.append(_cells(axes[name], prior))
         elif name in start:
             sizes.append(position)
-            neutral[position] = to_normal([prior], [start[name]])[0]
+            neutral[position] = np.clip(to_normal([prior], [start[name]])[0], -_FARTHEST, _FARTHEST)
     mesh = np.meshgrid(*(np.arange(len(cell)) for cell in cells), indexing="ij")
     index = [axis.ravel() for axis in mesh]
     edges = np.empty((1, 0, 2))

@@ -105,7 +105,10 @@ def _scan(
         reduced = squares - np.sum(along_h**2 / (eigenvalue + ridge), axis=2)
         log_det_h = 0.5 * np.sum(np.log1p(eigenvalue / ridge), axis=1)
         terms.append(log_marginal(np.maximum(reduced, floor)) - log_det_h)
-    out = np.logaddexp.reduce(terms, axis=0) - np.log(len(sizes))
+    with np.errstate(
+        invalid="ignore"
+    ):  # NaN marks a simulation that failed, and is sorted out here
+        out = np.logaddexp.reduce(terms, axis=0) - np.log(len(sizes))
     out = out + log_base + parts.log_weight
     return np.where(np.isnan(out), -np.inf, out)
 

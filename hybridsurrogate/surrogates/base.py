@@ -119,6 +119,8 @@ class Basis(ABC):
         """Return phi for the same rows: (n, p)."""
 
     known_depends_on_hyper = False
+    # whether the known part is the simulation itself, which may fail for some parameters
+    is_simulation = False
 
     def modified(self, modifications: Sequence[Modification]) -> Basis:
         """Return the basis of a simulation with changed dynamics.

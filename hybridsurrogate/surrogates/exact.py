@@ -52,6 +52,8 @@ class ExactBasis(Basis):
 
     simulate: Any
 
+    is_simulation = True
+
     def known(
         self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
     ) -> FloatArray:

@@ -1,0 +1,44 @@
+"""What causes inside the dynamics of an ODE have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from hybridsurrogate.dynamics import Modification
+from hybridsurrogate.effects.base import Cause, Context, Rows
+from hybridsurrogate.priors import Prior
+
+NEEDS_ODE = (
+    "{}: causes inside the dynamics need simulation=OdeSimulator(...), or runs of one, and "
+    "surrogate=ExactSurrogate(): an emulator knows no right-hand side."
+)
+
+
+class Dynamic(Cause):
+    """A cause that modifies the right-hand side, and sets the numbers of the modification."""
+
+    priors: Mapping[str, Prior] | None
+
+    @property
+    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
+        """The priors of the modification's numbers."""
+        return self.priors or {}
+
+    def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
+        """Run the simulation with other numbers in its right-hand side."""
+        change = self.modification
+        assert change is not None
+        return X, {**omega, **{change.full(name): theta[name] for name in change.neutral}}
+
+    def start(self) -> dict[str, float]:
+        """Return sizes of zero."""
+        assert self.modification is not None
+        return dict.fromkeys(self.modification.sizes, 0.0)
+
+    def free_prefix(self, context: Context, change: Modification) -> str:
+        """Return a prefix that no number has which is a parameter already."""
+        prefix, k = change.label, 1
+        while any(name.startswith(f"{prefix}_") for name in context.parameters):
+            k += 1
+            prefix = f"{change.label}_{k}"
+        return prefix

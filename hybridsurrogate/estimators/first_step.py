@@ -1,0 +1,168 @@
+"""Draws of step 1: importance sampling around the modes, an ensemble where it is not trusted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hybridsurrogate.inference.collapsed import CollapsedPosterior
+from hybridsurrogate.inference.ensemble import EnsembleDraws, EnsembleSampler, short_ensemble
+from hybridsurrogate.inference.importance import (
+    ImportanceDraws,
+    Proposals,
+    importance_draws,
+    moment_match,
+)
+from hybridsurrogate.inference.laplace import LaplacePosterior
+from hybridsurrogate.inference.modes import Gaussian, distinct, find_modes
+from hybridsurrogate.inference.pareto import KHAT_LIMIT
+from hybridsurrogate.inference.starts import further_points, starting_points
+from hybridsurrogate.posterior import Diagnostics
+from hybridsurrogate.priors import FloatArray
+
+# proposals of the importance sampler: three for each draw that is kept
+_OVERSAMPLING = 3
+# few draws still need enough proposals for k-hat and weights that mean something
+_MIN_PROPOSALS = 1000
+# importance draws with a smaller effective share are tried once more, from wider proposals
+_ENOUGH_EFFECTIVE = 0.1
+# from this share of the best one's mass on, a further mode makes the posterior multimodal
+_MODE_SHARE = 0.02
+# a mode with less than this share gets no proposals of its own
+_PROPOSAL_SHARE = 1e-5
+
+
+@dataclass(frozen=True)
+class FirstStep:
+    """Draws of step 1: u (S, d), coefficients c (S, p) and a (S, q), and how good they are.
+
+    ``proposals`` are what importance draws were chosen from, None for other samplers.
+    """
+
+    u: FloatArray
+    c: FloatArray
+    a: FloatArray
+    diagnostics: Diagnostics
+    proposals: Proposals | None = None
+
+
+def first_step(
+    target: CollapsedPosterior | LaplacePosterior,
+    sampler: str | EnsembleSampler,
+    n_draws: int,
+    random_state: np.random.RandomState,
+) -> FirstStep:
+    """Draw all unknowns of step 1."""
+    modes = _modes(target, random_state)
+    best = modes[0].log_mass
+    minor = [mode for mode in modes if mode.log_mass > best + np.log(_PROPOSAL_SHARE)]
+    modes = [mode for mode in modes if mode.log_mass > best + np.log(_MODE_SHARE)]
+    if isinstance(target, CollapsedPosterior):
+        u, diagnostics, proposals = _collapsed_draws(
+            target, modes, minor, sampler, n_draws, random_state
+        )
+        return FirstStep(u, *target.draw_coefficients(u, random_state), diagnostics, proposals)
+    return _full_draws(target, modes, minor, sampler, n_draws, random_state)
+
+
+def _modes(
+    target: CollapsedPosterior | LaplacePosterior, random_state: np.random.RandomState
+) -> list[Gaussian]:
+    starts = starting_points(target, random_state)
+    modes = find_modes(target.search_density, starts, target.step_share)
+    if target.n_dimensions > 2:  # with one unknown beside sigma the starts were all there are
+        further = further_points(target, modes[0].mean)
+        if len(further):
+            modes += find_modes(target.search_density, further, target.step_share)
+    return distinct(modes)
+
+
+def _collapsed_draws(
+    target: CollapsedPosterior,
+    modes: list[Gaussian],
+    minor: list[Gaussian],
+    sampler: str | EnsembleSampler,
+    n_draws: int,
+    random_state: np.random.RandomState,
+) -> tuple[FloatArray, Diagnostics, Proposals | None]:
+    log_density = target.log_density
+    if sampler in ("auto", "importance"):
+        n = max(_OVERSAMPLING * n_draws, _MIN_PROPOSALS)
+        sampled = importance_draws(log_density, minor, n, n_draws, random_state)
+        trusted = sampled.khat <= KHAT_LIMIT
+        few = not trusted or sampled.effective_draws < _ENOUGH_EFFECTIVE * n
+        if few and sampler == "auto":
+            # one large batch of better proposals costs less than the many steps of an ensemble
+            weight = np.full(n_draws, 1 / n_draws)
+            wide = [moment_match(sampled.draws, weight, minor[0]), *minor[1:]]
+            again = importance_draws(log_density, wide, 4 * n, n_draws, random_state)
+            sampled = again if again.khat <= max(sampled.khat, KHAT_LIMIT) else sampled
+            trusted = sampled.khat <= KHAT_LIMIT
+        if sampler == "importance" or (trusted and len(modes) == 1):
+            return sampled.draws, of_importance(sampled, len(modes)), sampled.proposals
+        if trusted:
+            # the shares of far modes are right already; the ensemble only smooths
+            run = short_ensemble(log_density, sampled.draws, n_draws, random_state)
+            return run.draws, _of_ensemble(run, len(modes)), None
+    backend = sampler if isinstance(sampler, EnsembleSampler) else EnsembleSampler()
+    run = backend.run(log_density, modes, n_draws, random_state)
+    return run.draws, _of_ensemble(run, len(modes)), None
+
+
+def _full_draws(
+    target: LaplacePosterior,
+    modes: list[Gaussian],
+    minor: list[Gaussian],
+    sampler: str | EnsembleSampler,
+    n_draws: int,
+    random_state: np.random.RandomState,
+) -> FirstStep:
+    """Return importance draws of pairs [u, v], else those of the ensemble over the full vector."""
+    if sampler in ("auto", "importance"):
+        n, n_noise = max(_OVERSAMPLING * n_draws, _MIN_PROPOSALS), target.n_noise
+        density = target.extended_log_density
+        sampled = importance_draws(density, minor, n, n_draws, random_state, n_noise=n_noise)
+        if sampler == "importance" or sampled.khat <= KHAT_LIMIT:
+            drawn = target.resolved(sampled.draws, random_state)
+            return FirstStep(*drawn, of_importance(sampled, len(modes)), sampled.proposals)
+    backend = sampler if isinstance(sampler, EnsembleSampler) else EnsembleSampler()
+    start = _around(target, minor, random_state)
+    run = backend.run(target.joint_log_density, start, n_draws, random_state)
+    u = run.draws[:, : target.n_dimensions]
+    return FirstStep(u, *target.unwhitened(run.draws), _of_ensemble(run, len(modes)))
+
+
+def _around(
+    target: LaplacePosterior,
+    components: list[Gaussian],
+    random_state: np.random.RandomState,
+) -> list[Gaussian]:
+    """Return Gaussians in the full space from which the ensemble starts: one around each mode."""
+    d, whole = target.n_dimensions, target.n_dimensions + target.n_coefficients
+    out = []
+    for mode in components:
+        e = random_state.standard_normal((4 * whole, target.n_coefficients))
+        u = mode.mean + random_state.standard_normal((len(e), d)) @ mode.factor.T
+        points = np.hstack([u, target.coefficients_at(np.hstack([u, e]))])
+        points = points[np.isfinite(points).all(axis=1)]
+        covariance = np.cov(points.T) + 1e-10 * np.eye(whole)
+        out.append(Gaussian(points.mean(axis=0), np.linalg.cholesky(covariance), mode.log_mass))
+    return out
+
+
+def of_importance(sampled: ImportanceDraws, n_modes: int) -> Diagnostics:
+    """Return what an estimator reports of importance draws."""
+    return Diagnostics("importance", sampled.khat, sampled.effective_draws, np.nan, n_modes)
+
+
+def _of_ensemble(run: EnsembleDraws, n_modes: int) -> Diagnostics:
+    return Diagnostics(
+        "emcee",
+        np.nan,
+        run.effective_draws,
+        run.autocorrelation_time,
+        n_modes,
+        n_steps=run.n_steps,
+        converged=run.converged,
+    )

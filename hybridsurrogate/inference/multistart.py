@@ -1,0 +1,158 @@
+"""Many descents at once, for causes inside the dynamics.
+
+Where a location or a width acts inside the simulation, the parameters that are best for one node of
+a grid say little about the next one, and a climb that moves them together ends where it began. A
+solution of an ODE is smooth in all of them, so that they can be followed. Here every start has its
+own parameters, the enumerated ones too, and all starts are followed by Levenberg-Marquardt steps
+in one call of the simulation. Only the better half goes on every few steps.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.inference.layout import Layout
+from hybridsurrogate.inference.linearised import Belief
+from hybridsurrogate.inference.measured import MeasuredModel
+from hybridsurrogate.priors import FloatArray, to_normal
+
+_STEP = 1e-3
+_BOUND = 6.0
+_MAX_STEPS = 25
+# the longest step, in standard deviations of the priors
+_LONGEST = 1.5
+# the best one has arrived when it gains no more, or when no step is short enough to gain
+_SETTLED, _STUCK = 1e-2, 1e6
+# steps between two halvings
+_ROUND = 2
+_NODES = 16
+# sizes start where they change something, to either side
+_MOVE = 1.0
+# residual of a place where the simulation fails, in scales of the output
+_IMPOSSIBLE = 1e6
+
+
+def is_followed(cause: Cause) -> bool:
+    """Whether all unknowns of a cause are followed, none enumerated."""
+    return cause.modification is not None
+
+
+def best_of_many(
+    model: MeasuredModel,
+    X: FloatArray,
+    y: FloatArray,
+    belief: Belief,
+    plan: Layout,
+    centre: FloatArray,
+    floor: float,
+) -> tuple[FloatArray, float]:
+    """Return z (n_unknowns,) of the best fit that is reached from many starts, and its sigma.
+
+    Parameters
+    ----------
+    centre : ndarray of shape (k,)
+        The first unknowns, at the fit without the cause.
+    floor : float
+        Noise below which no fit counts as better.
+    """
+    place = np.concatenate([plan.fixed, plan.sizes, plan.nodes])
+    z = _starts(model, plan, centre)
+    residual = _Residual(model, X, y, belief, floor)
+    best = _descend(residual, z, place)
+    return best, float(np.sqrt(residual.variance(residual(best[None]))[0]))
+
+
+def _starts(model: MeasuredModel, plan: Layout, centre: FloatArray) -> FloatArray:
+    """Return starts (S, n_unknowns): nodes spread over the grid, sizes moved to either side."""
+    T, k = len(plan.grid), len(plan.sizes)
+    chosen = np.unique(
+        np.linspace(0, T - 1, min(T, _NODES * 2 ** max(k - 1, 0))).round().astype(int)
+    )
+    moves = np.stack(np.meshgrid(*[[-_MOVE, _MOVE]] * k, indexing="ij"), axis=-1).reshape(-1, k)
+    base = plan.neutral.copy()
+    base[: len(centre)] = centre
+    z = np.tile(base, (len(chosen), len(moves), 1))
+    z[:, :, plan.sizes] += moves
+    priors = [model.priors[position] for position in plan.nodes]
+    z[:, :, plan.nodes] = to_normal(priors, plan.grid[chosen])[:, None, :]
+    return np.clip(z.reshape(-1, len(base)), -_BOUND, _BOUND)
+
+
+class _Residual:
+    """Residuals of the measured rows with the columns of all causes fitted by ridge regression."""
+
+    def __init__(
+        self, model: MeasuredModel, X: FloatArray, y: FloatArray, belief: Belief, floor: float
+    ):
+        self.model, self.X, self.y, self.belief, self.floor = model, X, y, belief, floor
+
+    def __call__(self, z: FloatArray) -> FloatArray:
+        """Return residuals (J, n) in units of the noise factor."""
+        values = self.model.values(z)
+        parts = self.model.parts(self.X, values)
+        residual = (self.y - parts.known - parts.features @ self.belief.mean) / parts.noise
+        columns = parts.columns / parts.noise[..., None]
+        if columns.shape[2]:
+            columns = columns * self.model.column_sd
+            normal = np.swapaxes(columns, 1, 2) @ columns
+            normal += self.floor**2 * np.eye(columns.shape[2])
+            right = np.einsum("jnq,jn->jq", columns, residual)
+            fitted = np.linalg.solve(normal, right[..., None])
+            residual = residual - (columns @ fitted)[..., 0]
+        failed = ~np.isfinite(residual)
+        return np.where(failed, _IMPOSSIBLE * max(self.floor, float(np.ptp(self.y))), residual)
+
+    def with_slopes(self, z: FloatArray, place: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
+        """Return residuals (J, n) and their slopes downwards (J, len(place), n) in one call."""
+        points = np.repeat(z[:, None], 1 + len(place), axis=1)
+        points[:, 1 + np.arange(len(place)), place] += _STEP
+        residual = self(points.reshape(-1, z.shape[1])).reshape(len(z), 1 + len(place), -1)
+        return residual[:, 0], (residual[:, :1] - residual[:, 1:]) / _STEP
+
+    def badness(self, residual: FloatArray, z: FloatArray) -> FloatArray:
+        """Return minus twice the log posterior, the noise at its best value, (J,)."""
+        return self.y.size * np.log(self.variance(residual)) + np.sum(z**2, axis=-1)
+
+    def variance(self, residual: FloatArray) -> FloatArray:
+        """Return the variance of the noise that suits residuals best, (J,)."""
+        return np.mean(residual**2, axis=-1) + self.floor**2
+
+
+def _descend(residual: _Residual, z: FloatArray, place: NDArray[np.intp]) -> FloatArray:
+    """Follow starts z (S, n_unknowns) along some of their unknowns; return the best end."""
+    d = len(place)
+    rest, slopes = residual.with_slopes(z, place)
+    badness = residual.badness(rest, z)
+    damping = np.full(len(z), 1e-2)
+    for step in range(_MAX_STEPS):
+        variance = residual.variance(rest)[:, None]
+        normal = slopes @ np.swapaxes(slopes, 1, 2) / variance[..., None] + np.eye(d)
+        right = np.einsum("jdn,jn->jd", slopes, rest) / variance - z[:, place]
+        normal[:, np.arange(d), np.arange(d)] *= 1 + damping[:, None]
+        move = np.linalg.solve(normal, right[..., None])[..., 0]
+        length = np.linalg.norm(move, axis=1, keepdims=True)
+        trial = z.copy()
+        trial[:, place] += move * np.minimum(1.0, _LONGEST / np.maximum(length, 1e-300))
+        trial = np.clip(trial, -_BOUND, _BOUND)
+        # slopes of a trial that fails are in vain, but a second call would cost more
+        trial_rest, trial_slopes = residual.with_slopes(trial, place)
+        trial_badness = residual.badness(trial_rest, trial)
+        better = trial_badness < badness
+        best = int(np.argmin(np.minimum(badness, trial_badness)))
+        settled = better[best] and badness[best] - trial_badness[best] < _SETTLED
+        z[better], rest[better], slopes[better] = (
+            trial[better],
+            trial_rest[better],
+            trial_slopes[better],
+        )
+        badness = np.minimum(badness, trial_badness)
+        damping = np.where(better, 0.2, 6.0) * damping
+        if settled or damping[best] > _STUCK:
+            break
+        if step % _ROUND == _ROUND - 1 and len(z) > 2:
+            kept = np.argsort(badness)[: (len(z) + 1) // 2]
+            z, rest, slopes = z[kept], rest[kept], slopes[kept]
+            badness, damping = badness[kept], damping[kept]
+    return z[int(np.argmin(badness))]

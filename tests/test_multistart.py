@@ -1,0 +1,106 @@
+"""Causes inside the dynamics are followed to their best fit from many starts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import hybridsurrogate as hs
+from hybridsurrogate.dynamics import TimeVaryingParameter
+from hybridsurrogate.effects.dynamic_drift import DynamicDrift
+from hybridsurrogate.estimators.problem import make_context, make_problem
+from hybridsurrogate.inference.layout import layout
+from hybridsurrogate.inference.linearised import coefficient_belief
+from hybridsurrogate.inference.multistart import best_of_many
+from hybridsurrogate.likelihoods import as_likelihood
+
+NOISE = 0.04
+
+
+def sir(t, state, contact, recovery):
+    new = contact * state[0] * state[1]
+    return np.stack([-new, new - recovery * state[1]])
+
+
+@pytest.fixture(scope="module")
+def epidemic():
+    """A first wave: few infected, and priors two or three deviations from the truth."""
+    return hs.OdeSimulator(
+        sir,
+        {"susceptible": 1 - 4e-6, "infected": 4e-6},
+        lambda state: state[1],
+        inputs={"day": (1, 60)},
+        parameters={
+            "contact": hs.truncated_normal(0.3, 0.1, 0.1, 1.3),
+            "recovery": hs.truncated_normal(0.2, 0.1, 0.1, 0.6),
+        },
+        states=("susceptible", "infected"),
+        max_step=1.0,
+    )
+
+
+@pytest.mark.parametrize(
+    ("shape", "numbers"),
+    [("logistic", [-0.75, 12.0, 12.0]), ("logistic", [-0.6, 30.0, 2.0]), ("exponential", [-0.03])],
+)
+def test_best_fit_is_reached_from_a_simulation_far_from_the_data(epidemic, shape, numbers):
+    day = np.arange(1.0, 61.0)[:, None]
+    truth = epidemic.modified([TimeVaryingParameter("contact", shape, center=1.0)])
+    noise = NOISE * np.random.default_rng(0).standard_normal(60)
+    y = truth(day, np.tile([0.55, 0.15, *numbers], (60, 1))) * np.exp(noise)
+    likelihood = as_likelihood("lognormal")
+    names = epidemic.input_names
+    problem = make_problem(epidemic, hs.ExactSurrogate(), likelihood, None, (), names, day, y)
+    basis = problem.model.basis
+    context = make_context(epidemic, names, 1, day, problem.scale, likelihood, basis)
+    model = problem.model.with_effects((DynamicDrift("contact", shape).prepare(context),))
+    plan = layout(model)
+    z, sigma = best_of_many(
+        model, day, problem.y, coefficient_belief(basis, None), plan, np.zeros(2), 1e-3
+    )
+    assert sigma < 1.3 * NOISE
+    if shape == "logistic":
+        amount, location, _ = model.values(z[None])[0, 2:]
+        assert location == pytest.approx(numbers[1], abs=4)
+        assert amount == pytest.approx(numbers[0], abs=0.15)
+
+
+def test_what_is_known_well_is_not_expected_to_change_much():
+    fall = hs.OdeSimulator(
+        lambda t, state, gravity, drag: np.stack([state[1], -gravity - drag * state[1]]),
+        [47.0, 0.0],
+        lambda state: state[0],
+        inputs={"t": (0, 3)},
+        parameters={"drag": hs.truncated_normal(0.1, 0.1, 0, 1)},
+        assumed={"gravity": hs.Assumed(9.81, hs.truncated_normal(9.81, 0.02, 9.7, 9.9))},
+        states=("height", "velocity"),
+    )
+    t = np.linspace(0.1, 3, 30)[:, None]
+    likelihood = as_likelihood("normal")
+    y = 47 - 9.81 / 2 * t[:, 0] ** 2
+    problem = make_problem(fall, hs.ExactSurrogate(), likelihood, None, (), ("t",), t, y)
+    context = make_context(fall, ("t",), 1, t, problem.scale, likelihood, problem.model.basis)
+    known = DynamicDrift("gravity").prepare(context).parameters["amount"]
+    guessed = DynamicDrift("drag").prepare(context).parameters["amount"]
+    # gravity is known to 0.2 %: it may change by half a per cent, and not by two
+    assert known.cdf(-0.02) < 0.01 < known.cdf(-0.005)
+    assert guessed.cdf(-0.5) > 0.1
+    swing = DynamicDrift("gravity", "periodic").prepare(context).parameters["sine"]
+    assert swing.support()[1] < 0.01
+
+
+def test_exponential_change_has_a_closed_form():
+    decay = hs.OdeSimulator(
+        lambda t, state, rate: -rate * state,
+        [2.0],
+        lambda state: state[0],
+        inputs={"t": (0, 5)},
+        parameters={"rate": hs.truncated_normal(1, 0.5, 0, 3)},
+        states="n",
+    )
+    slower = decay.modified([TimeVaryingParameter("rate", "exponential")])
+    assert slower.modifiers == {"rate_exponential_rate": 0.0}
+    t, rate, change = np.linspace(0, 5, 20), 0.8, -0.4
+    values = slower(t, np.tile([rate, change], (20, 1)))
+    exponent = rate * np.expm1(change * t) / change  # the integral of rate exp(change t)
+    np.testing.assert_allclose(values, 2 * np.exp(-exponent), rtol=1e-6)
