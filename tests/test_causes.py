@@ -498,9 +498,11 @@ def test_the_whole_catalogue():
     assert {(s.kind, s.target) for s in skipped} == {
         ("missing-input", "wind"),
         ("missing-term", None),
+        ("noise", "batch"),
     }
     assert {s.reason.partition(":")[0] for s in skipped} == {
         "categorical",
+        "autocorrelation",
         "level",
         "inside the dynamics",
     }
@@ -550,18 +552,16 @@ def test_what_is_left_out_comes_with_a_reason():
     }
 
 
-def test_a_diagnosis_weighs_the_forms_it_is_tuned_for():
+def test_a_diagnosis_weighs_the_whole_catalogue():
     y = plain(FRAME) + NOISE * np.random.default_rng(0).standard_normal(len(FRAME))
     model = hs.PowerScaledSurrogate(
         SIMULATOR, surrogate=hs.ExactSurrogate(), random_state=0, n_draws=100
     )
     found = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(FRAME, y)
-    assert not {"noise", "delay", "ramp", "decay"} & set(found.causes_["kind"])
-    drifts = [w.cause for w in found.search_.weighed if kind_of(w) == "parameter-drift"]
-    assert {(drift.shape, drift.column) for drift in drifts} == {
-        ("linear", "t"),
-        ("linear", "dose"),
-    }
+    causes, skipped = catalogue(context_of())
+    # and "none"
+    assert len(found.search_.weighed) == 1 + len(causes)
+    assert len(found.causes_) == 1 + len(causes) + len(skipped)
 
 
 # ------------------------------------------------------------- noise factors in the evidence

@@ -238,7 +238,7 @@ def test_a_fault_without_a_name_and_one_with_several(diagnose):
     assert "Unexplained: the simulation 'decay' is wrong" in text
     assert "beyond it the curve knows nothing" in text
     # a slow change that several kinds can follow
-    unclear = diagnose(lambda t: 0.016 * t**2, cv=None)
+    unclear = diagnose(lambda t: 0.008 * t**2, cv=None)
     assert unclear.verdict_ == "ambiguous"
     text = flat(unclear.report())
     assert "The data do not single out one cause" in text

@@ -18,6 +18,8 @@ from hybridsurrogate.inference.linearised import Belief
 
 # first causes whose best companions are looked for
 _LOOKED_AHEAD = 4
+# a cause of this probability that leaves nothing is not compared with others again
+_BEYOND_DOUBT = 0.9
 
 
 @dataclass(frozen=True)
@@ -115,11 +117,14 @@ def _look_ahead(
     """
     log_prior = np.log(prior_odds(found.weighed))
     order = [int(k) for k in np.argsort(-found.probability)]
+    at = next(k for k in order if found.weighed[k] is leading)
     best, best_value, best_search = leading, -np.inf, None
+    named = [k for k in order if not _ends(found.weighed[k])]
     if _ends(leading):
-        at = next(k for k in order if found.weighed[k] is leading)
         best_value = log_prior[at] + leading.log_evidence
-    for k in [k for k in order if not _ends(found.weighed[k])][:_LOOKED_AHEAD]:
+    elif found.probability[at] > _BEYOND_DOUBT and found.remainder[at] < 0.5:
+        named = [at]
+    for k in named[:_LOOKED_AHEAD]:
         first = found.weighed[k]
         assert first.cause is not None
         effects = (*problem.model.effects, first.cause)

@@ -56,8 +56,7 @@ class DynamicDrift(Dynamic):
     - location: uniform over the measured times;
     - duration: log-uniform between two distances of neighbouring rows and half the span; width:
       the same, from half a distance on, as from 10 to 90 % a logistic course takes 4.4 widths;
-    - period: log-uniform between the shortest that the rows resolve and five quarters of
-      the span;
+    - period: log-uniform between the shortest that the rows resolve and twice the span;
     - sine, cosine, relative: normal(0, s / 2) cut to [-s, s], so that p keeps its sign.
 
     Examples

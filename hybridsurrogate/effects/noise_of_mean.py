@@ -123,6 +123,9 @@ class NoiseOfMean(Cause):
         assert self.center is not None
         assert self.spread is not None
         ends = np.array([self.center - self.spread, self.center + self.spread])
+        if not self.log_scale:
+            # of an output of both signs the small sizes are near zero
+            ends = np.maximum(abs(self.center) + np.array([-1.0, 1.0]) * self.spread, 0.0)
         low, high = np.sort(self._log_size(ends))
         exponent = np.asarray(theta["exponent"])
         return {"exponent": exponent, "ratio": np.exp(exponent * (high - low))}

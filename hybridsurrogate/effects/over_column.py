@@ -8,8 +8,8 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.priors import Prior
 
-# longest period in spans of the measured rows: a wave of which less is seen is any smooth curve
-LONGEST_PERIOD = 1.25
+# longest period in spans of the measured rows: of a wave at least a half must be seen
+LONGEST_PERIOD = 2.0
 
 
 def span_and_spacing(values: FloatArray) -> tuple[float, float]:

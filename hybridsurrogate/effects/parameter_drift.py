@@ -75,7 +75,7 @@ class ParameterDrift(Cause):
     deviation, or by much less or more. The location is uniform over the measured rows, the width
     log-uniform from half the distance of neighbouring rows (at most a twentieth of the span) to a
     quarter of the span, the period log-uniform from four distances of neighbouring rows (at least a
-    25th of the span) to five quarters of their span.
+    25th of the span) to twice their span.
 
     Parameters
     ----------

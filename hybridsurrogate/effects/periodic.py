@@ -23,8 +23,8 @@ class Periodic(OverColumn):
     ``+ overtone sin(4 pi x / period + phase_2)``: a wave whose crests and troughs differ. The
     period is in units of the column, the amplitudes in those of the output. The period is
     log-uniform between the shortest that the rows resolve (two distances of neighbouring rows, four
-    with an overtone), or a hundredth of their span (a fiftieth) where that is longer, and five
-    quarters of their span: with rows without end there would be no end of periods to try. Linear in
+    with an overtone), or a hundredth of their span (a fiftieth) where that is longer, and twice
+    their span: with rows without end there would be no end of periods to try. Linear in
     sine and cosine at a given period, as in a Lomb-Scargle periodogram (Scargle 1982, Astrophysical
     Journal 263:835).
 
