@@ -34,7 +34,7 @@ _SHARES = frozenset([*_RATES, "coverage", "right", "stated", "both", "one", "wro
 def sections(table: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
     """Yield heading, explanation and table, those that have any rows."""
     single = tables.single(table)
-    why = "First kinds: those that are also fitted by hand. Later forms: everything else."
+    why = "First kinds: the nine that are also fitted by hand. Later forms: all that came after."
     yield "By forms, size and rows", why, tables.first_and_later(table)
     for key, why in (
         ("kind", ""),
@@ -155,9 +155,9 @@ How often the name is right is counted three times, each time with more counted 
 3. Not told apart counted: also a kind that draws the truth. All causes of the kind that was found
    are fitted, with the parameters, to the noise-free truth at the measured inputs. What the best of
    them misses, squared and summed in noise standard deviations, is a chi-square. Below 1 the data
-   speak for the truth by less than half a nat on average, and no test at these inputs tells the
-   two apart. Nothing found, a curve of any shape (`unexplained`) and noise draw no truth, and no
-   curve draws noise: such mistakes stay mistakes.
+   speak for the truth by less than half a nat on average: the best test of one against the other,
+   with all numbers known, still errs in 31 of 100 cases. Nothing found, a curve of any shape
+   (`unexplained`) and noise draw no truth, and no curve draws noise: such mistakes stay mistakes.
 
 The 90 % set is `indistinguishable_`. The out-of-range error is the median of the extended model's
 root mean square error beyond the measured range against the plain simulation's. Seconds are the
