@@ -40,11 +40,12 @@ def distance(case: Case, diagnosis: hs.DiscrepancyDiagnosis) -> float:
     if hidden in ("none", found) or "kinds" in case.truth:
         return float("nan")
     search, truth = diagnosis.search_, case.truth["mu"]
-    mine = [w.cause for w in search.weighed if w.cause is not None and w.cause.kind == found]
-    mine = [cause for cause in mine if cause.changes_output]
+    named = [(w.cause, w.peak.z) for w in search.weighed if w.cause and w.cause.kind == found]
+    mine = [cause for cause, _ in named if cause.changes_output]
     # a curve of size zero would draw the truth of a case whose noise alone is strange
     if not mine or found in _NAMELESS or hidden == "noise":
         return float("inf")
+    near = [z for cause, z in named if cause.changes_output]
     problem = replace(search.problem, y=truth)
     noise = NoiseTable(problem.noise_prior, problem.scale, len(truth))
     with warnings.catch_warnings():
@@ -52,5 +53,7 @@ def distance(case: Case, diagnosis: hs.DiscrepancyDiagnosis) -> float:
         warnings.simplefilter("ignore", RuntimeWarning)
         null = best_null(problem, search.belief, noise)
         fits = best_peaks(problem, mine, search.belief, noise, null)
+        # what fitted the data so well that it was taken for the truth is a start, too
+        fits += best_peaks(problem, mine, search.belief, noise, null, near)
     squares = [fit.peak.squares for fit in fits if np.isfinite(fit.peak.objective)]
     return float(min(squares, default=np.inf) / case.truth["noise_sd"] ** 2)
