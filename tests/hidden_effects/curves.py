@@ -187,7 +187,9 @@ def draw_effect(kind: str, setting: Setting, rng: np.random.Generator) -> Effect
     """Draw the noise-free truth as a function of X, and its numbers; None if out of bounds."""
     simulator, n_parameters = setting.simulator, len(setting.simulator.parameter_names)
     if kind == "none" or kind.startswith("noise: "):
-        return lambda X: run(setting, X), {"target": ""}
+        # it is along the first input that noise is correlated
+        along = simulator.input_names[0] if kind == "noise: autocorrelation" else ""
+        return lambda X: run(setting, X), {"target": along}
     if kind == "gain":
         gain = 1 + _sign(rng) * between(rng, 0.03, 0.4)
         return lambda X: gain * run(setting, X), {"target": "", "gain": gain}

@@ -11,61 +11,52 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from . import tables
-from .page import by_catalogue
 
-_WORDS = {"detected": "detected", "exact": "right kind first", "alike": "near copies counted"}
+_STYLES = {
+    "exact": ("right kind first", "-"),
+    "alike": ("near copies counted", "--"),
+    "same": ("not told apart counted", ":"),
+}
+_FORMS = ("first kinds", "later forms")
 
 
 def plot_reliability(table: pd.DataFrame, ax: Axes) -> None:
     """Stated probability of the first kind against how often it is right."""
     ax.plot([0, 1], [0, 1], color="0.7", linewidth=1)
-    for name, part in by_catalogue(table):
-        bins = tables.name_calibration(part)
-        if bins.empty:
-            continue
-        ends = np.abs(bins[["low", "high"]].to_numpy().T - bins["right"].to_numpy())
-        ax.errorbar(bins["stated"], bins["right"], ends, marker="o", capsize=2, label=name)
+    bins = tables.name_calibration(table)
+    ends = np.abs(bins[["low", "high"]].to_numpy().T - bins["right"].to_numpy())
+    ax.errorbar(bins["stated"], bins["right"], ends, marker="o", capsize=2)
     ax.set(xlabel="stated probability of the first kind", ylabel="how often it is right")
-    ax.legend()
 
 
 def plot_rates(table: pd.DataFrame, ax: Axes) -> None:
-    """Rates against effect size."""
-    for k, (name, part) in enumerate(by_catalogue(table)):
-        found = tables.rates(part, "size")
-        for style, (word, label) in zip(("-", "--", ":"), _WORDS.items(), strict=True):
-            ax.plot(
-                found.index,
-                found[word],
-                style,
-                color=f"C{k}",
-                marker="o",
-                label=f"{label}, {name}",
-            )
-    sizes = sorted(tables.single(table)["size"].unique())
+    """Rates against effect size, at the number of rows that most cases have."""
+    single = tables.single(table)
+    rows = single["rows"].mode()[0]
+    rates = tables.first_and_later(single[single["rows"] == rows]).droplevel("rows")
+    for k, forms in enumerate(_FORMS):
+        if forms not in rates.index.get_level_values("forms"):
+            continue
+        found = rates.loc[forms]
+        for rate, (name, style) in _STYLES.items():
+            label = f"{forms}, {name}"
+            ax.plot(found.index, found[rate], style, color=f"C{k}", marker="o", label=label)
+    sizes = sorted(rates.index.get_level_values("size").unique())
     ax.set_xscale("log", base=2)
     ax.set_xticks(sizes, [f"{size:g}" for size in sizes])
-    ax.set(xlabel="effect size, noise sds", ylabel="share of cases", ylim=(0, 1.02))
+    ax.set(xlabel=f"effect size, noise sds ({rows} rows)", ylabel="share of cases", ylim=(0, 1.02))
     ax.legend(fontsize="small")
 
 
 def plot_coverage(table: pd.DataFrame, ax: Axes) -> None:
     """Coverage of the intervals, with the limits of so few cases."""
-    parts = {name: tables.interval_coverage(part) for name, part in by_catalogue(table)}
-    # one place for a number in every catalogue, though not every catalogue has them all
-    numbers = sorted({number for found in parts.values() for number in found.index} - {"all"})
+    found = tables.interval_coverage(table).drop(index="all", errors="ignore")
+    place = np.arange(len(found))
     ax.axvline(0.9, color="0.7", linewidth=1)
-    for k, (name, found) in enumerate(parts.items()):
-        shown = found.drop(index="all", errors="ignore")
-        if shown.empty:
-            continue
-        place = np.array([numbers.index(number) for number in shown.index]) + 0.2 * k
-        ends = np.abs(shown[["low", "high"]].to_numpy().T - shown["coverage"].to_numpy())
-        ax.errorbar(shown["coverage"], place, xerr=ends, fmt="o", capsize=2, label=name)
-    ax.set_yticks(np.arange(len(numbers)), numbers)
+    ends = np.abs(found[["low", "high"]].to_numpy().T - found["coverage"].to_numpy())
+    ax.errorbar(found["coverage"], place, xerr=ends, fmt="o", capsize=2)
+    ax.set_yticks(place, [f"{name} ({n})" for name, n in found["cases"].items()])
     ax.set(xlabel="coverage of 90 % intervals, with 95 % limits", xlim=(0, 1.02))
-    if ax.get_legend_handles_labels()[0]:
-        ax.legend(loc="lower left", fontsize="small")
 
 
 PLOTS: dict[str, Callable[[pd.DataFrame, Axes], None]] = {

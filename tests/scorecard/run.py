@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import csv
-import importlib
 import json
 import time
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from io import StringIO
 from multiprocessing import get_context
 from pathlib import Path
@@ -20,6 +19,8 @@ from hidden_effects.cases import Case, InfeasibleError, make_case, rms
 from hidden_effects.pairs import make_pair
 
 import hybridsurrogate as hs
+
+from .likeness import distance
 
 # the words of the truth, in the words of an estimate
 NUMBERS = {
@@ -42,17 +43,23 @@ NUMBERS = {
     "interaction": {"slope": "slope"},
     "delay": {"lag": "lag"},
     "noise": {"ratio": "ratio"},
+    "noise: tails": {"share": "share"},
+    "noise: autocorrelation": {"length": "length"},
+}
+# what an estimate says beside these: together they tell which form of a kind was found
+_OTHER_WORDS = {
+    "trend": {"level"},
+    "trend: quadratic": {"level"},
+    "noise": {"slope"},
+    "noise: autocorrelation": {"amplitude"},
 }
 _DRAWS = 200
-# not in the public face: until the whole catalogue is what a diagnosis weighs
-_MODULE = importlib.import_module("hybridsurrogate.diagnosis.diagnosis")
 
 
 @dataclass(frozen=True)
 class Task:
     """One case to be diagnosed: everything that its result depends on."""
 
-    whole: bool  # every form of the catalogue is weighed, and not only the usual ones
     kind: str  # one of hidden_effects.cases.FORMS, or two kinds with a plus between them
     size: float
     rows: int
@@ -73,6 +80,7 @@ class Result:
     leader: str = ""  # most probable kind, given that something is wrong
     leader_share: float = float("nan")
     credible: str = ""  # the 90 % set, with bars between
+    distance: float = float("nan")  # of what was found instead: see likeness
     several: str = ""  # every accepted kind, with bars between
     ratio: float = float("nan")  # out-of-range error against the plain simulation's
     estimates: str = "{}"  # name: [true, low, high]
@@ -88,19 +96,20 @@ COLUMNS = (*Task.__dataclass_fields__, *Result.__dataclass_fields__)
 
 def score(task: Task) -> dict[str, Any]:
     """Make the case of a task, diagnose it, and compare with the truth."""
-    start = time.perf_counter()
     try:
         case = _make(task)
     except InfeasibleError:
         return asdict(task) | asdict(Result(trouble="infeasible"))
+    start = time.perf_counter()
     try:
-        result = _judge(case, task, _diagnose(case, task))
+        diagnosis = _diagnose(case, task)
+        seconds = time.perf_counter() - start
+        result = replace(_judge(case, diagnosis), seconds=round(seconds, 3))
     except Exception as error:  # a diagnosis that fails is a result, and the others go on
         share = case.truth["noise_sd"] / np.ptp(case.truth["mu"])
         trouble = f"{type(error).__name__}: {error}".replace("\n", " ")[:200]
         result = Result(case.simulator.name, share, trouble=trouble)
-    seconds = time.perf_counter() - start
-    return asdict(task) | asdict(result) | {"seconds": round(seconds, 3)}
+    return asdict(task) | asdict(result)
 
 
 def _make(task: Task) -> Case:
@@ -118,29 +127,14 @@ def _diagnose(case: Case, task: Task) -> hs.DiscrepancyDiagnosis:
     )
     n_causes = 2 if "+" in task.kind else 1
     diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, max_causes=n_causes, random_state=task.seed)
-    usual = _usual_forms()
-    _MODULE._KINDS = None if task.whole else usual
-    try:
-        with warnings.catch_warnings():
-            # doubtful draws show in the coverage; a simulation left its domain in a rival only
-            warnings.simplefilter("ignore", hs.HybridSurrogateWarning)
-            warnings.simplefilter("ignore", RuntimeWarning)
-            return diagnosis.fit(case.X, case.y)
-    finally:
-        _MODULE._KINDS = usual
+    with warnings.catch_warnings():
+        # doubtful draws show in the coverage; a simulation left its domain in a rival only
+        warnings.simplefilter("ignore", hs.HybridSurrogateWarning)
+        warnings.simplefilter("ignore", RuntimeWarning)
+        return diagnosis.fit(case.X, case.y)
 
 
-def weighs(kind: str, whole: bool) -> bool:
-    """Tell whether a diagnosis weighs this form, so that it can name it."""
-    usual = _usual_forms()
-    return whole or usual is None or set(kind.split("+")) <= set(usual)
-
-
-def _usual_forms() -> tuple[str, ...] | None:
-    return getattr(_MODULE, "_KINDS", None)
-
-
-def _judge(case: Case, task: Task, diagnosis: hs.DiscrepancyDiagnosis) -> Result:
+def _judge(case: Case, diagnosis: hs.DiscrepancyDiagnosis) -> Result:
     best = diagnosis.best_cause_
     shares = kind_probabilities(diagnosis)
     p_none = shares.pop("none", 0.0)
@@ -160,6 +154,7 @@ def _judge(case: Case, task: Task, diagnosis: hs.DiscrepancyDiagnosis) -> Result
         leader=leader,
         leader_share=shares[leader] / total if total else float("nan"),
         credible="|".join(diagnosis.indistinguishable_),
+        distance=distance(case, diagnosis),
         several="|".join(found.kind for found in diagnosis.found_causes_),
         ratio=extended / plain,
         estimates=json.dumps(_estimates(case, best.estimates) if on_target else {}),
@@ -188,8 +183,9 @@ def _estimates(
     case: Case, found: dict[str, tuple[float, float, float]]
 ) -> dict[str, tuple[float, float, float]]:
     """Pair each true number with its interval; none where another form of the kind was found."""
-    words = NUMBERS.get(case.truth["form"], {})
-    if not set(words.values()) <= set(found):
+    form = case.truth["form"]
+    words = NUMBERS.get(form, {})
+    if {*words.values()} | _OTHER_WORDS.get(form, set()) != set(found):
         return {}
     return {
         said: (float(case.truth[true]), found[said][1], found[said][2])
@@ -208,17 +204,16 @@ def tasks(
     nulls: range,
     pair_seeds: range = range(0),
     pairs: Sequence[str] = (),
-    whole: bool = False,
 ) -> list[Task]:
     """List the cases by seed, so that an interrupted run has some of everything."""
     found: list[Task] = []
     for seed in sorted({*seeds, *nulls, *pair_seeds}):
         if seed in seeds:
-            found += [Task(whole, k, float(s), n, seed) for k in kinds for s in sizes for n in rows]
+            found += [Task(k, float(s), n, seed) for k in kinds for s in sizes for n in rows]
         if seed in pair_seeds:
-            found += [Task(whole, pair, 2.0, 80, seed) for pair in pairs]
+            found += [Task(pair, 2.0, 80, seed) for pair in pairs]
         if seed in nulls:
-            found += [Task(whole, "none", 0.0, n, seed) for n in rows]
+            found += [Task("none", 0.0, n, seed) for n in rows]
     return found
 
 
@@ -244,13 +239,7 @@ def done(path: Path) -> set[Task]:
 
 
 def _task_of(row: dict[str, str]) -> Task:
-    return Task(
-        row["whole"] == "True",
-        row["kind"],
-        float(row["size"]),
-        int(row["rows"]),
-        int(row["seed"]),
-    )
+    return Task(row["kind"], float(row["size"]), int(row["rows"]), int(row["seed"]))
 
 
 def run_into(path: Path, todo: Sequence[Task], jobs: int = 1) -> Iterator[dict[str, Any]]:

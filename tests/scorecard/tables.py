@@ -9,18 +9,21 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from hidden_effects.cases import KINDS
 from numpy.typing import ArrayLike
 from scipy.stats import binom, binomtest
 
-from .run import complete_lines, weighs
+from .run import complete_lines
 
 # curves so alike over a limited range that naming one of them for another is half an answer
 NEAR_COPIES = frozenset({"trend", "ramp", "saturation", "decay"})
 EDGES = (0.0, 0.2, 0.4, 0.6, 0.75, 0.9, 0.99, 1.0)
 _NOISE_EDGES = (0.0, 0.01, 0.03, 0.1, np.inf)
 _NOISE_WORDS = ("below 1 %", "1 to 3 %", "3 to 10 %", "above 10 %")
-# what they leave is no curve, so that there is nothing to gain out of range
+# forms of the kinds that leave no curve, so that there is nothing to gain out of range
 _NO_CURVE = ("none", "noise")
+# a chi-square: the data at hand speak for the truth by half of it, in nats, on average
+TOLD_APART = 1.0
 
 _NUMBERS = (
     "size",
@@ -30,6 +33,7 @@ _NUMBERS = (
     "p_value",
     "p_none",
     "leader_share",
+    "distance",
     "ratio",
     "seconds",
 )
@@ -43,7 +47,6 @@ def read(path: Path) -> pd.DataFrame:
     table = pd.read_csv(StringIO(complete_lines(path)), dtype=str, keep_default_na=False)
     for name in _NUMBERS:
         table[name] = pd.to_numeric(table[name], errors="coerce")
-    table["whole"] = table["whole"] == "True"
     return judged(table[table["trouble"] != "infeasible"].reset_index(drop=True))
 
 
@@ -53,14 +56,13 @@ def judged(table: pd.DataFrame) -> pd.DataFrame:
     words = table["kind"].str.partition(":")[0]
     failed = table["trouble"] != ""
     table["word"] = words
-    pairs = zip(table["kind"], table["whole"], strict=True)
-    table["weighed"] = ["yes" if weighs(kind, whole) else "no" for kind, whole in pairs]
     table["pair"] = table["kind"].str.contains("+", regex=False)
     table["detected"] = ~table["verdict"].isin(["adequate", ""]) & ~failed
     table["exact"] = (table["found"] == words) & ~failed
     table["alike"] = table["exact"] | (
         words.isin(list(NEAR_COPIES)) & table["found"].isin(list(NEAR_COPIES))
     )
+    table["same"] = table["alike"] | (table["distance"] < TOLD_APART)
     sets = [cell.split("|") if cell else [] for cell in table["credible"]]
     table["covered"] = [word in cell for word, cell in zip(words, sets, strict=True)]
     table["set_size"] = [len(cell) if cell else np.nan for cell in sets]
@@ -106,13 +108,28 @@ def rates(table: pd.DataFrame, by: str | Sequence[str]) -> pd.DataFrame:
         detected=("detected", "mean"),
         exact=("exact", "mean"),
         alike=("alike", "mean"),
+        same=("same", "mean"),
         covered=("covered", "mean"),
         set_size=("set_size", "mean"),
         seconds=("seconds", "median"),
     )
     curves = found[~found["word"].isin(_NO_CURVE)].groupby(by, observed=True)["ratio"]
-    out.insert(6, "ratio", curves.median().reindex(out.index))
+    out.insert(7, "ratio", curves.median().reindex(out.index))
     return out
+
+
+def first_and_later(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the rates of the nine kinds of the first test bed, and of all that came after."""
+    found = single(table)
+    first, noise = found["kind"].isin(KINDS), found["word"] == "noise"
+    parts = {
+        "all": found,
+        "first kinds": found[first],
+        "later forms": found[~first],
+        "later forms without noise": found[~first & ~noise],
+    }
+    by = ["size", "rows"]
+    return pd.concat({name: rates(part, by) for name, part in parts.items()}, names=["forms", *by])
 
 
 def false_alarms(table: pd.DataFrame) -> pd.DataFrame:
@@ -172,20 +189,16 @@ def chance_error(bins: pd.DataFrame) -> float:
 
 
 def name_calibration(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the reliability of the first cause's probability, where one effect is hidden.
-
-    Only of kinds that are weighed: a probability is one among the causes that were.
-    """
+    """Return the reliability of the first kind's probability, where one effect is hidden."""
     found = single(table)
-    found = found[found["weighed"] == "yes"]
     return reliability(found["leader_share"], found["leads"])
 
 
 def interval_coverage(table: pd.DataFrame) -> pd.DataFrame:
     """Return how often 90 % intervals hold the true number, one row a number.
 
-    Only of cases in which the right kind was named at the right target and in a form that states
-    the numbers of the truth: others have no interval for it. Altogether there are no limits, as the
+    Only of cases in which the right kind was named at the right target and in the very form that
+    is hidden: in others the same word means another number. Altogether there are no limits, as the
     numbers of one case depend on each other.
     """
     rows = []

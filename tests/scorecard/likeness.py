@@ -1,0 +1,59 @@
+"""How near a wrong kind comes to the truth: whether any test could have told the two apart."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+from hidden_effects.cases import Case
+
+import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.peaks import best_null, best_peaks
+from hybridsurrogate.inference.noise import NoiseTable
+
+# neither says what the curve is: nothing is wrong, or a curve of any shape
+_NAMELESS = ("none", "unexplained")
+
+
+def distance(case: Case, diagnosis: hs.DiscrepancyDiagnosis) -> float:
+    """Return the chi-square by which the truth beats the kind that was found, on average.
+
+    All causes of that kind are fitted, with the parameters, to the noise-free truth at the measured
+    inputs. What the best of them misses, squared and summed in noise standard deviations, is how
+    much lower the truth's chi-square is on average over the noise.
+
+    Parameters
+    ----------
+    case : Case
+        With one hidden effect.
+    diagnosis : DiscrepancyDiagnosis
+        Of this case, fitted.
+
+    Returns
+    -------
+    float
+        NaN where the right kind was found, or nothing is hidden, or several effects are; infinite
+        where what was found draws no curve of its own, or the truth is in the noise.
+    """
+    hidden, found = case.truth["kind"], diagnosis.best_cause_.kind
+    if hidden in ("none", found) or "kinds" in case.truth:
+        return float("nan")
+    search, truth = diagnosis.search_, case.truth["mu"]
+    named = [(w.cause, w.peak.z) for w in search.weighed if w.cause and w.cause.kind == found]
+    mine = [cause for cause, _ in named if cause.changes_output]
+    # a curve of size zero would draw the truth of a case whose noise alone is strange
+    if not mine or found in _NAMELESS or hidden == "noise":
+        return float("inf")
+    near = [z for cause, z in named if cause.changes_output]
+    problem = replace(search.problem, y=truth)
+    noise = NoiseTable(problem.noise_prior, problem.scale, len(truth))
+    with warnings.catch_warnings():
+        # a simulation may leave its domain on the way; such climbs end at infinity
+        warnings.simplefilter("ignore", RuntimeWarning)
+        null = best_null(problem, search.belief, noise)
+        fits = best_peaks(problem, mine, search.belief, noise, null)
+        # what fitted the data so well that it was taken for the truth is a start, too
+        fits += best_peaks(problem, mine, search.belief, noise, null, near)
+    squares = [fit.peak.squares for fit in fits if np.isfinite(fit.peak.objective)]
+    return float(min(squares, default=np.inf) / case.truth["noise_sd"] ** 2)
