@@ -6,7 +6,7 @@ from calibration import MODELS, p_values
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "n_sets"), list(zip(MODELS, (60, 40, 40), strict=True)), ids=[*MODELS]
+    ("name", "n_sets"), list(zip(MODELS, (30, 20, 20), strict=True)), ids=[*MODELS]
 )
 def test_ranks_are_uniform(name, n_sets):
     found = p_values(name, n_sets, first_seed=10_000)

@@ -216,11 +216,11 @@ def test_an_emulators_own_error_is_not_blamed_on_the_simulation():
     rng = np.random.default_rng(0)
     x = np.linspace(0.1, 9.9, 40)
     alarms = 0
-    for _ in range(6):
+    for _ in range(4):
         y = kinked(x, 1.0) + 0.3 * rng.standard_normal(40)
         diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(x[:, None], y)
         alarms += diagnosis.verdict_ != "adequate"
-    assert alarms <= 1  # at 5 % two of six have a chance of 3 %
+    assert alarms <= 1  # at 5 % two of four have a chance of 1.4 %
 
 
 @pytest.mark.parametrize(
@@ -255,7 +255,7 @@ def test_an_estimator_with_effects_is_refused(simulator):
 
 def test_two_causes_are_found_one_after_the_other(simulator):
     n, spurious = 60, 0
-    for seed in range(3):
+    for seed in range(2):
         rng = np.random.default_rng(seed)
         frame = pd.DataFrame({"t": np.linspace(0, 12, n), "wind": rng.uniform(0, 4, n)})
         t, wind = frame["t"].to_numpy(), frame["wind"].to_numpy()
@@ -269,7 +269,7 @@ def test_two_causes_are_found_one_after_the_other(simulator):
         # a third cause would be allowed, and is a false alarm
         spurious += len(kinds) - 2
         assert diagnosis.best_cause_ is diagnosis.found_causes_[0]
-    assert spurious <= 1  # at a rate of 5 % two or more of three have a chance of one in a hundred
+    assert spurious <= 1  # at a rate of 5 % two of two have a chance of one in 400
     found = {cause.kind: cause for cause in diagnosis.found_causes_}
     assert found["missing-input"].estimates["slope"][0] == pytest.approx(-0.8, abs=0.2)
     assert found["periodic"].estimates["period"][0] == pytest.approx(2.5, abs=0.1)

@@ -20,7 +20,7 @@ SIMULATED = [kind for kind in KINDS if kind != "none"]
 def found():
     rows = []
     for kind in SIMULATED:
-        for seed in range(900, 902):
+        for seed in range(900, 901):
             case = make_case(kind, 2.0, seed)
             result = diagnose(case, seed)
             row = judge(case, result, 0.0)
@@ -29,17 +29,17 @@ def found():
 
 
 def test_the_right_kind_comes_first(found):
-    # 92 % expected: more than four of 18 wrong has probability 0.01
-    assert sum(row["equivalent"] for row in found) >= 14
+    # 92 % expected: more than three of nine wrong has probability 0.004
+    assert sum(row["equivalent"] for row in found) >= 6
 
 
 def test_the_90_percent_sets_cover_the_truth(found):
-    # at 90 % more than five of 18 missed has probability 0.006
-    assert sum(row["covered"] for row in found) >= 13
+    # at 90 % more than three of nine missed has probability 0.008
+    assert sum(row["covered"] for row in found) >= 6
 
 
 def test_effects_of_twice_the_noise_are_not_missed(found):
-    assert sum(row["p_value"] <= 0.05 for row in found) >= 17
+    assert sum(row["p_value"] <= 0.05 for row in found) >= 8
 
 
 def test_the_extended_model_predicts_out_of_range(found):
@@ -47,9 +47,9 @@ def test_the_extended_model_predicts_out_of_range(found):
 
 
 def test_false_alarms():
-    # at 5 % more than four of 30 has probability 0.016; 500 are in docs/scorecard.md
+    # at 5 % more than three of 20 has probability 0.016; docs/scorecard.md has more
     alarms = sum(
         diagnose(make_case("none", 0.0, seed), seed)["verdict"] != "adequate"
-        for seed in range(900, 930)
+        for seed in range(900, 920)
     )
-    assert alarms <= 4
+    assert alarms <= 3
