@@ -12,6 +12,8 @@ from scipy.integrate import solve_ivp
 from sklearn.base import clone
 
 import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.preparation import prepare
+from hybridsurrogate.diagnosis.rehearsal import extended_simulator
 from hybridsurrogate.dynamics import MissingTerm, TimeVaryingParameter
 from hybridsurrogate.exceptions import FailedRunsWarning
 
@@ -401,9 +403,8 @@ def test_extension_changes_the_dynamics_before_the_output():
         random_state=0,
     ).fit(t, y)
     posterior = model.posterior_
-    diagnosis = hs.DiscrepancyDiagnosis(model)
-    diagnosis.estimator_ = model
-    extended = diagnosis._extended_simulator(diagnosis._problem(model)[0], posterior.model.effects)
+    problem = prepare(model, ()).problem
+    extended = extended_simulator(model.simulation.simulator, posterior.model.effects, problem)
     assert list(extended.parameters) == [
         "contact_rate",
         "contact_rate_step_amount",
