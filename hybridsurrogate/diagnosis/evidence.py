@@ -24,7 +24,6 @@ from hybridsurrogate.diagnosis.peaks import (
     nothing_further,
 )
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.effects.discrepancy_process import GaussianProcessDiscrepancy
 from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.inference.heavy_tails import settled
 from hybridsurrogate.inference.layout import Layout, layout
@@ -108,7 +107,7 @@ def search(
         The last of the problem's effects as it was found, in place of "nothing is wrong".
     nearby : Search or None
         The search over the same causes in other rows of the same data: the climbs start where its
-        climbs ended, which saves time and chooses nothing.
+        climbs ended, which saves time; grids are searched anew, but a climb may keep to its hill.
 
     Raises
     ------
@@ -177,7 +176,7 @@ def _weigh_remainder(
 ) -> list[Weighed]:
     """Weigh the winners of the quick search beside a smooth discrepancy of unknown shape."""
     quick, _ = probabilities(weighed)
-    process = next((w for w in weighed if isinstance(w.cause, GaussianProcessDiscrepancy)), None)
+    process = next((w for w in weighed if kind_of(w) == "unexplained"), None)
     if process is None:
         return weighed
     model, lengths = process.model, layout(process.model)

@@ -7,7 +7,6 @@ import numpy as np
 from hybridsurrogate.diagnosis.evidence import Search
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.surrogates.exact import ExactBasis
 
 # sets of parameters that are tried for each cause
 _TRIED = 64
@@ -35,7 +34,7 @@ def failures(found: Search) -> list[str]:
 
 
 def _count(model: MeasuredModel, X: FloatArray) -> int:
-    if not isinstance(model.basis, ExactBasis) or not model.n_unknowns:
+    if not model.basis.is_simulation or not model.n_unknowns:
         return 0
     # a fixed spread, so that a table has no randomness of its own
     z = np.random.RandomState(0).standard_normal((_TRIED, model.n_unknowns))

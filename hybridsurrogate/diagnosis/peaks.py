@@ -125,8 +125,8 @@ def best_peaks(
     try:
         for model, plan, (first, *_) in zip(models, plans, starts, strict=True):
             if is_followed(model.effects[-1]):
-                start = None if nearby is None else first
-                fits.append(_followed(problem, belief, noise, model, plan, null, start))
+                # with every unknown followed a start is a choice, which other rows must not make
+                fits.append(_followed(problem, belief, noise, model, plan, null))
             else:
                 fits.append(_once(problem, belief, model, plan, first, null.sigma))
         for k in _promising(problem, belief, noise, null, fits):
@@ -148,13 +148,10 @@ def _followed(
     model: MeasuredModel,
     plan: Layout,
     null: Fitted,
-    z: FloatArray | None,
 ) -> Fitted:
-    """Fit a cause whose unknowns are all followed, from many starts or from a known peak z."""
-    sigma, plain = null.sigma, plan.followed()
-    if z is None:
-        floor = _NEGLIGIBLE * null.sigma
-        z, sigma = best_of_many(model, problem.X, problem.y, belief, plan, null.peak.z, floor)
+    """Fit a cause whose unknowns are all followed, from many starts."""
+    plain, floor = plan.followed(), _NEGLIGIBLE * null.sigma
+    z, sigma = best_of_many(model, problem.X, problem.y, belief, plan, null.peak.z, floor)
     peak = _highest(problem, belief, model, plain, [z], sigma)
     return _settled(problem, belief, noise, Fitted(model, plain, peak, sigma))
 
