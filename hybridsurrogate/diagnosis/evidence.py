@@ -122,11 +122,13 @@ def search(
         null = nothing_further(problem, Fitted(*accepted[1:5]), belief, noise)
     ends = _ends_of(nearby, causes)
     try:
-        fits = best_peaks(problem, causes, belief, noise, null, ends)
+        fits, behind = best_peaks(problem, causes, belief, noise, null, ends)
     except InterruptedSearch as stop:
-        stop.kept = _weigh(problem, causes, belief, noise, [null, *stop.kept], False)
+        kept = [null, *stop.kept]
+        stop.kept = _weigh(problem, causes, belief, noise, kept, np.full(len(kept), np.nan), False)
         raise
-    return _weigh(problem, causes, belief, noise, [null, *fits], with_remainder)
+    known = np.append(np.nan, behind)
+    return _weigh(problem, causes, belief, noise, [null, *fits], known, with_remainder)
 
 
 def _weigh(
@@ -135,9 +137,13 @@ def _weigh(
     belief: Belief,
     noise: NoiseTable,
     peaks: Sequence[Fitted],
+    known: FloatArray,
     with_remainder: bool,
 ) -> Search:
-    """Weigh "nothing is wrong" and the first so many causes at their best fits."""
+    """Weigh "nothing is wrong" and the first so many causes at their best fits.
+
+    ``known`` is the log evidence where it is known well enough already, NaN elsewhere.
+    """
     smallest = min(sigma for *_, sigma in peaks)
     sizes = np.geomspace(
         SMALLEST_SIZE * smallest,
@@ -145,26 +151,26 @@ def _weigh(
         _N_SIZES,
     )
     weighed = []
-    for cause, (model, plan, peak, sigma) in zip([None, *causes], peaks, strict=False):
-        parts = linearise(model, problem.X, belief, plan, peak.z)
-        nodes = scan(parts, problem.y[None], sigma, noise, sizes)[0]
-        weighed.append(
-            Weighed(cause, model, plan, peak, sigma, float(special.logsumexp(nodes)), -np.inf)
-        )
+    for cause, fit, evidence in zip([None, *causes], peaks, known, strict=False):
+        if np.isnan(evidence):
+            parts = linearise(fit.model, problem.X, belief, fit.plan, fit.peak.z)
+            nodes = scan(parts, problem.y[None], fit.sigma, noise, sizes)[0]
+            evidence = special.logsumexp(nodes)
+        weighed.append(Weighed(cause, *fit, float(evidence), -np.inf))
     if with_remainder:
         weighed = _weigh_remainder(problem, belief, noise, weighed, sizes)
     probability, remainder = probabilities(weighed)
     return Search(problem, belief, weighed, probability, remainder, sizes, noise)
 
 
-def _ends_of(nearby: Search | None, causes: Sequence[Cause]) -> list[FloatArray] | None:
+def _ends_of(nearby: Search | None, causes: Sequence[Cause]) -> list[Fitted] | None:
     """Return where the climbs of the same causes ended; None where it weighed other causes."""
     if nearby is None:
         return None
     known = nearby.weighed[1:]
     if [c.name for c in causes] != [w.cause.name for w in known if w.cause is not None]:
         return None
-    return [w.peak.z for w in known]
+    return [Fitted(*w[1:5]) for w in known]
 
 
 def _weigh_remainder(

@@ -92,10 +92,7 @@ class Scores(NamedTuple):
 
 def pointwise(estimator: Any, X: ArrayLike, y: FloatArray) -> Scores:
     """Return log density, error of the mean and whether the intervals hold y, for each row."""
-    inside = []
-    for level in (COVERAGE_LEVEL, HALF):
-        lower, upper = estimator.predict_interval(X, level)
-        inside.append(((y >= lower) & (y <= upper)).astype(float))
+    inside = estimator._inside(X, y, (COVERAGE_LEVEL, HALF))
     error = np.asarray(y, dtype=float) - estimator.predict(X)
     return Scores(estimator.log_predictive_density(X, y), error, *inside)
 

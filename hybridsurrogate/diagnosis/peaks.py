@@ -35,8 +35,9 @@ _NEIGHBOURS = 6
 _FLOOR = 1e-6
 
 
-# causes this far (in nats) behind the best one after a first climb are not followed in earnest
-_FAR_BEHIND = 12.0
+# causes this far (in nats) behind the best one are not followed in earnest: after a first climb,
+# which may have found a lower hill, and where the climbs in other rows ended, which is nearly it
+_FAR_BEHIND, _FAR_BEHIND_NEARBY = 12.0, 6.0
 
 
 # a fit this many times closer than without the cause is as good as exact
@@ -108,37 +109,47 @@ def best_peaks(
     belief: Belief,
     noise: NoiseTable,
     null: Fitted,
-    nearby: Sequence[FloatArray] | None = None,
-) -> list[Fitted]:
+    nearby: Sequence[Fitted] | None = None,
+) -> tuple[list[Fitted], FloatArray]:
     """Fit every cause: from one start, and in earnest where that looks promising.
 
-    ``nearby`` are the peaks of the same causes in other rows of the same data: the climbs start
-    there, and need no other start. An `InterruptedSearch` holds the fits of the first so many
-    causes.
+    ``nearby`` are the peaks of the same causes in other rows of the same data: they stand for that
+    first climb, and what is promising is followed from there alone. An `InterruptedSearch` holds
+    the fits of the first so many causes.
+
+    Returns
+    -------
+    fits : list of Fitted
+    behind : ndarray
+        Log evidence of the causes that are far behind, from few sizes; NaN for the others.
     """
-    models = [problem.model.with_effects((*problem.model.effects, cause)) for cause in causes]
-    plans = [layout(model) for model in models]
-    starts = [_starts(model, plan, null) for model, plan in zip(models, plans, strict=True)]
-    if nearby is not None:
-        starts = [[z] for z in nearby]
     fits: list[Fitted] = []
     try:
-        for model, plan, (first, *_) in zip(models, plans, starts, strict=True):
-            if is_followed(model.effects[-1]):
+        for k, cause in enumerate(causes):
+            model = problem.model.with_effects((*problem.model.effects, cause))
+            plan = layout(model)
+            if is_followed(cause):
                 # with every unknown followed a start is a choice, which other rows must not make
                 fits.append(_followed(problem, belief, noise, model, plan, null))
+            elif nearby is None or _is_noise_process(model):
+                fits.append(_once(problem, belief, model, plan, null))
             else:
-                fits.append(_once(problem, belief, model, plan, first, null.sigma))
-        for k in _promising(problem, belief, noise, null, fits):
-            model, plan, peak, _ = fits[k]
+                fits.append(_unmoved(problem, model, plan, nearby[k]))
+        margin = _FAR_BEHIND if nearby is None else _FAR_BEHIND_NEARBY
+        behind = _far_behind(problem, belief, noise, null, fits, margin)
+        for k in map(int, np.flatnonzero(np.isnan(behind))):
+            model, plan, peak, sigma = fits[k]
             if _is_noise_process(model) or is_followed(model.effects[-1]):
                 continue
-            other = _highest(problem, belief, model, plan, starts[k][1:], null.sigma)
-            best = min(peak, other, key=lambda found: found.objective)
-            fits[k] = _settled(problem, belief, noise, Fitted(model, plan, best, null.sigma))
+            if nearby is None:
+                sigma = null.sigma
+                others = _starts(model, plan, null)[1:]
+                other = _highest(problem, belief, model, plan, others, sigma)
+                peak = min(peak, other, key=lambda found: found.objective)
+            fits[k] = _settled(problem, belief, noise, Fitted(model, plan, peak, sigma))
     except KeyboardInterrupt as stop:
         raise InterruptedSearch(fits) from stop
-    return fits
+    return fits, behind
 
 
 def _followed(
@@ -156,15 +167,23 @@ def _followed(
     return _settled(problem, belief, noise, Fitted(model, plain, peak, sigma))
 
 
+def _unmoved(problem: Problem, model: MeasuredModel, plan: Layout, other: Fitted) -> Fitted:
+    """Return the fit to other rows as one to these, on the first grid, before any climb."""
+    if not np.isfinite(other.peak.objective):
+        return Fitted(model, plan, other.peak, other.sigma)
+    peak = Peak(other.peak.z, len(problem.y) * other.sigma**2, 0.0, 0)
+    return Fitted(model, plan, peak, other.sigma)
+
+
 def _once(
     problem: Problem,
     belief: Belief,
     model: MeasuredModel,
     plan: Layout,
-    start: FloatArray,
-    sigma: float,
+    null: Fitted,
 ) -> Fitted:
     """Climb once, on the first grid."""
+    start, sigma = _starts(model, plan, null)[0], null.sigma
     if _is_noise_process(model):
         # left free it would take all the noise there is: it has the size of the noise
         peak = climb(model, problem.X, problem.y, belief, plan, start, sigma, sigma)
@@ -173,10 +192,15 @@ def _once(
     return Fitted(model, plan, peak, _sigma_of(problem, peak, sigma))
 
 
-def _promising(
-    problem: Problem, belief: Belief, noise: NoiseTable, null: Fitted, fits: Sequence[Fitted]
-) -> list[int]:
-    """Return the positions of the fits that are not far behind, and of those that failed."""
+def _far_behind(
+    problem: Problem,
+    belief: Belief,
+    noise: NoiseTable,
+    null: Fitted,
+    fits: Sequence[Fitted],
+    margin: float,
+) -> FloatArray:
+    """Return the log evidence of fits that are far behind; NaN for the others, failed or not."""
     sizes = np.geomspace(SMALLEST_SIZE * null.sigma, LARGEST_SIZE * problem.scale, 4)
     reached = np.empty(len(fits))
     for k, (model, plan, peak, sigma) in enumerate(fits):
@@ -186,8 +210,9 @@ def _promising(
     # a curve of any shape reaches high at once: named causes are compared with each other; what
     # could not be followed at all gets its other starting points, too
     named = [fit.model.effects[-1].kind != "unexplained" for fit in fits]
-    behind = reached < np.max(reached[named], initial=-np.inf) - _FAR_BEHIND
-    return [int(k) for k in np.flatnonzero(~behind)]
+    behind = reached < np.max(reached[named], initial=-np.inf) - margin
+    behind &= np.isfinite(reached)
+    return np.where(behind, reached, np.nan)
 
 
 def _is_noise_process(model: MeasuredModel) -> bool:

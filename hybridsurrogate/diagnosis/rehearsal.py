@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -17,6 +18,8 @@ from hybridsurrogate.diagnosis.preparation import prepare, with_basis
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.estimators.problem import Problem
+from hybridsurrogate.exceptions import HybridSurrogateWarning
+from hybridsurrogate.inference.pareto import KHAT_LIMIT
 from hybridsurrogate.simulation import Simulator
 
 # enough for scores whose own standard error is that of a handful of rows
@@ -55,8 +58,9 @@ class Rehearsal:
 
     def __call__(self, X: ArrayLike, y: ArrayLike) -> Pair:
         """Return the models before and after for these rows."""
-        before = clone(self.estimator)
-        before.set_params(n_draws=min(int(before.n_draws), FOLD_DRAWS)).fit(X, y)
+        draws = min(int(self.estimator.n_draws), FOLD_DRAWS)
+        plain = clone(self.estimator).set_params(n_draws=draws)
+        before = quickly_fitted(plain, X, y)
         prepared = prepare(before, self.own)
         problem = with_basis(prepared.problem, self.found.problem.model.basis)
         steps = forward_search(
@@ -70,8 +74,26 @@ class Rehearsal:
             RandomState(0),
             self.found,
         )
-        after = extended(before, accepted(steps), X, y)
+        after, causes = before, accepted(steps)
+        if causes:
+            after = quickly_fitted(clone(plain).set_params(effects=causes), X, y)
         return Pair(before, after, kind_of(steps[0].chosen))
+
+
+def quickly_fitted(
+    estimator: PowerScaledSurrogate, X: ArrayLike, y: ArrayLike
+) -> PowerScaledSurrogate:
+    """Fit by importance draws; by the ensemble only where these are not to be trusted.
+
+    An ensemble that smooths trusted draws of several modes is worth its time in a model that is
+    kept, not in one of many folds.
+    """
+    if estimator.sampler != "auto":
+        return estimator.fit(X, y)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", HybridSurrogateWarning)
+        quick = clone(estimator).set_params(sampler="importance").fit(X, y)
+    return quick if quick.diagnostics_.khat <= KHAT_LIMIT else estimator.fit(X, y)
 
 
 def accepted(steps: Sequence[Step]) -> tuple[Cause, ...]:

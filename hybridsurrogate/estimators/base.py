@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from abc import abstractmethod
+from collections.abc import Sequence
 from numbers import Integral, Real
 from typing import Any
 
@@ -15,6 +16,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from hybridsurrogate.estimators.loo import Loo
 from hybridsurrogate.estimators.mixture import (
+    below,
     drawn,
     log_density_of,
     moments,
@@ -226,6 +228,19 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         parts = [(weight, *posterior.eta(X)) for weight, posterior in mixture]
         lower, upper = (quantile(parts, probability) for probability in (tail, 1 - tail))
         return likelihood.inverse(lower), likelihood.inverse(upper)
+
+    def _inside(self, X: ArrayLike, y: FloatArray, levels: Sequence[float]) -> list[FloatArray]:
+        """Return whether each row lies in the central interval of each level, as 0 and 1."""
+        checked = self._check_data(X)
+        mixture = self._mixture(checked)
+        likelihood = mixture[0][1].likelihood
+        if isinstance(likelihood, TransformedNormal):
+            # one look at the distribution function instead of many for each quantile
+            parts = [(weight, *posterior.eta(checked)) for weight, posterior in mixture]
+            off = np.abs(below(parts, likelihood.working(y)) - 0.5)
+            return [(off <= level / 2).astype(float) for level in levels]
+        ends = [self.predict_interval(X, level) for level in levels]
+        return [((y >= lower) & (y <= upper)).astype(float) for lower, upper in ends]
 
     def sample_predictive_mean(
         self, X: ArrayLike, n_draws: int | None = None, random_state: Any = None

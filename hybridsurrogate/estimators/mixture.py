@@ -113,12 +113,15 @@ def quantile(parts: list[tuple[Any, FloatArray, FloatArray]], probability: float
     high = np.concatenate([eta for _, eta, _ in parts]).max(axis=0) + reach
     for _ in range(50):
         middle = 0.5 * (low + high)
-        below = sum(
-            weight * special.ndtr((middle - eta) / sigma).mean(axis=0)
-            for weight, eta, sigma in parts
-        )
-        low, high = (
-            np.where(below < probability, middle, low),
-            np.where(below < probability, high, middle),
-        )
+        left = below(parts, middle) < probability
+        low, high = np.where(left, middle, low), np.where(left, high, middle)
     return 0.5 * (low + high)
+
+
+def below(parts: list[tuple[Any, FloatArray, FloatArray]], eta: FloatArray) -> FloatArray:
+    """Return the probability of a mixture of normals below eta (n,)."""
+    terms = [
+        weight * special.ndtr((eta - centre) / sigma).mean(axis=0)
+        for weight, centre, sigma in parts
+    ]
+    return np.sum(terms, axis=0)

@@ -9,7 +9,7 @@ import numpy as np
 from hidden_effects.cases import Case
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.peaks import best_null, best_peaks
+from hybridsurrogate.diagnosis.peaks import Fitted, best_null, best_peaks
 from hybridsurrogate.inference.noise import NoiseTable
 
 # neither says what the curve is: nothing is wrong, or a curve of any shape
@@ -40,20 +40,20 @@ def distance(case: Case, diagnosis: hs.DiscrepancyDiagnosis) -> float:
     if hidden in ("none", found) or "kinds" in case.truth:
         return float("nan")
     search, truth = diagnosis.search_, case.truth["mu"]
-    named = [(w.cause, w.peak.z) for w in search.weighed if w.cause and w.cause.kind == found]
-    mine = [cause for cause, _ in named if cause.changes_output]
+    named = [w for w in search.weighed if w.cause and w.cause.kind == found]
+    mine = [w.cause for w in named if w.cause and w.cause.changes_output]
     # a curve of size zero would draw the truth of a case whose noise alone is strange
     if not mine or found in _NAMELESS or hidden == "noise":
         return float("inf")
-    near = [z for cause, z in named if cause.changes_output]
+    near = [Fitted(*w[1:5]) for w in named if w.cause and w.cause.changes_output]
     problem = replace(search.problem, y=truth)
     noise = NoiseTable(problem.noise_prior, problem.scale, len(truth))
     with warnings.catch_warnings():
         # a simulation may leave its domain on the way; such climbs end at infinity
         warnings.simplefilter("ignore", RuntimeWarning)
         null = best_null(problem, search.belief, noise)
-        fits = best_peaks(problem, mine, search.belief, noise, null)
+        fits, _ = best_peaks(problem, mine, search.belief, noise, null)
         # what fitted the data so well that it was taken for the truth is a start, too
-        fits += best_peaks(problem, mine, search.belief, noise, null, near)
+        fits += best_peaks(problem, mine, search.belief, noise, null, near)[0]
     squares = [fit.peak.squares for fit in fits if np.isfinite(fit.peak.objective)]
     return float(min(squares, default=np.inf) / case.truth["noise_sd"] ** 2)
