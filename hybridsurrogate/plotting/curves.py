@@ -17,7 +17,8 @@ from hybridsurrogate.plotting.style import (
     OMEGA_COLOURS,
     QUIET,
     SCHEMES,
-    add_legend,
+    explain,
+    grid_of_axes,
     new_axes,
     share_range,
 )
@@ -63,8 +64,8 @@ def plot_mean_draws(
     >>> from hybridsurrogate.plotting import plot_mean_draws
     >>> x, omega = np.linspace(0, 1, 20), np.array([0.9, 1.0, np.nan])
     >>> ax = plot_mean_draws(x, np.array([[0.9], [1.0], [1.5]]) * x, omega)
-    >>> len(ax.collections[0].get_segments())
-    3
+    >>> [len(lines.get_segments()) for lines in ax.collections]
+    [2, 1]
     """
     ax = ax or new_axes()[0]
     x, draws, omega = (np.asarray(values, dtype=float) for values in (x, draws, omega))
@@ -72,12 +73,17 @@ def plot_mean_draws(
     # any subset, so that the parts of a mixture, which come one after the other, both show
     chosen = np.random.default_rng(0).permutation(len(draws))[:_N_LINES]
     order = np.argsort(x)
-    lines = np.stack(
-        [np.broadcast_to(x[order], (len(chosen), len(x))), draws[chosen][:, order]], axis=2
-    )
-    colours = OMEGA_COLOURS(norm(omega[chosen]))
-    colours[np.isnan(omega[chosen])] = (*to_rgb(QUIET), 1.0)
-    ax.add_collection(LineCollection(list(lines), colors=colours, lw=0.7, alpha=0.5, zorder=2))
+    x_all = np.broadcast_to(x[order], (len(chosen), len(x)))
+    lines, told = np.stack([x_all, draws[chosen][:, order]], axis=2), omega[chosen]
+    known = np.isfinite(told)
+    look = {"lw": 0.7, "alpha": 0.5}
+    coloured = LineCollection(list(lines[known]), cmap=OMEGA_COLOURS, norm=norm, zorder=2, **look)
+    coloured.set_array(told[known])
+    ax.add_collection(coloured)
+    if not known.all():
+        plain = LineCollection(list(lines[~known]), colors=QUIET, zorder=1.9, **look)
+        plain.set_label("draws without omega")
+        ax.add_collection(plain)
     ax.autoscale_view()
     return ax if scene is None else plot_scene(scene, ax)
 
@@ -134,7 +140,8 @@ def plot_mean_draws_over_beta(
 
     grid = _over_beta(draws, betas, axes, scene, draw)
     bar = ScalarMappable(norm, OMEGA_COLOURS)
-    grid[0, 0].figure.colorbar(bar, ax=list(grid.ravel()), label=omega_label, extend="both")
+    look = {"extend": "both", "pad": 0.01, "aspect": 30}
+    grid[0, 0].figure.colorbar(bar, ax=list(grid.ravel()), label=omega_label, **look)
     return grid
 
 
@@ -231,20 +238,16 @@ def _over_beta(
     draw: Callable[[Axes, str, int], None],
 ) -> NDArray[np.object_]:
     shape = (len(draws), len(betas))
-    if axes is None:
-        made = new_axes(*shape, width=1.2 + 1.9 * shape[1], height=0.8 + 1.9 * shape[0], share=True)
-        axes = np.array(made, dtype=object)
-    grid = np.asarray(axes, dtype=object).reshape(shape)
+    grid = grid_of_axes(axes, shape, 1.2 + 1.9 * shape[1], 1.0 + 1.9 * shape[0])
     for row, scheme in zip(grid, draws, strict=True):
         for k, ax in enumerate(row):
             draw(ax, scheme, k)
-            ax.set_title("")
             ax.label_outer()
         row[0].set_ylabel(f"{scheme}\n{row[0].get_ylabel()}")
     for ax, beta in zip(grid[0], betas, strict=True):
         ax.set_title(f"beta = {beta:g}", fontsize="medium")
     share_range(list(grid.ravel()), _in_sight(draws, scene))
-    add_legend(grid[0, 0], "x-small")
+    explain(list(grid.ravel()), below=axes is None)
     return grid
 
 

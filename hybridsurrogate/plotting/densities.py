@@ -14,8 +14,8 @@ from hybridsurrogate.plotting.style import BEFORE, DATA, QUIET, add_legend, new_
 from hybridsurrogate.priors import FloatArray
 
 # the highest density reaches over this many lines of its neighbours
-_OVERLAP = 1.7
-_N_GRID, _OUTSIDE = 400, 0.001
+_OVERLAP = 1.3
+_N_GRID, _OUTSIDE = 400, 0.003
 
 
 def plot_densities_over_beta(

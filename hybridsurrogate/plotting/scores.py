@@ -4,10 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
+from matplotlib import ticker
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike, NDArray
 
-from hybridsurrogate.plotting.style import AFTER, BEFORE, DATA, SCHEMES, add_legend, new_axes
+from hybridsurrogate.plotting.style import (
+    AFTER,
+    BEFORE,
+    DATA,
+    SCHEMES,
+    explain,
+    grid_of_axes,
+    new_axes,
+)
 
 # each score: its name on the axis, and whether more of it is better
 SCORES = {
@@ -16,7 +25,7 @@ SCORES = {
 }
 # lines of other models
 _LINES = ("-.", ":", (0, (5, 1)), (0, (1, 3)))
-_WIDE_RATIO = 20
+_WIDE_RATIO = 5
 
 
 def plot_scores_over_beta(
@@ -51,10 +60,7 @@ def plot_scores_over_beta(
     """
     tests = list(dict.fromkeys(table["test"]))
     shape = (len(SCORES), len(tests))
-    if axes is None:
-        made = new_axes(*shape, width=1.0 + 3.1 * shape[1], height=5.4, share=True)
-        axes = np.array(made, dtype=object)
-    grid = np.asarray(axes, dtype=object).reshape(shape)
+    grid = grid_of_axes(axes, shape, 1.0 + 3.1 * shape[1], 5.6)
     for row, (score, (title, more)) in zip(grid, SCORES.items(), strict=True):
         for ax, test in zip(row, tests, strict=True):
             shown = table[table["test"] == test]
@@ -66,12 +72,13 @@ def plot_scores_over_beta(
         ax.set_title(test, fontsize="medium")
     for ax in grid[-1]:
         ax.set_xlabel("beta")
-    add_legend(grid[0, 0])
+    explain(list(grid.ravel()), below=axes is None)
     return grid
 
 
 def _plot_schemes(ax: Axes, table: pd.DataFrame, score: str, more: bool) -> None:
-    for (scheme, rows), style in zip(table.groupby("scheme", sort=False), SCHEMES, strict=False):
+    schemes = zip(table.groupby("scheme", sort=False), SCHEMES, strict=False)
+    for k, ((scheme, rows), style) in enumerate(schemes):
         repeats = rows.groupby("beta")[score]
         mean, low, high = repeats.mean(), repeats.quantile(0.05), repeats.quantile(0.95)
         beta, line = mean.index.to_numpy(dtype=float), mean.to_numpy(dtype=float)
@@ -79,11 +86,16 @@ def _plot_schemes(ax: Axes, table: pd.DataFrame, score: str, more: bool) -> None
         form = style.line + style.mark
         ax.plot(beta, line, form, color=style.colour, ms=4, label=scheme)
         best = int(line.argmax() if more else line.argmin())
-        ax.plot(beta[best], line[best], "o", ms=11, mfc="none", color=style.colour)
+        # of different sizes, as the best is often at the same end
+        size = 9 + 4 * k
+        ax.plot(beta[best], line[best], "o", ms=size, mfc="none", color=style.colour)
     ax.set_xlim(-0.04, 1.04)
     values = table[score]
     if not more and values.min() > 0 and values.max() > _WIDE_RATIO * values.min():
         ax.set_yscale("log")
+        ax.yaxis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
+        ax.yaxis.set_major_formatter("{x:g}")
+        ax.yaxis.set_minor_formatter(ticker.NullFormatter())
 
 
 def _plot_references(ax: Axes, table: pd.DataFrame, score: str) -> None:

@@ -7,7 +7,7 @@ share an Axes, their markers or lines differ as well.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib import colormaps, ticker
@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
 
 from hybridsurrogate.priors import FloatArray
 
@@ -70,11 +71,38 @@ def tidy(ax: Axes, xlabel: str, ylabel: str, legend: bool = True, ticks: int = 7
     return ax
 
 
-def add_legend(ax: Axes, size: str = "small") -> Axes:
+def add_legend(ax: Axes) -> Axes:
     """Explain the series where they hide the least, if any has a name."""
     if ax.get_legend_handles_labels()[0]:
-        ax.legend(frameon=True, framealpha=0.85, edgecolor="none", fontsize=size, loc="best")
+        ax.legend(frameon=True, framealpha=0.85, edgecolor="none", fontsize="small", loc="best")
     return ax
+
+
+def explain(axes: Sequence[Axes], below: bool) -> None:
+    """Explain the series of several Axes once: below the figure or in the first of the Axes."""
+    series: dict[str, Any] = {}
+    for ax in axes:
+        handles, labels = ax.get_legend_handles_labels()
+        series = dict(zip(labels, handles, strict=True)) | series
+    if series and below:
+        legend = axes[0].figure.legend(
+            list(series.values()), list(series), loc="outside lower center", ncols=len(series)
+        )
+        legend.set_frame_on(False)
+    elif series:
+        look = {"framealpha": 0.85, "edgecolor": "none", "fontsize": "x-small"}
+        axes[0].legend(list(series.values()), list(series), loc="best", **look)
+
+
+def grid_of_axes(
+    axes: ArrayLike | None, shape: tuple[int, int], width: float, height: float
+) -> NDArray[np.object_]:
+    """Return the given Axes in rows and columns, or those of a new figure of a size in inches."""
+    made = new_axes(*shape, width, height, share=True) if axes is None else axes
+    grid = np.array(made, dtype=object)
+    if grid.size != shape[0] * shape[1]:
+        raise ValueError(f"axes must hold {shape[0]} x {shape[1]} Axes, got {grid.size}.")
+    return grid.reshape(shape)
 
 
 def share_range(axes: Sequence[Axes], values: FloatArray) -> None:
