@@ -168,8 +168,9 @@ def test_mean_draws_over_beta_share_colours_limits_and_names():
     limits = {ax.get_ylim() for ax in axes.ravel()}
     assert len(limits) == 1
     (low, high) = limits.pop()
-    assert low <= 1
-    assert 11 <= high < 25
+    # truth from 1 to 11, half of that as room
+    assert -4.7 < low <= 1
+    assert 11 <= high < 16.7
     lines = [ax.collections[0] for ax in axes.ravel()]
     assert all(isinstance(drawn, LineCollection) for drawn in lines)
     assert len({(drawn.norm.vmin, drawn.norm.vmax) for drawn in lines}) == 1
@@ -178,6 +179,16 @@ def test_mean_draws_over_beta_share_colours_limits_and_names():
     assert figure.axes[-1].get_ylabel() == "omega"
     assert legend_words(figure) == ["true process", "measured"]
     figure.savefig(io.BytesIO(), format="png")
+
+
+def test_view_does_not_reach_below_what_is_drawn():
+    counts = np.exp(np.linspace(0, 5, 41)) * np.linspace(0.5, 1e4, 300)[:, None]
+    scene = Scene(truth=(X, np.exp(np.linspace(0, 5, 41))))
+    axes = plotting.plot_bands_over_beta(X, {"power scaling": [counts]}, (0,), scene=scene)
+    low, high = axes[0, 0].get_ylim()
+    # of a width of 1.5 times 1 to 148.4
+    assert -10 < low < 1
+    assert 222 < high < 233
 
 
 def test_bands_hold_50_90_and_99_per_cent():
@@ -266,6 +277,20 @@ def test_scores_over_beta_show_means_bands_and_the_best_beta():
     assert [ax.get_yscale() for ax in axes[1]] == ["linear", "log"]
     # the least RMSE is best
     assert axes[1, 0].lines[1].get_xdata() == [0.5]
+    axes[0, 0].figure.savefig(io.BytesIO(), format="png")
+
+
+def test_scores_far_worse_than_the_best_leave_the_view():
+    table = score_table()
+    table.loc[(table["beta"] == 0) & (table["scheme"] == SCHEMES[1]), "rmse"] = 1e20
+    table.loc[(table["beta"] == 0) & (table["scheme"] == SCHEMES[1]), "elpd"] = -1e6
+    axes = plotting.plot_scores_over_beta(table)
+    for ax in axes[0]:
+        assert ax.get_ylim()[0] == pytest.approx(0.3 - 8)
+        assert ax.get_ylim()[1] > 0.3
+    for ax in axes[1]:
+        assert ax.get_ylim()[0] < 0.9
+        assert 27 < ax.get_ylim()[1] < 40
     axes[0, 0].figure.savefig(io.BytesIO(), format="png")
 
 

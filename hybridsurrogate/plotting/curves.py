@@ -20,12 +20,12 @@ from hybridsurrogate.plotting.style import (
     explain,
     grid_of_axes,
     new_axes,
-    share_range,
 )
-from hybridsurrogate.priors import FloatArray
 
 LEVELS = (0.99, 0.9, 0.5)
 _N_LINES = 100
+# share of the outputs drawn that may lie above or below the view
+_RUNAWAY = 0.005
 # how much of a scheme's colour the bands have, the widest first
 _TINTS = (0.18, 0.38, 0.62)
 
@@ -246,15 +246,22 @@ def _over_beta(
         row[0].set_ylabel(f"{scheme}\n{row[0].get_ylabel()}")
     for ax, beta in zip(grid[0], betas, strict=True):
         ax.set_title(f"beta = {beta:g}", fontsize="medium")
-    share_range(list(grid.ravel()), _in_sight(draws, scene))
+    view = _view(draws, scene)
+    for ax in grid.ravel():
+        ax.set_ylim(*view)
     explain(list(grid.ravel()), below=axes is None)
     return grid
 
 
-def _in_sight(draws: Mapping[str, Sequence[ArrayLike]], scene: Scene | None) -> FloatArray:
-    if scene is not None and len(scene.outputs):
-        return scene.outputs
-    medians = [
-        np.median(np.asarray(values), axis=0) for scheme in draws.values() for values in scheme
-    ]
-    return np.concatenate(medians)
+def _view(draws: Mapping[str, Sequence[ArrayLike]], scene: Scene | None) -> tuple[float, float]:
+    """Return the range of outputs to show: wide enough for the data, not for a runaway curve."""
+    drawn = [np.asarray(values, dtype=float) for scheme in draws.values() for values in scheme]
+    ends = np.array([np.quantile(values, (_RUNAWAY, 1 - _RUNAWAY)) for values in drawn])
+    low, high = ends[:, 0].min(), ends[:, 1].max()
+    known = np.empty(0) if scene is None else scene.outputs
+    if len(known):
+        room = 0.5 * float(np.ptp(known))
+        low = max(min(low, known.min()), known.min() - room)
+        high = min(max(high, known.max()), known.max() + room)
+    margin = 0.04 * (high - low) + 1e-12
+    return float(low - margin), float(high + margin)

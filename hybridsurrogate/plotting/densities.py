@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from hybridsurrogate.plotting.style import BEFORE, DATA, QUIET, add_legend, new_axes
+from hybridsurrogate.plotting.style import BEFORE, DATA, QUIET, explain, new_axes
 from hybridsurrogate.priors import FloatArray
 
 # the highest density reaches over this many lines of its neighbours
@@ -58,6 +58,7 @@ def plot_densities_over_beta(
     >>> ax.get_xlabel()
     'omega'
     """
+    own = ax is None
     ax = ax or new_axes(width=5.0, height=1.2 + 0.4 * len(betas))[0]
     given = [np.asarray(values, dtype=float) for values in draws]
     support = (-np.inf, np.inf) if prior is None else tuple(map(float, prior.support()))
@@ -90,7 +91,8 @@ def plot_densities_over_beta(
     ax.set_ylabel("beta")
     ax.spines[["top", "right", "left"]].set_visible(False)
     ax.tick_params(axis="y", length=0)
-    return add_legend(ax)
+    explain([ax], below=own)
+    return ax
 
 
 def _density(draws: FloatArray, grid: FloatArray, support: tuple[float, ...]) -> FloatArray:

@@ -25,7 +25,10 @@ SCORES = {
 }
 # lines of other models
 _LINES = ("-.", ":", (0, (5, 1)), (0, (1, 3)))
+# an RMSE this many times the best asks for a logarithmic scale
 _WIDE_RATIO = 5
+# what is worse than this leaves the view: nats below the best ELPD, times the best RMSE
+_FAR_ELPD, _FAR_RATIO = 8.0, 30.0
 
 
 def plot_scores_over_beta(
@@ -34,6 +37,7 @@ def plot_scores_over_beta(
     """Draw ELPD and RMSE over beta: a column for each test set, a line for each scheme.
 
     Lines are means over repeats, bands hold the central 90 % of the repeats, rings the best beta.
+    Scores far worse than the best leave the view: 8 in ELPD, a factor of 30 in RMSE.
 
     Parameters
     ----------
@@ -90,9 +94,12 @@ def _plot_schemes(ax: Axes, table: pd.DataFrame, score: str, more: bool) -> None
         size = 9 + 4 * k
         ax.plot(beta[best], line[best], "o", ms=size, mfc="none", color=style.colour)
     ax.set_xlim(-0.04, 1.04)
-    values = table[score]
-    if not more and values.min() > 0 and values.max() > _WIDE_RATIO * values.min():
+    best, worst = (table[score].max(), table[score].min())[:: 1 if more else -1]
+    if more:
+        ax.set_ylim(bottom=max(float(ax.get_ylim()[0]), best - _FAR_ELPD))
+    elif best > 0 and worst > _WIDE_RATIO * best:
         ax.set_yscale("log")
+        ax.set_ylim(0.8 * best, 1.25 * min(worst, _FAR_RATIO * best))
         ax.yaxis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
         ax.yaxis.set_major_formatter("{x:g}")
         ax.yaxis.set_minor_formatter(ticker.NullFormatter())
