@@ -1,4 +1,5 @@
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -7,7 +8,15 @@ from scipy.optimize import curve_fit
 from shared_files import ReferenceCase, needs_reference
 
 import hybridsurrogate as hs
-from hybridsurrogate.datasets import load_mauna_loa_co2, load_nile, make_log_sin, make_sir
+from hybridsurrogate import datasets
+from hybridsurrogate.datasets import (
+    load_mauna_loa_co2,
+    load_nile,
+    load_nist_chwirut1,
+    load_nist_enso,
+    make_log_sin,
+    make_sir,
+)
 from hybridsurrogate.datasets.sir import infected
 
 
@@ -85,6 +94,7 @@ def test_sir_is_the_published_case_study():
     runs = case.tables["sim"]
     simulated = data.simulator(runs["x"], runs["omega"])
     np.testing.assert_allclose(simulated, runs["I"] + 1, rtol=1e-8)
+    np.testing.assert_allclose(data.simulator_fixed(runs["x"], runs["omega"]), simulated)
     # the authors' runs are whole numbers, rounded up or down at random
     assert (np.abs(simulated - runs["y"]) < 1).all()
     for name in ("real", "oos", "ood"):
@@ -121,6 +131,32 @@ def test_sir_simulation_assumes_a_slow_recovery():
     )
 
 
+def test_sir_has_the_published_runs_beside_those_for_a_diagnosis():
+    data = make_sir(n_runs=64, random_state=0)
+    runs, simulator = data.simulation_fixed, data.simulator_fixed
+    assert runs.n_runs == 64
+    assert list(runs.parameter_ranges) == ["contact_rate"]
+    assert runs.assumed == simulator.assumed == {}
+    assert runs.input_ranges == data.simulation.input_ranges
+    expected = infected(runs.X[:, 0], runs.omega[:, 0], 0.55) + 1
+    np.testing.assert_allclose(runs.y, expected)
+    # the simulator says the same as the other at its assumed value
+    np.testing.assert_allclose(simulator([3.0], [2.0]), data.simulator([3.0], [2.0]))
+    np.testing.assert_allclose(simulator(runs.X, runs.omega), runs.y)
+
+
+def test_sir_rounds_the_published_runs_up_or_down_at_random():
+    data = make_sir(n_runs=1024, round_counts=True, random_state=0)
+    runs = data.simulation_fixed
+    exact = infected(runs.X[:, 0], runs.omega[:, 0], 0.55) + 1
+    assert (runs.y == np.round(runs.y)).all()
+    error = runs.y - exact
+    assert np.abs(error).max() < 1
+    # up with the probability of the fraction: unbiased, and not always to the nearest
+    assert np.abs(error).max() > 0.6
+    assert error.mean() == pytest.approx(0, abs=4 * 0.5 / np.sqrt(1024))
+
+
 def test_sir_rounds_what_the_simulation_says():
     data = make_sir(add_one=False, round_counts=True, random_state=0)
     exact = make_sir(add_one=False, random_state=0)
@@ -139,25 +175,86 @@ def test_sir_repeats_with_its_seed():
 
 
 @pytest.mark.parametrize(
-    ("load", "n_rows", "start", "sd"),
-    [(load_mauna_loa_co2, 521, (280, 35, 0.02), 2.2), (load_nile, 100, (1000,), 169)],
+    ("load", "n_rows", "start", "low_sd", "high_sd"),
+    [
+        (load_mauna_loa_co2, 521, (280, 35, 0.02), 2.178, 2.222),
+        (load_nile, 100, (1000,), 167.3, 170.7),
+        # more than NIST's certified residual with the cause, less than the data's own
+        (load_nist_chwirut1, 214, (100, 0.5), 3.3616673688, 23),
+        (load_nist_enso, 168, (10, 1, 1), 2.2269642403, 3.3),
+    ],
 )
-def test_simulation_follows_all_but_the_hidden_cause(load, n_rows, start, sd):
+def test_simulation_follows_all_but_the_hidden_cause(load, n_rows, start, low_sd, high_sd):
     data = load()
     assert data.data.shape == (n_rows, 1)
-    assert list(data.data.columns) == list(data.simulator.input_names) == ["year"]
+    (name,) = data.simulator.input_names
+    assert list(data.data.columns) == [name]
+    assert list(data.frame.columns) == [name, data.target.name]
     assert data.target.name == data.simulator.output
-    low, high = data.simulator.input_ranges["year"]
-    assert data.data["year"].between(low, high).all()
+    low, high = data.simulator.input_ranges[name]
+    assert data.data[name].between(low, high).all()
     assert "public domain" in data.DESCR
-    best, _ = curve_fit(data.simulator.function, data.data["year"], data.target, start)
+    best, _ = curve_fit(data.simulator.function, data.data[name], data.target, start)
     for value, prior in zip(best, data.simulator.parameters.values(), strict=True):
         assert 0.01 < prior.cdf(value) < 0.99
     residual = data.target - data.simulator(data.data, best * np.ones((n_rows, 1)))
-    assert residual.std() == pytest.approx(sd, rel=0.01)
+    assert low_sd < residual.std() < high_sd
 
 
-@pytest.mark.parametrize("make", [make_log_sin, make_sir, load_mauna_loa_co2, load_nile])
+def test_chwirut1_has_the_certified_fit():
+    data = load_nist_chwirut1()
+
+    def response(x, b1, b2, b3):
+        return np.exp(-b1 * x) / (b2 + b3 * x)
+
+    x, y = data.data["distance"].to_numpy(), data.target.to_numpy()
+    best, _ = curve_fit(response, x, y, (0.15, 0.008, 0.010))
+    certified = [0.19027818370, 0.0061314004477, 0.010530908399]
+    np.testing.assert_allclose(best, certified, rtol=1e-4)
+    assert np.sum((y - response(x, *certified)) ** 2) == pytest.approx(2384.4771393, rel=1e-9)
+
+
+def test_enso_has_the_certified_fit():
+    data = load_nist_enso()
+    month, y = data.data["month"].to_numpy(), data.target.to_numpy()
+    np.testing.assert_array_equal(month, np.arange(1, 169))
+    # linear once the two periods have their certified values
+    angles = 2 * np.pi * month[:, None] / np.array([12, 44.311088700, 26.887614440])
+    columns = np.column_stack([np.ones(168), np.cos(angles), np.sin(angles)])
+    best, squares, *_ = np.linalg.lstsq(columns, y, rcond=None)
+    # mean, three cosines, three sines
+    certified = [10.510749193, 3.0762128085, -1.6231428586, 0.21232288488]
+    certified += [0.53280138227, 0.52554493756, 1.4966870418]
+    np.testing.assert_allclose(best, certified, rtol=1e-5)
+    assert squares[0] == pytest.approx(788.53978668, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", [n for n in datasets.__all__ if not n.startswith("fetch")])
+def test_descriptions_name_source_licence_and_units(name):
+    described = getattr(datasets, name)().DESCR
+    for word in ("Source: ", "Licence: ", "Units: "):
+        assert described.count(word) == 1, word
+
+
+def test_packaged_tables_name_their_source():
+    folder = Path(datasets.__file__).parent / "data"
+    for path in folder.glob("*.csv"):
+        head = path.read_text(encoding="utf-8").splitlines()[:3]
+        assert [line.split(":")[0] for line in head[1:]] == ["# source", "# licence"]
+        assert "public domain" in head[2]
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        make_log_sin,
+        make_sir,
+        load_mauna_loa_co2,
+        load_nile,
+        load_nist_chwirut1,
+        load_nist_enso,
+    ],
+)
 def test_simulators_can_be_pickled(make):
     simulator = make().simulator
     assert repr(pickle.loads(pickle.dumps(simulator))) == repr(simulator)

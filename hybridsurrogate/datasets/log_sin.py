@@ -101,8 +101,11 @@ def make_log_sin(
         mu_out=mu["_out"],
         y_out=y["_out"],
         DESCR=(
-            "Generated: y = 0.01 x + 1 + log(x) + sin(0.05 x) and normal noise, against a "
-            "simulation 0.01 x + 1 + omega log(x). First case study of arXiv:2412.11875."
+            "y = 0.01 x + 1 + log(x) + sin(0.05 x) and normal noise, against a simulation "
+            "0.01 x + 1 + omega log(x). First case study of arXiv:2412.11875.\n"
+            "Source: generated.\n"
+            "Licence: none needed.\n"
+            "Units: none."
         ),
     )
 

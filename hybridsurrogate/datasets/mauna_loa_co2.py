@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from importlib import resources
-
 import numpy as np
 import pandas as pd
 from sklearn.utils import Bunch
 
+from hybridsurrogate.datasets.tables import packaged_table
 from hybridsurrogate.priors import FloatArray, truncated_normal
 from hybridsurrogate.simulation import Simulator
 
@@ -62,9 +61,7 @@ def load_mauna_loa_co2() -> Bunch:
     >>> co2.simulator
     Simulator(co2_growth: year -> co2, parameters: preindustrial, excess_1958, growth_rate)
     """
-    path = resources.files("hybridsurrogate.datasets") / "data" / "mauna_loa_co2.csv"
-    with path.open(encoding="utf-8") as file:
-        table = pd.read_csv(file, comment="#")
+    table = packaged_table("mauna_loa_co2.csv")
     frame = pd.DataFrame({"year": table["decimal_year"], "co2": table["co2_ppm"]})
     simulator = Simulator(
         co2_growth,
@@ -82,8 +79,11 @@ def load_mauna_loa_co2() -> Bunch:
         frame=frame,
         simulator=simulator,
         DESCR=(
-            "Carbon dioxide at Mauna Loa, Hawaii, monthly means in ppm, 1958 to 2001 (Keeling and "
-            "Whorf, Scripps and CDIAC; public domain), against a simulation of smooth growth that "
-            "has no seasons."
+            "Carbon dioxide at Mauna Loa, Hawaii, monthly means, 1958 to 2001, against a "
+            "simulation of smooth growth that has no seasons.\n"
+            "Source: Keeling and Whorf, Scripps Institution of Oceanography and CDIAC, through "
+            "statsmodels.datasets.co2.\n"
+            "Licence: public domain.\n"
+            "Units: years; parts per million of dry air."
         ),
     )

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from importlib import resources
-
 import pandas as pd
 from scipy.stats import norm
 from sklearn.utils import Bunch
 
+from hybridsurrogate.datasets.tables import packaged_table
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation import Simulator
 
@@ -53,9 +52,7 @@ def load_nile() -> Bunch:
     >>> nile.simulator
     Simulator(nile_flow: year -> flow, parameters: mean_flow)
     """
-    path = resources.files("hybridsurrogate.datasets") / "data" / "nile_flow.csv"
-    with path.open(encoding="utf-8") as file:
-        table = pd.read_csv(file, comment="#")
+    table = packaged_table("nile_flow.csv")
     frame = pd.DataFrame({"year": table["year"].astype(float), "flow": table["flow_1e8m3"]})
     simulator = Simulator(
         nile_flow,
@@ -69,7 +66,10 @@ def load_nile() -> Bunch:
         frame=frame,
         simulator=simulator,
         DESCR=(
-            "Flow of the Nile at Aswan, 1e8 cubic metres a year, 1871 to 1970 (Cobb 1978; public "
-            "domain), against a simulation in which it never changes."
+            "Flow of the Nile at Aswan, 1871 to 1970, against a simulation in which it never "
+            "changes.\n"
+            "Source: Cobb 1978, through statsmodels.datasets.nile.\n"
+            "Licence: public domain.\n"
+            "Units: years; 1e8 cubic metres a year."
         ),
     )

@@ -12,12 +12,13 @@ from sklearn.utils import Bunch
 
 from hybridsurrogate.design import random_generator
 from hybridsurrogate.priors import FloatArray, truncated_normal
-from hybridsurrogate.simulation import Assumed, Simulator
+from hybridsurrogate.simulation import Assumed, SimulationData, Simulator
 
 _POPULATION = 763.0
 _FIRST_INFECTED = 1.0
 _TRUE_CONTACT_RATE = 1.6
 _TRUE_RECOVERY_RATE = 0.7
+_ASSUMED_RECOVERY_RATE = 0.55
 _PRECISION = 5.0
 _SIMULATED_RANGE = (1.0, 14.0)
 # inputs of the second test set, beyond those that are measured by default
@@ -98,7 +99,10 @@ class ReportedInfected:
     round_counts: bool = False
 
     def __call__(
-        self, t: ArrayLike, contact_rate: ArrayLike, recovery_rate: ArrayLike
+        self,
+        t: ArrayLike,
+        contact_rate: ArrayLike,
+        recovery_rate: ArrayLike = _ASSUMED_RECOVERY_RATE,
     ) -> FloatArray:
         """Run the epidemic."""
         number = infected(t, contact_rate, recovery_rate)
@@ -126,8 +130,8 @@ def make_sir(
     n_measured : int
         Counts, at evenly spaced times over ``train_range``.
     n_runs : int
-        Runs of the simulation, without noise, over times from 1 to 14, contact rates from 1 to 3
-        and recovery rates from 0.3 to 0.9.
+        Runs of each simulation, without noise, over times from 1 to 14 and contact rates from 1 to
+        3; where the recovery rate is not fixed, over recovery rates from 0.3 to 0.9, too.
     n_test : int
         Rows of each test set.
     train_range : pair of float
@@ -136,7 +140,8 @@ def make_sir(
         Add one to all counts and to what the simulation says, as a log-normal likelihood needs;
         False for likelihoods of counts.
     round_counts : bool
-        Round what the simulation says to whole numbers.
+        Round what the simulation says to whole numbers; the runs of ``simulation_fixed`` up or down
+        at random, as those of the case study.
     random_state : None, int, numpy Generator or RandomState
 
     Returns
@@ -144,6 +149,11 @@ def make_sir(
     sklearn.utils.Bunch
         simulator : Simulator
         simulation : SimulationData
+            The recovery rate is assumed to be 0.55, and varies over the runs: a diagnosis can find
+            out that it is wrong.
+        simulator_fixed : Simulator
+        simulation_fixed : SimulationData
+            The recovery rate is 0.55 in all runs, as published. The simulator does not round.
         X, y : ndarray of shape (n_measured, 1) and (n_measured,)
         X_in, mu_in, y_in : ndarray
             Test times, uniform over ``train_range``; the true output without and with noise.
@@ -154,8 +164,7 @@ def make_sir(
     Notes
     -----
     Counts are negative binomial with precision 5: their variance is mu + mu^2 / 5, mu being the
-    true number of infected. The case study keeps the recovery rate at 0.55 in all runs; here it
-    varies over the runs, so that a wrong one can be found out, and 0.55 is its assumed value.
+    true number of infected.
 
     References
     ----------
@@ -179,17 +188,26 @@ def make_sir(
     }
     number = {word: infected(t[word], _TRUE_CONTACT_RATE, _TRUE_RECOVERY_RATE) for word in t}
     y = {word: _counts(number[word], rng) + add_one for word in t}
+    unknown = {"contact_rate": truncated_normal(2.0, 0.5, 1, 3)}
     simulator = Simulator(
         ReportedInfected(add_one, round_counts),
         inputs={"t": _SIMULATED_RANGE},
-        parameters={"contact_rate": truncated_normal(2.0, 0.5, 1, 3)},
-        assumed={"recovery_rate": Assumed(0.55, uniform(0.3, 0.6))},
+        parameters=unknown,
+        assumed={"recovery_rate": Assumed(_ASSUMED_RECOVERY_RATE, uniform(0.3, 0.6))},
         output="infected",
     )
+    fixed = Simulator(
+        ReportedInfected(add_one), {"t": _SIMULATED_RANGE}, unknown, output="infected"
+    )
+    # last, as how many random numbers a design takes depends on the version of scipy
+    simulation, simulation_fixed = (sim.run(n_runs, random_state=rng) for sim in (simulator, fixed))
+    if round_counts:
+        simulation_fixed = _rounded_at_random(simulation_fixed, rng)
     return Bunch(
         simulator=simulator,
-        # last, as how many random numbers a design takes depends on the version of scipy
-        simulation=simulator.run(n_runs, random_state=rng),
+        simulation=simulation,
+        simulator_fixed=fixed,
+        simulation_fixed=simulation_fixed,
         X=t[""][:, None],
         y=y[""],
         X_in=t["_in"][:, None],
@@ -199,12 +217,29 @@ def make_sir(
         mu_out=number["_out"] + add_one,
         y_out=y["_out"],
         DESCR=(
-            "Generated: negative binomial counts of the infected in an SIR epidemic among 763 with "
-            "contact rate 1.6 and recovery rate 0.7, against a simulation that assumes a recovery "
-            "rate of 0.55. Second case study of arXiv:2412.11875."
+            "Negative binomial counts of the infected in an SIR epidemic among 763 with contact "
+            "rate 1.6 and recovery rate 0.7, against a simulation that assumes a recovery rate of "
+            "0.55. Second case study of arXiv:2412.11875.\n"
+            "Source: generated.\n"
+            "Licence: none needed.\n"
+            "Units: days, persons, rates per day."
         ),
     )
 
 
 def _counts(mean: FloatArray, rng: np.random.Generator) -> FloatArray:
     return rng.negative_binomial(_PRECISION, _PRECISION / (_PRECISION + mean)).astype(float)
+
+
+def _rounded_at_random(runs: SimulationData, rng: np.random.Generator) -> SimulationData:
+    # up with the probability of the fraction, so that the mean stays
+    y = np.floor(runs.y + rng.uniform(size=runs.n_runs))
+    return SimulationData(
+        runs.X,
+        runs.omega,
+        y,
+        runs.input_ranges,
+        runs.parameters,
+        output=runs.output,
+        simulator=runs.simulator,
+    )

@@ -1,8 +1,4 @@
-"""Drawing: functions that take numbers and the Axes to draw on, and return the Axes.
-
-Nothing is shown and no window is needed. Colours are those of Okabe and Ito, which colour-blind
-readers can tell apart; where two series share an Axes, their markers or lines differ as well.
-"""
+"""The pictures of a diagnosis: functions that take numbers and the Axes to draw on."""
 
 from __future__ import annotations
 
@@ -10,18 +6,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
-from matplotlib import ticker
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from scipy import stats
 
+from hybridsurrogate.plotting.style import AFTER, BEFORE, DATA, QUIET, RIVALS
 from hybridsurrogate.priors import FloatArray
 
-BEFORE, AFTER, DATA, HELD_OUT, QUIET = "#0072B2", "#D55E00", "#222222", "#009E73", "#777777"
-# rivals differ in line style too
-RIVALS = (("#D55E00", "-"), ("#0072B2", "--"), ("#009E73", "-."), ("#CC79A7", ":"))
 _FEW_VALUES, _LITTLE_INFORMATION = 12, 0.05
 
 
@@ -33,24 +23,6 @@ class Prediction(NamedTuple):
     upper50: FloatArray
     lower90: FloatArray
     upper90: FloatArray
-
-
-def new_axes(
-    rows: int = 1, columns: int = 1, width: float = 7.0, height: float = 3.4, share: bool = False
-) -> list[Axes]:
-    """Return Axes on a new figure without a window, row by row; ``share`` their x within columns.
-
-    Parameters
-    ----------
-    rows, columns : int
-    width, height : float
-        Of the figure, in inches.
-    share : bool
-    """
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    grid = figure.subplots(rows, columns, squeeze=False, sharex="col" if share else False)
-    return list(grid.ravel())
 
 
 def plot_prediction(
@@ -75,16 +47,6 @@ def plot_prediction(
     ax.vlines(x, told.lower90, told.upper90, color=colour, alpha=0.25, lw=1)
     ax.vlines(x, told.lower50, told.upper50, color=colour, alpha=0.6, lw=2)
     ax.plot(x, told.mean, "_", color=colour, ms=6, label=f"{label}, 50 and 90 % intervals")
-    return ax
-
-
-def plot_measured(
-    ax: Axes, x: FloatArray, y: FloatArray, label: str = "measured", held_out: bool = False
-) -> Axes:
-    """Draw measurements as dots, those held out as crosses."""
-    mark, colour = ("x", HELD_OUT) if held_out else (".", DATA)
-    size = 4 if len(x) <= 150 else 2.5
-    ax.plot(x, y, mark, color=colour, ms=size + held_out, label=label, zorder=3)
     return ax
 
 
@@ -229,51 +191,6 @@ def plot_information(ax: Axes, x: FloatArray, information: FloatArray, place: fl
     # next to nothing shall look like it
     ax.set_ylim(0, max(float(ax.get_ylim()[1]), _LITTLE_INFORMATION))
     return ax
-
-
-def plot_beta_scan(table: pd.DataFrame, ax: Axes | None = None) -> Axes:
-    """Draw held-out ELPD against beta before and after the extension, the best beta marked.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        From ``DiscrepancyDiagnosis.beta_scan``.
-    ax : matplotlib Axes or None
-    """
-    ax = ax or new_axes()[0]
-    for word, colour, line in (("before", BEFORE, "--o"), ("after", AFTER, "-s")):
-        best = table.iloc[int(np.argmax(table[word]))]
-        label = f"{word}, best beta {best['beta']:g}"
-        ax.plot(table["beta"], table[word], line, ms=4, color=colour, label=label)
-        ax.plot(best["beta"], best[word], "o", ms=12, mfc="none", color=colour)
-    ax.set_xlabel("beta (0: measured data only, 1: simulation only)")
-    ax.set_xlim(-0.03, 1.03)
-    ax.set_ylabel("held-out log density per row")
-    ax.legend(frameon=False, fontsize="small")
-    return ax
-
-
-def tidy(ax: Axes, xlabel: str, ylabel: str, legend: bool = True, ticks: int = 7) -> Axes:
-    """Name the axes, and explain the series where they hide the least."""
-    ax.set_xlabel(xlabel)
-    ax.set_ylabel(ylabel)
-    ax.xaxis.set_major_locator(ticker.MaxNLocator(ticks))
-    if legend:
-        ax.legend(frameon=True, framealpha=0.85, edgecolor="none", fontsize="small", loc="best")
-    return ax
-
-
-def share_range(axes: Sequence[Axes], values: FloatArray) -> None:
-    """Give Axes one range, wide enough for the data but not for a runaway extrapolation."""
-    values = values[np.isfinite(values)]
-    low, high = float(np.min(values)), float(np.max(values))
-    room = 0.5 * (high - low) + 1e-12
-    bottom = max(min(float(ax.get_ylim()[0]) for ax in axes), low - room)
-    top = min(max(float(ax.get_ylim()[1]) for ax in axes), high + room)
-    if axes[0].get_yscale() == "log":
-        bottom = max(bottom, 0.2 * low)
-    for ax in axes:
-        ax.set_ylim(bottom, top)
 
 
 def _percent(value: float) -> str:

@@ -1,0 +1,73 @@
+"""Drawing: functions that take numbers and the Axes to draw on, and return the Axes.
+
+Nothing is shown and no window is needed. ``report`` has the pictures of a diagnosis; ``scene``,
+``curves``, ``scores`` and ``densities`` have those of a study of the weight beta.
+"""
+
+from hybridsurrogate.plotting.curves import (
+    plot_bands_over_beta,
+    plot_mean_draws,
+    plot_mean_draws_over_beta,
+    plot_predictive_bands,
+)
+from hybridsurrogate.plotting.densities import plot_densities_over_beta
+from hybridsurrogate.plotting.report import (
+    Prediction,
+    plot_causes,
+    plot_coverage,
+    plot_discrepancy,
+    plot_information,
+    plot_prediction,
+    plot_quantiles,
+    plot_residuals,
+    plot_rivals,
+    plot_scores,
+)
+from hybridsurrogate.plotting.scene import Scene, plot_measured, plot_scene, plot_setup
+from hybridsurrogate.plotting.scores import plot_beta_scan, plot_scores_over_beta
+from hybridsurrogate.plotting.style import (
+    AFTER,
+    BEFORE,
+    DATA,
+    HELD_OUT,
+    OMEGA_COLOURS,
+    QUIET,
+    RIVALS,
+    new_axes,
+    share_range,
+    tidy,
+)
+
+__all__ = [
+    "AFTER",
+    "BEFORE",
+    "DATA",
+    "HELD_OUT",
+    "OMEGA_COLOURS",
+    "QUIET",
+    "RIVALS",
+    "Prediction",
+    "Scene",
+    "new_axes",
+    "plot_bands_over_beta",
+    "plot_beta_scan",
+    "plot_causes",
+    "plot_coverage",
+    "plot_densities_over_beta",
+    "plot_discrepancy",
+    "plot_information",
+    "plot_mean_draws",
+    "plot_mean_draws_over_beta",
+    "plot_measured",
+    "plot_prediction",
+    "plot_predictive_bands",
+    "plot_quantiles",
+    "plot_residuals",
+    "plot_rivals",
+    "plot_scene",
+    "plot_scores",
+    "plot_scores_over_beta",
+    "plot_setup",
+    "share_range",
+    "tidy",
+]

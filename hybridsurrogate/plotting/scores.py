@@ -1,0 +1,133 @@
+"""Held-out scores over the weight beta."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib import ticker
+from matplotlib.axes import Axes
+from numpy.typing import ArrayLike, NDArray
+
+from hybridsurrogate.plotting.style import (
+    AFTER,
+    BEFORE,
+    DATA,
+    SCHEMES,
+    explain,
+    grid_of_axes,
+    new_axes,
+)
+
+# each score: its name on the axis, and whether more of it is better
+SCORES = {
+    "elpd": ("ELPD per row (higher is better)", True),
+    "rmse": ("RMSE (lower is better)", False),
+}
+# lines of other models
+_LINES = ("-.", ":", (0, (5, 1)), (0, (1, 3)))
+# an RMSE this many times the best asks for a logarithmic scale
+_WIDE_RATIO = 5
+# what is worse than this leaves the view: nats below the best ELPD, times the best RMSE
+_FAR_ELPD, _FAR_RATIO = 8.0, 30.0
+
+
+def plot_scores_over_beta(
+    table: pd.DataFrame, axes: ArrayLike | None = None, references: pd.DataFrame | None = None
+) -> NDArray[np.object_]:
+    """Draw ELPD and RMSE over beta: a column for each test set, a line for each scheme.
+
+    Lines are means over repeats, bands hold the central 90 % of the repeats, rings the best beta.
+    Scores far worse than the best leave the view: 8 in ELPD, a factor of 30 in RMSE.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Columns ``scheme``, ``test``, ``beta``, ``elpd`` and ``rmse``. Rows that agree in the first
+        three are repeats: other seeds of the draws show the Monte Carlo error, other data that of
+        the data. One row alone has no band.
+    axes : array of matplotlib Axes of shape (2, n_tests), or None
+    references : pandas.DataFrame or None
+        Models without a beta, as level lines: columns ``model``, ``test``, ``elpd`` and ``rmse``.
+
+    Returns
+    -------
+    ndarray of matplotlib Axes, shape (2, n_tests)
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from hybridsurrogate.plotting import plot_scores_over_beta
+    >>> rows = [("power scaling", "in range", b, -b, 1 + b) for b in (0.0, 0.5, 1.0)]
+    >>> table = pd.DataFrame(rows, columns=["scheme", "test", "beta", "elpd", "rmse"])
+    >>> plot_scores_over_beta(table).shape
+    (2, 1)
+    """
+    tests = list(dict.fromkeys(table["test"]))
+    shape = (len(SCORES), len(tests))
+    grid = grid_of_axes(axes, shape, 1.0 + 3.1 * shape[1], 5.6)
+    for row, (score, (title, more)) in zip(grid, SCORES.items(), strict=True):
+        for ax, test in zip(row, tests, strict=True):
+            shown = table[table["test"] == test]
+            _plot_schemes(ax, shown, score, more)
+            if references is not None:
+                _plot_references(ax, references[references["test"] == test], score)
+        row[0].set_ylabel(title)
+    for ax, test in zip(grid[0], tests, strict=True):
+        ax.set_title(test, fontsize="medium")
+    for ax in grid[-1]:
+        ax.set_xlabel("beta")
+    explain(list(grid.ravel()), below=axes is None)
+    return grid
+
+
+def _plot_schemes(ax: Axes, table: pd.DataFrame, score: str, more: bool) -> None:
+    schemes = zip(table.groupby("scheme", sort=False), SCHEMES, strict=False)
+    for k, ((scheme, rows), style) in enumerate(schemes):
+        repeats = rows.groupby("beta")[score]
+        mean, low, high = repeats.mean(), repeats.quantile(0.05), repeats.quantile(0.95)
+        beta, line = mean.index.to_numpy(dtype=float), mean.to_numpy(dtype=float)
+        ax.fill_between(beta, low, high, color=style.colour, alpha=0.25, lw=0)
+        form = style.line + style.mark
+        ax.plot(beta, line, form, color=style.colour, ms=4, label=scheme)
+        best = int(line.argmax() if more else line.argmin())
+        # of different sizes, as the best is often at the same end
+        size = 9 + 4 * k
+        ax.plot(beta[best], line[best], "o", ms=size, mfc="none", color=style.colour)
+    ax.set_xlim(-0.04, 1.04)
+    best, worst = (table[score].max(), table[score].min())[:: 1 if more else -1]
+    if more:
+        ax.set_ylim(bottom=max(float(ax.get_ylim()[0]), best - _FAR_ELPD))
+    elif best > 0 and worst > _WIDE_RATIO * best:
+        ax.set_yscale("log")
+        ax.set_ylim(0.8 * best, 1.25 * min(worst, _FAR_RATIO * best))
+        ax.yaxis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
+        ax.yaxis.set_major_formatter("{x:g}")
+        ax.yaxis.set_minor_formatter(ticker.NullFormatter())
+
+
+def _plot_references(ax: Axes, table: pd.DataFrame, score: str) -> None:
+    levels = table.groupby("model", sort=False)[score].mean()
+    for (model, level), line in zip(levels.items(), _LINES, strict=False):
+        ax.axhline(level, color=DATA, ls=line, lw=1.2, label=model)
+
+
+def plot_beta_scan(table: pd.DataFrame, ax: Axes | None = None) -> Axes:
+    """Draw held-out ELPD against beta before and after the extension, the best beta marked.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        From ``DiscrepancyDiagnosis.beta_scan``.
+    ax : matplotlib Axes or None
+    """
+    ax = ax or new_axes()[0]
+    for word, colour, line in (("before", BEFORE, "--o"), ("after", AFTER, "-s")):
+        best = table.iloc[int(np.argmax(table[word]))]
+        label = f"{word}, best beta {best['beta']:g}"
+        ax.plot(table["beta"], table[word], line, ms=4, color=colour, label=label)
+        ax.plot(best["beta"], best[word], "o", ms=12, mfc="none", color=colour)
+    ax.set_xlabel("beta (0: measured data only, 1: simulation only)")
+    ax.set_xlim(-0.03, 1.03)
+    ax.set_ylabel("held-out log density per row")
+    ax.legend(frameon=False, fontsize="small")
+    return ax
