@@ -418,6 +418,37 @@ def test_a_jump_beside_a_period_needs_no_ensemble():
     assert posterior.estimates(1)["period"].mean() == pytest.approx(2.5, abs=0.1)
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_place_of_a_jump_has_the_exact_posterior(seed):
+    """Between two rows the place does not matter: the gaps' probabilities have a closed form."""
+    n, rng = 12, np.random.default_rng(seed)
+    t = np.sort(rng.uniform(0, 10, n))
+    y = 1.0 * (t > 5) + 0.5 * rng.standard_normal(n)
+    simulator = hs.Simulator(
+        lambda t, level: level + 0 * t, inputs={"t": (0, 10)}, parameters={"level": stats.norm()}
+    )
+    model = hs.PowerScaledSurrogate(
+        simulator,
+        surrogate=hs.ExactSurrogate(),
+        noise_prior=stats.halfnorm(scale=0.5),
+        effects=[hs.Step("t")],
+        n_draws=4000,
+        random_state=0,
+    ).fit(t[:, None], y)
+    amplitude_sd = model.posterior_.model.column_sd[0]
+    sigma = np.linspace(0.1, 2, 100)
+    weight = stats.halfnorm(scale=0.5).pdf(sigma)
+    share = []
+    for gap in range(n - 1):
+        jump = (np.arange(n) > gap).astype(float)
+        known = np.ones((n, n)) + amplitude_sd**2 * np.outer(jump, jump)
+        density = [stats.multivariate_normal(cov=known + s**2 * np.eye(n)).pdf(y) for s in sigma]
+        share.append((t[gap + 1] - t[gap]) * weight @ density)
+    found, _ = np.histogram(model.posterior_.estimates(0)["location"], bins=t)
+    # at least 1000 of the proposals are effective, and a row lies on the rise now and then
+    assert 0.5 * np.abs(found / 4000 - share / np.sum(share)).sum() < 0.05
+
+
 def test_two_modes_go_to_the_ensemble():
     simulator = hs.Simulator(
         squared, inputs={"x": (0, 1)}, parameters={"omega": stats.uniform(-2, 4)}

@@ -17,8 +17,8 @@ class Step(Located):
 
     ``simulation``, and ``+ amplitude`` from x = location on. Amplitude in units of the output,
     location in those of the column and uniform over the measured rows. The jump is a logistic rise
-    over a fifth of the distance of neighbouring rows: to the data it is a step, to a sampler it
-    has a slope.
+    over a twenty-fifth of the distance of neighbouring rows: so narrow that a row hardly ever lies
+    on it, where a share of the jump would fit noise.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class Step(Located):
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return 0 before and 1 after the location."""
         assert self.spacing is not None
-        rise = (X[self.column] - theta["location"]) / (0.1 * self.spacing)
+        rise = (X[self.column] - theta["location"]) / (0.02 * self.spacing)
         return (0.5 * (1 + np.tanh(rise)))[:, None]
 
     def formula(self, values: Mapping[str, float]) -> str:

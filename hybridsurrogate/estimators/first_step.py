@@ -15,6 +15,7 @@ from hybridsurrogate.inference.importance import (
     moment_match,
 )
 from hybridsurrogate.inference.laplace import LaplacePosterior
+from hybridsurrogate.inference.lines import with_lines
 from hybridsurrogate.inference.modes import Gaussian, distinct, find_modes
 from hybridsurrogate.inference.pareto import KHAT_LIMIT
 from hybridsurrogate.inference.starts import further_points, starting_points
@@ -57,7 +58,10 @@ def first_step(
     modes = _modes(target, random_state)
     best = modes[0].log_mass
     minor = [mode for mode in modes if mode.log_mass > best + np.log(_PROPOSAL_SHARE)]
-    modes = [mode for mode in modes if mode.log_mass > best + np.log(_MODE_SHARE)]
+    lines = with_lines(target, minor)
+    best = max(line.mode.log_mass for line in lines)
+    minor = [proposal for line in lines for proposal in line.proposals]
+    modes = [line.mode for line in lines if line.mode.log_mass > best + np.log(_MODE_SHARE)]
     if isinstance(target, CollapsedPosterior):
         u, diagnostics, proposals = _collapsed_draws(
             target, modes, minor, sampler, n_draws, random_state
