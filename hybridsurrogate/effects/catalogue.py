@@ -181,6 +181,8 @@ def _built_in(context: Context) -> Iterator[tuple[str, Cause]]:
             yield "parameter-drift: over extras", ParameterDrift(parameter, column)
     for column in context.X:
         yield "noise", Noise(column)
+    # neighbours along a column that orders nothing err together only where a curve is missing
+    for column in context.inputs[:1]:
         yield "noise: autocorrelation", Autocorrelation(column)
     yield "noise: mean", NoiseOfMean()
     yield "noise: tails", Outliers()
