@@ -21,6 +21,8 @@ from hybridsurrogate.inference.linearised import Belief
 _LOOKED_AHEAD = 4
 # a cause of this probability that leaves nothing is not compared with others again
 _BEYOND_DOUBT = 0.9
+# a pair this far (in nats) behind the best one is not placed together
+_HOPELESS = 12.0
 
 
 @dataclass(frozen=True)
@@ -137,11 +139,12 @@ def _look_ahead(
     while waiting:
         k = waiting.pop(0)
         first, second = found.weighed[k], beside(found.weighed[k])
+        alone = log_prior[k] + first.log_evidence
         # where nothing is left to explain, there is nothing to place beside the first
-        if in_doubt or second.probability[0] < 0.5:
+        left = in_doubt or second.probability[0] < 0.5
+        if left and alone + _companions(second) > max(values.values(), default=-np.inf) - _HOPELESS:
             second = placed_together(found, first, second)
-        searches[k] = second
-        values[k] = log_prior[k] + first.log_evidence + _companions(second)
+        searches[k], values[k] = second, alone + _companions(second)
         if not waiting:
             # the other half of the best pair has its turn as the first, until none is new
             best = max(values, key=lambda k: values[k])
@@ -163,8 +166,10 @@ def _look_ahead(
 def _companions(beside: Search) -> float:
     """Return the log of how much better a cause explains with whatever second, or none."""
     evidence = np.array([w.log_evidence for w in beside.weighed])
-    odds = np.log(prior_odds(beside.weighed))
-    return float(special.logsumexp(evidence - evidence[0] + odds))
+    odds = prior_odds(beside.weighed)
+    # two causes are the same two in either order, and each order has this prior
+    odds[1:] *= 2
+    return float(special.logsumexp(evidence - evidence[0] + np.log(odds)))
 
 
 def _companion(beside: Search) -> Weighed:
