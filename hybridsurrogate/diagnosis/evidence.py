@@ -157,10 +157,16 @@ def _weigh(
             nodes = scan(parts, problem.y[None], fit.sigma, noise, sizes)[0]
             evidence = special.logsumexp(nodes)
         weighed.append(Weighed(cause, *fit, float(evidence), -np.inf))
-    if with_remainder:
-        weighed = _weigh_remainder(problem, belief, noise, weighed, sizes)
     probability, remainder = probabilities(weighed)
-    return Search(problem, belief, weighed, probability, remainder, sizes, noise)
+    quick = Search(problem, belief, weighed, probability, remainder, sizes, noise)
+    return remainders(quick) if with_remainder else quick
+
+
+def remainders(found: Search) -> Search:
+    """Return the search with its winners also weighed beside a smooth remainder."""
+    weighed = _weigh_remainder(found.problem, found.belief, found.noise, found.weighed, found.sizes)
+    probability, remainder = probabilities(weighed)
+    return replace(found, weighed=weighed, probability=probability, remainder=remainder)
 
 
 def _ends_of(nearby: Search | None, causes: Sequence[Cause]) -> list[Fitted] | None:
@@ -204,6 +210,8 @@ def _weigh_remainder(
             continue
         parts = linearise(w.model, problem.X, belief, w.plan, w.peak.z)
         nodes = scan(parts, problem.y[None], w.sigma, noise, sizes)[0]
+        # zero but for causes that were placed together, whose evidence is not that of the last one
+        beyond_last = w.log_evidence - float(special.logsumexp(nodes))
         best_first = np.argsort(-nodes)
         parts = parts.at(best_first[nodes[best_first] > nodes.max() - 10.0])
         beyond_node = 0.0
@@ -211,7 +219,7 @@ def _weigh_remainder(
             # every node would need its own factorisation: the best one tells what a curve adds
             parts = settled(parts, problem.y, w.sigma)
             plain = scan(parts, problem.y[None], w.sigma, noise, sizes)[0]
-            beyond_node = w.log_evidence - float(plain[0])
+            beyond_node = float(special.logsumexp(nodes)) - float(plain[0])
         terms = [
             np.logaddexp.reduce(
                 scan(
@@ -225,7 +233,8 @@ def _weigh_remainder(
             for basis in bases
             for size in sizes[::2]
         ]
-        total = float(np.logaddexp.reduce(terms) - np.log(len(terms))) + beyond_node
+        total = float(np.logaddexp.reduce(terms) - np.log(len(terms)))
+        total += beyond_node + beyond_last
         out.append(w._replace(log_evidence_with_remainder=total))
     return out
 

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
-from hybridsurrogate.diagnosis.evidence import Search, Weighed, prior_odds, search
+from hybridsurrogate.diagnosis.evidence import Search, Weighed, prior_odds, remainders, search
 from hybridsurrogate.diagnosis.interruption import InterruptedSearch
 from hybridsurrogate.diagnosis.null import null_test
+from hybridsurrogate.diagnosis.together import placed_together
 from hybridsurrogate.diagnosis.verdict import leader
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.problem import Problem
@@ -20,6 +21,8 @@ from hybridsurrogate.inference.linearised import Belief
 _LOOKED_AHEAD = 4
 # a cause of this probability that leaves nothing is not compared with others again
 _BEYOND_DOUBT = 0.9
+# a pair this far (in nats) behind the best one is not placed together
+_HOPELESS = 12.0
 
 
 @dataclass(frozen=True)
@@ -115,27 +118,63 @@ def _look_ahead(
 
     No search where nothing can be named beside the cause: a smooth discrepancy, or outliers.
     """
-    log_prior = np.log(prior_odds(found.weighed))
-    order = [int(k) for k in np.argsort(-found.probability)]
-    at = next(k for k in order if found.weighed[k] is leading)
-    best, best_value, best_search = leading, -np.inf, None
-    named = [k for k in order if not _ends(found.weighed[k])]
-    if _ends(leading):
-        best_value = log_prior[at] + leading.log_evidence
-    elif found.probability[at] > _BEYOND_DOUBT and found.remainder[at] < 0.5:
-        named = [at]
-    for k in named[:_LOOKED_AHEAD]:
-        first = found.weighed[k]
+
+    def beside(first: Weighed) -> Search:
         assert first.cause is not None
         effects = (*problem.model.effects, first.cause)
         extended = replace(problem, model=problem.model.with_effects(effects))
-        beside = search(extended, _others(causes, first), belief, thorough, first)
-        evidence = np.array([w.log_evidence for w in beside.weighed])
-        companions = special.logsumexp(evidence - evidence[0] + np.log(prior_odds(beside.weighed)))
-        value = log_prior[k] + first.log_evidence + companions
-        if value > best_value:
-            best, best_value, best_search = first, value, beside
-    return best, best_search
+        return search(extended, _others(causes, first), belief, False, first)
+
+    log_prior = np.log(prior_odds(found.weighed))
+    order = [int(k) for k in np.argsort(-found.probability)]
+    at = next(k for k in order if found.weighed[k] is leading)
+    named = [k for k in order if not _ends(found.weighed[k])]
+    position = {id(found.weighed[k].cause): k for k in named}
+    waiting = named[:_LOOKED_AHEAD]
+    if not _ends(leading) and found.probability[at] > _BEYOND_DOUBT and found.remainder[at] < 0.5:
+        waiting = [at]
+    in_doubt = len(waiting) > 1
+    searches: dict[int, Search] = {}
+    values: dict[int, float] = {}
+    while waiting:
+        k = waiting.pop(0)
+        first, second = found.weighed[k], beside(found.weighed[k])
+        alone = log_prior[k] + first.log_evidence
+        # where nothing is left to explain, there is nothing to place beside the first
+        left = in_doubt or second.probability[0] < 0.5
+        if left and alone + _companions(second) > max(values.values(), default=-np.inf) - _HOPELESS:
+            second = placed_together(found, first, second)
+        searches[k], values[k] = second, alone + _companions(second)
+        if not waiting:
+            # the other half of the best pair has its turn as the first, until none is new
+            best = max(values, key=lambda k: values[k])
+            other = position.get(id(_companion(searches[best]).cause))
+            waiting = [other] if other is not None and other not in searches else []
+    if not values:
+        return leading, None
+    best = max(values, key=lambda k: values[k])
+    if _ends(leading) and log_prior[at] + leading.log_evidence > values[best]:
+        return leading, None
+    # of two that name each other, the one that explains more alone comes first
+    other = position.get(id(_companion(searches[best]).cause))
+    if other in searches and _companion(searches[other]).cause is found.weighed[best].cause:
+        best = max(best, other, key=lambda k: found.probability[k])
+    chosen = searches[best]
+    return found.weighed[best], remainders(chosen) if thorough else chosen
+
+
+def _companions(beside: Search) -> float:
+    """Return the log of how much better a cause explains with whatever second, or none."""
+    evidence = np.array([w.log_evidence for w in beside.weighed])
+    odds = prior_odds(beside.weighed)
+    # two causes are the same two in either order, and each order has this prior
+    odds[1:] *= 2
+    return float(special.logsumexp(evidence - evidence[0] + np.log(odds)))
+
+
+def _companion(beside: Search) -> Weighed:
+    """Return the most probable second cause, "none" included."""
+    return beside.weighed[int(np.argmax(beside.probability))]
 
 
 def _others(causes: Sequence[Cause], chosen: Weighed) -> list[Cause]:

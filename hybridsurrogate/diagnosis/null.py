@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from scipy import special
 
 from hybridsurrogate.diagnosis.evidence import Search
+from hybridsurrogate.diagnosis.freed import freed
 from hybridsurrogate.inference.layout import layout
-from hybridsurrogate.inference.linearised import linearise
+from hybridsurrogate.inference.linearised import Linearised, linearise
 from hybridsurrogate.inference.scan import scan
 from hybridsurrogate.priors import FloatArray
 
@@ -37,10 +39,11 @@ def null_test(found: Search, n_replicates: int, random_state: np.random.RandomSt
 
     Every cause is linearised once, at the null fit and where it changes nothing: designs do not
     depend on y, so measured and replicated responses are weighed in one batch, by the same
-    statistic.
+    statistic. The places of causes that were accepted before are free, to first order.
     """
     problem, null = found.problem, found.weighed[0]
-    responses = np.vstack([problem.y, _replicates(found, n_replicates, random_state)])
+    free = freed(found)
+    responses = np.vstack([problem.y, _replicates(found, free, n_replicates, random_state)])
     base = null.peak.z
     evidence = []
     for w in found.weighed:
@@ -48,7 +51,7 @@ def null_test(found: Search, n_replicates: int, random_state: np.random.RandomSt
         z[: len(base)] = base
         # in a replicate a change may be anywhere, not only where the measured one is
         plan = w.plan if len(w.plan.nodes) else layout(w.model)
-        parts = linearise(w.model, problem.X, found.belief, plan, z)
+        parts = free(linearise(w.model, problem.X, found.belief, plan, z))
         evidence.append(
             special.logsumexp(scan(parts, responses, null.sigma, found.noise, found.sizes), axis=1)
         )
@@ -59,10 +62,15 @@ def null_test(found: Search, n_replicates: int, random_state: np.random.RandomSt
     return NullTest((1 + exceed) / (1 + n_replicates), float(statistic[0]), statistic[1:])
 
 
-def _replicates(found: Search, n: int, random_state: np.random.RandomState) -> FloatArray:
+def _replicates(
+    found: Search,
+    free: Callable[[Linearised], Linearised],
+    n: int,
+    random_state: np.random.RandomState,
+) -> FloatArray:
     """Draw measured responses from the posterior predictive of the linearised null, (n, rows)."""
     problem, null = found.problem, found.weighed[0]
-    parts = linearise(null.model, problem.X, found.belief, null.plan, null.peak.z)
+    parts = free(linearise(null.model, problem.X, found.belief, null.plan, null.peak.z))
     G, U = parts.G[0], parts.U
     rows, d = G.shape
     degrees = max(rows - d, 1)

@@ -12,7 +12,7 @@ from hybridsurrogate.diagnosis.interruption import InterruptedSearch
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.nothing import Nothing
 from hybridsurrogate.estimators.problem import Problem
-from hybridsurrogate.inference.layout import Layout, layout, refine
+from hybridsurrogate.inference.layout import Layout, at_cells, layout, refine
 from hybridsurrogate.inference.linearised import Belief, linearise
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.multistart import best_of_many, is_followed
@@ -61,14 +61,43 @@ def nothing_further(
 ) -> Fitted:
     """Fit "nothing else is wrong" from where the accepted cause was found."""
     model = problem.model.with_effects((*problem.model.effects, Nothing()))
-    plan, known = layout(model), accepted.plan
-    z = accepted.peak.z.copy()
-    if len(known.nodes):
-        priors = [accepted.model.priors[k] for k in known.nodes]
-        z[known.nodes] = to_normal(priors, _mean_node(problem, accepted, belief, noise))
-    largest = LARGEST_SIZE * problem.scale
-    peak = climb(model, problem.X, problem.y, belief, plan, z, accepted.sigma, largest)
+    plan = layout(model)
+    peak = _highest(
+        problem, belief, model, plan, held(problem, accepted, belief, noise), accepted.sigma
+    )
     return Fitted(model, plan, peak, _sigma_of(problem, peak, accepted.sigma))
+
+
+def held(problem: Problem, accepted: Fitted, belief: Belief, noise: NoiseTable) -> list[FloatArray]:
+    """Return where an accepted cause can be held: at the mean of its place, or at the best node.
+
+    The mean is the better place, but only on the hill on which the best node is.
+    """
+    model, plan, peak, _ = accepted
+    if not len(plan.nodes):
+        return [peak.z]
+    places = [_mean_node(problem, accepted, belief, noise)]
+    low, high = plan.edges[peak.node].T
+    if not np.all((places[0] >= low) & (places[0] <= high)):
+        places.append(plan.grid[peak.node])
+    out = np.repeat(peak.z[None], len(places), axis=0)
+    out[:, plan.nodes] = [to_normal([model.priors[k] for k in plan.nodes], p) for p in places]
+    return list(out)
+
+
+def placed_anew(
+    problem: Problem,
+    model: MeasuredModel,
+    starts: Sequence[FloatArray],
+    sigma: float,
+    edges: FloatArray,
+    belief: Belief,
+    noise: NoiseTable,
+) -> Fitted:
+    """Fit a model from starts near its peak, its last cause's grid as fine as it already was."""
+    plan = at_cells(model, layout(model), edges)
+    peak = _highest(problem, belief, model, plan, starts, sigma)
+    return _settled(problem, belief, noise, Fitted(model, plan, peak, sigma))
 
 
 def _mean_node(problem: Problem, accepted: Fitted, belief: Belief, noise: NoiseTable) -> FloatArray:

@@ -96,7 +96,7 @@ def layout(model: MeasuredModel) -> Layout:
         edges = np.stack([cell[k] for cell, k in zip(cells, index, strict=True)], axis=1)
     taken = {*sizes, *nodes, *held}
     fixed = [k for k in range(model.n_unknowns) if k not in taken]
-    return _with_cells(
+    return at_cells(
         model,
         Layout(
             np.array(fixed, dtype=int),
@@ -119,7 +119,7 @@ def _cells(nodes: FloatArray, prior: Prior) -> FloatArray:
     return np.column_stack([borders[:-1], borders[1:]])
 
 
-def _with_cells(model: MeasuredModel, plan: Layout, edges: FloatArray) -> Layout:
+def at_cells(model: MeasuredModel, plan: Layout, edges: FloatArray) -> Layout:
     """Return the plan with other cells: nodes in their middle, weighed by their prior mass."""
     log_mass = np.zeros(len(edges))
     for k, position in enumerate(plan.nodes):
@@ -159,4 +159,4 @@ def refine(model: MeasuredModel, plan: Layout, log_evidence: FloatArray) -> Layo
         borders = np.linspace(pieces[:, k, 0], pieces[:, k, 1], 4, axis=1)
         pieces = np.repeat(pieces, 3, axis=0)
         pieces[:, k, 0], pieces[:, k, 1] = borders[:, :-1].ravel(), borders[:, 1:].ravel()
-    return _with_cells(model, plan, np.concatenate([plan.edges[~split], pieces]))
+    return at_cells(model, plan, np.concatenate([plan.edges[~split], pieces]))

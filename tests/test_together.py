@@ -1,0 +1,94 @@
+"""Two causes, of which the first stands a little off its place without the second."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.evidence import Search, Weighed, search
+from hybridsurrogate.diagnosis.null import null_test
+from hybridsurrogate.diagnosis.peaks import Fitted, nothing_further
+from hybridsurrogate.diagnosis.preparation import prepare, trained_emulator
+from hybridsurrogate.diagnosis.together import movable, placed_together
+
+PERIOD, LOCATION = 40.0, 43.0
+
+
+def found_in(y_of, kinds, seed=1):
+    """Search these kinds alone, in a simulation that is a straight line, and beside the first."""
+    rng = np.random.default_rng(seed)
+    t = np.sort(rng.uniform(0, 80, 80))
+    simulator = hs.Simulator(
+        lambda t, slope: slope * t, inputs={"t": (0, 80)}, parameters={"slope": norm(1, 0.1)}
+    )
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), n_draws=20, random_state=0
+    ).fit(t[:, None], t + y_of(t) + rng.normal(size=80))
+    prepared = prepare(model, ())
+    problem, belief = trained_emulator(prepared.problem, model)
+    causes = [next(c for c in prepared.causes if c.kind == kind) for kind in kinds]
+    found = search(problem, causes, belief, with_remainder=False)
+    first = found.weighed[1]
+    extended = replace(problem, model=problem.model.with_effects((first.cause,)))
+    return found, first, search(extended, causes[1:], belief, False, first)
+
+
+def wave_and_step(t):
+    return 3.5 * np.sin(2 * np.pi * t / PERIOD) + 4 * (t > LOCATION)
+
+
+@pytest.fixture(scope="module")
+def pair() -> tuple[Search, Weighed, Search]:
+    return found_in(wave_and_step, ("periodic", "step"))
+
+
+def place(fit, owner):
+    at = next(k for k, (effect, _) in enumerate(fit.model.theta_names) if effect == owner)
+    return fit.model.values(fit.peak.z[None])[0, fit.model.n_parameters + at]
+
+
+def test_first_cause_moves_to_its_place_beside_the_second(pair):
+    found, first, beside = pair
+    together = placed_together(found, first, beside)
+    alone, after = place(beside.weighed[0], 0), place(together.weighed[1], 0)
+    assert abs(after - PERIOD) < 0.5 * abs(alone - PERIOD)
+    assert together.weighed[1].log_evidence > beside.weighed[1].log_evidence + 1
+    # what is compared with stays: nothing further
+    assert together.weighed[0] is beside.weighed[0]
+    np.testing.assert_allclose(together.probability.sum(), 1)
+
+
+def test_evidence_of_two_causes_does_not_depend_on_which_is_first():
+    def both(kinds):
+        found, first, beside = found_in(
+            lambda t: 3 * np.sin(2 * np.pi * t / 13) + 4 * (t > LOCATION), kinds
+        )
+        none, second = placed_together(found, first, beside).weighed
+        held = beside.weighed[1].log_evidence
+        return first.log_evidence + np.array([second.log_evidence, held]) - none.log_evidence
+
+    one, other = both(("step", "periodic")), both(("periodic", "step"))
+    assert abs(one[0] - other[0]) < 0.5
+    # held where they were found alone, they are worth very different things
+    assert abs(one[1] - other[1]) > 3
+
+
+def test_nothing_further_is_no_worse_than_the_accepted_cause(pair):
+    found, first, beside = pair
+    null = nothing_further(beside.problem, Fitted(*first[1:5]), found.belief, found.noise)
+    assert null.peak.squares < 1.05 * first.peak.squares
+
+
+def test_null_test_lets_the_first_cause_give_way(pair):
+    found, first, beside = pair
+    together = placed_together(found, first, beside)
+    assert null_test(together, 99, np.random.RandomState(0)).p_value <= 0.05
+
+
+def test_processes_and_noise_are_not_moved():
+    assert movable(hs.Step("t"))
+    assert not movable(hs.Noise("t"))
