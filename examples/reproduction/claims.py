@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from .scores import curves
+from .scores import curves, select
 
 HOLDS, WITHIN, FAILS = "holds", "holds within error", "does not hold"
 # standard errors that a claim may miss by and still hold within error
@@ -66,9 +66,10 @@ def optimum(
         sign = 1 if score == "ELPD" else -1
         curve = sign * curves(frame, case, scheme, rows, score)
         best = float(curve.mean().idxmax())
-        left_out = [curve.drop(index=seed).mean().idxmax() for seed in curve.index]
-        n = len(left_out)
-        error = float(np.sqrt((n - 1) / n * np.sum((np.array(left_out) - np.mean(left_out)) ** 2)))
+        seeds = curve.index if len(curve) > 1 else []
+        left_out = [curve.drop(index=seed).mean().idxmax() for seed in seeds]
+        # of n means without one seed; one seed alone tells no error
+        error = float(np.std(left_out) * np.sqrt(len(left_out) - 1)) if left_out else 0.0
         allowed = curve.loc[:, (curve.columns >= low) & (curve.columns <= high)]
         inside = float(allowed.mean().idxmax())
         miss, spread = mean_error(curve[best] - curve[inside])
@@ -156,15 +157,7 @@ def average(
 
 def alone(case: str, scheme: str, rows: str, score: str) -> Callable[..., pd.Series]:
     """Return the value of a model without beta, by seed."""
-
-    def of(frame: pd.DataFrame) -> pd.Series:
-        wanted = {"case": case, "scheme": scheme, "rows": rows, "score": score}
-        chosen = frame[(frame[list(wanted)] == list(wanted.values())).all(axis=1)]
-        if chosen.empty:
-            raise KeyError(f"no {score} of {scheme} in case study {case}")
-        return chosen.set_index("seed")["value"]
-
-    return of
+    return lambda frame: select(frame, case, scheme, rows, score).set_index("seed")["value"]
 
 
 def least(values: Sequence[Callable[..., pd.Series]]) -> Callable[..., pd.Series]:

@@ -114,6 +114,14 @@ def table(
 
 def curves(frame: pd.DataFrame, case: str, scheme: str, rows: str, score: str) -> pd.DataFrame:
     """Return one score, a line for each seed and a column for each beta."""
+    chosen = select(frame, case, scheme, rows, score)
+    return chosen.pivot_table(index="seed", columns="beta", values="value")
+
+
+def select(frame: pd.DataFrame, case: str, scheme: str, rows: str, score: str) -> pd.DataFrame:
+    """Return the rows of one score; KeyError where there is none."""
     wanted = {"case": case, "scheme": scheme, "rows": rows, "score": score}
     chosen = frame[(frame[list(wanted)] == list(wanted.values())).all(axis=1)]
-    return chosen.pivot_table(index="seed", columns="beta", values="value")
+    if chosen.empty:
+        raise KeyError(f"no {score} ({rows}) of {scheme} in case study {case}")
+    return chosen
