@@ -1,11 +1,19 @@
 """Examples run from end to end."""
 
 import os
+import re
+import runpy
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
+import matplotlib.pyplot as plt
+import pandas as pd
+import pytest
 from shared_files import shared_path
+
+import hybridsurrogate as hs
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 
@@ -23,20 +31,83 @@ def run_example(name, *arguments):
     return run.stdout
 
 
-def test_italy():
+@pytest.fixture
+def page(monkeypatch, capsys):
+    """Run an example of the gallery in this process, with few draws, and return what it printed."""
+
+    def run(name, *arguments):
+        monkeypatch.setattr(sys, "argv", [name, *arguments, "--fast"])
+        with warnings.catch_warnings():
+            # few draws, the ends of beta and rows out of range: what the warnings are for
+            warnings.simplefilter("ignore", hs.HybridSurrogateWarning)
+            runpy.run_path(str(EXAMPLES / name), run_name="__main__")
+        plt.close("all")
+        return capsys.readouterr().out
+
+    with plt.rc_context({"backend": "agg"}):
+        yield run
+
+
+def table_of(printed):
+    """The table of models that a page ends with, as numbers by name and column."""
+    lines = printed.splitlines()
+    start = next(k for k, line in enumerate(lines) if "last is better by" in line)
+    rows = [re.split(r"\s{2,}", line.strip()) for line in lines[start + 1 :]]
+    rows = [row for row in rows if len(row) == 7]
+    columns = ["ELPD", "gain", "error", "RMSE", "saved", "its error"]
+    numbers = {row[0]: [float(cell) for cell in row[1:]] for row in rows}
+    return pd.DataFrame(numbers, index=columns).T
+
+
+def test_pages_are_for_the_gallery():
+    names = [path.name for path in EXAMPLES.glob("plot_*.py")]
+    assert len(names) == 7
+    for name in names:
+        text = (EXAMPLES / name).read_text()
+        title, underline = text.splitlines()[1:3]
+        assert underline == "=" * len(title), name
+        # every case study ends with the diagnosis
+        assert re.findall(r"# %%\n# (.+)\n# -+\n", text)[-1] == "What the diagnosis says", name
+
+
+@pytest.mark.parametrize(
+    "name", ["plot_case_1", "plot_case_1_2", "plot_runs_and_rows", "plot_kennedy_ohagan"]
+)
+def test_pages_of_case_1(page, name):
+    printed = page(f"{name}.py")
+    assert "sin(2 pi x /" in printed
+    table = table_of(printed)
+    assert len(table) == 4
+    # better than every weight and than Kennedy and O'Hagan, by more than two errors
+    rivals = table.drop(index="extended")
+    assert (rivals["gain"] > 2 * rivals["error"]).all()
+    assert (rivals["saved"] > 2 * rivals["its error"]).all()
+
+
+def test_page_of_the_epidemic(page):
+    printed = page("plot_epidemic.py")
+    assert "before the peak:" in printed
+    assert len(table_of(printed)) == 5
+    low, high = re.search(r"between (\S+) and (\S+) \(90 %\)", printed).groups()
+    assert 0.3 <= float(low) < float(high) <= 0.9
+
+
+def test_page_of_sensitivity(page):
+    printed = page("plot_sensitivity.py")
+    sds = re.findall(r"case study 1, beta = (\S+): omega \S+ \(sd (\S+)\)", printed)
+    assert len(sds) == 6
+    assert "sin(2 pi x /" in printed
+
+
+def test_page_of_italy(page):
     folder = shared_path("data", "italy_covid19_wave1.csv").parent
-    printed = run_example("italy_covid.py", str(folder))
-    assert "Best beta of each scheme" in printed
+    printed = page("plot_italy.py", str(folder))
     # constant rates cannot follow a lockdown, a contact rate that falls can
     assert "named simulation with contact_rate falling by" in printed
-    scores = {}
-    for line in printed.splitlines():
-        name, found, rest = line.partition(": ELPD per day ")
-        if found:
-            elpd, _, error = rest.partition(", RMSE per 100,000 ")
-            scores[name] = (float(elpd), float(error))
-    assert scores["with the cause"][0] > scores["without the cause"][0] + 1.5
-    assert scores["with the cause"][1] < 25
+    table = table_of(printed)
+    gain = table.drop(index="with the cause")["gain"]
+    assert (gain > 1.5).all()
+    assert table.loc["with the cause", "RMSE"] < 25
 
 
 def test_right_choices_win():
