@@ -89,6 +89,6 @@ def test_null_test_lets_the_first_cause_give_way(pair):
     assert null_test(together, 99, np.random.RandomState(0)).p_value <= 0.05
 
 
-def test_processes_and_noise_are_not_moved():
+def test_noise_has_no_place_to_move_to():
     assert movable(hs.Step("t"))
     assert not movable(hs.Noise("t"))

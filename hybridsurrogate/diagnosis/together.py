@@ -52,8 +52,11 @@ def placed_together(found: Search, first: Weighed, beside: Search) -> Search:
 
 
 def movable(cause: Cause) -> bool:
-    """Whether a cause is a closed form in the mean, cheap enough to be placed again and again."""
-    return not cause.is_process and cause.changes_output and not is_followed(cause)
+    """Whether a cause is in the mean, and cheap enough to be placed again and again.
+
+    A curve of any shape is, too: a companion that is not placed would keep an advantage.
+    """
+    return cause.changes_output and not is_followed(cause)
 
 
 def _together(found: Search, first: Weighed, beside: Search, second: Weighed) -> Weighed:
