@@ -1,0 +1,61 @@
+"""Cost over rows, form by form: `pytest tests/benchmarks/test_rows.py --benchmark-only`.
+
+`exponent` in the extra information is the slope of the logarithm of the processor's time over the
+logarithm of the rows: one means that cost is proportional to the rows.
+"""
+
+import time
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.evidence import search
+from hybridsurrogate.diagnosis.preparation import prepare, trained_emulator
+from hybridsurrogate.effects.catalogue import FORMS
+
+ROWS = (500, 2000, 8000)
+# an OdeSimulator has these, a function has not
+INSIDE = ("missing-term", "parameter-drift: inside")
+
+
+def cooled(t, depth, rate, start):
+    return start * np.exp(-rate * t) - 0.1 * depth
+
+
+SIMULATOR = hs.Simulator(
+    cooled,
+    inputs={"t": (0, 10), "depth": (0, 5)},
+    parameters={"rate": hs.truncated_normal(0.3, 0.1, 0, 1)},
+    assumed={"start": hs.Assumed(3.0, stats.uniform(2, 2))},
+)
+
+
+def searches(form, n):
+    """Return a function that weighs one form on n rows."""
+    rng = np.random.default_rng(n)
+    X = pd.DataFrame({"t": np.linspace(0, 10, n), "depth": rng.uniform(0, 5, n)})
+    X["batch"] = rng.integers(0, 4, n).astype(float)
+    y = cooled(X["t"], X["depth"], 0.3, 3.2) + 0.1 * rng.standard_normal(n)
+    model = hs.PowerScaledSurrogate(SIMULATOR, surrogate=hs.ExactSurrogate(), n_draws=20)
+    prepared = prepare(model.set_params(random_state=0).fit(X, y), (), [form])
+    problem, belief = trained_emulator(prepared.problem, model)
+    return lambda: search(problem, prepared.causes, belief, with_remainder=False)
+
+
+@pytest.mark.parametrize("form", [form for form in FORMS if form not in INSIDE])
+def test_cost_over_rows(benchmark, form):
+    seconds = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", hs.HybridSurrogateWarning)
+        for n in ROWS:
+            weigh = searches(form, n)
+            weigh()
+            start = time.process_time()
+            weigh()
+            seconds.append(time.process_time() - start)
+    benchmark.extra_info["exponent"] = float(np.polyfit(np.log(ROWS), np.log(seconds), 1)[0])
+    benchmark.pedantic(weigh, rounds=1)
