@@ -154,7 +154,7 @@ SETS = (
         remark="nearly all are susceptible, and only their product with the contact rate counts: "
         "susceptibles who leave (at home) are equal in effect to contacts that fall exponentially. "
         "With 60 days instead of 45 a logistic fall of contacts is named alone "
-        "(`examples/italy_covid.py`).",
+        "(`examples/plot_italy.py`).",
     ),
     DataSet(
         "golf-putting", "golf_putting.csv", {"distance_ft": "feet"}, "success_rate", made.putting,

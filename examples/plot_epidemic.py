@@ -84,7 +84,7 @@ plot_densities_over_beta(betas, rates, ax=ax, prior=prior, truth=1.6, label="con
 # The diagnosis says so, instead of guessing.
 
 small = {**settings, "surrogate": hs.ExactSurrogate(), "n_draws": 100 if FAST else 500}
-search = {"cv": None, "n_replicates": 49 if FAST else 200, "random_state": 0}
+search = {"cv": None, "n_replicates": 19 if FAST else 200, "random_state": 0}
 simulator = make_sir(random_state=0).simulator
 model = hs.PowerScaledSurrogate(simulator, **small)
 diagnosis = hs.DiscrepancyDiagnosis(model, **search).fit(case.X, case.y)

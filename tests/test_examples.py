@@ -52,10 +52,10 @@ def table_of(printed):
     """The table of models that a page ends with, as numbers by name and column."""
     lines = printed.splitlines()
     start = next(k for k, line in enumerate(lines) if "last is better by" in line)
-    rows = [re.split(r"\s{2,}", line.strip()) for line in lines[start + 1 :]]
-    rows = [row for row in rows if len(row) == 7]
     columns = ["ELPD", "gain", "error", "RMSE", "saved", "its error"]
-    numbers = {row[0]: [float(cell) for cell in row[1:]] for row in rows}
+    # names have spaces, numbers have none
+    rows = [line.rsplit(maxsplit=len(columns)) for line in lines[start + 1 :]]
+    numbers = {name: [float(cell) for cell in cells] for name, *cells in rows}
     return pd.DataFrame(numbers, index=columns).T
 
 
