@@ -101,6 +101,8 @@ class OdeSimulator(Simulator):
     modifiers: dict[str, float]
     rates: tuple[str, ...]
 
+    is_in_time = True
+
     def __init__(
         self,
         rhs: Callable[..., Any],

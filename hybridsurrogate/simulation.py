@@ -86,6 +86,8 @@ class Simulator:
     input_ranges: dict[str, Range]
     parameter_ranges: dict[str, Range]
     rates: tuple[str, ...]
+    # whether the first input is time, along which there is a before and an after
+    is_in_time = False
 
     def __init__(
         self,

@@ -9,7 +9,6 @@ from numpy.random import RandomState
 from numpy.typing import NDArray
 from sklearn.model_selection import KFold
 
-from hybridsurrogate.ode import OdeSimulator
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation import SimulationData, Simulator
 
@@ -34,7 +33,8 @@ def folds_beyond(simulation: SimulationData | Simulator, X: FloatArray) -> Folds
     `OdeSimulator`.
     """
     simulator = simulation.simulator
-    ordered = len(simulation.input_names) == 1 or isinstance(simulator, OdeSimulator)
+    in_time = simulator is not None and simulator.is_in_time
+    ordered = len(simulation.input_names) == 1 or in_time
     return future_folds(X[:, 0]) if ordered else []
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from scipy import special
 
 from hybridsurrogate.likelihoods.base import Likelihood
+from hybridsurrogate.likelihoods.heavy_tailed import HeavyTailed
 from hybridsurrogate.likelihoods.normal import TransformedNormal
-from hybridsurrogate.likelihoods.smoothing import positive, smoothed_moments
 from hybridsurrogate.priors import FloatArray, Prior
 
 # standard deviations of outliers in those of the rest, log-uniform between
@@ -62,7 +62,7 @@ def precision_at(z: FloatArray, share: FloatArray | float) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class Contaminated(Likelihood):
+class Contaminated(HeavyTailed):
     """A normal (or log-normal) likelihood of which a share of rows are outliers.
 
     Attributes
@@ -84,7 +84,6 @@ class Contaminated(Likelihood):
     plain: TransformedNormal
     share: FloatArray
     name = "normal with outliers"
-    rough = True
 
     @property
     def log_scale(self) -> bool:  # type: ignore[override]
@@ -138,21 +137,6 @@ class Contaminated(Likelihood):
         """Return that of the plain likelihood."""
         return self.plain.noise_prior(scale)
 
-    def smoothed(
-        self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None
-    ) -> FloatArray:
-        """Return the log density averaged over eta ~ N(eta, width^2)."""
-        if width is None:
-            return self.log_density(y, eta, sigma)
-        return smoothed_moments(self.log_density, y, eta, sigma, width)[0]
-
-    def derivatives(
-        self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return slope and curvature; at first the row's precision, a step of the EM algorithm."""
-        if width is not None:
-            _, gradient, curvature = smoothed_moments(self.log_density, y, eta, sigma, width)
-            return gradient, positive(curvature, gradient)
-        residual = self.plain.link(y) - eta
-        weight = precision_at(residual / sigma, self.share) / np.square(sigma)
-        return weight * residual, weight
+    def precision(self, residual: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the expected precision of each row, given its residual on the scale of eta."""
+        return precision_at(residual / sigma, self.share) / np.square(sigma)

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special, stats
 
-from hybridsurrogate.likelihoods.base import Likelihood
-from hybridsurrogate.likelihoods.smoothing import positive, smoothed_moments
+from hybridsurrogate.likelihoods.heavy_tailed import HeavyTailed
 from hybridsurrogate.priors import FloatArray, Prior
 
 
 @dataclass(frozen=True)
-class StudentT(Likelihood):
+class StudentT(HeavyTailed):
     """Student-t noise with scale ``sigma`` in the units of y.
 
     Attributes
@@ -31,8 +30,6 @@ class StudentT(Likelihood):
 
     df: float = 4.0
     name = "Student-t"
-    # several outliers make single curvatures negative: averages over what is open of eta are not
-    rough = True
 
     def check(self, y: FloatArray, source: str = "measured") -> None:
         """Accept every finite y; raise ValueError for degrees of freedom that are not positive."""
@@ -78,24 +75,6 @@ class StudentT(Likelihood):
         """Return a half-normal prior with the spread of the output as scale."""
         return stats.halfnorm(scale=scale)
 
-    def smoothed(
-        self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None
-    ) -> FloatArray:
-        """Return the log density averaged over eta ~ N(eta, width^2)."""
-        if width is None:
-            return self.log_density(y, eta, sigma)
-        return smoothed_moments(self.log_density, y, eta, sigma, width)[0]
-
-    def derivatives(
-        self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return slope and curvature; at first the row's weight in the scale mixture of normals.
-
-        With that curvature a Newton step is one of the EM algorithm and always climbs.
-        """
-        if width is not None:
-            _, gradient, curvature = smoothed_moments(self.log_density, y, eta, sigma, width)
-            return gradient, positive(curvature, gradient)
-        z = (y - eta) / sigma
-        weight = (self.df + 1) / (self.df + z**2) / np.square(sigma)
-        return weight * (y - eta), weight
+    def precision(self, residual: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the expected precision of each row in the scale mixture of normals."""
+        return (self.df + 1) / (self.df + np.square(residual / sigma)) / np.square(sigma)
