@@ -69,12 +69,28 @@ class Told:
     def predict(self, X):
         return np.full(len(X), self.mean)
 
-    def predict_interval(self, X, level):
-        half = norm.ppf(0.5 + level / 2)
-        return self.predict(X) - half, self.predict(X) + half
+    def _inside(self, X, y, levels):
+        return [(abs(y - self.mean) <= norm.ppf(0.5 + level / 2)).astype(float) for level in levels]
 
     def log_predictive_density(self, X, y):
         return norm.logpdf(y, self.mean)
+
+
+@pytest.mark.parametrize("likelihood", ["normal", "lognormal", "student-t"])
+def test_rows_are_inside_where_the_interval_holds_them(likelihood):
+    rng = np.random.default_rng(0)
+    t = rng.uniform(0, 10, 40)
+    y = (5 + t) * np.exp(0.3 * rng.standard_normal(40))
+    simulator = hs.Simulator(
+        lambda t, start: start + t, {"t": (0, 10)}, {"start": hs.truncated_normal(5, 1, 1, 9)}
+    )
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), likelihood=likelihood, n_draws=200, random_state=0
+    ).fit(t[:, None], y)
+    levels = (0.2, 0.5, 0.9)
+    for level, inside in zip(levels, model._inside(t[:, None], y, levels), strict=True):
+        lower, upper = model.predict_interval(t[:, None], level)
+        assert inside.tolist() == ((lower <= y) & (y <= upper)).tolist()
 
 
 def test_scores_of_known_models():
