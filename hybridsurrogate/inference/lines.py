@@ -74,8 +74,10 @@ def _line(
     """Return proposals along the unknown in which the density is farthest from normal, if any."""
     worst, out = _FAR_FROM_NORMAL, Line(mode, [mode])
     covariance = mode.factor @ mode.factor.T
+    precision = np.linalg.inv(covariance)
     for position, nodes in places:
-        sd = float(np.sqrt(covariance[position, position]))
+        # with the others held: how the density falls off where they follow is the mode's affair
+        sd = float(precision[position, position] ** -0.5)
         edges, log_mass = _profile(target, mode, position, nodes, sd)
         share = np.exp(log_mass - special.logsumexp(log_mass))
         normal = np.diff(special.ndtr((edges - mode.mean[position]) / sd))
