@@ -117,6 +117,16 @@ def test_the_epidemics_wrong_constant_is_not_in_its_data():
     assert np.min(np.sum(own - other, axis=1)) < 0.3
 
 
+def test_an_open_recovery_rate_covers_the_true_one():
+    inside = []
+    for seed in SEEDS:
+        case, hidden = CASES["2.1"](seed), extension.HIDDEN["2.1"]
+        model = extension.asking(case, seed, 300, effects=(hidden.cause,)).fit(case.X, case.y)
+        low, high = np.quantile(model.posterior_.estimates(0)["value"], [0.05, 0.95])
+        inside.append(low < 0.7 < high)
+    assert sum(inside) >= 4
+
+
 # ---------------------------------------------------------------------- how claims are judged
 
 

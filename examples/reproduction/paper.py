@@ -148,8 +148,8 @@ def of_case_1() -> list[Claim]:
             "1",
             "omega's posterior is narrowest near beta = 0.5",
             optimum("1", POWER, "posterior", "omega sd", 0.4, 0.6),
-            note="on two of ten data sets the posterior near 0.5 has a second mode far below, which "
-            "chains do not reach (`test_first_step_has_a_second_mode_that_chains_miss`); on the "
+            note="on two of ten data sets the posterior near 0.5 has a second mode far below, that "
+            "chains do not reach (`test_first_step_has_a_second_mode_that_chains_miss`); on most "
             "others it is narrowest from 0.5 to 0.65",
         ),
         Claim("1", "sigma grows with beta", rising("1", POWER, "posterior", "sigma mean")),
