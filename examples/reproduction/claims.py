@@ -30,13 +30,15 @@ class Measured:
 class Claim:
     """One statement of the paper, and how to measure it.
 
-    ``because`` says why it does not hold, where it does not.
+    ``because`` says why it does not hold, where it does not; ``note`` why it holds only within
+    error.
     """
 
     case: str
     text: str
     measure: Callable[[pd.DataFrame], Measured]
     because: str = ""
+    note: str = ""
 
 
 def mean_error(values: pd.Series) -> tuple[float, float]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from .added import of_extensions
-from .claims import FAILS, Claim, alone, best, mean_error
+from .claims import FAILS, WITHIN, Claim, alone, best, mean_error
 from .extension import EXTENDED
 from .figures import Picture
 from .paper import CLAIMS
@@ -83,7 +83,9 @@ def line_of(number: int, claim: Claim, frame: pd.DataFrame) -> str:
     verdict = found.verdict
     if verdict == FAILS and claim.because:
         verdict = f"{verdict}, because {claim.because}"
-    return "| " + " | ".join([*cells, found.what, f"{found.error:.2g}", verdict]) + " |"
+    elif verdict == WITHIN and claim.note:
+        verdict = f"{verdict}: {claim.note}"
+    return "| " + " | ".join([*cells, found.what, f"{round(found.error, 6):.2g}", verdict]) + " |"
 
 
 def beside(frame: pd.DataFrame) -> list[str]:

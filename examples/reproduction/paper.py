@@ -49,6 +49,9 @@ def of_case_1() -> list[Claim]:
             "1",
             "predictive weighting: best ELPD on 1/1 rows at beta near 0.3 to 0.4",
             optimum("1", MIXED, "1/1", "ELPD", 0.3, 0.4),
+            "the paper has one data set; over ten the best beta goes from 0.35 to 0.65, as the "
+            "polynomial of the measured rows alone leaves the data in its own way each time. 0.4 "
+            "costs 0.01 nats on average. On the reference data of Stan the best beta is 0.29",
         ),
         Claim(
             "1",
@@ -145,6 +148,9 @@ def of_case_1() -> list[Claim]:
             "1",
             "omega's posterior is narrowest near beta = 0.5",
             optimum("1", POWER, "posterior", "omega sd", 0.4, 0.6),
+            note="on two of ten data sets the posterior near 0.5 has a second mode far below, that "
+            "chains do not reach (`test_first_step_has_a_second_mode_that_chains_miss`); on most "
+            "others it is narrowest from 0.5 to 0.65",
         ),
         Claim("1", "sigma grows with beta", rising("1", POWER, "posterior", "sigma mean")),
         Claim(
