@@ -348,7 +348,7 @@ def bimodal(x):
 def test_ensemble_draws_weigh_two_modes():
     modes = find_modes(bimodal, np.array([[0.5, 0.5], [9.0, 0.0]]))
     assert len(modes) == 2
-    run = EnsembleSampler().run(bimodal, modes, 4000, np.random.RandomState(0))
+    run = EnsembleSampler().run(bimodal, modes, 2000, np.random.RandomState(0))
     right = run.draws[:, 0] > 5
     assert right.mean() == pytest.approx(0.25, abs=0.06)
     assert run.draws[right].mean(axis=0) == pytest.approx([10.0, 0.0], abs=0.2)

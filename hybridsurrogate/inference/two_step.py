@@ -26,6 +26,8 @@ _Z_RANGE = 7.0
 # a posterior on fewer nodes than this gets a grid this many times finer
 _FEW_NODES = {1: 8.0, 2: 50.0}
 _REFINEMENT = {1: 10, 2: 3}
+# numbers in one block of matrices
+_BLOCK = 500_000
 _N_PROPOSALS = 3000
 _N_ROUNDS = 4
 
@@ -176,16 +178,21 @@ def _quadratic(features: FloatArray, residual: FloatArray, c: FloatArray) -> Flo
     """
     centre = c.mean(axis=0)
     delta = c - centre
-    rest = residual - features @ centre[:, None]
-    transposed = np.swapaxes(features, 1, 2)
     p = features.shape[2]
     upper = np.triu_indices(p)
     twice = np.where(upper[0] == upper[1], 1.0, 2.0)
-    squares = (transposed @ features)[:, upper[0], upper[1]]
-    products = delta[:, upper[0]] * delta[:, upper[1]] * twice
-    cross = (transposed @ rest)[..., 0]
-    total = np.einsum("jnk,jnk->j", rest, rest)[:, None] + squares @ products.T
-    total -= 2 * cross @ delta.T
+    products = (delta[:, upper[0]] * delta[:, upper[1]] * twice).T
+    total = np.empty((len(features), len(c)))
+    # in blocks that stay in the processor's cache
+    step = max(1, _BLOCK // p**2) if p else len(features)
+    for first in range(0, len(features), step):
+        block = slice(first, first + step)
+        rest = residual[block] - features[block] @ centre[:, None]
+        transposed = np.swapaxes(features[block], 1, 2)
+        squares = (transposed @ features[block])[:, upper[0], upper[1]]
+        cross = (transposed @ rest)[..., 0]
+        total[block] = np.einsum("jnk,jnk->j", rest, rest)[:, None] + squares @ products
+        total[block] -= 2 * cross @ delta.T
     return np.maximum(total, 0.0)
 
 
