@@ -107,8 +107,16 @@ def _plot_schemes(ax: Axes, table: pd.DataFrame, score: str, more: bool) -> None
 
 def _plot_references(ax: Axes, table: pd.DataFrame, score: str) -> None:
     levels = table.groupby("model", sort=False)[score].mean()
+    if levels.empty:
+        return
     for (model, level), line in zip(levels.items(), _LINES, strict=False):
         ax.axhline(level, color=DATA, ls=line, lw=1.2, label=model)
+    # a model that is better than every beta is what the level is drawn for
+    low, high = ax.get_ylim()
+    if score == "elpd":
+        ax.set_ylim(low, max(high, float(levels.max()) + 0.05 * (high - low)))
+    else:
+        ax.set_ylim(min(low, 0.8 * float(levels.min())), high)
 
 
 def plot_beta_scan(table: pd.DataFrame, ax: Axes | None = None) -> Axes:

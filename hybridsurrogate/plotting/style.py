@@ -78,6 +78,10 @@ def add_legend(ax: Axes) -> Axes:
     return ax
 
 
+# inches of a legend's column
+_LEGEND_WIDTH = 1.9
+
+
 def explain(axes: Sequence[Axes], below: bool) -> None:
     """Explain the series of several Axes once: below the figure or in the first of the Axes."""
     series: dict[str, Any] = {}
@@ -85,8 +89,10 @@ def explain(axes: Sequence[Axes], below: bool) -> None:
         handles, labels = ax.get_legend_handles_labels()
         series = dict(zip(labels, handles, strict=True)) | series
     if series and below:
-        legend = axes[0].figure.legend(
-            list(series.values()), list(series), loc="outside lower center", ncols=len(series)
+        figure = axes[0].figure
+        columns = max(1, min(len(series), int(figure.bbox.width / figure.dpi / _LEGEND_WIDTH)))
+        legend = figure.legend(
+            list(series.values()), list(series), loc="outside lower center", ncols=columns
         )
         legend.set_frame_on(False)
     elif series:
