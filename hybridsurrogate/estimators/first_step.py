@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import special
 
 from hybridsurrogate.inference.collapsed import CollapsedPosterior
 from hybridsurrogate.inference.ensemble import EnsembleDraws, EnsembleSampler, short_ensemble
@@ -99,8 +100,9 @@ def _collapsed_draws(
         if few and sampler == "auto":
             # one large batch of better proposals costs less than the many steps of an ensemble
             weight = np.full(n_draws, 1 / n_draws)
-            wide = [moment_match(sampled.draws, weight, minor[0]), *minor[1:]]
-            again = importance_draws(log_density, wide, 4 * n, n_draws, random_state)
+            all_of_it = float(special.logsumexp([part.log_mass for part in minor]))
+            wide = replace(moment_match(sampled.draws, weight, minor[0]), log_mass=all_of_it)
+            again = importance_draws(log_density, [wide, *minor], 4 * n, n_draws, random_state)
             sampled = again if again.khat <= max(sampled.khat, KHAT_LIMIT) else sampled
             trusted = sampled.khat <= KHAT_LIMIT
         if sampler == "importance" or (trusted and len(modes) == 1):

@@ -25,6 +25,8 @@ _END = 6.5
 # total variation distance to the normal from which on it is a poor proposal
 _FAR_FROM_NORMAL = 0.25
 _BINS = 40
+# a bin with less than this share of the mass is proposed as often as one that has it
+_LEAST_MASS = 1e-3
 # share of a bin's width that is its proposal's standard deviation
 _BIN_SD = 0.6
 
@@ -84,7 +86,8 @@ def _line(
         distance = 0.5 * float(np.abs(share - normal).sum())
         if distance > worst:
             bins = _bins(mode, covariance, position, edges, log_mass)
-            whole = replace(mode, log_mass=bins[0].log_mass + float(np.log(_BINS)))
+            mass = special.logsumexp([part.log_mass for part in bins])
+            whole = replace(mode, log_mass=float(mass))
             worst, out = distance, Line(whole, bins, position)
     return out
 
@@ -115,10 +118,18 @@ def _bins(
     edges: FloatArray,
     log_mass: FloatArray,
 ) -> list[Gaussian]:
-    """Return proposals of equal mass along one unknown, which the others do not depend on."""
+    """Return proposals along one unknown, which the others do not depend on.
+
+    Bins are closer where there is mass, and close enough elsewhere: a narrow plateau in a wide bin
+    would get draws of great weight.
+    """
     total = float(special.logsumexp(log_mass))
-    cumulative = np.concatenate([[0.0], np.cumsum(np.exp(log_mass - total))])
+    cells = np.exp(log_mass - total)
+    root = np.sqrt(cells)
+    cumulative = np.concatenate([[0.0], np.cumsum(0.5 * cells + 0.5 * root / root.sum())])
     at = np.interp(np.linspace(0, 1, _BINS + 1), cumulative / cumulative[-1], edges)
+    mass = np.diff(np.interp(at, edges, np.concatenate([[0.0], np.cumsum(cells)])))
+    log_share = np.log(np.maximum(mass, _LEAST_MASS))
     others = np.arange(len(mode.mean)) != position
     slope = covariance[others, position] / covariance[position, position]
     rest = covariance[np.ix_(others, others)] - np.outer(slope, covariance[position, others])
@@ -126,12 +137,12 @@ def _bins(
     log_rest = np.log(np.diagonal(rest_factor)).sum() + 0.5 * len(rest) * np.log(2 * np.pi)
     narrowest = 1e-6 * (at[-1] - at[0])
     out = []
-    for low, high in pairwise(at):
+    for (low, high), log_part in zip(pairwise(at), log_share, strict=True):
         mean, factor = mode.mean.copy(), np.zeros_like(mode.factor)
         mean[position] = 0.5 * (low + high)
         factor[position, position] = max(_BIN_SD * (high - low), narrowest)
         factor[np.ix_(others, others)] = rest_factor
-        out.append(Gaussian(mean, factor, total + float(log_rest) - np.log(_BINS)))
+        out.append(Gaussian(mean, factor, total + float(log_rest + log_part)))
     return out
 
 
