@@ -106,8 +106,9 @@ def search(
     accepted : Weighed or None
         The last of the problem's effects as it was found, in place of "nothing is wrong".
     nearby : Search or None
-        The search over the same causes in other rows of the same data: the climbs start where its
-        climbs ended, which saves time; grids are searched anew, but a climb may keep to its hill.
+        The search over the same causes in other rows of the same data: only what is promising there
+        is climbed, from where its climbs ended. Grids are searched anew, but a climb may keep to
+        its hill.
 
     Raises
     ------

@@ -25,7 +25,8 @@ _END = 6.5
 # total variation distance to the normal from which on it is a poor proposal
 _FAR_FROM_NORMAL = 0.25
 _BINS = 40
-# a bin with less than this share of the mass is proposed as often as one that has it
+# a bin with less than this share of the mass is proposed as often as one that has it: what the
+# profile sees little of, with the other unknowns held, may have more where they follow
 _LEAST_MASS = 1e-3
 # share of a bin's width that is its proposal's standard deviation
 _BIN_SD = 0.6
