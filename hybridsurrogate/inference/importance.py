@@ -5,6 +5,7 @@ Densities take a batch of points (J, d) and return (J,), so every step below is 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +20,8 @@ DEGREES_OF_FREEDOM = 5.0
 PROPOSAL_SCALE = 1.1
 # a proposal with less of the weight than this stays where it is
 _LEAST_SHARE = 1e-3
+# a component gets at least this share of the points
+_LEAST_PROPOSED = 0.05
 
 
 @dataclass(frozen=True)
@@ -63,12 +66,14 @@ def student_draws(
     return approximation.mean + PROPOSAL_SCALE * (normal / np.sqrt(chi2)) @ approximation.factor.T
 
 
-def student_log_density(approximation: Gaussian, x: FloatArray) -> FloatArray:
-    """Return the log density of that proposal at points (J, d)."""
-    d = len(approximation.mean)
-    scaled = np.linalg.solve(PROPOSAL_SCALE * approximation.factor, (x - approximation.mean).T)
-    log_det = np.log(np.diagonal(PROPOSAL_SCALE * approximation.factor)).sum()
-    return _standard_student(np.einsum("dj,dj->j", scaled, scaled), d) - log_det
+def student_log_density(approximations: Sequence[Gaussian], x: FloatArray) -> FloatArray:
+    """Return the log densities (K, J) of the proposals around K Gaussians at points (J, d)."""
+    factors = PROPOSAL_SCALE * np.array([g.factor for g in approximations])
+    means = np.array([g.mean for g in approximations])
+    scaled = np.linalg.inv(factors) @ (x[None] - means[:, None]).transpose(0, 2, 1)
+    log_det = np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1)
+    squares = np.einsum("kdj,kdj->kj", scaled, scaled)
+    return _standard_student(squares, x.shape[1]) - log_det[:, None]
 
 
 def _standard_student(squares: FloatArray, d: int) -> FloatArray:
@@ -87,19 +92,18 @@ def mixture_draws(
 ) -> tuple[FloatArray, FloatArray]:
     """Draw n points from a mixture of Student-t proposals; return them and their log density.
 
-    Components weigh as much as their masses, but at least a twentieth, so that a small mode far
-    away gets enough points to be weighed itself.
+    Components weigh as much as their masses, but at least a twentieth (of many: half of an equal
+    share), so that a small mode far away gets enough points to be weighed itself.
     """
     mass = np.array([g.log_mass for g in components])
-    share = np.maximum(np.exp(mass - special.logsumexp(mass)), 0.05)
+    least = min(_LEAST_PROPOSED, 0.5 / len(components))
+    share = np.maximum(np.exp(mass - special.logsumexp(mass)), least)
     share /= share.sum()
     counts = np.diff(np.round(n * np.concatenate([[0.0], np.cumsum(share)])).astype(int))
     points = np.concatenate(
         [student_draws(g, k, random_state) for g, k in zip(components, counts, strict=True)]
     )
-    terms = [
-        np.log(w) + student_log_density(g, points) for w, g in zip(share, components, strict=True)
-    ]
+    terms = np.log(share)[:, None] + student_log_density(components, points)
     return points, special.logsumexp(terms, axis=0)
 
 
@@ -165,7 +169,8 @@ def _noise_draws(
 
 def _matched(points: FloatArray, weight: FloatArray, components: list[Gaussian]) -> list[Gaussian]:
     """Return each component moved to the moments of the points that it is responsible for."""
-    log_terms = np.stack([g.log_mass + student_log_density(g, points) for g in components])
+    mass = np.array([g.log_mass for g in components])
+    log_terms = mass[:, None] + student_log_density(components, points)
     share = weight * np.exp(log_terms - special.logsumexp(log_terms, axis=0))
     mass = share.sum(axis=1)
     moved = [

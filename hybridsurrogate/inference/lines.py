@@ -7,10 +7,10 @@ unequal height, which no Gaussian around a mode describes.
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from hybridsurrogate.inference.collapsed import CollapsedPosterior
@@ -30,6 +30,8 @@ _BINS = 40
 _LEAST_MASS = 1e-3
 # share of a bin's width that is its proposal's standard deviation
 _BIN_SD = 0.6
+# steps uphill in the other unknowns
+_FOLLOWING_STEPS = 4
 
 
 class Line(NamedTuple):
@@ -86,7 +88,7 @@ def _line(
         normal = np.diff(special.ndtr((edges - mode.mean[position]) / sd))
         distance = 0.5 * float(np.abs(share - normal).sum())
         if distance > worst:
-            bins = _bins(mode, covariance, position, edges, log_mass)
+            bins = _bins(target, mode, covariance, position, edges, log_mass)
             mass = special.logsumexp([part.log_mass for part in bins])
             whole = replace(mode, log_mass=float(mass))
             worst, out = distance, Line(whole, bins, position)
@@ -113,38 +115,79 @@ def _profile(
 
 
 def _bins(
+    target: CollapsedPosterior | LaplacePosterior,
     mode: Gaussian,
     covariance: FloatArray,
     position: int,
     edges: FloatArray,
     log_mass: FloatArray,
 ) -> list[Gaussian]:
-    """Return proposals along one unknown, which the others do not depend on.
+    """Return proposals along one unknown, each around where the others are most probable there.
 
-    Bins are closer where there is mass, and close enough elsewhere: a narrow plateau in a wide bin
-    would get draws of great weight.
+    Bins are closer where there is mass and where the density rises or falls, and close enough
+    elsewhere: the end of a plateau in a wide bin would get draws of great weight.
     """
-    total = float(special.logsumexp(log_mass))
-    cells = np.exp(log_mass - total)
-    root = np.sqrt(cells)
-    cumulative = np.concatenate([[0.0], np.cumsum(0.5 * cells + 0.5 * root / root.sum())])
+    cells = np.exp(log_mass - special.logsumexp(log_mass))
+    root, height = np.sqrt(cells), np.sqrt(cells / np.diff(edges))
+    rise = np.abs(np.diff(height, prepend=0.0)) + np.abs(np.diff(height, append=0.0))
+    share = (cells + root / root.sum() + rise / rise.sum()) / 3
+    cumulative = np.concatenate([[0.0], np.cumsum(share)])
     at = np.interp(np.linspace(0, 1, _BINS + 1), cumulative / cumulative[-1], edges)
-    mass = np.diff(np.interp(at, edges, np.concatenate([[0.0], np.cumsum(cells)])))
-    log_share = np.log(np.maximum(mass, _LEAST_MASS))
     others = np.arange(len(mode.mean)) != position
     slope = covariance[others, position] / covariance[position, position]
     rest = covariance[np.ix_(others, others)] - np.outer(slope, covariance[position, others])
     rest_factor = np.linalg.cholesky(rest + 1e-12 * np.trace(rest) * np.eye(len(rest)))
-    log_rest = np.log(np.diagonal(rest_factor)).sum() + 0.5 * len(rest) * np.log(2 * np.pi)
+    points = np.tile(mode.mean, (_BINS, 1))
+    points[:, position] = 0.5 * (at[1:] + at[:-1])
+    points, value, width = _followed(target, points, others, rest_factor)
     narrowest = 1e-6 * (at[-1] - at[0])
-    out = []
-    for (low, high), log_part in zip(pairwise(at), log_share, strict=True):
-        mean, factor = mode.mean.copy(), np.zeros_like(mode.factor)
-        mean[position] = 0.5 * (low + high)
-        factor[position, position] = max(_BIN_SD * (high - low), narrowest)
-        factor[np.ix_(others, others)] = rest_factor
-        out.append(Gaussian(mean, factor, total + float(log_rest + log_part)))
-    return out
+    spread = np.maximum(_BIN_SD * np.diff(at), narrowest)
+    volume = np.log(np.diagonal(rest_factor) * width).sum(axis=1)
+    mass = value + np.log(spread / _BIN_SD) + volume + 0.5 * len(rest) * np.log(2 * np.pi)
+    mass = np.maximum(mass, special.logsumexp(mass) + np.log(_LEAST_MASS))
+    factors = np.zeros((_BINS, *mode.factor.shape))
+    factors[:, position, position] = spread
+    factors[np.ix_(np.arange(_BINS), others, others)] = rest_factor * width[:, None, :]
+    return [
+        Gaussian(mean, factor, float(log_mass))
+        for mean, factor, log_mass in zip(points, factors, mass, strict=True)
+    ]
+
+
+def _followed(
+    target: CollapsedPosterior | LaplacePosterior,
+    points: FloatArray,
+    others: NDArray[np.bool_],
+    rest_factor: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return points (B, d) moved uphill in the other unknowns, log densities, and widths (B, r).
+
+    Newton steps with a diagonal Hessian in the coordinates in which the others are standard normal
+    around the mode; widths are standard deviations in these coordinates.
+    """
+    r, step = len(rest_factor), target.step_share
+    offsets = np.zeros((2 * r, points.shape[1]))
+    offsets[:, others] = step * np.concatenate([rest_factor.T, -rest_factor.T])
+    value = target.search_density(points)
+    curvature = np.ones((len(points), r))
+    reach = np.ones(len(points))
+    for _ in range(_FOLLOWING_STEPS):
+        around = (points[:, None] + offsets).reshape(-1, points.shape[1])
+        plus, minus = np.split(target.search_density(around).reshape(len(points), -1), 2, axis=1)
+        with np.errstate(invalid="ignore"):
+            slope = (plus - minus) / (2 * step)
+            bend = (2 * value[:, None] - plus - minus) / step**2
+        known = np.isfinite(slope) & np.isfinite(bend)
+        curvature = np.where(known, np.clip(np.abs(bend), 0.2, 25.0), curvature)
+        move = np.where(known, slope / curvature, 0.0)
+        move *= np.minimum(1.0, 2.0 / np.maximum(np.linalg.norm(move, axis=1), 1e-300))[:, None]
+        trial = points.copy()
+        trial[:, others] += reach[:, None] * move @ rest_factor.T
+        reached = target.search_density(trial)
+        better = reached > value
+        points, value = np.where(better[:, None], trial, points), np.where(better, reached, value)
+        reach = np.where(better, 1.0, 0.3 * reach)
+    return points, value, curvature**-0.5
 
 
 def _is_on(line: Line, mode: Gaussian) -> bool:
