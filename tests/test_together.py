@@ -10,8 +10,9 @@ from scipy.stats import norm
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.evidence import Search, Weighed, search
+from hybridsurrogate.diagnosis.fits import Fitted
+from hybridsurrogate.diagnosis.held import nothing_further
 from hybridsurrogate.diagnosis.null import null_test
-from hybridsurrogate.diagnosis.peaks import Fitted, nothing_further
 from hybridsurrogate.diagnosis.preparation import prepare, trained_emulator
 from hybridsurrogate.diagnosis.together import movable, placed_together
 

@@ -14,15 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
+from hybridsurrogate.diagnosis.fits import Fitted, best_null, effect_sizes
+from hybridsurrogate.diagnosis.held import nothing_further
 from hybridsurrogate.diagnosis.interruption import InterruptedSearch
-from hybridsurrogate.diagnosis.peaks import (
-    LARGEST_SIZE,
-    SMALLEST_SIZE,
-    Fitted,
-    best_null,
-    best_peaks,
-    nothing_further,
-)
+from hybridsurrogate.diagnosis.peaks import best_peaks
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.inference.heavy_tails import settled
@@ -33,8 +28,6 @@ from hybridsurrogate.inference.noise import NoiseTable
 from hybridsurrogate.inference.scan import Peak, scan
 from hybridsurrogate.priors import FloatArray
 
-# prior scales of the effects' sizes
-_N_SIZES = 10
 # prior odds: half on "none", a small share for "unexplained", the rest shared by kinds
 _PRIOR_NONE, _PRIOR_UNEXPLAINED = 0.5, 0.02
 # prior probability that a named cause leaves a smooth remainder
@@ -122,8 +115,9 @@ def search(
     else:
         null = nothing_further(problem, Fitted(*accepted[1:5]), belief, noise)
     ends = _ends_of(nearby, causes)
+    odds = prior_odds(["none", *(cause.kind for cause in causes)])
     try:
-        fits, behind = best_peaks(problem, causes, belief, noise, null, ends)
+        fits, behind = best_peaks(problem, causes, belief, noise, null, np.log(odds), ends)
     except InterruptedSearch as stop:
         kept = [null, *stop.kept]
         stop.kept = _weigh(problem, causes, belief, noise, kept, np.full(len(kept), np.nan), False)
@@ -145,12 +139,7 @@ def _weigh(
 
     ``known`` is the log evidence where it is known well enough already, NaN elsewhere.
     """
-    smallest = min(sigma for *_, sigma in peaks)
-    sizes = np.geomspace(
-        SMALLEST_SIZE * smallest,
-        max(LARGEST_SIZE * problem.scale, 2 * SMALLEST_SIZE * smallest),
-        _N_SIZES,
-    )
+    sizes = effect_sizes(problem, peaks)
     weighed = []
     for cause, fit, evidence in zip([None, *causes], peaks, known, strict=False):
         if np.isnan(evidence):
@@ -240,14 +229,13 @@ def _weigh_remainder(
     return out
 
 
-def prior_odds(weighed: Sequence[Weighed]) -> FloatArray:
-    """Return the prior probability of each cause.
+def prior_odds(kinds: Sequence[str]) -> FloatArray:
+    """Return the prior probability of each cause, given their kinds.
 
     Kinds share the prior equally, the causes of a kind share that of their kind.
     """
-    kinds = [kind_of(w) for w in weighed]
     named = {kind for kind in kinds if kind not in ("none", "unexplained")}
-    prior = np.empty(len(weighed))
+    prior = np.empty(len(kinds))
     for k, kind in enumerate(kinds):
         if kind == "none":
             prior[k] = _PRIOR_NONE
@@ -268,7 +256,7 @@ def probabilities(weighed: Sequence[Weighed]) -> tuple[FloatArray, FloatArray]:
     with np.errstate(divide="ignore"):
         plain = alone + np.where(splits, np.log1p(-_PRIOR_REMAINDER), 0.0)
         extra = np.where(splits, beside + np.log(_PRIOR_REMAINDER), -np.inf)
-    log_total = np.logaddexp(plain, extra) + np.log(prior_odds(weighed))
+    log_total = np.logaddexp(plain, extra) + np.log(prior_odds([kind_of(w) for w in weighed]))
     remainder = np.exp(extra - np.logaddexp(plain, extra))
     return np.exp(log_total - special.logsumexp(log_total)), remainder
 

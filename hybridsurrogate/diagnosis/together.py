@@ -12,7 +12,8 @@ import numpy as np
 from scipy import special
 
 from hybridsurrogate.diagnosis.evidence import Search, Weighed, probabilities
-from hybridsurrogate.diagnosis.peaks import Fitted, held, nothing_further, placed_anew
+from hybridsurrogate.diagnosis.fits import Fitted
+from hybridsurrogate.diagnosis.held import held, nothing_further, placed_anew
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.inference.linearised import linearise

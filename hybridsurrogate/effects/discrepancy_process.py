@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -109,21 +110,23 @@ class GaussianProcessDiscrepancy(Cause):
         """Return basis functions times the root of the spectral density."""
         assert self.ranges is not None
         indices = self._indices()
-        length = np.broadcast_to(theta["length_scale"], np.shape(next(iter(X.values()))))
-        out = np.ones((len(length), len(indices)))
+        # rows of many draws repeat few inputs and few lengths, and sine and root are what costs
+        length, which = np.unique(theta["length_scale"], return_inverse=True)
+        factors = []
         for k, (name, (low, high)) in enumerate(self.ranges.items()):
-            scaled = (2 * X[name] - low - high) / ((high - low) or 1.0)
+            x, row = np.unique(X[name], return_inverse=True)
+            scaled = (2 * x - low - high) / ((high - low) or 1.0)
             # the basis is periodic beyond its boundary: hold the process at its edge there
             scaled = np.clip(scaled, -_BOUNDARY, _BOUNDARY)
-            order = np.unique(indices[:, k])
+            order, column = np.unique(indices[:, k], return_inverse=True)
             root = np.pi * order / (2 * _BOUNDARY)
             wave = np.sin(root * (scaled[:, None] + _BOUNDARY)) / np.sqrt(_BOUNDARY)
-            density = (
-                np.sqrt(2 * np.pi) * length[:, None] * np.exp(-0.5 * (length[:, None] * root) ** 2)
-            )
-            factor = wave * np.sqrt(density)
-            factor[:, order == 0] = 1.0
-            out *= factor[:, np.searchsorted(order, indices[:, k])]
+            rate = (length[:, None] * root) ** 2
+            density = np.sqrt(2 * np.pi) * length[:, None] * np.exp(-0.5 * rate)
+            factor = np.where(order, wave, 1.0)[row]
+            factor *= np.where(order, np.sqrt(density), 1.0)[which]
+            factors.append(factor if len(order) == len(column) else np.take(factor, column, axis=1))
+        out: FloatArray = math.prod(factors[1:], start=factors[0])
         if self.amplitude is not None:
             out *= np.reshape(theta["amplitude"], (-1, 1))
         return out

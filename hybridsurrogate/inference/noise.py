@@ -70,6 +70,7 @@ class NoiseTable:
         self._nodes, self._log_prior = log_sigma, np.maximum(log_weight, -1e10)
         self._values = marginal_over_noise(squares, n, log_sigma, log_weight, _N_TABLE)
         self._values -= 0.5 * n * np.log(2 * np.pi)
+        self._slopes = np.diff(self._values)
 
     def log_prior(self, log_sigma: FloatArray) -> FloatArray:
         """Return the log prior density of log sigma, held at its ends beyond the nodes."""
@@ -83,4 +84,4 @@ class NoiseTable:
         step = (self._high - self._low) / (_N_TABLE - 1)
         position = np.maximum((np.log(squares) - self._low) / step, 0.0)
         index = np.nan_to_num(np.minimum(position, _N_TABLE - 2)).astype(np.intp)
-        return self._values[index] + np.diff(self._values)[index] * (position - index)
+        return self._values[index] + self._slopes[index] * (position - index)

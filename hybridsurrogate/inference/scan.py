@@ -29,6 +29,8 @@ _SETTLED = 0.01
 _FOLLOWED = 16
 # a prior scale that is as good as zero, whose square is a number still
 _NO_SIZE = 1e-100
+# numbers in one block of sizes, responses, nodes and directions
+_BLOCK = 1_000_000
 
 
 def scan(
@@ -97,18 +99,17 @@ def _scan(
         along_h = along_h.reshape(len(y), T, q)
     else:
         along_h = np.einsum("rtn,tnq->rtq", residual, rotated)
+    # one size for all directions of a cause; caps bind only parameters, which come alone
+    scales = np.maximum(np.minimum(sizes[:, None], parts.cap.min(axis=1)), _NO_SIZE)
     terms = []
-    for size in sizes:
-        # one size for all directions of a cause; caps bind only parameters, which come alone
-        scale = np.maximum(np.minimum(size, parts.cap.min(axis=1)), _NO_SIZE)[:, None]
-        ridge = (sigma / scale) ** 2
-        reduced = squares - np.sum(along_h**2 / (eigenvalue + ridge), axis=2)
-        log_det_h = 0.5 * np.sum(np.log1p(eigenvalue / ridge), axis=1)
+    for scale in np.array_split(scales, -(-scales.size * along_h.size // (_BLOCK * T))):
+        ridge = ((sigma / scale) ** 2)[:, None, :, None]
+        reduced = squares - np.sum(along_h**2 / (eigenvalue + ridge), axis=3)
+        log_det_h = 0.5 * np.sum(np.log1p(eigenvalue / ridge), axis=3)
         terms.append(log_marginal(np.maximum(reduced, floor)) - log_det_h)
-    with np.errstate(
-        invalid="ignore"
-    ):  # NaN marks a simulation that failed, and is sorted out here
-        out = np.logaddexp.reduce(terms, axis=0) - np.log(len(sizes))
+    # NaN marks a simulation that failed, and is sorted out here
+    with np.errstate(invalid="ignore"):
+        out = np.logaddexp.reduce(np.concatenate(terms), axis=0) - np.log(len(sizes))
     out = out + log_base + parts.log_weight
     return np.where(np.isnan(out), -np.inf, out)
 

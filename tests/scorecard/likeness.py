@@ -9,7 +9,8 @@ import numpy as np
 from hidden_effects.cases import Case
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.peaks import Fitted, best_null, best_peaks
+from hybridsurrogate.diagnosis.fits import Fitted, best_null
+from hybridsurrogate.diagnosis.peaks import best_peaks
 from hybridsurrogate.inference.noise import NoiseTable
 
 # neither says what the curve is: nothing is wrong, or a curve of any shape
@@ -52,8 +53,10 @@ def distance(case: Case, diagnosis: hs.DiscrepancyDiagnosis) -> float:
         # a simulation may leave its domain on the way; such climbs end at infinity
         warnings.simplefilter("ignore", RuntimeWarning)
         null = best_null(problem, search.belief, noise)
-        fits, _ = best_peaks(problem, mine, search.belief, noise, null)
+        # curves alone are compared, not with "nothing is wrong"
+        prior = np.append(-np.inf, np.zeros(len(mine)))
+        fits, _ = best_peaks(problem, mine, search.belief, noise, null, prior)
         # what fitted the data so well that it was taken for the truth is a start, too
-        fits += best_peaks(problem, mine, search.belief, noise, null, near)[0]
+        fits += best_peaks(problem, mine, search.belief, noise, null, prior, near)[0]
     squares = [fit.peak.squares for fit in fits if np.isfinite(fit.peak.objective)]
     return float(min(squares, default=np.inf) / case.truth["noise_sd"] ** 2)

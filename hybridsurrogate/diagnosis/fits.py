@@ -1,0 +1,98 @@
+"""A model at its best fit: climbs, the noise there, a grid refined where the evidence is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from hybridsurrogate.estimators.problem import Problem
+from hybridsurrogate.inference.layout import Layout, layout, refine
+from hybridsurrogate.inference.linearised import Belief, linearise
+from hybridsurrogate.inference.measured import MeasuredModel
+from hybridsurrogate.inference.noise import NoiseTable
+from hybridsurrogate.inference.scan import Peak, climb, scan
+from hybridsurrogate.priors import FloatArray
+
+# effects between a fraction of the noise and a few times the spread of the output
+_SMALLEST_SIZE, LARGEST_SIZE = 0.3, 3.0
+# prior scales of the effects' sizes
+_N_SIZES = 10
+_MAX_REFINEMENTS = 5
+# noise below this share of the output's scale is rounding
+_FLOOR = 1e-6
+
+
+class Fitted(NamedTuple):
+    """A model at its best fit: the layout of its last cause, the peak and the noise there."""
+
+    model: MeasuredModel
+    plan: Layout
+    peak: Peak
+    sigma: float
+
+
+def effect_sizes(problem: Problem, fits: Sequence[Fitted]) -> FloatArray:
+    """Return the prior scales of effects' sizes, in units of y, equally probable."""
+    smallest = _SMALLEST_SIZE * min(fit.sigma for fit in fits)
+    return np.geomspace(smallest, max(LARGEST_SIZE * problem.scale, 2 * smallest), _N_SIZES)
+
+
+def best_null(problem: Problem, belief: Belief, noise: NoiseTable) -> Fitted:
+    """Fit "nothing is wrong" from several starting points."""
+    model = problem.model
+    plan = layout(model)
+    d = model.n_unknowns
+    # a fixed spread of starts: the search has no randomness of its own
+    z = np.vstack([np.zeros(d), np.random.RandomState(0).standard_normal((16 * d, d))])
+    known, features, factor = model.simulated(problem.X, model.values(z))
+    squares = np.sum(((problem.y - known - features @ belief.mean) / factor) ** 2, axis=1)
+    squares = np.where(np.isfinite(squares), squares, np.inf)
+    starts = z[np.argsort(squares)[:2]]
+    sigma = 0.3 * problem.scale
+    peak = highest(problem, belief, model, plan, [z[0], *starts], sigma)
+    return settled(problem, belief, noise, Fitted(model, plan, peak, sigma))
+
+
+def highest(
+    problem: Problem,
+    belief: Belief,
+    model: MeasuredModel,
+    plan: Layout,
+    starts: Sequence[FloatArray],
+    sigma: float,
+) -> Peak:
+    """Climb from every start and return the best fit; one at infinity where there is no start."""
+    largest = LARGEST_SIZE * problem.scale
+    peaks = [climb(model, problem.X, problem.y, belief, plan, z, sigma, largest) for z in starts]
+    nowhere = Peak(plan.neutral, np.inf, np.inf, 0)
+    return min(peaks, key=lambda found: found.objective, default=nowhere)
+
+
+def settled(problem: Problem, belief: Belief, noise: NoiseTable, fit: Fitted) -> Fitted:
+    """Climb on with the noise that the fit suggests, and a finer grid where the evidence is."""
+    model, plan, peak, sigma = fit
+    if not np.isfinite(peak.objective):
+        return fit
+    largest = LARGEST_SIZE * problem.scale
+    for round_ in range(_MAX_REFINEMENTS):
+        sigma = sigma_of(problem, peak, sigma)
+        finer = plan
+        if len(plan.nodes):
+            parts = linearise(model, problem.X, belief, plan, peak.z)
+            nodes = scan(parts, problem.y[None], sigma, noise, np.array([largest]))[0]
+            finer = refine(model, plan, nodes)
+        settled = finer is plan and round_ > 0
+        plan = finer
+        if settled:
+            break
+        peak = climb(model, problem.X, problem.y, belief, plan, peak.z, sigma, largest)
+    return Fitted(model, plan, peak, sigma)
+
+
+def sigma_of(problem: Problem, peak: Peak, sigma: float) -> float:
+    """Return the noise that a fit suggests; the one it was made with where it failed."""
+    if not np.isfinite(peak.objective):
+        return sigma
+    return max(float(np.sqrt(peak.squares / len(problem.y))), _FLOOR * problem.scale)
