@@ -99,7 +99,7 @@ def from_normal(priors: Sequence[Prior], z: ArrayLike) -> FloatArray:
     -------
     ndarray of shape (..., k)
     """
-    points: FloatArray = np.clip(np.asarray(z, dtype=float), -_Z_LIMIT, _Z_LIMIT)
+    points: FloatArray = np.asarray(z, dtype=float)
     if not len(priors):
         return np.empty_like(points)
     return _interpolated_quantiles(tuple(priors), points)
@@ -113,9 +113,9 @@ def _interpolated_quantiles(priors: tuple[Prior, ...], z: FloatArray) -> FloatAr
     """
     values, slopes, low, high = _quantile_tables(priors)
     step = 2 * _Z_LIMIT / (_N_TABLE - 1)
-    position = (z + _Z_LIMIT) / step
+    position = np.minimum(np.maximum((z + _Z_LIMIT) / step, 0.0), _N_TABLE - 1.0)
     # NaN marks what failed and stays NaN: it may point anywhere
-    left_node = np.minimum(np.nan_to_num(position), _N_TABLE - 2).astype(np.intp)
+    left_node = np.fmin(position, _N_TABLE - 2.0).astype(np.intp)
     t = position - left_node
     index = left_node + _N_TABLE * np.arange(len(priors))
     s = 1 - t
@@ -124,7 +124,7 @@ def _interpolated_quantiles(priors: tuple[Prior, ...], z: FloatArray) -> FloatAr
         + values[index + 1] * t * t * (1 + 2 * s)
         + step * t * s * (slopes[index] * s - slopes[index + 1] * t)
     )
-    return np.clip(out, low, high)
+    return np.minimum(np.maximum(out, low), high)
 
 
 @lru_cache(maxsize=1024)

@@ -100,8 +100,11 @@ class Periodic(OverColumn):
         """Return sines and cosines around the middle of the measured rows."""
         assert self.center is not None
         phase = 2 * np.pi * (X[self.column] - self.center) / theta["period"]
-        waves = [np.sin(phase), np.cos(phase), np.sin(2 * phase), np.cos(2 * phase)]
-        return np.stack(waves[: 2 * self.harmonics], axis=-1)
+        sine, cosine = np.sin(phase), np.cos(phase)
+        waves = [sine, cosine]
+        if self.harmonics == 2:  # of the double angle
+            waves += [2 * sine * cosine, 1 - 2 * sine**2]
+        return np.stack(waves, axis=-1)
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return period, amplitude, and the amplitude of the overtone."""

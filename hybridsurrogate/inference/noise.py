@@ -83,5 +83,5 @@ class NoiseTable:
         """Return the log integral, linear in log squares between the nodes; NaN stays NaN."""
         step = (self._high - self._low) / (_N_TABLE - 1)
         position = np.maximum((np.log(squares) - self._low) / step, 0.0)
-        index = np.nan_to_num(np.minimum(position, _N_TABLE - 2)).astype(np.intp)
+        index = np.fmin(position, _N_TABLE - 2.0).astype(np.intp)
         return self._values[index] + self._slopes[index] * (position - index)
