@@ -449,6 +449,34 @@ def test_the_place_of_a_jump_has_the_exact_posterior(seed):
     assert 0.5 * np.abs(found / 4000 - share / np.sum(share)).sum() < 0.05
 
 
+@pytest.mark.filterwarnings("ignore::hybridsurrogate.SamplingWarning")
+@pytest.mark.parametrize("seed", range(4))
+def test_the_place_of_a_jump_is_proposed_well_whatever_rows_are_held_out(seed):
+    # in a slow simulation the rate follows the place: proposals have to follow both
+    rng = np.random.default_rng(seed)
+    t = np.sort(rng.uniform(1, 100, 40))
+    y = np.log1p(t) + 0.1 * (t > 35) + 0.05 * rng.standard_normal(40)
+    simulator = hs.Simulator(
+        lambda t, rate: rate * np.log1p(t),
+        inputs={"t": (1, 100)},
+        parameters={"rate": hs.truncated_normal(1.0, 0.3, 0.2, 2.0)},
+    )
+    model = hs.PowerScaledSurrogate(
+        simulator,
+        surrogate=hs.ExactSurrogate(),
+        effects=[hs.Step("t")],
+        sampler="importance",
+        n_draws=400,
+        random_state=0,
+    )
+    effective = []
+    for _ in range(5):
+        rows = np.sort(rng.permutation(40)[:32])
+        effective.append(model.fit(t[rows, None], y[rows]).diagnostics_.effective_draws)
+    # of 1200 proposals
+    assert min(effective) > 500
+
+
 def test_two_modes_go_to_the_ensemble():
     simulator = hs.Simulator(
         squared, inputs={"x": (0, 1)}, parameters={"omega": stats.uniform(-2, 4)}

@@ -46,7 +46,7 @@ class ImportanceDraws:
     log_evidence : float
         Log of the mean weight, an estimate of the log normalising constant.
     proposals : Proposals
-        Of the last round.
+        Of the best round.
     """
 
     draws: FloatArray
@@ -127,7 +127,7 @@ def importance_draws(
     such proposals are added; the round is then repeated (Cappe, Douc, Guillin, Marin and Robert
     2008, Statistics and Computing 18:447).
     """
-    noise_scale = 1.0
+    noise_scale, best = 1.0, None
     for round_ in range(max_rounds):
         points, log_proposal = mixture_draws(components, n_proposals, random_state)
         noise, log_noise = _noise_draws(n_proposals, n_noise, noise_scale, random_state)
@@ -138,6 +138,10 @@ def importance_draws(
         weight = np.exp(smoothed - special.logsumexp(smoothed))
         effective = 1 / np.sum(weight**2)
         enough = effective >= 0.1 * n_proposals
+        # the last round need not be the best: narrow proposals get few draws to learn from
+        merit = (enough, -khat)
+        if best is None or merit > best[0]:
+            best = merit, extended, log_proposal, log_weight, weight, float(effective)
         if (enough and khat <= KHAT_LIMIT) or round_ == max_rounds - 1:
             break
         matched = _matched(points, weight, components)
@@ -146,10 +150,12 @@ def importance_draws(
             noise_scale = float(np.clip(spread, 0.5, 2.0))
         # draws that are many but badly tailed lack a wide proposal rather than a better centre
         components = [*components, *matched] if enough else matched
+    assert best is not None
+    (_, minus_khat), points, log_proposal, log_weight, weight, effective = best
     index = systematic_resample(weight, n_draws, random_state)
     log_evidence = float(special.logsumexp(log_weight) - np.log(len(log_weight)))
-    proposals = Proposals(extended, log_proposal)
-    return ImportanceDraws(extended[index], khat, float(effective), log_evidence, proposals)
+    proposals = Proposals(points, log_proposal)
+    return ImportanceDraws(points[index], -minus_khat, effective, log_evidence, proposals)
 
 
 def _noise_draws(

@@ -30,8 +30,8 @@ _BINS = 40
 _LEAST_MASS = 1e-3
 # share of a bin's width that is its proposal's standard deviation
 _BIN_SD = 0.6
-# steps uphill in the other unknowns
-_FOLLOWING_STEPS = 4
+# nodes from which the other unknowns are followed first, and steps uphill in them
+_RIDGE, _FOLLOWING_STEPS = 64, 4
 
 
 class Line(NamedTuple):
@@ -77,71 +77,76 @@ def _line(
     places: list[tuple[int, FloatArray]],
 ) -> Line:
     """Return proposals along the unknown in which the density is farthest from normal, if any."""
-    worst, out = _FAR_FROM_NORMAL, Line(mode, [mode])
-    covariance = mode.factor @ mode.factor.T
-    precision = np.linalg.inv(covariance)
+    worst, chosen = _FAR_FROM_NORMAL, None
+    precision = np.linalg.inv(mode.factor @ mode.factor.T)
     for position, nodes in places:
         # with the others held: how the density falls off where they follow is the mode's affair
         sd = float(precision[position, position] ** -0.5)
-        edges, log_mass = _profile(target, mode, position, nodes, sd)
+        z = _points_around(mode.mean[position], sd, nodes)
+        points = np.tile(mode.mean, (len(z), 1))
+        points[:, position] = z
+        edges, log_mass = _cells(target, points, position)
         share = np.exp(log_mass - special.logsumexp(log_mass))
         normal = np.diff(special.ndtr((edges - mode.mean[position]) / sd))
         distance = 0.5 * float(np.abs(share - normal).sum())
         if distance > worst:
-            bins = _bins(target, mode, covariance, position, edges, log_mass)
-            mass = special.logsumexp([part.log_mass for part in bins])
-            whole = replace(mode, log_mass=float(mass))
-            worst, out = distance, Line(whole, bins, position)
-    return out
+            worst, chosen = distance, (position, nodes, z)
+    if chosen is None:
+        return Line(mode, [mode])
+    bins = _bins(target, mode, *chosen)
+    mass = special.logsumexp([part.log_mass for part in bins])
+    return Line(replace(mode, log_mass=float(mass)), bins, chosen[0])
 
 
-def _profile(
-    target: CollapsedPosterior | LaplacePosterior,
-    mode: Gaussian,
-    position: int,
-    nodes: FloatArray,
-    sd: float,
-) -> tuple[FloatArray, FloatArray]:
-    """Return edges (m + 1,) of cells along one unknown and log masses (m,), the others held."""
+def _points_around(centre: float, sd: float, nodes: FloatArray) -> FloatArray:
+    """Return points on a line, close around the centre, with the nodes between them."""
     offsets = sd * 2.0 ** np.arange(_WINDOWS)[:, None] * np.linspace(-1, 1, _POINTS)
-    z = np.concatenate([mode.mean[position] + offsets.ravel(), nodes])
-    z = np.unique(z[np.abs(z) <= _END])
-    points = np.tile(mode.mean, (len(z), 1))
-    points[:, position] = z
-    value = target.search_density(points)
+    z = np.concatenate([centre + offsets.ravel(), nodes])
+    return np.unique(z[np.abs(z) <= _END])
+
+
+def _cells(
+    target: CollapsedPosterior | LaplacePosterior, points: FloatArray, position: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return edges (m + 1,) of cells around points along one unknown, and log masses (m,)."""
+    z = points[:, position]
     edges = np.concatenate([[z[0]], 0.5 * (z[1:] + z[:-1]), [z[-1]]])
     with np.errstate(divide="ignore"):
-        return edges, value + np.log(np.diff(edges))
+        return edges, target.search_density(points) + np.log(np.diff(edges))
 
 
 def _bins(
     target: CollapsedPosterior | LaplacePosterior,
     mode: Gaussian,
-    covariance: FloatArray,
     position: int,
-    edges: FloatArray,
-    log_mass: FloatArray,
+    nodes: FloatArray,
+    z: FloatArray,
 ) -> list[Gaussian]:
     """Return proposals along one unknown, each around where the others are most probable there.
 
     Bins are closer where there is mass and where the density rises or falls, and close enough
     elsewhere: the end of a plateau in a wide bin would get draws of great weight.
     """
-    cells = np.exp(log_mass - special.logsumexp(log_mass))
-    root, height = np.sqrt(cells), np.sqrt(cells / np.diff(edges))
-    rise = np.abs(np.diff(height, prepend=0.0)) + np.abs(np.diff(height, append=0.0))
-    share = (cells + root / root.sum() + rise / rise.sum()) / 3
-    cumulative = np.concatenate([[0.0], np.cumsum(share)])
-    at = np.interp(np.linspace(0, 1, _BINS + 1), cumulative / cumulative[-1], edges)
+    covariance = mode.factor @ mode.factor.T
     others = np.arange(len(mode.mean)) != position
     slope = covariance[others, position] / covariance[position, position]
     rest = covariance[np.ix_(others, others)] - np.outer(slope, covariance[position, others])
     rest_factor = np.linalg.cholesky(rest + 1e-12 * np.trace(rest) * np.eye(len(rest)))
-    points = np.tile(mode.mean, (_BINS, 1))
-    points[:, position] = 0.5 * (at[1:] + at[:-1])
-    points, value, width = _followed(target, points, others, rest_factor)
-    narrowest = 1e-6 * (at[-1] - at[0])
-    spread = np.maximum(_BIN_SD * np.diff(at), narrowest)
+
+    def between(known: FloatArray, z: FloatArray) -> FloatArray:
+        """Return points at z, the other unknowns interpolated."""
+        at = known[:, position]
+        return np.column_stack(
+            [z if k == position else np.interp(z, at, known[:, k]) for k in range(len(mode.mean))]
+        )
+
+    start = np.unique(np.append(nodes[:: -(-len(nodes) // _RIDGE)], mode.mean[position]))
+    ridge, _, _ = _followed(target, between(mode.mean[None], start), others, rest_factor)
+    edges, log_mass = _cells(target, between(ridge, z), position)
+    at = _bin_edges(edges, log_mass)
+    middles = between(ridge, 0.5 * (at[1:] + at[:-1]))
+    means, value, width = _followed(target, middles, others, rest_factor)
+    spread = np.maximum(_BIN_SD * np.diff(at), 1e-6 * (at[-1] - at[0]))
     volume = np.log(np.diagonal(rest_factor) * width).sum(axis=1)
     mass = value + np.log(spread / _BIN_SD) + volume + 0.5 * len(rest) * np.log(2 * np.pi)
     mass = np.maximum(mass, special.logsumexp(mass) + np.log(_LEAST_MASS))
@@ -150,8 +155,18 @@ def _bins(
     factors[np.ix_(np.arange(_BINS), others, others)] = rest_factor * width[:, None, :]
     return [
         Gaussian(mean, factor, float(log_mass))
-        for mean, factor, log_mass in zip(points, factors, mass, strict=True)
+        for mean, factor, log_mass in zip(means, factors, mass, strict=True)
     ]
+
+
+def _bin_edges(edges: FloatArray, log_mass: FloatArray) -> FloatArray:
+    """Return the edges of bins, shared by mass, its root, changes of the density and the prior."""
+    cells = np.exp(log_mass - special.logsumexp(log_mass))
+    root, height = np.sqrt(cells), np.sqrt(cells / np.diff(edges))
+    rise = np.abs(np.diff(height, prepend=0.0)) + np.abs(np.diff(height, append=0.0))
+    share = (cells + root / root.sum() + rise / rise.sum() + np.diff(special.ndtr(edges))) / 4
+    cumulative = np.concatenate([[0.0], np.cumsum(share)])
+    return np.interp(np.linspace(0, 1, _BINS + 1), cumulative / cumulative[-1], edges)
 
 
 def _followed(
