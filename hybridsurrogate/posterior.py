@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.exceptions import SamplingWarning
-from hybridsurrogate.inference.measured import MeasuredModel, names_of
+from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.pareto import KHAT_LIMIT
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.priors import FloatArray
@@ -160,7 +160,7 @@ class Posterior:
 
     def named(self) -> dict[str, FloatArray]:
         """Return draws by name: omega, theta, sigma, coefficients, effect coefficients."""
-        out = dict(zip(names_of(self.model), self.values.T, strict=True))
+        out = dict(zip(_names_of(self.model), self.values.T, strict=True))
         if self.likelihood.has_scale:
             out["sigma"] = self.sigma
         if self.coefficients.shape[1]:
@@ -183,6 +183,17 @@ class Posterior:
             if owner == effect
         }
         return self.model.effects[effect].estimates(theta, coefficients)
+
+
+def _names_of(model: MeasuredModel) -> list[str]:
+    """Return readable names of all unknowns, those of causes prefixed where they clash."""
+    own = [name for _, name in model.theta_names]
+    taken = [*model.parameters, *own]
+    readable = [
+        name if taken.count(name) == 1 else f"{model.effects[k].kind}_{k}_{name}"
+        for k, name in model.theta_names
+    ]
+    return [*model.parameters, *readable, *model.basis.hyperpriors]
 
 
 def arviz_groups(groups: dict[str, dict[str, FloatArray]]) -> Any:
