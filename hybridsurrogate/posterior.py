@@ -6,6 +6,7 @@ The only file that knows ArviZ.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -194,6 +195,34 @@ def _names_of(model: MeasuredModel) -> list[str]:
         for k, name in model.theta_names
     ]
     return [*model.parameters, *readable, *model.basis.hyperpriors]
+
+
+def arviz_of(
+    posteriors: Sequence[Posterior], X: FloatArray, y: FloatArray, random: np.random.RandomState
+) -> Any:
+    """Return an ArviZ object of the draws of all posteriors and of measured rows.
+
+    It has what the posteriors have in common: posterior, log likelihood, posterior predictive and
+    observed data.
+    """
+    pieces = zip(*(p.eta(X) for p in posteriors), strict=True)
+    eta, sigma = (np.concatenate(piece) for piece in pieces)
+    likelihood = posteriors[0].likelihood
+    named = [p.named() for p in posteriors]
+    shared = [k for k in named[0] if all(k in other for other in named)]
+    posterior = {
+        k: np.concatenate([other[k] for other in named])
+        for k in shared
+        if len({other[k].shape[1:] for other in named}) == 1
+    }
+    return arviz_groups(
+        {
+            "posterior": posterior,
+            "log_likelihood": {"y": likelihood.log_density(y, eta, sigma)},
+            "posterior_predictive": {"y": likelihood.sample(eta, sigma, random)},
+            "observed_data": {"y": y},
+        }
+    )
 
 
 def arviz_groups(groups: dict[str, dict[str, FloatArray]]) -> Any:
