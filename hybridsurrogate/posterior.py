@@ -6,6 +6,7 @@ The only file that knows ArviZ.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.exceptions import SamplingWarning
-from hybridsurrogate.inference.measured import MeasuredModel, names_of
+from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.pareto import KHAT_LIMIT
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.priors import FloatArray
@@ -160,7 +161,7 @@ class Posterior:
 
     def named(self) -> dict[str, FloatArray]:
         """Return draws by name: omega, theta, sigma, coefficients, effect coefficients."""
-        out = dict(zip(names_of(self.model), self.values.T, strict=True))
+        out = dict(zip(_names_of(self.model), self.values.T, strict=True))
         if self.likelihood.has_scale:
             out["sigma"] = self.sigma
         if self.coefficients.shape[1]:
@@ -183,6 +184,45 @@ class Posterior:
             if owner == effect
         }
         return self.model.effects[effect].estimates(theta, coefficients)
+
+
+def _names_of(model: MeasuredModel) -> list[str]:
+    """Return readable names of all unknowns, those of causes prefixed where they clash."""
+    own = [name for _, name in model.theta_names]
+    taken = [*model.parameters, *own]
+    readable = [
+        name if taken.count(name) == 1 else f"{model.effects[k].kind}_{k}_{name}"
+        for k, name in model.theta_names
+    ]
+    return [*model.parameters, *readable, *model.basis.hyperpriors]
+
+
+def arviz_of(
+    posteriors: Sequence[Posterior], X: FloatArray, y: FloatArray, random: np.random.RandomState
+) -> Any:
+    """Return an ArviZ object of the draws of all posteriors and of measured rows.
+
+    It has what the posteriors have in common: posterior, log likelihood, posterior predictive and
+    observed data.
+    """
+    pieces = zip(*(p.eta(X) for p in posteriors), strict=True)
+    eta, sigma = (np.concatenate(piece) for piece in pieces)
+    likelihood = posteriors[0].likelihood
+    named = [p.named() for p in posteriors]
+    shared = [k for k in named[0] if all(k in other for other in named)]
+    posterior = {
+        k: np.concatenate([other[k] for other in named])
+        for k in shared
+        if len({other[k].shape[1:] for other in named}) == 1
+    }
+    return arviz_groups(
+        {
+            "posterior": posterior,
+            "log_likelihood": {"y": likelihood.log_density(y, eta, sigma)},
+            "posterior_predictive": {"y": likelihood.sample(eta, sigma, random)},
+            "observed_data": {"y": y},
+        }
+    )
 
 
 def arviz_groups(groups: dict[str, dict[str, FloatArray]]) -> Any:

@@ -12,14 +12,19 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from hybridsurrogate.exceptions import FailedRunsWarning, PriorWarning
+from hybridsurrogate.exceptions import FailedRunsWarning
 from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.simulated_ranges import (
+    check_support,
+    parameter_range,
+    ranges_of_inputs,
+    varied_ranges,
+)
 from hybridsurrogate.variables import (
     Assumed,
     Range,
     as_matrix,
     check_lengths,
-    check_ranges,
     describe,
     named_fields,
     priors_of,
@@ -28,10 +33,6 @@ from hybridsurrogate.variables import (
 
 if TYPE_CHECKING:
     from hybridsurrogate.simulation import Simulator
-
-# shares of a prior's mass in the simulated range: an error below the first, else a warning below
-# the second
-_NO_SUPPORT, _LITTLE_SUPPORT = 0.01, 0.9
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
@@ -124,7 +125,7 @@ class SimulationData:
             raise ValueError(f"y must have shape (n_runs,), got {y.shape}.")
         check_lengths({"X": X, "omega": omega, "y": y})
         X, omega, y = drop_failed(X, omega, y, "runs", error=None)
-        varied = _varied_ranges(X, omega, fields)
+        varied = varied_ranges(X, omega, fields)
         fields |= {
             "X": X,
             "omega": omega,
@@ -132,9 +133,9 @@ class SimulationData:
             "n_runs": len(y),
             "output": output,
             "simulator": simulator,
-            "input_ranges": _input_ranges(inputs, varied),
+            "input_ranges": ranges_of_inputs(inputs, varied),
             "parameter_ranges": {
-                name: _parameter_range(prior, varied[name]) for name, prior in priors.items()
+                name: parameter_range(prior, varied[name]) for name, prior in priors.items()
             },
         }
         self.__dict__.update(fields)
@@ -147,7 +148,7 @@ class SimulationData:
                     f"range, {low:g} to {high:g}: simulate around it."
                 )
         for name, prior in priors.items():
-            _check_support(name, prior, varied[name], self.n_runs)
+            check_support(name, prior, varied[name], self.n_runs)
 
     @classmethod
     def from_frame(
@@ -249,63 +250,3 @@ def drop_failed(
             stacklevel=3,
         )
     return X[finite], omega[finite], y[finite]
-
-
-def _varied_ranges(X: FloatArray, omega: FloatArray, fields: dict[str, Any]) -> dict[str, Range]:
-    # what each name is, and the argument that it came by
-    kinds = dict.fromkeys(fields["input_names"], ("input", "inputs"))
-    kinds |= dict.fromkeys(fields["parameter_names"], ("parameter", "parameters"))
-    kinds |= dict.fromkeys(fields["assumed_names"], ("assumed constant", "assumed"))
-    ranges = {}
-    for (name, (kind, argument)), column in zip(
-        kinds.items(), np.column_stack([X, omega]).T, strict=True
-    ):
-        low, high = float(column.min()), float(column.max())
-        if not low < high:
-            raise ValueError(
-                f"The {kind} {name!r} was never varied in the runs: "
-                f"vary it or leave it out of {argument}."
-            )
-        ranges[name] = (low, high)
-    return ranges
-
-
-def _input_ranges(
-    inputs: Mapping[str, Range] | Sequence[str], varied: dict[str, Range]
-) -> dict[str, Range]:
-    if not isinstance(inputs, Mapping):
-        return {name: varied[name] for name in inputs}
-    ranges = check_ranges(inputs)
-    for name, given in ranges.items():
-        if not _within(varied[name], given):
-            raise ValueError(
-                f"Runs go from {varied[name][0]:g} to {varied[name][1]:g} in the input {name!r}, "
-                f"beyond its range, {given[0]:g} to {given[1]:g}: widen the range."
-            )
-    return ranges
-
-
-def _parameter_range(prior: Prior, varied: Range) -> Range:
-    low, high = (float(end) for end in prior.support())
-    bounded = np.isfinite([low, high]).all()
-    return (low, high) if bounded and _within(varied, (low, high)) else varied
-
-
-def _within(inner: Range, outer: Range) -> bool:
-    # files hold rounded numbers
-    slack = 1e-9 * (outer[1] - outer[0])
-    return inner[0] >= outer[0] - slack and inner[1] <= outer[1] + slack
-
-
-def _check_support(name: str, prior: Prior, varied: Range, n_runs: int) -> None:
-    # a sample stops short of the ends of the range that it was drawn from, by about one spacing
-    margin = 2 * (varied[1] - varied[0]) / (n_runs - 1)
-    share = float(prior.cdf(varied[1] + margin) - prior.cdf(varied[0] - margin))
-    text = (
-        f"{share:.1%} of the prior of {name!r} lies in its simulated range, "
-        f"{varied[0]:g} to {varied[1]:g}"
-    )
-    if not share >= _NO_SUPPORT:
-        raise ValueError(f"Only {text}: move the prior, or simulate where it has support.")
-    if share < _LITTLE_SUPPORT:
-        warnings.warn(f"Only {text}.", PriorWarning, stacklevel=3)

@@ -9,6 +9,7 @@ import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.evidence import search
 from hybridsurrogate.diagnosis.next_measurement import _mutual, information_at, next_measurement
 from hybridsurrogate.diagnosis.preparation import prepare, trained_emulator
+from hybridsurrogate.diagnosis.verdict import form_of
 
 HALF = np.array([0.5, 0.5])
 
@@ -41,16 +42,16 @@ def test_the_information_is_that_of_many_simulated_measurements(gap, sd):
     assert bits([0, gap], [1, sd**2], p) == pytest.approx(expected, abs=0.005)
 
 
-FORMS = ("offset", "trend", "gain", "parameter-drift")
-
-
 def found_in(simulator, X, y):
     model = hs.PowerScaledSurrogate(
         simulator, surrogate=hs.ExactSurrogate(), n_draws=20, random_state=0
     )
-    prepared = prepare(model.fit(X, y), (), FORMS)
+    prepared = prepare(model.fit(X, y), ())
+    over = f"parameter-drift: linear over {simulator.input_names[0]}"
+    forms = ("offset", "trend", "gain", over)
+    causes = [cause for cause in prepared.causes if form_of(cause) in forms]
     problem, belief = trained_emulator(prepared.problem, model)
-    return search(problem, prepared.causes, belief, with_remainder=False)
+    return search(problem, causes, belief, with_remainder=False)
 
 
 def entropy(found):
@@ -90,9 +91,10 @@ def test_a_smooth_curve_foresees_nothing_beyond_the_measured_rows():
     model = hs.PowerScaledSurrogate(
         case.simulator, surrogate=hs.ExactSurrogate(), n_draws=20, random_state=0
     )
-    prepared = prepare(model.fit(case.X, case.y), (), ("unexplained",))
+    prepared = prepare(model.fit(case.X, case.y), ())
+    causes = [cause for cause in prepared.causes if cause.kind == "unexplained"]
     problem, belief = trained_emulator(prepared.problem, model)
-    found = search(problem, prepared.causes, belief)
+    found = search(problem, causes, belief)
     inside, outside = np.median(case.X, axis=0), case.X_out[-1:]
     assert information_at(found, outside)[0] == pytest.approx(0, abs=1e-9)
     assert information_at(found, inside[None]).shape == (1,)

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils import Bunch
 
+from hybridsurrogate.datasets.measured import measured_bunch
 from hybridsurrogate.datasets.tables import packaged_table
 from hybridsurrogate.priors import FloatArray, truncated_normal
 from hybridsurrogate.simulation import Simulator
@@ -67,16 +68,12 @@ def load_nist_chwirut1() -> Bunch:
         },
         output="response",
     )
-    return Bunch(
-        data=frame[["distance"]],
-        target=frame["response"],
-        frame=frame,
-        simulator=simulator,
-        DESCR=(
-            "Ultrasonic response of a reference block over the distance to metal, against a "
-            "simulation of pure absorption.\n"
-            "Source: NIST Statistical Reference Datasets, Chwirut1.\n"
-            "Licence: public domain (work of the United States government).\n"
-            "Units: not named by the source."
-        ),
+    return measured_bunch(
+        frame,
+        simulator,
+        "Ultrasonic response of a reference block over the distance to metal, against a "
+        "simulation of pure absorption.\n"
+        "Source: NIST Statistical Reference Datasets, Chwirut1.\n"
+        "Licence: public domain (work of the United States government).\n"
+        "Units: not named by the source.",
     )

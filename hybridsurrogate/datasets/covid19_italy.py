@@ -12,6 +12,7 @@ import pandas as pd
 from sklearn.datasets import fetch_file, get_data_home
 from sklearn.utils import Bunch
 
+from hybridsurrogate.datasets.measured import measured_bunch
 from hybridsurrogate.ode import OdeSimulator
 from hybridsurrogate.priors import FloatArray, truncated_normal
 
@@ -133,19 +134,15 @@ def fetch_covid19_italy(
         output="infected_per_100k",
         max_step=0.5,
     )
-    return Bunch(
-        data=frame[["t"]],
-        target=frame["infected_per_100k"],
-        frame=frame,
-        simulator=simulator,
-        DESCR=(
-            "COVID-19 in Italy, confirmed less recovered cases, 24 February to 7 May 2020, against "
-            "an SIR epidemic with constant rates.\n"
-            f"Source: Presidenza del Consiglio dei Ministri, Dipartimento della Protezione Civile, "
-            f"{URL}\n"
-            "Licence: CC-BY-4.0.\n"
-            "Units: days since 23 February 2020; persons, or persons per 100,000; rates per day."
-        ),
+    return measured_bunch(
+        frame,
+        simulator,
+        "COVID-19 in Italy, confirmed less recovered cases, 24 February to 7 May 2020, against "
+        "an SIR epidemic with constant rates.\n"
+        f"Source: Presidenza del Consiglio dei Ministri, Dipartimento della Protezione Civile, "
+        f"{URL}\n"
+        "Licence: CC-BY-4.0.\n"
+        "Units: days since 23 February 2020; persons, or persons per 100,000; rates per day.",
     )
 
 

@@ -7,6 +7,7 @@ import pandas as pd
 from scipy.stats import norm
 from sklearn.utils import Bunch
 
+from hybridsurrogate.datasets.measured import measured_bunch
 from hybridsurrogate.datasets.tables import packaged_table
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation import Simulator
@@ -66,16 +67,12 @@ def load_nist_enso() -> Bunch:
         parameters={"mean": norm(10, 5), "cosine": norm(0, 3), "sine": norm(0, 3)},
         output="pressure_difference",
     )
-    return Bunch(
-        data=frame[["month"]],
-        target=frame["pressure_difference"],
-        frame=frame,
-        simulator=simulator,
-        DESCR=(
-            "Monthly pressure difference between Easter Island and Darwin, against a simulation "
-            "of seasons without El Niño and the Southern Oscillation.\n"
-            "Source: NIST Statistical Reference Datasets, ENSO (Kahaner, Moler and Nash 1989).\n"
-            "Licence: public domain (work of the United States government).\n"
-            "Units: months; hPa by its size, as the source names no unit."
-        ),
+    return measured_bunch(
+        frame,
+        simulator,
+        "Monthly pressure difference between Easter Island and Darwin, against a simulation "
+        "of seasons without El Niño and the Southern Oscillation.\n"
+        "Source: NIST Statistical Reference Datasets, ENSO (Kahaner, Moler and Nash 1989).\n"
+        "Licence: public domain (work of the United States government).\n"
+        "Units: months; hPa by its size, as the source names no unit.",
     )

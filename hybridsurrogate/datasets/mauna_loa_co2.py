@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils import Bunch
 
+from hybridsurrogate.datasets.measured import measured_bunch
 from hybridsurrogate.datasets.tables import packaged_table
 from hybridsurrogate.priors import FloatArray, truncated_normal
 from hybridsurrogate.simulation import Simulator
@@ -73,17 +74,13 @@ def load_mauna_loa_co2() -> Bunch:
         },
         output="co2",
     )
-    return Bunch(
-        data=frame[["year"]],
-        target=frame["co2"],
-        frame=frame,
-        simulator=simulator,
-        DESCR=(
-            "Carbon dioxide at Mauna Loa, Hawaii, monthly means, 1958 to 2001, against a "
-            "simulation of smooth growth that has no seasons.\n"
-            "Source: Keeling and Whorf, Scripps Institution of Oceanography and CDIAC, through "
-            "statsmodels.datasets.co2.\n"
-            "Licence: public domain.\n"
-            "Units: years; parts per million of dry air."
-        ),
+    return measured_bunch(
+        frame,
+        simulator,
+        "Carbon dioxide at Mauna Loa, Hawaii, monthly means, 1958 to 2001, against a "
+        "simulation of smooth growth that has no seasons.\n"
+        "Source: Keeling and Whorf, Scripps Institution of Oceanography and CDIAC, through "
+        "statsmodels.datasets.co2.\n"
+        "Licence: public domain.\n"
+        "Units: years; parts per million of dry air.",
     )

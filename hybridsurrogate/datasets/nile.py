@@ -6,6 +6,7 @@ import pandas as pd
 from scipy.stats import norm
 from sklearn.utils import Bunch
 
+from hybridsurrogate.datasets.measured import measured_bunch
 from hybridsurrogate.datasets.tables import packaged_table
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation import Simulator
@@ -60,16 +61,12 @@ def load_nile() -> Bunch:
         parameters={"mean_flow": norm(1000, 200)},
         output="flow",
     )
-    return Bunch(
-        data=frame[["year"]],
-        target=frame["flow"],
-        frame=frame,
-        simulator=simulator,
-        DESCR=(
-            "Flow of the Nile at Aswan, 1871 to 1970, against a simulation in which it never "
-            "changes.\n"
-            "Source: Cobb 1978, through statsmodels.datasets.nile.\n"
-            "Licence: public domain.\n"
-            "Units: years; 1e8 cubic metres a year."
-        ),
+    return measured_bunch(
+        frame,
+        simulator,
+        "Flow of the Nile at Aswan, 1871 to 1970, against a simulation in which it never "
+        "changes.\n"
+        "Source: Cobb 1978, through statsmodels.datasets.nile.\n"
+        "Licence: public domain.\n"
+        "Units: years; 1e8 cubic metres a year.",
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -50,9 +50,7 @@ class Prepared(NamedTuple):
             )
 
 
-def prepare(
-    fitted: PowerScaledSurrogate, own: Sequence[Cause], forms: Collection[str] | None = None
-) -> Prepared:
+def prepare(fitted: PowerScaledSurrogate, own: Sequence[Cause]) -> Prepared:
     """Return what a search over the catalogue and the user's own causes needs.
 
     Parameters
@@ -61,8 +59,6 @@ def prepare(
         Without effects.
     own : sequence of Cause
         The user's.
-    forms : collection of str or None, default=None
-        Which forms of the catalogue; None: all.
 
     Raises
     ------
@@ -94,7 +90,7 @@ def prepare(
             usable.append(cause)
         else:
             unusable.append(Skipped(cause.kind, cause.target, reason))
-    causes, skipped = catalogue(context, usable, forms)
+    causes, skipped = catalogue(context, usable)
     return Prepared(problem, causes, [*unusable, *skipped], unusable)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -56,38 +56,6 @@ _MIN_ROWS = 4
 # two standard deviations are compared, and those of a few rows say nothing
 _MIN_ROWS_OF_NOISE = 8
 
-FORMS = (
-    "offset",
-    "gain",
-    "wrong-constant",
-    "trend",
-    "trend: quadratic",
-    "periodic",
-    "periodic: overtone",
-    "step",
-    "ramp",
-    "bump",
-    "decay",
-    "saturation",
-    "delay",
-    "parameter-drift",
-    "parameter-drift: step",
-    "parameter-drift: logistic",
-    "parameter-drift: periodic",
-    "parameter-drift: over extras",
-    "parameter-drift: inside",
-    "missing-term",
-    "interaction",
-    "missing-input",
-    "missing-input: quadratic",
-    "missing-input: categorical",
-    "missing-input: level",
-    "noise",
-    "noise: mean",
-    "noise: tails",
-    "noise: autocorrelation",
-    "unexplained",
-)
 # inside the dynamics: a step is a steep logistic course, a ramp nearly a slow one
 _COURSES = ("logistic", "exponential", "periodic")
 _MIN_TIMES = 8
@@ -102,9 +70,7 @@ class Skipped:
     reason: str
 
 
-def catalogue(
-    context: Context, extra: Sequence[Cause] = (), kinds: Collection[str] | None = None
-) -> tuple[list[Cause], list[Skipped]]:
+def catalogue(context: Context, extra: Sequence[Cause] = ()) -> tuple[list[Cause], list[Skipped]]:
     """Return the prepared causes, and those left out with reasons.
 
     Parameters
@@ -112,27 +78,15 @@ def catalogue(
     context : Context
     extra : sequence of Cause
         The user's own mechanisms.
-    kinds : collection of str or None, default=None
-        Which of ``FORMS`` to weigh: a kind's word alone is its plain form. None: all of them. The
-        user's own are always weighed.
-
-    Raises
-    ------
-    ValueError
-        If ``kinds`` has a word that is none of ``FORMS``.
     """
-    wanted = set(FORMS) if kinds is None else set(kinds)
-    if wanted - set(FORMS):
-        raise ValueError(f"There are no causes {sorted(wanted - set(FORMS))}: see {list(FORMS)}.")
-    built_in = [(form, cause) for form, cause in _built_in(context) if form in wanted]
     causes, skipped = [], []
-    for form, cause in (*built_in, *((cause.kind, cause) for cause in extra)):
+    for form, cause in (*_built_in(context), *((cause.kind, cause) for cause in extra)):
         reason = _reason_to_skip(form, cause, context)
         if reason:
             skipped.append(Skipped(cause.kind, cause.target, _with_form(form, reason)))
         else:
             causes.append(cause.prepare(context))
-    return causes, [*skipped, *_impossible(context, wanted)]
+    return causes, [*skipped, *_impossible(context)]
 
 
 def _built_in(context: Context) -> Iterator[tuple[str, Cause]]:
@@ -224,23 +178,23 @@ def _with_form(form: str, reason: str) -> str:
     return f"{other}: {reason}" if other else reason
 
 
-def _impossible(context: Context, wanted: Collection[str]) -> Iterator[Skipped]:
+def _impossible(context: Context) -> Iterator[Skipped]:
     """Yield the kinds for which the simulation or the data have nothing to try."""
-    if not context.assumed and "wrong-constant" in wanted:
+    if not context.assumed:
         yield Skipped("wrong-constant", None, "the simulation has no assumed constants")
-    if not context.parameters and any(form.startswith("parameter-drift") for form in wanted):
+    if not context.parameters:
         yield Skipped("parameter-drift", None, "the simulation has no parameters")
-    if not context.states and "missing-term" in wanted:
+    if not context.states:
         reason = "inside the dynamics: needs an OdeSimulator and surrogate=ExactSurrogate()"
         yield Skipped("missing-term", None, reason)
-    if not context.extras and any(form.startswith("missing-input") for form in wanted):
-        yield Skipped("missing-input", None, "no measured column beside the inputs")
-    if not context.extras and context.parameters and "parameter-drift: over extras" in wanted:
-        reason = "over extras: no measured column beside the inputs"
-        yield Skipped("parameter-drift", None, reason)
-    if len(context.inputs) < 2 and "interaction" in wanted:
+    if not context.extras:
+        reason = "no measured column beside the inputs"
+        yield Skipped("missing-input", None, reason)
+        if context.parameters:
+            yield Skipped("parameter-drift", None, f"over extras: {reason}")
+    if len(context.inputs) < 2:
         yield Skipped("interaction", None, "a product needs two inputs, the simulation has one")
     for column in context.extras:
         trouble = _trouble_with_categories(context.X[column], column)
-        if trouble and "missing-input: level" in wanted:
+        if trouble:
             yield Skipped("missing-input", column, f"level: {trouble}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from abc import abstractmethod
 from collections.abc import Sequence
 from numbers import Integral, Real
@@ -14,34 +13,28 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_random_state, check_scalar
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from hybridsurrogate.estimators.loo import Loo
+from hybridsurrogate.estimators.columns import matched_columns, warn_outside
+from hybridsurrogate.estimators.intervals import central_interval, inside_intervals
+from hybridsurrogate.estimators.loo import Loo, loo_of_rows
 from hybridsurrogate.estimators.mixture import (
-    below,
     drawn,
     log_density_of,
     moments,
     noise_free,
     noisy,
-    quantile,
     samples,
 )
 from hybridsurrogate.estimators.rows import MeasuredRows, check_weights, merged_rows
-from hybridsurrogate.exceptions import ExtrapolationWarning
 from hybridsurrogate.inference.ensemble import EnsembleSampler
 from hybridsurrogate.inference.leave_one_out import PointwiseLoo
-from hybridsurrogate.inference.pareto import KHAT_LIMIT
-from hybridsurrogate.likelihoods import Likelihood, TransformedNormal, as_likelihood
-from hybridsurrogate.posterior import Posterior, arviz_groups
+from hybridsurrogate.likelihoods import Likelihood, as_likelihood
+from hybridsurrogate.posterior import Posterior, arviz_of
 from hybridsurrogate.priors import FloatArray, check_prior
 from hybridsurrogate.simulation import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
 from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
 
 SAMPLERS = ("auto", "importance", "emcee")
-# draws of y behind the quantiles of a likelihood that is not normal
-_INTERVAL_DRAWS = 20_000
-# rows at a time, so that memory stays bounded
-_INTERVAL_ROWS = 500
 
 
 class SurrogateEstimator(RegressorMixin, BaseEstimator):
@@ -117,60 +110,20 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
             self, X, y, reset=True, dtype=np.float64, y_numeric=True, ensure_min_samples=2
         )
         output = np.asarray(output, dtype=float)
-        columns, order = self._columns()
+        names = [str(name) for name in getattr(self, "feature_names_in_", [])]
+        columns, order = matched_columns(names, self.n_features_in_, self.simulation)
         self._column_order = order
         weights = check_weights(sample_weight, len(output))
         likelihood.check(output)
         rows = rows[:, order]
         self._measured, self._sample_weight = (rows, output), weights
-        self._warn_outside(columns, rows)
+        warn_outside(columns, rows, self.simulation)
         return merged_rows(columns, rows, output, weights)
 
     def _check_data(self, X: ArrayLike) -> FloatArray:
         check_is_fitted(self)
         rows = validate_data(self, X, reset=False, dtype=np.float64)
         return rows[:, self._column_order]
-
-    def _columns(self) -> tuple[tuple[str, ...], list[int]]:
-        """Return column names, the simulation's inputs first, and their positions in X."""
-        names = [str(name) for name in getattr(self, "feature_names_in_", [])]
-        n = self.n_features_in_
-        if self.simulation is None:
-            return tuple(names or (f"x{k}" for k in range(n))), list(range(n))
-        wanted = self.simulation.input_names
-        if names:
-            missing = [name for name in wanted if name not in names]
-            if missing:
-                raise ValueError(
-                    f"The measured data lack the simulation's inputs {missing}; their columns are "
-                    f"{names}. Rename the columns or pass an array with the inputs first."
-                )
-            extras = [name for name in names if name not in wanted]
-            return (*wanted, *extras), [names.index(name) for name in (*wanted, *extras)]
-        if n < len(wanted):
-            raise ValueError(
-                f"X has {n} columns, but the simulation has {len(wanted)} inputs: {list(wanted)}."
-            )
-        extras = [f"x{k}" for k in range(len(wanted), n)]
-        return (*wanted, *extras), list(range(n))
-
-    def _warn_outside(self, columns: tuple[str, ...], X: FloatArray) -> None:
-        if self.simulation is None:
-            return
-        for name, values in zip(columns, X.T, strict=False):
-            if name not in self.simulation.input_ranges:
-                continue
-            low, high = self.simulation.input_ranges[name]
-            slack = 1e-9 * (high - low)
-            outside = (values < low - slack) | (values > high + slack)
-            if outside.any():
-                warnings.warn(
-                    f"{outside.sum()} of {len(values)} measured rows ({outside.mean():.0%}) have "
-                    f"{name!r} outside the simulated range [{low:g}, {high:g}]: there the "
-                    "surrogate extrapolates. Simulate a wider range.",
-                    ExtrapolationWarning,
-                    stacklevel=4,
-                )
 
     # ------------------------------------------------------------------------- predictions
 
@@ -212,35 +165,11 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         """
         check_scalar(level, "level", Real, min_val=0, max_val=1, include_boundaries="neither")
         X = self._check_data(X)
-        mixture = self._mixture(X)
-        likelihood = mixture[0][1].likelihood
-        tail = (1 - level) / 2
-        if not isinstance(likelihood, TransformedNormal):
-            random = np.random.RandomState(0)
-            ends = []
-            for k in range(0, len(X), _INTERVAL_ROWS):
-                draws = samples(
-                    self._mixture, X[k : k + _INTERVAL_ROWS], _INTERVAL_DRAWS, random, noisy
-                )
-                ends.append(np.quantile(draws, [tail, 1 - tail], axis=0, method="inverted_cdf"))
-            lower, upper = np.concatenate(ends, axis=1)
-            return lower, upper
-        parts = [(weight, *posterior.eta(X)) for weight, posterior in mixture]
-        lower, upper = (quantile(parts, probability) for probability in (tail, 1 - tail))
-        return likelihood.inverse(lower), likelihood.inverse(upper)
+        return central_interval(self._mixture, X, level)
 
     def _inside(self, X: ArrayLike, y: FloatArray, levels: Sequence[float]) -> list[FloatArray]:
         """Return whether each row lies in the central interval of each level, as 0 and 1."""
-        checked = self._check_data(X)
-        mixture = self._mixture(checked)
-        likelihood = mixture[0][1].likelihood
-        if isinstance(likelihood, TransformedNormal):
-            # one look at the distribution function instead of many for each quantile
-            parts = [(weight, *posterior.eta(checked)) for weight, posterior in mixture]
-            off = np.abs(below(parts, likelihood.working(y)) - 0.5)
-            return [(off <= level / 2).astype(float) for level in levels]
-        ends = [self.predict_interval(X, level) for level in levels]
-        return [((y >= lower) & (y <= upper)).astype(float) for lower, upper in ends]
+        return inside_intervals(self._mixture, self._check_data(X), y, levels)
 
     def sample_predictive_mean(
         self, X: ArrayLike, n_draws: int | None = None, random_state: Any = None
@@ -320,19 +249,8 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
             In the order of the rows in ``fit``; rows of no weight have their predictive density.
         """
         check_is_fitted(self)
-        found = self._pointwise_loo()
-        index, (X, y) = self._rows.origin, self._measured
-        pointwise, khat = found.log_density[index], found.khat[index]
-        if (index < 0).any():
-            outside = index < 0
-            mixture = self._mixture(X[outside])
-            pointwise[outside] = log_density_of(mixture, X[outside], y[outside])
-            khat[outside] = -np.inf
-        weights = self._sample_weight
-        mean = float(np.average(pointwise, weights=weights))
-        spread = np.average((pointwise - mean) ** 2, weights=weights)
-        error = float(np.sqrt(spread / max(weights.sum() - 1, 1.0)))
-        return Loo(mean, error, pointwise, khat, int(np.sum(found.khat > KHAT_LIMIT)))
+        found, (X, y) = self._pointwise_loo(), self._measured
+        return loo_of_rows(found, self._rows.origin, self._mixture, X, y, self._sample_weight)
 
     @abstractmethod
     def _pointwise_loo(self) -> PointwiseLoo:
@@ -352,25 +270,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         X, y = self._measured
         random = check_random_state(self.random_state)
-        posteriors = drawn(self._mixture(), None, random)
-        pieces = zip(*(p.eta(X) for p in posteriors), strict=True)
-        eta, sigma = (np.concatenate(piece) for piece in pieces)
-        likelihood = posteriors[0].likelihood
-        named = [p.named() for p in posteriors]
-        shared = [k for k in named[0] if all(k in other for other in named)]
-        posterior = {
-            k: np.concatenate([other[k] for other in named])
-            for k in shared
-            if len({other[k].shape[1:] for other in named}) == 1
-        }
-        return arviz_groups(
-            {
-                "posterior": posterior,
-                "log_likelihood": {"y": likelihood.log_density(y, eta, sigma)},
-                "posterior_predictive": {"y": likelihood.sample(eta, sigma, random)},
-                "observed_data": {"y": y},
-            }
-        )
+        return arviz_of(drawn(self._mixture(), None, random), X, y, random)
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()

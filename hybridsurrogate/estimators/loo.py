@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.estimators.fitting import Fit, fit_problem, measured_draws
+from hybridsurrogate.estimators.mixture import MixtureAt, log_density_of
 from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.inference.ensemble import EnsembleSampler
 from hybridsurrogate.inference.leave_one_out import PointwiseLoo, pointwise_loo
@@ -41,6 +42,30 @@ class Loo:
     pointwise: FloatArray
     khat: FloatArray
     n_refits: int
+
+
+def loo_of_rows(
+    found: PointwiseLoo,
+    origin: NDArray[np.intp],
+    mixture_at: MixtureAt,
+    X: FloatArray,
+    y: FloatArray,
+    weights: FloatArray,
+) -> Loo:
+    """Return the score of all measured rows from the densities of the distinct ones.
+
+    ``origin`` tells which of these each row is; -1: none, as it has no weight.
+    """
+    pointwise, khat = found.log_density[origin], found.khat[origin]
+    outside = origin < 0
+    if outside.any():
+        mixture = mixture_at(X[outside])
+        pointwise[outside] = log_density_of(mixture, X[outside], y[outside])
+        khat[outside] = -np.inf
+    mean = float(np.average(pointwise, weights=weights))
+    spread = np.average((pointwise - mean) ** 2, weights=weights)
+    error = float(np.sqrt(spread / max(weights.sum() - 1, 1.0)))
+    return Loo(mean, error, pointwise, khat, int(np.sum(found.khat > KHAT_LIMIT)))
 
 
 def loo_of_fit(

@@ -1,4 +1,4 @@
-"""Predictions of a mixture of posteriors: moments, quantiles, densities and draws."""
+"""Predictions of a mixture of posteriors: moments, densities and draws."""
 
 from __future__ import annotations
 
@@ -104,24 +104,3 @@ def log_density_of(mixture: Mixture, X: FloatArray, y: FloatArray) -> FloatArray
             log_weight = np.log(weight) - np.log(len(log_density))
         terms.append(special.logsumexp(log_density, axis=0) + log_weight)
     return special.logsumexp(terms, axis=0)
-
-
-def quantile(parts: list[tuple[Any, FloatArray, FloatArray]], probability: float) -> FloatArray:
-    """Return the quantile of a mixture of normals on the scale of eta, by bisection."""
-    reach = 9 * np.concatenate([sigma for _, _, sigma in parts]).max(axis=0)
-    low = np.concatenate([eta for _, eta, _ in parts]).min(axis=0) - reach
-    high = np.concatenate([eta for _, eta, _ in parts]).max(axis=0) + reach
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        left = below(parts, middle) < probability
-        low, high = np.where(left, middle, low), np.where(left, high, middle)
-    return 0.5 * (low + high)
-
-
-def below(parts: list[tuple[Any, FloatArray, FloatArray]], eta: FloatArray) -> FloatArray:
-    """Return the probability of a mixture of normals below eta (n,)."""
-    terms = [
-        weight * special.ndtr((eta - centre) / sigma).mean(axis=0)
-        for weight, centre, sigma in parts
-    ]
-    return np.sum(terms, axis=0)

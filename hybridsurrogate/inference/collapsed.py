@@ -11,9 +11,12 @@ from functools import cached_property
 
 import numpy as np
 
+from hybridsurrogate.inference.augmented import posterior_factor, whitened
 from hybridsurrogate.inference.fixed_rows import FixedRows, few_rows, fixed_rows
-from hybridsurrogate.inference.measured import MeasuredModel, prior_log_density
+from hybridsurrogate.inference.measured import MeasuredModel
+from hybridsurrogate.inference.row_covariance import draws_given_rows, marginal_of_rows
 from hybridsurrogate.inference.statistics import ROUNDING, Statistics
+from hybridsurrogate.inference.unknowns import prior_of_unknowns
 from hybridsurrogate.priors import FloatArray, Prior
 
 _LOG_2PI = float(np.log(2 * np.pi))
@@ -95,11 +98,9 @@ class CollapsedPosterior:
 
     def log_density(self, u: FloatArray) -> FloatArray:
         """Return the log density of u (J, d), up to the constants of the prior of z."""
-        sigma = np.exp(u[:, -1])
-        with np.errstate(divide="ignore"):
-            out = prior_log_density(u[:, :-1]) + self.noise_prior.logpdf(sigma) + u[:, -1]
+        out = prior_of_unknowns(u, self.noise_prior)
         # far below the rounding of the data, where a square of sigma would underflow
-        possible = np.isfinite(out) & (sigma > _NO_NOISE * self.scale)
+        possible = np.isfinite(out) & (np.exp(u[:, -1]) > _NO_NOISE * self.scale)
         out[~possible] = -np.inf
         out[possible] += self._log_likelihood(u[possible])
         return np.where(np.isfinite(out), out, -np.inf)
@@ -170,27 +171,19 @@ class CollapsedPosterior:
         for block in self._blocks(u):
             rows, residual, log_noise = self._few_rows(block)
             variance = np.exp(2 * block[:, -1])
-            factor = nudged_cholesky(_covariance(rows, variance))
-            half = np.linalg.solve(factor, residual[..., None])[..., 0]
-            log_det = 2 * np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-            log_det -= len(self.y) * np.log(variance)
-            rest = (half**2).sum(axis=1) + self.measured_power * self._rounding / variance
+            log_det, squares = marginal_of_rows(rows, residual, variance)
+            rest = squares + self.measured_power * self._rounding / variance
             pieces.append(np.stack([log_det, rest, log_noise]))
         log_det, rest, log_noise = np.concatenate(pieces, axis=1)
         return log_det, rest, log_noise
 
     def _draws_of_few(self, u: FloatArray, random_state: np.random.RandomState) -> FloatArray:
-        """Draw coefficients (J, p) by conditioning draws of the prior on the rows."""
         mean, precision = self._prior
         pieces: list[FloatArray] = []
         for block in self._blocks(u):
             rows, residual, _ = self._few_rows(block)
             variance = np.exp(2 * block[:, -1])
-            noise = random_state.standard_normal(rows.shape[::2])
-            error = np.sqrt(variance)[:, None] * random_state.standard_normal(residual.shape)
-            missing = residual - (rows @ noise[..., None])[..., 0] - error
-            told = np.linalg.solve(_covariance(rows, variance), missing[..., None])
-            pieces.append(noise + (np.swapaxes(rows, 1, 2) @ told)[..., 0])
+            pieces.append(draws_given_rows(rows, residual, variance, random_state))
         return mean + np.concatenate(pieces) * precision**-0.5
 
     @property
@@ -240,26 +233,14 @@ class CollapsedPosterior:
         return out, log_noise
 
     def _augmented_factor(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the Cholesky factor of [[Lambda, b], [b', c]] for each draw.
-
-        Its last row is (L^-1 b)' and the root of c - b' Lambda^-1 b, so one factorisation gives
-        the determinant, the quadratic form and the conditional mean of the coefficients.
-        """
+        """Return `posterior_factor` of all rows, and the log noise factors."""
         mean, precision = self._prior
-        out, log_noise = self._gram(u)
+        gram, log_noise = self._gram(u)
         if self.model.n_hyper:
-            out = self._whitened(out, u)
-            mean, precision = np.zeros(out.shape[1] - 1), np.ones(out.shape[1] - 1)
-        out *= np.exp(-2 * u[:, -1])[:, None, None]
-        prior = np.diag(np.append(precision, precision @ mean**2))
-        prior[-1, :-1] = prior[:-1, -1] = precision * mean
-        out += prior
-        # a simulation may fail for some parameters: those are impossible, not an error
-        broken = ~np.isfinite(out.sum(axis=(1, 2)))
-        out[broken] = np.eye(out.shape[1])
-        factor = nudged_cholesky(out)
-        factor[broken] = np.nan
-        return factor, log_noise
+            # the prior mean is zero in every surrogate that has hyperparameters
+            gram = whitened(gram, self._whitening(u))
+            mean, precision = np.zeros(gram.shape[1] - 1), np.ones(gram.shape[1] - 1)
+        return posterior_factor(gram, np.exp(-2 * u[:, -1]), mean, precision), log_noise
 
     def _whitening(self, u: FloatArray) -> FloatArray:
         """Return T (J, size, r) with ``(c, a) = T v``, v standard normal."""
@@ -273,21 +254,6 @@ class CollapsedPosterior:
         out = np.zeros((J, p + q, r + q))
         out[:, :p, :r] = factor
         out[:, p:, r:] = np.diag(self.model.column_sd)
-        return out
-
-    def _whitened(self, gram: FloatArray, u: FloatArray) -> FloatArray:
-        """Return the Gram matrices in the coordinates v whose prior is standard normal.
-
-        The prior mean is zero in every surrogate that has hyperparameters.
-        """
-        whitening = self._whitening(u)
-        size = whitening.shape[2] + 1
-        out = np.empty((len(u), size, size))
-        transposed = np.swapaxes(whitening, 1, 2)
-        out[:, :-1, :-1] = transposed @ gram[:, :-1, :-1] @ whitening
-        out[:, :-1, -1:] = transposed @ gram[:, :-1, -1:]
-        out[:, -1:, :-1] = np.swapaxes(out[:, :-1, -1:], 1, 2)
-        out[:, -1, -1] = gram[:, -1, -1]
         return out
 
     def draw_coefficients(
@@ -317,24 +283,3 @@ class CollapsedPosterior:
             pieces.append(drawn[..., 0])
         draws = np.concatenate(pieces)
         return draws[:, :p], draws[:, p:]
-
-
-def _covariance(rows: FloatArray, variance: FloatArray) -> FloatArray:
-    """Return the prior covariance of rows (J, n, p) plus noise, (J, n, n)."""
-    out = rows @ np.swapaxes(rows, 1, 2)
-    n = rows.shape[1]
-    out[:, np.arange(n), np.arange(n)] += variance[:, None]
-    return out
-
-
-def nudged_cholesky(matrices: FloatArray) -> FloatArray:
-    """Return Cholesky factors (J, p, p), all nudged where rounding made one indefinite."""
-    try:
-        return np.linalg.cholesky(matrices)
-    except np.linalg.LinAlgError:
-        # rounding can make a nearly singular matrix indefinite: nudge by its own size
-        size = matrices.shape[-1]
-        nudge = 1e-10 * np.einsum("jkk->jk", matrices)
-        matrices = matrices.copy()
-        matrices[:, np.arange(size), np.arange(size)] += nudge
-        return np.linalg.cholesky(matrices)

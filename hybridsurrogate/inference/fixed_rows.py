@@ -61,7 +61,7 @@ def fixed_rows(gram: FloatArray, mean: FloatArray, sd: FloatArray, log_noise: fl
 def few_rows(
     rows: FloatArray, mean: FloatArray, sd: FloatArray, rounding: float, log_noise: float
 ) -> FixedRows:
-    """As `_fixed_rows`, from n rows [features, y] that are fewer than the coefficients."""
+    """As `fixed_rows`, from n rows [features, y] that are fewer than the coefficients."""
     left, root, right = np.linalg.svd(rows[:, :-1] * sd, full_matrices=False)
     told = root > 3e-7 * max(root.max(initial=0.0), 1e-300)
     size = np.where(told, root**2, 0.0)

@@ -13,18 +13,16 @@ from functools import cached_property
 
 import numpy as np
 
-from hybridsurrogate.inference.collapsed import nudged_cholesky
+from hybridsurrogate.inference.gaussian_fit import GaussianFit, gaussian_fit
 from hybridsurrogate.inference.linear_rows import Design, Part, Rows, Runs
-from hybridsurrogate.inference.measured import MeasuredModel, prior_log_density
+from hybridsurrogate.inference.measured import MeasuredModel
+from hybridsurrogate.inference.unknowns import prior_log_density, prior_of_unknowns
 from hybridsurrogate.likelihoods.base import Likelihood
 from hybridsurrogate.priors import FloatArray, Prior
 
 _LOG_2PI = float(np.log(2 * np.pi))
-_NEWTON_STEPS = 60
-# the mode shapes proposals only: a thousandth of a nat from it is near enough
-_TOLERANCE = 1e-3
 # how often the smoothing of a rough density is matched to its own posterior
-_WIDTH_ROUNDS, _WIDTH_STEPS = 3, 4
+_WIDTH_ROUNDS = 3
 # a direction of v that moves eta by less than this share of the first one is left to its prior
 _NEGLIGIBLE = 1e-6
 # numbers in one block of features; larger batches are cut so that memory stays bounded
@@ -84,43 +82,10 @@ class LaplacePosterior:
         pieces = []
         for block in self._blocks(w):
             u, v = block[:, :d], block[:, d:]
-            design = self._design(u, truncated=False)
-            told = self._likelihood(design, u, v)
-            pieces.append(self._prior(u) + prior_log_density(v) + told)
+            told = self._design(u, truncated=False).log_likelihood(np.exp(u[:, -1:]), v)
+            pieces.append(prior_of_unknowns(u, self.noise_prior) + prior_log_density(v) + told)
         out = np.concatenate(pieces)
         return np.where(np.isfinite(out), out, -np.inf)
-
-    def _prior(self, u: FloatArray) -> FloatArray:
-        sigma = np.exp(u[:, -1])
-        with np.errstate(divide="ignore"):
-            return prior_log_density(u[:, :-1]) + self.noise_prior.logpdf(sigma) + u[:, -1]
-
-    def _likelihood(
-        self, design: Design, u: FloatArray, v: FloatArray, smoothed: bool = False
-    ) -> FloatArray:
-        sigma = np.exp(u[:, -1:])
-        total = np.zeros(len(u))
-        with np.errstate(over="ignore", invalid="ignore"):
-            for rows, part in zip(self._rows, design.parts, strict=True):
-                eta = part.eta(v[:, design.kept])
-                told = part.likelihood.smoothed if smoothed else part.likelihood.log_density
-                width = (part.width,) if smoothed else ()
-                total += told(rows.y, eta, sigma * part.noise, *width) @ rows.weights
-        return total
-
-    @cached_property
-    def _rows(self) -> list[Rows]:
-        rows: list[Rows] = []
-        if self._with_runs:
-            assert self.runs is not None
-            rows.append(Rows(self.runs.y, self.simulation_power * self.runs.weights))
-        if self.measured_power:
-            rows.append(Rows(self.observed, self.measured_power * self.weights))
-        return rows
-
-    @property
-    def _with_runs(self) -> bool:
-        return self.runs is not None and bool(self.simulation_power)
 
     def _design(self, u: FloatArray, truncated: bool) -> Design:
         """Return what is linear in v, for the runs and for the measured rows."""
@@ -135,7 +100,7 @@ class LaplacePosterior:
             factor = factor[:, :, large]
             kept = kept[np.concatenate([large, np.ones(len(model.column_sd), dtype=bool)])]
         parts = []
-        if self._with_runs:
+        if self.runs is not None and self.simulation_power:
             parts.append(self._run_part(hyper, factor))
         if self.measured_power:
             parts.append(self._measured_part(values, factor))
@@ -155,7 +120,8 @@ class LaplacePosterior:
         known = known + features @ basis.coefficient_mean
         whitened = features * basis.coefficient_sd if factor is None else features @ factor
         padding = [(0, 0)] * (whitened.ndim - 1) + [(0, len(self.model.column_sd))]
-        return Part(known, np.pad(whitened, padding), np.ones((1, 1)), self.likelihood)
+        rows = Rows(runs.y, self.simulation_power * runs.weights)
+        return Part(rows, known, np.pad(whitened, padding), np.ones((1, 1)), self.likelihood)
 
     @cached_property
     def _run_features(self) -> FloatArray:
@@ -170,7 +136,9 @@ class LaplacePosterior:
         whitened = features * basis.coefficient_sd if factor is None else features @ factor
         columns = parts.columns * self.model.column_sd
         design = np.concatenate([whitened, columns], axis=2)
-        return Part(known, design, parts.noise, self.model.likelihood_of(self.likelihood, values))
+        rows = Rows(self.observed, self.measured_power * self.weights)
+        likelihood = self.model.likelihood_of(self.likelihood, values)
+        return Part(rows, known, design, parts.noise, likelihood)
 
     def _blocks(self, u: FloatArray) -> list[FloatArray]:
         n = len(self.y) + (len(self.runs.y) if self.runs else 0)
@@ -185,7 +153,8 @@ class LaplacePosterior:
         pieces = []
         for block in self._blocks(u):
             fit = self._fit(block, width_rounds=0)
-            pieces.append(fit.log_joint - fit.log_det + 0.5 * fit.mode.shape[1] * _LOG_2PI)
+            log_joint = prior_of_unknowns(block, self.noise_prior) + fit.height
+            pieces.append(log_joint - fit.log_det + 0.5 * fit.mode.shape[1] * _LOG_2PI)
         out = np.concatenate(pieces)
         return np.where(np.isfinite(out), out, -np.inf)
 
@@ -200,8 +169,9 @@ class LaplacePosterior:
             u = block[:, :d]
             fit = self._fit(u)
             v = fit.draw(block[:, d:])
-            told = self._likelihood(fit.design, u, v)
-            pieces.append(self._prior(u) + prior_log_density(v) + told - fit.log_det)
+            told = fit.design.log_likelihood(np.exp(u[:, -1:]), v)
+            prior = prior_of_unknowns(u, self.noise_prior) + prior_log_density(v)
+            pieces.append(prior + told - fit.log_det)
         out = np.concatenate(pieces)
         return np.where(np.isfinite(out), out, -np.inf)
 
@@ -237,104 +207,6 @@ class LaplacePosterior:
             c = (factor @ v[:, :p, None])[..., 0]
         return model.basis.coefficient_mean + c, v[:, p:] * model.column_sd
 
-    def _fit(self, u: FloatArray, width_rounds: int = _WIDTH_ROUNDS) -> _Fit:
-        """Return a Gaussian approximation of v given each u, at its mode.
-
-        Where the density is rough, log density and derivatives are averaged over what the
-        approximation itself leaves open of eta, which makes it the variational one (Opper and
-        Archambeau 2009, Neural Computation 21:786).
-        """
-        whole = self._design(u, truncated=True)
-        # inside, v holds the directions that are kept and nothing else
-        design = Design(whole.parts, np.arange(len(whole.kept)))
-        v: FloatArray = np.zeros((len(u), len(whole.kept)))
-        sigma = np.exp(u[:, -1:])
-        if v.shape[1] and any(part.likelihood.rough for part in whole.parts):
-            for _ in range(width_rounds):
-                v, _ = self._climb(design, u, v, _WIDTH_STEPS)
-                design = design.widened(self._factor(design, sigma, v))
-        v, value = self._climb(design, u, v, _NEWTON_STEPS)
-        factor = self._factor(design, sigma, v)
-        log_det = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-        return _Fit(whole, v, factor, log_det, self._prior(u) + value)
-
-    def _climb(
-        self, design: Design, u: FloatArray, v: FloatArray, n_steps: int
-    ) -> tuple[FloatArray, FloatArray]:
-        """Climb from v (J, p) by Newton steps, halved where they overshoot; return mode, value."""
-        sigma, v = np.exp(u[:, -1:]), v.copy()
-        value = prior_log_density(v) + self._likelihood(design, u, v, smoothed=True)
-        active = np.ones(len(u), dtype=bool)
-        for _ in range(n_steps if v.shape[1] else 0):
-            some = design.take(active)
-            step = self._newton_step(some, sigma[active], v[active])
-            # a full step, a quarter and a sixteenth: the best of them counts
-            trials = v[active] + step * np.array([1.0, 0.25, 1 / 16])[:, None, None]
-            values = np.stack(
-                [
-                    prior_log_density(t) + self._likelihood(some, u[active], t, smoothed=True)
-                    for t in trials
-                ]
-            )
-            values = np.where(np.isfinite(values), values, -np.inf)
-            best = values.argmax(axis=0)
-            rows = np.arange(len(best))
-            better = values[best, rows] > value[active]
-            gain = np.where(better, values[best, rows] - value[active], 0.0)
-            index = np.flatnonzero(active)
-            v[index[better]] = trials[best, rows][better]
-            value[index[better]] = values[best, rows][better]
-            active[index[~(gain > _TOLERANCE)]] = False
-            if not active.any():
-                break
-        return v, value
-
-    def _newton_step(self, design: Design, sigma: FloatArray, v: FloatArray) -> FloatArray:
-        gradient, hessian = -v, _identity(v)
-        for rows, part in zip(self._rows, design.parts, strict=True):
-            score, curvature = self._derivatives(rows, part, sigma, v)
-            gradient = gradient + part.back(score)
-            hessian = hessian + part.gram(curvature)
-        return np.linalg.solve(hessian, gradient[..., None])[..., 0]
-
-    def _factor(self, design: Design, sigma: FloatArray, v: FloatArray) -> FloatArray:
-        hessian = _identity(v)
-        if not v.shape[1]:
-            return hessian
-        for rows, part in zip(self._rows, design.parts, strict=True):
-            hessian = hessian + part.gram(self._derivatives(rows, part, sigma, v)[1])
-        return nudged_cholesky(hessian)
-
-    def _derivatives(
-        self, rows: Rows, part: Part, sigma: FloatArray, v: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        with np.errstate(over="ignore", invalid="ignore"):
-            score, curvature = part.likelihood.derivatives(
-                rows.y, part.eta(v), sigma * part.noise, part.width
-            )
-        # impossible points have no direction: they stay where they are
-        score, curvature = (np.where(np.isfinite(a), a, 0.0) for a in (score, curvature))
-        return score * rows.weights, curvature * rows.weights
-
-
-def _identity(v: FloatArray) -> FloatArray:
-    return np.broadcast_to(np.eye(v.shape[1]), (*v.shape, v.shape[1]))
-
-
-@dataclass(frozen=True)
-class _Fit:
-    """Gaussian approximation of v given u: mode, Cholesky factor of its precision."""
-
-    design: Design
-    mode: FloatArray
-    factor: FloatArray
-    log_det: FloatArray
-    log_joint: FloatArray
-
-    def draw(self, e: FloatArray) -> FloatArray:
-        """Return v for standard normal e (J, p); directions that are not kept stay e."""
-        kept = self.design.kept
-        transposed = np.swapaxes(self.factor, 1, 2)
-        out = e.copy()
-        out[:, kept] = self.mode + np.linalg.solve(transposed, e[:, kept, None])[..., 0]
-        return out
+    def _fit(self, u: FloatArray, width_rounds: int = _WIDTH_ROUNDS) -> GaussianFit:
+        design = self._design(u, truncated=True)
+        return gaussian_fit(design, np.exp(u[:, -1:]), width_rounds)

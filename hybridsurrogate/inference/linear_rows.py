@@ -40,6 +40,7 @@ class Part:
     None: not known yet, or not asked for.
     """
 
+    rows: Rows
     known: FloatArray
     design: FloatArray
     noise: FloatArray
@@ -51,6 +52,24 @@ class Part:
         if self.design.ndim == 2:
             return self.known + v @ self.design.T
         return self.known + (self.design @ v[..., None])[..., 0]
+
+    def log_likelihood(self, sigma: FloatArray, v: FloatArray, smoothed: bool) -> FloatArray:
+        """Return the log likelihood (J,) for sigma (J, 1) and v (J, p); see `Design`."""
+        told = self.likelihood.smoothed if smoothed else self.likelihood.log_density
+        width = (self.width,) if smoothed else ()
+        with np.errstate(over="ignore", invalid="ignore"):
+            density = told(self.rows.y, self.eta(v), sigma * self.noise, *width)
+            return density @ self.rows.weights
+
+    def derivatives(self, sigma: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return slope and curvature of the log likelihood in eta, (J, n)."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            score, curvature = self.likelihood.derivatives(
+                self.rows.y, self.eta(v), sigma * self.noise, self.width
+            )
+        # impossible points have no direction: they stay where they are
+        score, curvature = (np.where(np.isfinite(a), a, 0.0) for a in (score, curvature))
+        return score * self.rows.weights, curvature * self.rows.weights
 
     def back(self, score: FloatArray) -> FloatArray:
         """Return the gradient in v, (J, p), from that in eta, (J, n)."""
@@ -72,6 +91,7 @@ class Part:
     def take(self, active: FloatArray) -> Part:
         """Return the part for some of the draws."""
         return Part(
+            self.rows,
             self.known if len(self.known) == 1 else self.known[active],
             self.design if self.design.ndim == 2 else self.design[active],
             self.noise if len(self.noise) == 1 else self.noise[active],
@@ -92,6 +112,18 @@ class Design:
 
     parts: list[Part]
     kept: NDArray[np.intp]
+
+    def log_likelihood(
+        self, sigma: FloatArray, v: FloatArray, smoothed: bool = False
+    ) -> FloatArray:
+        """Return the log likelihood (J,) of all rows, for sigma (J, 1) and v (J, p).
+
+        Smoothed: averaged over the width of eta.
+        """
+        total = np.zeros(len(v))
+        for part in self.parts:
+            total += part.log_likelihood(sigma, v[:, self.kept], smoothed)
+        return total
 
     def take(self, active: FloatArray) -> Design:
         """Return the design for some of the draws."""

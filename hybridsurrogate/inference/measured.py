@@ -179,14 +179,10 @@ class MeasuredModel:
             if gain.ndim or gain != 1.0:
                 known = known * gain
                 features = features * gain.reshape(-1, 1)
-        if self._follows_mean:
+        if any(effect.follows_mean for effect in self.effects):
             rows = {**rows, SIMULATED: known + features @ self._reference}
         noise = self._noise(rows, theta, J, n)
         return known.reshape(J, n), features.reshape(J, n, features.shape[1]), noise
-
-    @property
-    def _follows_mean(self) -> bool:
-        return any(effect.follows_mean for effect in self.effects)
 
     @property
     def _reference(self) -> FloatArray:
@@ -215,11 +211,8 @@ class MeasuredModel:
         """Return the share of rows that are outliers for draws of `values`, (J,), or None."""
         if not any(effect.has_outliers for effect in self.effects):
             return None
-        theta: list[Rows] = [{} for _ in self.effects]
-        for column, (k, name) in enumerate(self.theta_names, start=self.n_parameters):
-            theta[k] = {**theta[k], name: values[:, column]}
         rest = np.ones(len(values))
-        for effect, own in zip(self.effects, theta, strict=True):
+        for effect, own in zip(self.effects, self._theta(values), strict=True):
             rest = rest * (1 - np.asarray(effect.outliers(own)))
         return 1 - rest
 
@@ -278,10 +271,14 @@ class MeasuredModel:
             **{name: repeated[:, k] for k, name in enumerate(self.parameters)},
             **{name: np.full(J * n, value) for name, value in self.constants.items()},
         }
+        return rows, omega, self._theta(repeated)
+
+    def _theta(self, values: FloatArray) -> list[Rows]:
+        """Return each cause's own parameters, by name, from `values`."""
         theta: list[Rows] = [{} for _ in self.effects]
         for column, (k, name) in enumerate(self.theta_names, start=self.n_parameters):
-            theta[k] = {**theta[k], name: repeated[:, column]}
-        return rows, omega, theta
+            theta[k] = {**theta[k], name: values[:, column]}
+        return theta
 
 
 def _check_array(
@@ -299,19 +296,3 @@ def _check_array(
             f"The cause {effect.name!r} returned NaN or infinity from {method}: its parameters "
             "were at the medians of their priors."
         )
-
-
-def prior_log_density(z: FloatArray) -> FloatArray:
-    """Return the log density of standard normal coordinates (J, k), without its constant."""
-    return -0.5 * np.einsum("jk,jk->j", z, z)
-
-
-def names_of(model: MeasuredModel) -> Sequence[str]:
-    """Return readable names of all unknowns, those of causes prefixed where they clash."""
-    own = [name for _, name in model.theta_names]
-    taken = [*model.parameters, *own]
-    readable = [
-        name if taken.count(name) == 1 else f"{model.effects[k].kind}_{k}_{name}"
-        for k, name in model.theta_names
-    ]
-    return [*model.parameters, *readable, *model.basis.hyperpriors]

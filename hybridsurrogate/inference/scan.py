@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hybridsurrogate.inference.cholesky import log_det_of
 from hybridsurrogate.inference.heavy_tails import heavy_fit, heavy_scan
 from hybridsurrogate.inference.layout import Layout
 from hybridsurrogate.inference.linearised import Belief, Linearised, columns_at_nodes, linearise
@@ -81,9 +82,7 @@ def _scan(
     residual = y[:, None, :] - mean  # (R, M, n)
     along = np.einsum("mdn,rmn->rmd", project, residual)
     squares = np.einsum("rmn,rmn->rm", residual, residual) - np.einsum("rmd,rmd->rm", along, along)
-    log_base = (
-        -np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1) + d * np.log(sigma) - log_det
-    )
+    log_base = -log_det_of(factor) + d * np.log(sigma) - log_det
     T, _, q = parts.H.shape
     floor = 1e-12 * np.maximum(np.einsum("rn,rn->r", y, y), 1e-300)[:, None]
     if not q:

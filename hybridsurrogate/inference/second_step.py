@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.inference.measured import MeasuredModel, prior_log_density
+from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.moves import moved_draws
 from hybridsurrogate.inference.two_step import MeasuredDraws
+from hybridsurrogate.inference.unknowns import prior_log_density
 from hybridsurrogate.likelihoods.base import Likelihood
 from hybridsurrogate.priors import FloatArray, Prior
 

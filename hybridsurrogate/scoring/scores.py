@@ -1,8 +1,7 @@
-"""Scores of predictions, as functions of arrays and as scorers for scikit-learn's searches."""
+"""Scores of predictions, as functions of arrays."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,10 +10,6 @@ from numpy.typing import ArrayLike
 
 from hybridsurrogate.design import random_generator
 from hybridsurrogate.priors import FloatArray
-
-# of y, behind a scorer's continuous ranked probability score
-_SCORER_DRAWS = 1000
-_SCORER_LEVEL = 0.9
 
 
 def elpd(log_predictive_density: ArrayLike) -> tuple[float, float]:
@@ -77,7 +72,7 @@ def interval_width(lower: ArrayLike, upper: ArrayLike) -> float:
     >>> interval_width([0.0, 1.0], [1.0, 4.0])
     2.0
     """
-    lower, upper = _same_rows({"lower": lower, "upper": upper})
+    lower, upper = same_rows({"lower": lower, "upper": upper})
     return float(np.mean(upper - lower))
 
 
@@ -111,7 +106,7 @@ def interval_score(
     """
     if not 0 < level < 1:
         raise ValueError(f"level must lie between 0 and 1, got {level!r}.")
-    y, lower, upper = _same_rows({"y": y, "lower": lower, "upper": upper})
+    y, lower, upper = same_rows({"y": y, "lower": lower, "upper": upper})
     outside = np.maximum(lower - y, 0) + np.maximum(y - upper, 0)
     return upper - lower + 2 / (1 - level) * outside
 
@@ -216,70 +211,7 @@ def paired_difference(after: ArrayLike, before: ArrayLike) -> PairedDifference:
     return PairedDifference(float(values.mean()), _standard_error(values))
 
 
-def elpd_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
-    """Return the mean log predictive density per row, for ``GridSearchCV(scoring=...)``.
-
-    Parameters
-    ----------
-    estimator : fitted estimator with ``log_predictive_density``
-    X : array-like of shape (n, n_columns)
-    y : array-like of shape (n,)
-    """
-    density = _method(estimator, "log_predictive_density", "elpd_scorer")
-    return elpd(density(X, y))[0]
-
-
-def neg_crps_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
-    """Return minus the mean continuous ranked probability score of 1000 draws a row.
-
-    Arguments as in `elpd_scorer`; the estimator needs ``sample_posterior_predictive``. The draws
-    have a fixed seed, so that the same fit has the same score.
-    """
-    sample = _method(estimator, "sample_posterior_predictive", "neg_crps_scorer")
-    draws = sample(X, n_draws=_SCORER_DRAWS, random_state=0)
-    return -float(crps(draws, y).mean())
-
-
-def neg_rmse_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
-    """Return minus the root mean square error of ``estimator.predict``.
-
-    Arguments as in `elpd_scorer`.
-    """
-    predict = _method(estimator, "predict", "neg_rmse_scorer")
-    predicted, y = _same_rows({"predict(X)": predict(X), "y": y})
-    return -float(np.sqrt(np.mean((predicted - y) ** 2)))
-
-
-def interval_score_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
-    """Return minus the mean `interval_score` of 90 % intervals.
-
-    Arguments as in `elpd_scorer`; the estimator needs ``predict_interval``.
-    """
-    interval = _method(estimator, "predict_interval", "interval_score_scorer")
-    lower, upper = interval(X, level=_SCORER_LEVEL)
-    return -float(interval_score(y, lower, upper, _SCORER_LEVEL).mean())
-
-
-#: All scorers by name, as in ``GridSearchCV(model, grid, scoring=SCORERS, refit="elpd")``.
-SCORERS: dict[str, Callable[[Any, ArrayLike, ArrayLike], float]] = {
-    "elpd": elpd_scorer,
-    "neg_crps": neg_crps_scorer,
-    "neg_rmse": neg_rmse_scorer,
-    "neg_interval_score": interval_score_scorer,
-}
-
-
-def _method(estimator: Any, name: str, scorer: str) -> Callable[..., Any]:
-    method = getattr(estimator, name, None)
-    if method is None:
-        raise TypeError(
-            f"{scorer} needs an estimator with the method {name}, such as PowerScaledSurrogate; "
-            f"{type(estimator).__name__} has none."
-        )
-    return method
-
-
-def _same_rows(arrays: dict[str, ArrayLike]) -> list[FloatArray]:
+def same_rows(arrays: dict[str, ArrayLike]) -> list[FloatArray]:
     """Return the arrays as floats; ValueError unless all have one shape (n,), n at least 1."""
     values = {name: np.asarray(array, dtype=float) for name, array in arrays.items()}
     shapes = {array.shape for array in values.values()}
@@ -292,7 +224,7 @@ def _same_rows(arrays: dict[str, ArrayLike]) -> list[FloatArray]:
 def _draws_and_rows(draws: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Return both as floats; ValueError unless they are finite and of shapes (S, n) and (n,)."""
     draws = np.asarray(draws, dtype=float)
-    (y,) = _same_rows({"y": y})
+    (y,) = same_rows({"y": y})
     if draws.ndim != 2 or draws.shape[1] != len(y) or len(draws) == 0:
         raise ValueError(
             f"draws must have shape (n_draws, {len(y)}), a column for each of the {len(y)} values "

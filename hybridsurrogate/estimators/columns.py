@@ -1,0 +1,59 @@
+"""Columns of measured rows, held against the inputs of the simulation."""
+
+from __future__ import annotations
+
+import warnings
+
+from hybridsurrogate.exceptions import ExtrapolationWarning
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.simulation import SimulationData, Simulator
+
+
+def matched_columns(
+    names: list[str], n_columns: int, simulation: SimulationData | Simulator | None
+) -> tuple[tuple[str, ...], list[int]]:
+    """Return column names, the simulation's inputs first, and their positions in X.
+
+    ``names`` is empty where X has none: then the inputs come first in X.
+    """
+    if simulation is None:
+        return tuple(names or (f"x{k}" for k in range(n_columns))), list(range(n_columns))
+    wanted = simulation.input_names
+    if names:
+        missing = [name for name in wanted if name not in names]
+        if missing:
+            raise ValueError(
+                f"The measured data lack the simulation's inputs {missing}; their columns are "
+                f"{names}. Rename the columns or pass an array with the inputs first."
+            )
+        extras = [name for name in names if name not in wanted]
+        return (*wanted, *extras), [names.index(name) for name in (*wanted, *extras)]
+    if n_columns < len(wanted):
+        raise ValueError(
+            f"X has {n_columns} columns, but the simulation has {len(wanted)} inputs: "
+            f"{list(wanted)}."
+        )
+    extras = [f"x{k}" for k in range(len(wanted), n_columns)]
+    return (*wanted, *extras), list(range(n_columns))
+
+
+def warn_outside(
+    columns: tuple[str, ...], X: FloatArray, simulation: SimulationData | Simulator | None
+) -> None:
+    """Warn the caller of ``fit`` of inputs beyond those simulated."""
+    if simulation is None:
+        return
+    for name, values in zip(columns, X.T, strict=False):
+        if name not in simulation.input_ranges:
+            continue
+        low, high = simulation.input_ranges[name]
+        slack = 1e-9 * (high - low)
+        outside = (values < low - slack) | (values > high + slack)
+        if outside.any():
+            warnings.warn(
+                f"{outside.sum()} of {len(values)} measured rows ({outside.mean():.0%}) have "
+                f"{name!r} outside the simulated range [{low:g}, {high:g}]: there the "
+                "surrogate extrapolates. Simulate a wider range.",
+                ExtrapolationWarning,
+                stacklevel=4,
+            )

@@ -1,0 +1,80 @@
+"""Central intervals of a mixture of posteriors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy import special
+
+from hybridsurrogate.estimators.mixture import Mixture, MixtureAt, noisy, samples
+from hybridsurrogate.likelihoods import TransformedNormal
+from hybridsurrogate.priors import FloatArray
+
+# draws of y behind the quantiles of a likelihood that is not normal
+_N_DRAWS = 20_000
+# rows at a time, so that memory stays bounded
+_N_ROWS = 500
+
+# on the scale of eta: weight, centres (S, n) and standard deviations (S, n)
+Normals = list[tuple[Any, FloatArray, FloatArray]]
+
+
+def central_interval(
+    mixture_at: MixtureAt, X: FloatArray, level: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the ends of an interval for a new y at each row, two arrays (n,)."""
+    mixture = mixture_at(X)
+    likelihood = mixture[0][1].likelihood
+    tail = (1 - level) / 2
+    if not isinstance(likelihood, TransformedNormal):
+        random = np.random.RandomState(0)
+        ends = []
+        for k in range(0, len(X), _N_ROWS):
+            draws = samples(mixture_at, X[k : k + _N_ROWS], _N_DRAWS, random, noisy)
+            ends.append(np.quantile(draws, [tail, 1 - tail], axis=0, method="inverted_cdf"))
+        lower, upper = np.concatenate(ends, axis=1)
+        return lower, upper
+    parts = _normals(mixture, X)
+    lower, upper = (_quantile(parts, probability) for probability in (tail, 1 - tail))
+    return likelihood.inverse(lower), likelihood.inverse(upper)
+
+
+def inside_intervals(
+    mixture_at: MixtureAt, X: FloatArray, y: FloatArray, levels: Sequence[float]
+) -> list[FloatArray]:
+    """Return whether each row lies in the central interval of each level, as 0 and 1."""
+    mixture = mixture_at(X)
+    likelihood = mixture[0][1].likelihood
+    if isinstance(likelihood, TransformedNormal):
+        # one look at the distribution function instead of many for each quantile
+        off = np.abs(_below(_normals(mixture, X), likelihood.working(y)) - 0.5)
+        return [(off <= level / 2).astype(float) for level in levels]
+    ends = [central_interval(mixture_at, X, level) for level in levels]
+    return [((y >= lower) & (y <= upper)).astype(float) for lower, upper in ends]
+
+
+def _normals(mixture: Mixture, X: FloatArray) -> Normals:
+    return [(weight, *posterior.eta(X)) for weight, posterior in mixture]
+
+
+def _quantile(parts: Normals, probability: float) -> FloatArray:
+    """Return the quantile (n,) on the scale of eta, by bisection."""
+    reach = 9 * np.concatenate([sigma for _, _, sigma in parts]).max(axis=0)
+    low = np.concatenate([eta for _, eta, _ in parts]).min(axis=0) - reach
+    high = np.concatenate([eta for _, eta, _ in parts]).max(axis=0) + reach
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        left = _below(parts, middle) < probability
+        low, high = np.where(left, middle, low), np.where(left, high, middle)
+    return 0.5 * (low + high)
+
+
+def _below(parts: Normals, eta: FloatArray) -> FloatArray:
+    """Return the probability of a mixture of normals below eta (n,)."""
+    terms = [
+        weight * special.ndtr((eta - centre) / sigma).mean(axis=0)
+        for weight, centre, sigma in parts
+    ]
+    return np.sum(terms, axis=0)

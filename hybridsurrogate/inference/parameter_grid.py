@@ -1,0 +1,120 @@
+"""A grid over one or two parameters, each draw of the coefficients with its own weights on it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hybridsurrogate.inference.noise import marginal_over_noise, noise_grid
+from hybridsurrogate.inference.shared_nodes import (
+    MeasuredGiven,
+    node_shares,
+    one_node_each,
+    squares_of_pairs,
+)
+from hybridsurrogate.inference.statistics import ROUNDING
+from hybridsurrogate.inference.unknowns import prior_log_density
+from hybridsurrogate.priors import FloatArray
+
+# along each parameter, by the number of parameters
+GRID_NODES = {0: 1, 1: 101, 2: 41}
+_Z_RANGE = 7.0
+# a posterior on fewer nodes than this gets a grid this many times finer
+_FEW_NODES = {1: 8.0, 2: 50.0}
+_REFINEMENT = {1: 10, 2: 3}
+
+
+def grid_draws(
+    problem: MeasuredGiven, random_state: np.random.RandomState
+) -> tuple[FloatArray, FloatArray]:
+    """Draw z (S, d) and sigma (S,), one for each coefficient draw.
+
+    The grid spans first the whole prior, then the place where the posterior lies.
+    """
+    d = problem.model.n_unknowns
+    low, high = np.full(d, -_Z_RANGE), np.full(d, _Z_RANGE)
+    noise = noise_grid(problem.noise_prior, problem.scale, problem.weights.sum())
+    nodes, width, squares, share = _weighed_grid(problem, low, high, GRID_NODES[d], noise)
+    if d:
+        low, high = _occupied(nodes, share.mean(axis=1), width)
+        nodes, width, squares, share = _weighed_grid(problem, low, high, GRID_NODES[d], noise)
+    # far from the simulation's guidance every draw has a narrow posterior at a place of its own
+    if d and np.median(1 / np.sum(share**2, axis=0)) < _FEW_NODES[d]:
+        n = GRID_NODES[d] * _REFINEMENT[d]
+        nodes, width, squares, share = _weighed_grid(problem, low, high, n, noise)
+    pick = one_node_each(share, random_state)
+    S = len(problem.c)
+    z = nodes[pick] + width * (random_state.uniform(size=(S, d)) - 0.5)
+    # sigma at the node, not at the jittered point: the jitter is below the posterior's width
+    chosen = squares[pick, np.arange(S)]
+    return z, _draw_noise(chosen, problem.weights.sum(), *noise, random_state)
+
+
+def _grid(low: FloatArray, high: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
+    width = (high - low) / n
+    axes = [start + step * (np.arange(n) + 0.5) for start, step in zip(low, width, strict=True)]
+    if not axes:
+        return np.zeros((1, 0)), width
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)), width
+
+
+def _weighed_grid(
+    problem: MeasuredGiven,
+    low: FloatArray,
+    high: FloatArray,
+    n: int,
+    noise: tuple[FloatArray, FloatArray],
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return nodes (J, d), their width, sums of squares (J, S) and posterior shares (J, S)."""
+    nodes, width = _grid(low, high, n)
+    squares = _sums_of_squares(problem, nodes)
+    marginal = marginal_over_noise(squares, problem.weights.sum(), *noise)
+    return nodes, width, squares, node_shares(marginal + prior_log_density(nodes)[:, None])
+
+
+def _occupied(
+    nodes: FloatArray, share: FloatArray, width: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the box around the nodes that hold all but a millionth of the mass."""
+    order = np.argsort(share)
+    keep = order[np.cumsum(share[order]) > 1e-6]
+    return nodes[keep].min(axis=0) - width / 2, nodes[keep].max(axis=0) + width / 2
+
+
+def _sums_of_squares(problem: MeasuredGiven, z: FloatArray) -> FloatArray:
+    """Return the residual sums of squares of every node and draw, (J, S)."""
+    model, root = problem.model, np.sqrt(problem.weights)[:, None]
+    parts = model.parts(problem.X, model.values(z))
+    residual = (problem.y - parts.known)[..., None] * root
+    rounding = problem.weights.sum() * (ROUNDING * problem.scale) ** 2
+    return squares_of_pairs(parts.features * root, residual, problem.c) + rounding
+
+
+def _draw_noise(
+    squares: FloatArray,
+    n: float,
+    log_sigma: FloatArray,
+    log_weight: FloatArray,
+    random_state: np.random.RandomState,
+) -> FloatArray:
+    """Draw sigma given each sum of squares, by inversion on a grid around its own mode."""
+    # the likelihood alone has its mode at sqrt(SS / n) and a spread of 1 / sqrt(2 n) in log sigma
+    spread = 8 / np.sqrt(2 * n) + 0.05
+    centre = 0.5 * np.log(squares / n)
+    low = np.clip(centre - spread, log_sigma[0], log_sigma[-1])
+    high = np.clip(centre + spread, log_sigma[0], log_sigma[-1])
+    low, high = np.where(low < high, [low, high], log_sigma[[0, -1]][:, None])
+    nodes = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, 81)
+    prior = np.interp(nodes, log_sigma, log_weight, left=-np.inf, right=-np.inf)
+    log_density = prior - n * nodes - 0.5 * squares[:, None] * np.exp(-2 * nodes)
+    empty = ~np.isfinite(log_density).any(axis=1)
+    if empty.any():  # the prior forbids the data's scatter: stay at its edge
+        nodes[empty] = np.linspace(log_sigma[0], log_sigma[-1], nodes.shape[1])
+        prior = np.interp(nodes[empty], log_sigma, log_weight)
+        log_density[empty] = (
+            prior - n * nodes[empty] - 0.5 * squares[empty, None] * np.exp(-2 * nodes[empty])
+        )
+    density = np.exp(log_density - log_density.max(axis=1, keepdims=True))
+    pick = one_node_each(density.T, random_state)
+    row = np.arange(len(squares))
+    width = nodes[:, 1] - nodes[:, 0]
+    return np.exp(nodes[row, pick] + width * (random_state.uniform(size=len(row)) - 0.5))

@@ -1,0 +1,78 @@
+"""Scores of fitted estimators, for scikit-learn's searches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hybridsurrogate.scoring.scores import crps, elpd, interval_score, same_rows
+
+# of y, behind a continuous ranked probability score
+_N_DRAWS = 1000
+_LEVEL = 0.9
+
+
+def elpd_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
+    """Return the mean log predictive density per row, for ``GridSearchCV(scoring=...)``.
+
+    Parameters
+    ----------
+    estimator : fitted estimator with ``log_predictive_density``
+    X : array-like of shape (n, n_columns)
+    y : array-like of shape (n,)
+    """
+    density = _method(estimator, "log_predictive_density", "elpd_scorer")
+    return elpd(density(X, y))[0]
+
+
+def neg_crps_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
+    """Return minus the mean continuous ranked probability score of 1000 draws a row.
+
+    Arguments as in `elpd_scorer`; the estimator needs ``sample_posterior_predictive``. The draws
+    have a fixed seed, so that the same fit has the same score.
+    """
+    sample = _method(estimator, "sample_posterior_predictive", "neg_crps_scorer")
+    draws = sample(X, n_draws=_N_DRAWS, random_state=0)
+    return -float(crps(draws, y).mean())
+
+
+def neg_rmse_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
+    """Return minus the root mean square error of ``estimator.predict``.
+
+    Arguments as in `elpd_scorer`.
+    """
+    predict = _method(estimator, "predict", "neg_rmse_scorer")
+    predicted, y = same_rows({"predict(X)": predict(X), "y": y})
+    return -float(np.sqrt(np.mean((predicted - y) ** 2)))
+
+
+def interval_score_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
+    """Return minus the mean `interval_score` of 90 % intervals.
+
+    Arguments as in `elpd_scorer`; the estimator needs ``predict_interval``.
+    """
+    interval = _method(estimator, "predict_interval", "interval_score_scorer")
+    lower, upper = interval(X, level=_LEVEL)
+    return -float(interval_score(y, lower, upper, _LEVEL).mean())
+
+
+#: All scorers by name, as in ``GridSearchCV(model, grid, scoring=SCORERS, refit="elpd")``.
+SCORERS: dict[str, Callable[[Any, ArrayLike, ArrayLike], float]] = {
+    "elpd": elpd_scorer,
+    "neg_crps": neg_crps_scorer,
+    "neg_rmse": neg_rmse_scorer,
+    "neg_interval_score": interval_score_scorer,
+}
+
+
+def _method(estimator: Any, name: str, scorer: str) -> Callable[..., Any]:
+    method = getattr(estimator, name, None)
+    if method is None:
+        raise TypeError(
+            f"{scorer} needs an estimator with the method {name}, such as PowerScaledSurrogate; "
+            f"{type(estimator).__name__} has none."
+        )
+    return method
