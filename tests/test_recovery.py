@@ -473,8 +473,8 @@ def test_the_place_of_a_jump_is_proposed_well_whatever_rows_are_held_out(seed):
     for _ in range(5):
         rows = np.sort(rng.permutation(40)[:32])
         effective.append(model.fit(t[rows, None], y[rows]).diagnostics_.effective_draws)
-    # of 1200 proposals
-    assert min(effective) > 500
+    # a quarter of the proposals; where they stay around one mode a tenth and less remains
+    assert min(effective) > 300
 
 
 def test_two_modes_go_to_the_ensemble():
