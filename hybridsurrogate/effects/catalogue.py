@@ -37,7 +37,6 @@ _MIN_DISTINCT = {
     "trend": 3,
     "trend: quadratic": 4,
     "parameter-drift": 3,
-    "parameter-drift: over extras": 3,
     "parameter-drift: step": 6,
     "parameter-drift: logistic": 8,
     "parameter-drift: periodic": 8,
@@ -151,10 +150,10 @@ def _built_in(context: Context) -> Iterator[tuple[str, Cause]]:
         yield "decay", Decay(column)
         yield "saturation", Saturation(column)
         yield "delay", Delay(column)
-        # a rate that changes in time does so inside the dynamics
-        inside = context.rates if column == context.inputs[0] else ()
+        # a rate that changes in time does so inside the dynamics, and a start is of one moment
+        elsewhere = (*context.rates, *context.starts) if column == context.inputs[0] else ()
         for parameter in context.parameters:
-            if parameter in inside:
+            if parameter in elsewhere:
                 continue
             yield "parameter-drift", ParameterDrift(parameter, column)
             for shape in ("step", "logistic", "periodic"):
@@ -230,6 +229,9 @@ def _impossible(context: Context, wanted: Collection[str]) -> Iterator[Skipped]:
         yield Skipped("wrong-constant", None, "the simulation has no assumed constants")
     if not context.parameters and any(form.startswith("parameter-drift") for form in wanted):
         yield Skipped("parameter-drift", None, "the simulation has no parameters")
+    for parameter in context.starts if "parameter-drift" in wanted else ():
+        reason = f"over {context.inputs[0]}: it sets the initial state and nothing else"
+        yield Skipped("parameter-drift", parameter, reason)
     if not context.states and "missing-term" in wanted:
         reason = "inside the dynamics: needs an OdeSimulator and surrogate=ExactSurrogate()"
         yield Skipped("missing-term", None, reason)
