@@ -194,8 +194,8 @@ SETS = (
         made.classroom, lambda f: f["height_m"] < 3.3, "late stopwatch, air drag: not separable",
         (own.AirDrag(), hs.Offset()), "terminal 9.2", "0.1542 -> 0.09984",
         own=(own.AirDrag(),),
-        remark="two faults at once, of which one leads, and narrowly: with a terminal velocity of 2 "
-        "to 400 m/s heavy-tailed noise leads, and by hand, least squares and BIC find nothing.",
+        remark="two faults at once, of which one leads, and narrowly: with a terminal velocity of "
+        "2 to 400 m/s heavy-tailed noise leads, and by hand, least squares and BIC find nothing.",
     ),
     DataSet(
         "school-influenza", "flu_boarding_school_1978.csv", {"day": "day"}, "in_bed", made.school,
