@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.special import ndtr
-from scipy.stats import halfnorm, loguniform, norm, uniform
+from scipy.stats import norm, uniform
 
 import hybridsurrogate as hs
 
@@ -262,28 +262,3 @@ def carriage():
     return hs.Simulator(
         force, {"acceleration": (-10, 10)}, {"mass": hs.truncated_normal(100, 20, 20, 200)}
     )
-
-
-class BeamSpreading(hs.Cause):
-    """The pulse spreads while it is absorbed: a factor 1 / (1 + rate x)."""
-
-    kind = "beam-spreading"
-    target = "distance"
-    # none to all of it within the block
-    parameters = {"rate": loguniform(0.05, 20)}
-
-    def gain(self, X, theta):
-        return 1 / (1 + theta["rate"] * X["distance"])
-
-
-class DistanceControl(hs.Cause):
-    """A putt must also end within three feet behind the hole; one foot is aimed at."""
-
-    kind = "distance-control"
-    target = "feet"
-    # the relative error of the length of a professional's putt
-    parameters = {"spread": halfnorm(scale=0.2)}
-
-    def gain(self, X, theta):
-        error = (X["feet"] + 1) * np.maximum(theta["spread"], 1e-6)
-        return ndtr(2 / error) - ndtr(-1 / error)

@@ -64,6 +64,8 @@ class OdeSimulator(Simulator):
         call they may follow the assumed constants as columns of omega.
     rates : tuple of str
         Those parameters and assumed constants that the right-hand side takes.
+    starts : tuple of str
+        Those parameters that the initial state takes, and neither rhs nor observe.
 
     Notes
     -----
@@ -100,6 +102,7 @@ class OdeSimulator(Simulator):
     modifications: tuple[Modification, ...]
     modifiers: dict[str, float]
     rates: tuple[str, ...]
+    starts: tuple[str, ...]
 
     is_in_time = True
 
@@ -129,6 +132,8 @@ class OdeSimulator(Simulator):
         numbers = _numbers(modifications)
         names = (*others, *(n for n in (*(parameters or ()), *(assumed or ())) if n not in numbers))
         rates = accepted_names(rhs, "rhs", 2, names)
+        first = accepted_names(initial_state, "initial_state", 0, names)
+        seen = accepted_names(observe, "observe", 1, names)
         for change in modifications:
             change.check(rates, states)
         function = OdeFunction(
@@ -137,8 +142,8 @@ class OdeSimulator(Simulator):
             observe,
             states,
             rates,
-            accepted_names(initial_state, "initial_state", 0, names),
-            accepted_names(observe, "observe", 1, names),
+            first,
+            seen,
             time,
             start,
             max_step or (stop - start) / _STEPS,
@@ -163,6 +168,7 @@ class OdeSimulator(Simulator):
             "modifications": tuple(modifications),
             "modifiers": {k: v for k, v in numbers.items() if k not in self.parameter_ranges},
             "rates": tuple(name for name in rates if name in self.parameter_ranges),
+            "starts": tuple(n for n in first if n in self.parameters and n not in {*rates, *seen}),
         }
         self.__dict__.update(own)
         function.check(self._medians(2))

@@ -60,6 +60,8 @@ class Simulator:
         infinite end replaced by the 0.1 % quantile.
     rates : tuple of str
         Those parameters and constants of which a right-hand side is known; see `OdeSimulator`.
+    starts : tuple of str
+        Those parameters that are known to set the initial state and nothing else.
 
     Examples
     --------
@@ -86,6 +88,7 @@ class Simulator:
     input_ranges: dict[str, Range]
     parameter_ranges: dict[str, Range]
     rates: tuple[str, ...]
+    starts: tuple[str, ...]
     # whether the first input is time, along which there is a before and an after
     is_in_time = False
 
@@ -107,6 +110,7 @@ class Simulator:
             "input_ranges": check_ranges(inputs),
             "parameter_ranges": {name: prior_range(prior) for name, prior in priors.items()},
             "rates": (),
+            "starts": (),
         }
         self.__dict__.update(fields)
         _check_arguments(function, self.name, (*self.input_names, *self.parameter_ranges))

@@ -152,5 +152,5 @@ def test_measured_data():
     }
     assert "step(year)" in rows["nile"][4]
     # the dam at Aswan was begun in 1899, and the rains had failed a year before
-    assert 1895 < float(rows["nile"][7].split()[1]) < 1902
+    assert 1895 < float(rows["nile"][8].split()[1]) < 1902
     assert rows["school-influenza"][3] == "adequate"

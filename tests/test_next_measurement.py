@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hidden_effects.cases import make_case
 from scipy.special import entr
+from scipy.stats import norm
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.evidence import search
@@ -42,13 +43,13 @@ def test_the_information_is_that_of_many_simulated_measurements(gap, sd):
     assert bits([0, gap], [1, sd**2], p) == pytest.approx(expected, abs=0.005)
 
 
-def found_in(simulator, X, y):
+def found_in(simulator, X, y, forms=None):
     model = hs.PowerScaledSurrogate(
         simulator, surrogate=hs.ExactSurrogate(), n_draws=20, random_state=0
     )
     prepared = prepare(model.fit(X, y), ())
     over = f"parameter-drift: linear over {simulator.input_names[0]}"
-    forms = ("offset", "trend", "gain", over)
+    forms = forms or ("offset", "trend", "gain", over)
     causes = [cause for cause in prepared.causes if form_of(cause) in forms]
     problem, belief = trained_emulator(prepared.problem, model)
     return search(problem, causes, belief, with_remainder=False)
@@ -98,3 +99,16 @@ def test_a_smooth_curve_foresees_nothing_beyond_the_measured_rows():
     inside, outside = np.median(case.X, axis=0), case.X_out[-1:]
     assert information_at(found, outside)[0] == pytest.approx(0, abs=1e-9)
     assert information_at(found, inside[None]).shape == (1,)
+
+
+def test_a_rival_whose_probability_is_no_number_any_more():
+    simulator = hs.Simulator(
+        lambda t, level: level + 0 * t, inputs={"t": (0, 1)}, parameters={"level": norm(0, 1)}
+    )
+    t = np.linspace(0, 1, 400)
+    noise = 1e-4 * np.random.default_rng(0).standard_normal(400)
+    found = found_in(simulator, t[:, None], t + noise, ("offset", "trend"))
+    assert np.sort(found.probability)[-2] == 0
+    told = next_measurement(found, simulator.input_ranges)
+    assert told.information == 0
+    assert 0 <= told.place["t"] <= 1

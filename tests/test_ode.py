@@ -418,6 +418,37 @@ def test_extension_changes_the_dynamics_before_the_output():
     )
 
 
+def test_an_initial_state_does_not_drift_in_time():
+    def decay(time, state, rate):
+        return -rate * state
+
+    simulator = hs.OdeSimulator(
+        decay,
+        initial_state=lambda start, rate, both: [start + rate + both],
+        observe=lambda state, scale, both: scale * state[0] + both,
+        inputs={"t": (0, 4)},
+        parameters=dict.fromkeys(("start", "rate", "scale", "both"), stats.uniform(0.5, 1)),
+        states="n",
+    )
+    assert simulator.starts == ("start",)
+    changed = simulator.modified(
+        [TimeVaryingParameter("rate", "step")], {"rate_step_amount": stats.norm(0, 1)}
+    )
+    assert changed.starts == ("start",)
+    X = pd.DataFrame({"t": np.linspace(0.2, 4, 20), "day": np.tile([0.0, 1.0], 10)})
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), n_draws=50, random_state=0
+    )
+    prepared = prepare(model.fit(X, np.exp(-X["t"])), ())
+    drifts = [cause for cause in prepared.causes if isinstance(cause, hs.ParameterDrift)]
+    # on another day it may be another start, and two days are enough to tell
+    assert {cause.column for cause in drifts if cause.parameter == "start"} == {"day"}
+    assert {cause.column for cause in drifts if cause.parameter == "scale"} == {"t", "day"}
+    assert ("start", "over t: it sets the initial state and nothing else") in {
+        (skipped.target, skipped.reason) for skipped in prepared.skipped
+    }
+
+
 def test_catalogue_says_why_the_dynamics_are_not_weighed():
     t, y = hidden_fall(n=12)
     model = hs.PowerScaledSurrogate(

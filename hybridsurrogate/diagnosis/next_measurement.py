@@ -118,6 +118,8 @@ def information_at(found: Search, grid: FloatArray) -> FloatArray:
 def _components(found: Search) -> list[_Component]:
     order = np.argsort(-found.probability, kind="stable")[:_MOST_RIVALS]
     matters = (np.arange(len(order)) < 2) | (found.probability[order] > _LEAST_PROBABLE)
+    # against overwhelming evidence a rival's probability is too small for a number
+    matters &= found.probability[order] > 0
     order = order[matters]
     total = float(found.probability[order].sum())
     out = []

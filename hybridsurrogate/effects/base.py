@@ -47,6 +47,8 @@ class Context:
         Typical sizes of the states of an `OdeSimulator` that is its own surrogate, else empty.
     rates : tuple of str
         Those parameters and assumed constants that its right-hand side takes.
+    starts : tuple of str
+        Those parameters that set the initial state of a simulation in time and nothing else.
     """
 
     X: Rows
@@ -58,6 +60,7 @@ class Context:
     location: float = 0.0
     states: Mapping[str, float] = field(default_factory=dict)
     rates: tuple[str, ...] = ()
+    starts: tuple[str, ...] = ()
 
     @property
     def inputs(self) -> tuple[str, ...]:

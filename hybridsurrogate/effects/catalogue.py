@@ -37,7 +37,6 @@ _MIN_DISTINCT = {
     "trend": 3,
     "trend: quadratic": 4,
     "parameter-drift": 3,
-    "parameter-drift: over extras": 3,
     "parameter-drift: step": 6,
     "parameter-drift: logistic": 8,
     "parameter-drift: periodic": 8,
@@ -105,10 +104,10 @@ def _built_in(context: Context) -> Iterator[tuple[str, Cause]]:
         yield "decay", Decay(column)
         yield "saturation", Saturation(column)
         yield "delay", Delay(column)
-        # a rate that changes in time does so inside the dynamics
-        inside = context.rates if column == context.inputs[0] else ()
+        # a rate that changes in time does so inside the dynamics, and a start is of one moment
+        elsewhere = (*context.rates, *context.starts) if column == context.inputs[0] else ()
         for parameter in context.parameters:
-            if parameter in inside:
+            if parameter in elsewhere:
                 continue
             yield "parameter-drift", ParameterDrift(parameter, column)
             for shape in ("step", "logistic", "periodic"):
@@ -184,6 +183,9 @@ def _impossible(context: Context) -> Iterator[Skipped]:
         yield Skipped("wrong-constant", None, "the simulation has no assumed constants")
     if not context.parameters:
         yield Skipped("parameter-drift", None, "the simulation has no parameters")
+    for parameter in context.starts:
+        reason = f"over {context.inputs[0]}: it sets the initial state and nothing else"
+        yield Skipped("parameter-drift", parameter, reason)
     if not context.states:
         reason = "inside the dynamics: needs an OdeSimulator and surrogate=ExactSurrogate()"
         yield Skipped("missing-term", None, reason)

@@ -220,6 +220,7 @@ def make_context(
 ) -> Context:
     """Return what causes may know about the measured rows."""
     simulator = simulation.simulator if simulation is not None else None
+    starts = simulator.starts if simulator else ()
     if not basis.is_simulation:
         simulator = None  # an emulator has no dynamics inside
     return Context(
@@ -232,6 +233,7 @@ def make_context(
         location=location,
         states=simulator.typical_states(X[:, :n_inputs]) if simulator else {},
         rates=simulator.rates if simulator else (),
+        starts=starts,
     )
 
 

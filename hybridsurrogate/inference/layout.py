@@ -15,8 +15,9 @@ from hybridsurrogate.priors import FloatArray, Prior, prior_range, to_normal
 _ENOUGH_NODES = 4
 _MOST_SPLIT = 40
 # a constant may have been assumed at the very end of its prior, where z knows no slope: its search
-# begins where the prior has mass
-_FARTHEST = 2.0
+# begins where the prior has mass. Sizes are counted from there and reach one prior sd, so that from
+# any farther what lies beyond the prior's middle would be held against the constant.
+_FARTHEST = 1.0
 
 
 @dataclass(frozen=True)

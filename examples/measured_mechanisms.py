@@ -1,0 +1,104 @@
+"""The scientist's own causes for measured_data.py, where the catalogue has none of that form.
+
+Formulas are the documented ones; priors are what the field knew without these data, and the comment
+beside each says from what.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import ndtr
+from scipy.stats import halfnorm, loguniform
+
+import hybridsurrogate as hs
+
+
+class ElNino(hs.Cause):
+    """Two cycles whose periods have nothing to do with each other or with the year."""
+
+    kind = "el-nino"
+    target = "month"
+    # El Niño comes back every three to seven years, beside it goes a quasi-biennial cycle
+    parameters = {"slow": loguniform(36, 84), "fast": loguniform(20, 36)}
+    coefficients = ("slow_sine", "slow_cosine", "fast_sine", "fast_cosine")
+
+    def columns(self, X, theta):
+        angles = [2 * np.pi * X["month"] / theta[name] for name in ("slow", "fast")]
+        return np.stack([wave(angle) for angle in angles for wave in (np.sin, np.cos)], axis=-1)
+
+
+class BeamSpreading(hs.Cause):
+    """The pulse spreads while it is absorbed: a factor 1 / (1 + rate x)."""
+
+    kind = "beam-spreading"
+    target = "distance"
+    # none to all of it within the block
+    parameters = {"rate": loguniform(0.05, 20)}
+
+    def gain(self, X, theta):
+        return 1 / (1 + theta["rate"] * X["distance"])
+
+
+class SecondCompartment(hs.Cause):
+    """A share of the drug waits in the tissue: a second, slower exponential."""
+
+    kind = "second-compartment"
+    target = "hours"
+    # of the first concentration a hundredth to all; slow half-lives last an hour to a day
+    parameters = {"share": loguniform(0.01, 1), "slow": loguniform(0.03, 0.7)}
+
+    def inputs(self, X, omega, theta):
+        back = theta["share"] * np.exp((omega["elimination"] - theta["slow"]) * X["hours"])
+        return X, {**omega, "start": omega["start"] * (1 + back)}
+
+
+class Vaccine(hs.Cause):
+    """Cases fall exponentially from the year in which the vaccine was licensed."""
+
+    kind = "vaccine"
+    target = "year"
+    # only the newborn, one in some twenty of those who can fall ill, to nine in ten within a year
+    parameters = {"rate": loguniform(0.05, 2.3)}
+
+    def gain(self, X, theta):
+        return np.exp(-theta["rate"] * np.maximum(X["year"] - 1963, 0))
+
+
+class DistanceControl(hs.Cause):
+    """A putt must also end within three feet behind the hole; one foot is aimed at."""
+
+    kind = "distance-control"
+    target = "feet"
+    # the relative error of the length of a professional's putt
+    parameters = {"spread": halfnorm(scale=0.2)}
+
+    def gain(self, X, theta):
+        error = (X["feet"] + 1) * np.maximum(theta["spread"], 1e-6)
+        return ndtr(2 / error) - ndtr(-1 / error)
+
+
+class Friction(hs.Cause):
+    """Viscous friction grows with the velocity, Coulomb friction knows its direction alone."""
+
+    kind = "friction"
+    target = "velocity"
+    coefficients = ("viscous", "coulomb")
+
+    def columns(self, X, theta):
+        return np.stack([X["velocity"], np.sign(X["velocity"])], axis=-1)
+
+
+class AirDrag(hs.Cause):
+    """Drag that grows with the square of the speed, which ends at a terminal one."""
+
+    kind = "air-drag"
+    target = "height"
+    # a shuttlecock's 7 m/s to a cannon ball's 100
+    parameters = {"terminal": loguniform(5, 100)}
+
+    def inputs(self, X, omega, theta):
+        height, gravity = np.maximum(X["height"], 1e-9), omega["gravity"]
+        terminal = theta["terminal"]
+        time = terminal / gravity * np.arccosh(np.exp(gravity * height / terminal**2))
+        # in a vacuum with this gravity the fall takes as long
+        return X, {**omega, "gravity": 2 * height / time**2}
