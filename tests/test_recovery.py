@@ -11,7 +11,7 @@ from hybridsurrogate.estimators.problem import make_problem
 from hybridsurrogate.inference.collapsed import CollapsedPosterior
 from hybridsurrogate.inference.ensemble import EnsembleSampler
 from hybridsurrogate.inference.importance import importance_draws
-from hybridsurrogate.inference.modes import find_modes
+from hybridsurrogate.inference.modes import Gaussian, find_modes
 from hybridsurrogate.inference.pareto import pareto_smooth
 from hybridsurrogate.inference.powers import powers_of
 from hybridsurrogate.inference.starts import further_points
@@ -302,6 +302,20 @@ def test_khat_condemns_a_proposal_that_is_too_narrow():
         max_rounds=1,
     )
     assert narrow.khat > 0.7
+
+
+def test_khat_does_not_condemn_the_steps_of_a_plateau():
+    # five levels between 1 and 3: bounded weights, whatever shape their largest ones have
+    def levels(x):
+        return np.log1p(np.clip(np.floor(2.5 * np.abs(x[:, 0])), 0, 4) / 2) - 0.5 * x[:, 0] ** 2
+
+    modes = [Gaussian(np.zeros(1), np.eye(1))]
+    found = importance_draws(levels, modes, 2000, 500, np.random.RandomState(0), max_rounds=1)
+    assert found.khat <= 0
+    edges = np.linspace(0, 8, 200_001)
+    weight = np.exp(levels(edges[:, None]))
+    exact = weight @ edges / weight.sum()
+    assert np.abs(found.draws[:, 0]).mean() == pytest.approx(exact, abs=0.1)
 
 
 @pytest.mark.parametrize("df", [1.5, 4, 30])
