@@ -15,6 +15,7 @@ from hybridsurrogate.estimators.beta_path import beta_path
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import HybridSurrogateWarning
 from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.scoring.scores import last_of_the_best
 
 # scores of single weights differ by more than the error of so many draws
 _DRAWS = 200
@@ -68,6 +69,6 @@ def scan_beta(
 
 
 def best_betas(scan: pd.DataFrame) -> tuple[float, float]:
-    """Return the weights with the best score before and after the extension."""
-    before, after = (float(scan["beta"][int(np.argmax(scan[w]))]) for w in ("before", "after"))
+    """Return the largest weights with the best score before and after the extension."""
+    before, after = (float(scan["beta"][last_of_the_best(scan[w])]) for w in ("before", "after"))
     return before, after

@@ -17,6 +17,7 @@ from hybridsurrogate.plotting.style import (
     grid_of_axes,
     new_axes,
 )
+from hybridsurrogate.scoring.scores import last_of_the_best
 
 # each score: its name on the axis, and whether more of it is better
 SCORES = {
@@ -120,7 +121,7 @@ def _plot_references(ax: Axes, table: pd.DataFrame, score: str) -> None:
 
 
 def plot_beta_scan(table: pd.DataFrame, ax: Axes | None = None) -> Axes:
-    """Draw held-out ELPD against beta before and after the extension, the best beta marked.
+    """Draw held-out ELPD against beta before and after, the largest of the best betas marked.
 
     Parameters
     ----------
@@ -130,7 +131,7 @@ def plot_beta_scan(table: pd.DataFrame, ax: Axes | None = None) -> Axes:
     """
     ax = ax or new_axes()[0]
     for word, colour, line in (("before", BEFORE, "--o"), ("after", AFTER, "-s")):
-        best = table.iloc[int(np.argmax(table[word]))]
+        best = table.iloc[last_of_the_best(table[word])]
         label = f"{word}, best beta {best['beta']:g}"
         ax.plot(table["beta"], table[word], line, ms=4, color=colour, label=label)
         ax.plot(best["beta"], best[word], "o", ms=12, mfc="none", color=colour)

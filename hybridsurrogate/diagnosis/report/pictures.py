@@ -16,6 +16,7 @@ from hybridsurrogate.diagnosis.next_measurement import information_at
 from hybridsurrogate.diagnosis.report import digits
 from hybridsurrogate.diagnosis.report.section import Picture
 from hybridsurrogate.diagnosis.report.view import View, label_of, prediction
+from hybridsurrogate.diagnosis.trust import best_betas
 from hybridsurrogate.plotting import AFTER, BEFORE
 
 Test = tuple[ArrayLike, ArrayLike] | None
@@ -201,11 +202,11 @@ def picture_next(view: View) -> Picture:
 def picture_trust(scan: pd.DataFrame) -> Picture:
     """Draw held-out scores against beta."""
     ax = plotting.plot_beta_scan(scan)
-    best = {word: scan["beta"][int(np.argmax(scan[word]))] for word in ("before", "after")}
+    before, after = best_betas(scan)
     return rendered(
         [ax],
         "Held-out log density per row against beta before and after the extension; best at "
-        f"beta = {best['before']:g} before and {best['after']:g} after.",
+        f"beta = {before:g} before and {after:g} after.",
     )
 
 

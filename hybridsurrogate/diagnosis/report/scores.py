@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pandas as pd
 
 from hybridsurrogate.diagnosis.gain import COVERAGE_LEVEL, HALF, Gain
 from hybridsurrogate.diagnosis.report import digits
 from hybridsurrogate.diagnosis.report.view import View
 from hybridsurrogate.posterior import KHAT_LIMIT
+from hybridsurrogate.scoring.scores import last_of_the_best
 
 _EXPLAINED = (
     "Scores are log predictive densities per row (ELPD): the logarithm of the probability density "
@@ -95,7 +95,7 @@ def trust(view: View, scan: pd.DataFrame | None) -> list[str]:
         f"the data only, 1 the simulation only. Tried on three folds: "
         f"{digits.listing(_betas(scan))}."
     )
-    before, after = (scan.iloc[int(np.argmax(scan[word]))] for word in ("before", "after"))
+    before, after = (scan.iloc[last_of_the_best(scan[word])] for word in ("before", "after"))
     if not view.extended:
         return [
             first,
