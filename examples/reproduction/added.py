@@ -10,7 +10,7 @@ SCHEMES = (POWER, MIXED)
 MISNAMED = (
     "where the oscillation is named (8 of 10 data sets) the ELPD is -1.09 to 0.03; on the other "
     "two a bump and a smooth discrepancy come before it, though it is among the causes not told "
-    "apart, and they end where the data end (-4.38 and -1.56)"
+    "apart, and they end where the data end"
 )
 NOT_IN_THE_DATA = (
     "the 30 counts end before the peak: the truth and the simulation with its best contact rate "
