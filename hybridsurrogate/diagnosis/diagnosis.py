@@ -254,9 +254,9 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
     def beta_scan(self, X: ArrayLike, y: ArrayLike, betas: ArrayLike | None = None) -> pd.DataFrame:
         """Return held-out ELPD against beta, before and after the extension.
 
-        How far the best beta rises is how far trust in the simulation rises once its fault is
-        named. Three folds, the cause held fixed, draws from importance sampling alone: seconds for
-        a polynomial, minutes for a surrogate with hyperparameters to infer.
+        How far the best beta rises (the largest of those that are as good) is how far trust in the
+        simulation rises once its fault is named. Three folds, the cause held fixed, importance
+        draws alone: seconds for a polynomial, minutes for a surrogate with hyperparameters.
 
         Parameters
         ----------
