@@ -1,5 +1,7 @@
 """Noise that follows the output, has heavy tails or is autocorrelated: formulas, fits, evidence."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -11,7 +13,8 @@ from scipy.special import logsumexp
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.discrepancy import predict_locally
 from hybridsurrogate.diagnosis.evidence import search
-from hybridsurrogate.diagnosis.null import null_test
+from hybridsurrogate.diagnosis.freed import freed
+from hybridsurrogate.diagnosis.null import _replicates, null_test
 from hybridsurrogate.diagnosis.verdict import form_of
 from hybridsurrogate.effects.catalogue import catalogue
 from hybridsurrogate.effects.picture import plot_cause
@@ -409,6 +412,23 @@ def test_a_diagnosis_names_outliers_and_predicts_without_them():
     assert "outliers" in found.best_cause_.latex
     _, variance = predict_locally(found.search_, found.search_.weighed[0], np.array([[5.0]]))
     assert variance[0] > 1
+
+
+def test_replicates_beside_accepted_noise_have_that_noise():
+    rng = np.random.default_rng(0)
+    t = np.linspace(0, 10, 120)
+    sd = 0.1 * (1 + t)  # eleven times as large in the end
+    y = 1 + 2 * t + sd * rng.standard_normal(120)
+    found, name = weigh(t[:, None], y, forms=("noise", "trend"))
+    assert name == "noise(t)"
+    first = next(w for w in found.weighed if w.cause and w.cause.name == name)
+    problem = replace(found.problem, model=found.problem.model.with_effects((first.cause,)))
+    others = [w.cause for w in found.weighed if w.cause and w is not first]
+    beside = search(problem, others, found.belief, False, first)
+    drawn = _replicates(beside, freed(beside), 400, np.random.RandomState(0))
+    spread = drawn.std(axis=0)
+    expected = sd[-40:].mean() / sd[:40].mean()
+    assert spread[-40:].mean() / spread[:40].mean() == pytest.approx(expected, rel=0.25)
 
 
 # ---------------------------------------------------------------------------------- pictures

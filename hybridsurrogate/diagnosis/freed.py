@@ -28,9 +28,10 @@ def freed(found: Search) -> Callable[[Linearised], Linearised]:
     if not len(places):
         return lambda parts: parts
     parts = linearise(model, problem.X, found.belief, plan, z)
-    G = parts.G[0]
+    ((unit, unequal),) = parts.at(np.zeros(1, dtype=int)).by_noise()
+    G = unit.G[0]
     precision = null.sigma**2 * np.eye(G.shape[1]) + G.T @ G
-    fitted = np.linalg.solve(precision, G.T @ (problem.y - parts.mean[0]))
+    fitted = np.linalg.solve(precision, G.T @ (problem.y / unequal - unit.mean[0]))
     sizes = fitted[len(plan.fixed) :] * model.column_sd
     points = np.tile(z, (2, len(places), 1))
     points[0, range(len(places)), places] += _MOVE

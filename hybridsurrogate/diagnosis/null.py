@@ -71,15 +71,17 @@ def _replicates(
     """Draw measured responses from the posterior predictive of the linearised null, (n, rows)."""
     problem, null = found.problem, found.weighed[0]
     parts = free(linearise(null.model, problem.X, found.belief, null.plan, null.peak.z))
-    G, U = parts.G[0], parts.U
+    # an accepted cause may have changed the noise: rows are drawn in units of it
+    ((unit, unequal),) = parts.at(np.zeros(1, dtype=int)).by_noise()
+    G, U = unit.G[0], unit.U
     rows, d = G.shape
     degrees = max(rows - d, 1)
     sigma = np.sqrt(null.peak.squares / random_state.chisquare(degrees, size=n))
     precision = np.eye(d) + G.T @ G / null.sigma**2
-    residual = problem.y - parts.mean[0]
+    residual = problem.y / unequal - unit.mean[0]
     mean = np.linalg.solve(precision, G.T @ residual) / null.sigma**2
     factor = np.linalg.cholesky(np.linalg.inv(precision))
     g = mean + random_state.standard_normal((n, d)) @ factor.T
     emulator = random_state.standard_normal((n, U.shape[1])) @ U.T
     noise = sigma[:, None] * random_state.standard_normal((n, rows))
-    return parts.mean[0] + g @ G.T + emulator + noise
+    return unequal * (unit.mean[0] + g @ G.T + emulator + noise)
