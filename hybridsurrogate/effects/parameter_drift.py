@@ -17,6 +17,10 @@ from hybridsurrogate.priors import Prior
 _MOST_CYCLES = 25
 
 
+# of a step, in distances of neighbouring rows
+_STEP_WIDTH = 0.01
+
+
 class _Shape(NamedTuple):
     """One way to drift: its sizes, zero where nothing drifts, and the shift they bring about."""
 
@@ -64,8 +68,8 @@ class ParameterDrift(Cause):
     The simulation is run with ``parameter + shift(x)``:
 
     - ``shape="linear"``: ``slope (x - center)``;
-    - ``shape="step"``: ``change`` from x = location on, within a fifth of the distance of
-      neighbouring rows: to the data it is a step, to a sampler it has a slope;
+    - ``shape="step"``: ``change`` from x = location on, within a twenty-fifth of the distance of
+      neighbouring rows, as narrow as a `Step`;
     - ``shape="logistic"``: ``change / (1 + exp(-(x - location) / width))``;
     - ``shape="periodic"``: ``amplitude sin(2 pi (x - center) / period + phase)``.
 
@@ -194,7 +198,7 @@ class ParameterDrift(Cause):
         x = X[self.column] - (0.0 if "location" in theta else self.center)
         if self.shape == "step":
             assert self.spacing is not None
-            theta = {**theta, "width": np.asarray(0.05 * self.spacing)}
+            theta = {**theta, "width": np.asarray(_STEP_WIDTH * self.spacing)}
         shift = _SHAPES[self.shape].shift(x, theta)
         return X, {**omega, self.parameter: omega[self.parameter] + shift}
 

@@ -30,6 +30,10 @@ _BINS = 40
 _LEAST_MASS = 1e-3
 # share of a bin's width that is its proposal's standard deviation
 _BIN_SD = 0.6
+# points evenly over the prior, about as close as rows are
+_EVEN = 256
+# between two points whose log densities differ by more, none far below the best, is a third one
+_STEEP, _DEEP, _HALVINGS = 0.5, 8.0, 5
 # nodes from which the other unknowns are followed first, and steps uphill in them
 _RIDGE, _FOLLOWING_STEPS = 64, 4
 
@@ -82,10 +86,8 @@ def _line(
     for position, nodes in places:
         # with the others held: how the density falls off where they follow is the mode's affair
         sd = float(precision[position, position] ** -0.5)
-        z = _points_around(mode.mean[position], sd, nodes)
-        points = np.tile(mode.mean, (len(z), 1))
-        points[:, position] = z
-        edges, log_mass = _cells(target, points, position)
+        points = _points_around(mode.mean[position], sd, nodes)
+        z, edges, log_mass = _cells(target, mode.mean[None], position, points)
         share = np.exp(log_mass - special.logsumexp(log_mass))
         normal = np.diff(special.ndtr((edges - mode.mean[position]) / sd))
         distance = 0.5 * float(np.abs(share - normal).sum())
@@ -99,20 +101,44 @@ def _line(
 
 
 def _points_around(centre: float, sd: float, nodes: FloatArray) -> FloatArray:
-    """Return points on a line, close around the centre, with the nodes between them."""
+    """Return points on a line, close around the centre, evenly over the prior, and the nodes."""
     offsets = sd * 2.0 ** np.arange(_WINDOWS)[:, None] * np.linspace(-1, 1, _POINTS)
-    z = np.concatenate([centre + offsets.ravel(), nodes])
+    even = special.ndtri((np.arange(_EVEN) + 0.5) / _EVEN)
+    z = np.concatenate([centre + offsets.ravel(), nodes, even])
     return np.unique(z[np.abs(z) <= _END])
 
 
 def _cells(
-    target: CollapsedPosterior | LaplacePosterior, points: FloatArray, position: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return edges (m + 1,) of cells around points along one unknown, and log masses (m,)."""
-    z = points[:, position]
+    target: CollapsedPosterior | LaplacePosterior,
+    ridge: FloatArray,
+    position: int,
+    z: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return points along one unknown, edges (m + 1,) of cells around them, log masses (m,).
+
+    There are more points than in z where the density rises or falls between two.
+    """
+    value = target.search_density(_between(ridge, position, z))
+    for _ in range(_HALVINGS):
+        with np.errstate(invalid="ignore"):
+            steep = np.abs(np.diff(value)) > _STEEP
+        steep &= np.maximum(value[1:], value[:-1]) > value.max() - _DEEP
+        middle = 0.5 * (z[1:] + z[:-1])[steep]
+        if not len(middle):
+            break
+        at = np.flatnonzero(steep) + 1
+        value = np.insert(value, at, target.search_density(_between(ridge, position, middle)))
+        z = np.insert(z, at, middle)
     edges = np.concatenate([[z[0]], 0.5 * (z[1:] + z[:-1]), [z[-1]]])
     with np.errstate(divide="ignore"):
-        return edges, target.search_density(points) + np.log(np.diff(edges))
+        return z, edges, value + np.log(np.diff(edges))
+
+
+def _between(ridge: FloatArray, position: int, z: FloatArray) -> FloatArray:
+    """Return points with one unknown at z, the others interpolated between points of a ridge."""
+    at = ridge[:, position]
+    others = (np.interp(z, at, ridge[:, k]) for k in range(ridge.shape[1]))
+    return np.column_stack([z if k == position else other for k, other in enumerate(others)])
 
 
 def _bins(
@@ -133,18 +159,11 @@ def _bins(
     rest = covariance[np.ix_(others, others)] - np.outer(slope, covariance[position, others])
     rest_factor = np.linalg.cholesky(rest + 1e-12 * np.trace(rest) * np.eye(len(rest)))
 
-    def between(known: FloatArray, z: FloatArray) -> FloatArray:
-        """Return points at z, the other unknowns interpolated."""
-        at = known[:, position]
-        return np.column_stack(
-            [z if k == position else np.interp(z, at, known[:, k]) for k in range(len(mode.mean))]
-        )
-
     start = np.unique(np.append(nodes[:: -(-len(nodes) // _RIDGE)], mode.mean[position]))
-    ridge, _, _ = _followed(target, between(mode.mean[None], start), others, rest_factor)
-    edges, log_mass = _cells(target, between(ridge, z), position)
-    at = _bin_edges(edges, log_mass)
-    middles = between(ridge, 0.5 * (at[1:] + at[:-1]))
+    straight = _between(mode.mean[None], position, start)
+    ridge, _, _ = _followed(target, straight, others, rest_factor)
+    at = _bin_edges(*_cells(target, ridge, position, z)[1:])
+    middles = _between(ridge, position, 0.5 * (at[1:] + at[:-1]))
     means, value, width = _followed(target, middles, others, rest_factor)
     spread = np.maximum(_BIN_SD * np.diff(at), 1e-6 * (at[-1] - at[0]))
     volume = np.log(np.diagonal(rest_factor) * width).sum(axis=1)
