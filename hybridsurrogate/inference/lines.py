@@ -86,8 +86,9 @@ def _line(
     for position, nodes in places:
         # with the others held: how the density falls off where they follow is the mode's affair
         sd = float(precision[position, position] ** -0.5)
-        points = _points_around(mode.mean[position], sd, nodes)
-        z, edges, log_mass = _cells(target, mode.mean[None], position, points)
+        z = _points_around(mode.mean[position], sd, nodes)
+        value = target.search_density(_between(mode.mean[None], position, z))
+        edges, log_mass = _cells(z, value)
         share = np.exp(log_mass - special.logsumexp(log_mass))
         normal = np.diff(special.ndtr((edges - mode.mean[position]) / sd))
         distance = 0.5 * float(np.abs(share - normal).sum())
@@ -101,23 +102,30 @@ def _line(
 
 
 def _points_around(centre: float, sd: float, nodes: FloatArray) -> FloatArray:
-    """Return points on a line, close around the centre, evenly over the prior, and the nodes."""
+    """Return points on a line, close around the centre, with the nodes between them."""
     offsets = sd * 2.0 ** np.arange(_WINDOWS)[:, None] * np.linspace(-1, 1, _POINTS)
-    even = special.ndtri((np.arange(_EVEN) + 0.5) / _EVEN)
-    z = np.concatenate([centre + offsets.ravel(), nodes, even])
+    z = np.concatenate([centre + offsets.ravel(), nodes])
     return np.unique(z[np.abs(z) <= _END])
 
 
-def _cells(
+def _cells(z: FloatArray, value: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return edges (m + 1,) of cells around points of a line and their log masses (m,)."""
+    edges = np.concatenate([[z[0]], 0.5 * (z[1:] + z[:-1]), [z[-1]]])
+    with np.errstate(divide="ignore"):
+        return edges, value + np.log(np.diff(edges))
+
+
+def _refined(
     target: CollapsedPosterior | LaplacePosterior,
     ridge: FloatArray,
     position: int,
     z: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return points along one unknown, edges (m + 1,) of cells around them, log masses (m,).
+) -> tuple[FloatArray, FloatArray]:
+    """Return points along one unknown and their log densities, close where these change.
 
-    There are more points than in z where the density rises or falls between two.
+    Evenly over the prior too, the other unknowns on the ridge.
     """
+    z = np.union1d(z, special.ndtri((np.arange(_EVEN) + 0.5) / _EVEN))
     value = target.search_density(_between(ridge, position, z))
     for _ in range(_HALVINGS):
         with np.errstate(invalid="ignore"):
@@ -129,9 +137,7 @@ def _cells(
         at = np.flatnonzero(steep) + 1
         value = np.insert(value, at, target.search_density(_between(ridge, position, middle)))
         z = np.insert(z, at, middle)
-    edges = np.concatenate([[z[0]], 0.5 * (z[1:] + z[:-1]), [z[-1]]])
-    with np.errstate(divide="ignore"):
-        return z, edges, value + np.log(np.diff(edges))
+    return z, value
 
 
 def _between(ridge: FloatArray, position: int, z: FloatArray) -> FloatArray:
@@ -162,7 +168,7 @@ def _bins(
     start = np.unique(np.append(nodes[:: -(-len(nodes) // _RIDGE)], mode.mean[position]))
     straight = _between(mode.mean[None], position, start)
     ridge, _, _ = _followed(target, straight, others, rest_factor)
-    at = _bin_edges(*_cells(target, ridge, position, z)[1:])
+    at = _bin_edges(*_cells(*_refined(target, ridge, position, z)))
     middles = _between(ridge, position, 0.5 * (at[1:] + at[:-1]))
     means, value, width = _followed(target, middles, others, rest_factor)
     spread = np.maximum(_BIN_SD * np.diff(at), 1e-6 * (at[-1] - at[0]))
