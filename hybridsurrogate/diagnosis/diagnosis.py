@@ -262,7 +262,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         ----------
         X, y
             Measured data, as for ``fit``.
-        betas : array-like, default=0, 0.1, ..., 1
+        betas : array-like, in any order, default=0, 0.1, ..., 1
 
         Returns
         -------
@@ -271,7 +271,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         y = np.asarray(y, dtype=float)
-        grid = np.linspace(0, 1, 11) if betas is None else np.asarray(betas, dtype=float)
+        grid = np.linspace(0, 1, 11) if betas is None else np.unique(np.asarray(betas, dtype=float))
         models = (self.estimator_, self.extended_estimator_)
         return scan_beta(models, grid, random_folds(len(y), 3, 0), rows_of(X), y)
 

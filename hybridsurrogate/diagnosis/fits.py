@@ -83,9 +83,9 @@ def settled(problem: Problem, belief: Belief, noise: NoiseTable, fit: Fitted) ->
             parts = linearise(model, problem.X, belief, plan, peak.z)
             nodes = scan(parts, problem.y[None], sigma, noise, np.array([largest]))[0]
             finer = refine(model, plan, nodes)
-        settled = finer is plan and round_ > 0
+        unchanged = finer is plan and round_ > 0
         plan = finer
-        if settled:
+        if unchanged:
             break
         peak = climb(model, problem.X, problem.y, belief, plan, peak.z, sigma, largest)
     return Fitted(model, plan, peak, sigma)

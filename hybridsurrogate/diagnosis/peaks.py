@@ -140,7 +140,7 @@ def _far_behind(
     # a curve of any shape reaches high at once: what has a name is compared with its like; what
     # could not be followed at all gets its other starting points, too
     of_any_shape = [any(e.kind == "unexplained" for e in fit.model.effects[-1:]) for fit in fits]
-    weight = np.where(np.isfinite(reached), reached + log_prior[: len(fits)], -np.inf)
+    weight = np.where(np.isfinite(reached), reached + log_prior, -np.inf)
     behind = weight < np.max(weight[~np.array(of_any_shape)], initial=-np.inf) - margin
     return np.where(behind & np.isfinite(reached), reached, np.nan)[1:]
 

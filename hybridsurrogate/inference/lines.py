@@ -25,8 +25,8 @@ _END = 6.5
 # total variation distance to the normal from which on it is a poor proposal
 _FAR_FROM_NORMAL = 0.25
 _BINS = 40
-# a bin with less than this share of the mass is proposed as often as one that has it: what the
-# profile sees little of, with the other unknowns held, may have more where they follow
+# a bin with less than this share of the mass is proposed as often as one that has it: its middle,
+# from which its mass is reckoned, need not be where the density is highest
 _LEAST_MASS = 1e-3
 # share of a bin's width that is its proposal's standard deviation
 _BIN_SD = 0.6
@@ -164,7 +164,6 @@ def _bins(
     slope = covariance[others, position] / covariance[position, position]
     rest = covariance[np.ix_(others, others)] - np.outer(slope, covariance[position, others])
     rest_factor = np.linalg.cholesky(rest + 1e-12 * np.trace(rest) * np.eye(len(rest)))
-
     start = np.unique(np.append(nodes[:: -(-len(nodes) // _RIDGE)], mode.mean[position]))
     straight = _between(mode.mean[None], position, start)
     ridge, _, _ = _followed(target, straight, others, rest_factor)
