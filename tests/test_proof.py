@@ -1,13 +1,14 @@
 """Gains within and beyond the measured range, and how far trust in the simulation rises."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.stats import norm
 from sklearn.base import clone
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.folds import folds_beyond, future_folds, random_folds
-from hybridsurrogate.diagnosis.gain import FoldGain, held_out_gain, pointwise
+from hybridsurrogate.diagnosis.gain import FoldGain, Held, gain_over, pointwise
 from hybridsurrogate.diagnosis.trust import best_betas, scan_beta
 
 
@@ -100,8 +101,13 @@ def test_scores_of_known_models():
     assert scores.inside_half.tolist() == [1, 1, 0, 0]
     assert scores.inside.tolist() == [1, 1, 1, 0]
     tests = [np.array([0, 1]), np.array([2, 3])]
-    pairs = [(Told(0.0), Told(1.0), "offset"), (Told(0.0), Told(1.0), "trend")]
-    gain = held_out_gain(tests, pairs, y[:, None].__getitem__, y)
+    models = Told(0.0), Told(1.0)
+    gain = gain_over(
+        [
+            Held(*(pointwise(model, y[rows, None], y[rows]) for model in models), kind)
+            for rows, kind in zip(tests, ("offset", "trend"), strict=True)
+        ]
+    )
     # log densities differ by -0.5 ((y - 1)^2 - y^2) = y - 0.5
     assert gain.elpd_difference == pytest.approx(np.mean(y - 0.5))
     assert gain.standard_error == pytest.approx(np.std(y, ddof=1) / 2)
@@ -129,6 +135,28 @@ def test_a_wave_pays_off_beyond_the_measured_rows_too(simulator):
     assert beyond.kinds == ("periodic",) * 3
     assert beyond.elpd_difference > 2 * beyond.standard_error
     assert beyond.rmse_after < 0.5 * beyond.rmse_before
+
+
+def test_folds_in_processes_of_their_own_tell_the_same():
+    # a function that only this process knows, rows by name, and a cause of the user's
+    slope = 1.0
+    simulator = hs.Simulator(
+        lambda t, level: level + slope * t, {"t": (0, 14)}, {"level": norm(0, 3)}
+    )
+    rng = np.random.default_rng(3)
+    X = pd.DataFrame({"t": np.sort(rng.uniform(0, 14, 24))})
+    y = simulator(X, np.full((24, 1), 1.0)) + 2.0 * (X["t"] > 7) + 0.3 * rng.standard_normal(24)
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), n_draws=100, random_state=0
+    )
+    told = [
+        hs.DiscrepancyDiagnosis(
+            model, causes=[hs.Ramp("t")], cv=2, n_replicates=20, n_jobs=n, random_state=0
+        ).fit(X, y)
+        for n in (None, 2)
+    ]
+    assert told[0].gain_ == told[1].gain_
+    assert told[0].gain_out_of_range_ == told[1].gain_out_of_range_
 
 
 def test_trust_rises_once_the_fault_is_named(simulator):

@@ -16,12 +16,13 @@ from sklearn.utils.validation import check_is_fitted
 from hybridsurrogate.diagnosis.confounding import confounded, confounding, told
 from hybridsurrogate.diagnosis.discrepancy import estimate_discrepancy
 from hybridsurrogate.diagnosis.finding import finding_of
-from hybridsurrogate.diagnosis.folds import folds_beyond, random_folds
+from hybridsurrogate.diagnosis.folds import folds_beyond, random_folds, rows_of
 from hybridsurrogate.diagnosis.forward import Step, forward_search
-from hybridsurrogate.diagnosis.gain import Gain, gain_from, pointwise, proof, rows_of
+from hybridsurrogate.diagnosis.gain import Gain, gain_from, pointwise
 from hybridsurrogate.diagnosis.interruption import InterruptedSearch
 from hybridsurrogate.diagnosis.next_measurement import next_measurement
 from hybridsurrogate.diagnosis.preparation import Prepared, prepare, trained_emulator
+from hybridsurrogate.diagnosis.proof import proof
 from hybridsurrogate.diagnosis.rehearsal import Rehearsal, accepted, extended, extended_simulator
 from hybridsurrogate.diagnosis.settings import check_rows, check_settings
 from hybridsurrogate.diagnosis.trust import scan_beta
@@ -51,6 +52,8 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
     max_causes : int, default=1
         How many causes are accepted, one after the other, each with the same control of false
         alarms.
+    n_jobs : int or None, default=None
+        Processes that share the folds; the result is the same for any number.
     random_state : int, RandomState or None, default=None
 
     Attributes
@@ -86,8 +89,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         On held-out rows within the measured range, the search repeated in each fold.
     gain_out_of_range_ : Gain or None
         The same beyond it: the last 40 % of the rows in three blocks, each foreseen from all rows
-        before it. None where rows have no order (a simulation with several inputs that is not an
-        `OdeSimulator`), or too few.
+        before it. None where rows have no order (several inputs and no `OdeSimulator`) or are few.
     next_measurement_ : dict of str to float
         Inputs at which one more measurement would best tell the rivals apart.
     next_information_ : float
@@ -121,6 +123,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         n_replicates: int = 200,
         cv: int | None = 5,
         max_causes: int = 1,
+        n_jobs: int | None = None,
         random_state: Any = None,
     ):
         self.estimator = estimator
@@ -129,6 +132,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         self.n_replicates = n_replicates
         self.cv = cv
         self.max_causes = max_causes
+        self.n_jobs = n_jobs
         self.random_state = random_state
 
     def fit(self, X: ArrayLike, y: ArrayLike) -> DiscrepancyDiagnosis:
@@ -174,15 +178,8 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
 
     def _search(self, prepared: Prepared, random_state: np.random.RandomState) -> list[Step]:
         problem, belief = trained_emulator(prepared.problem, self.estimator_)
-        steps = forward_search(
-            problem,
-            prepared.causes,
-            belief,
-            int(self.max_causes),
-            self.false_alarm_rate,
-            int(self.n_replicates),
-            random_state,
-        )
+        most, n, rate = int(self.max_causes), int(self.n_replicates), self.false_alarm_rate
+        steps = forward_search(problem, prepared.causes, belief, most, rate, n, random_state)
         first = steps[0]
         self.search_, self.p_value_ = first.search, first.p_value
         self.causes_ = cause_table(self.search_, prepared.skipped)
@@ -221,7 +218,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         )
         within = random_folds(len(y), int(self.cv), random_state)
         beyond = folds_beyond(self.estimator_.simulation, self.estimator_._measured[0])
-        self.gain_, self.gain_out_of_range_ = proof(rehearse, within, beyond, X, y)
+        self.gain_, self.gain_out_of_range_ = proof(rehearse, within, beyond, X, y, self.n_jobs)
 
     def _keep(self, prepared: Prepared, stop: KeyboardInterrupt) -> None:
         """Keep what an interrupted search had weighed, and say so."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.random import RandomState
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from sklearn.model_selection import KFold
 
 from hybridsurrogate.priors import FloatArray
@@ -69,3 +71,8 @@ def future_folds(x: FloatArray) -> Folds:
     ends = [int(np.searchsorted(x[order], x[order[k]], "left")) for k in wanted[:-1]]
     ends = sorted({*(e for e in ends if e >= _MIN_PAST), n})
     return [(order[:a], order[a:b]) for a, b in pairwise(ends)]
+
+
+def rows_of(X: ArrayLike) -> Callable[[Any], Any]:
+    """Return a function from row numbers to rows of an array or a DataFrame."""
+    return X.iloc.__getitem__ if hasattr(X, "iloc") else np.asarray(X).__getitem__

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from hybridsurrogate.diagnosis.folds import Folds
-from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.scoring import elpd, paired_difference
-
-if TYPE_CHECKING:
-    from hybridsurrogate.diagnosis.rehearsal import Pair
 
 COVERAGE_LEVEL, HALF = 0.9, 0.5
 
@@ -90,6 +84,14 @@ class Scores(NamedTuple):
     inside_half: FloatArray
 
 
+class Held(NamedTuple):
+    """Scores before and after on the held-out rows of one fold, and what its search chose."""
+
+    before: Scores
+    after: Scores
+    kind: str
+
+
 def pointwise(estimator: Any, X: ArrayLike, y: FloatArray) -> Scores:
     """Return log density, error of the mean and whether the intervals hold y, for each row."""
     inside = estimator._inside(X, y, (COVERAGE_LEVEL, HALF))
@@ -117,81 +119,19 @@ def gain_from(before: Scores, after: Scores, folds: tuple[FoldGain, ...] = ()) -
     )
 
 
-def _fold_gain(before: Scores, after: Scores, kind: str) -> FoldGain:
-    difference = after.log_density - before.log_density
+def fold_gain(held: Held) -> FoldGain:
+    """Summarise one fold."""
+    difference = held.after.log_density - held.before.log_density
     n = len(difference)
     error = float(np.std(difference, ddof=1) / np.sqrt(n)) if n > 1 else float("nan")
-    means = float(np.mean(before.log_density)), float(np.mean(after.log_density))
-    return FoldGain(kind, n, *means, error)
+    means = float(np.mean(held.before.log_density)), float(np.mean(held.after.log_density))
+    return FoldGain(held.kind, n, *means, error)
 
 
-def held_out_gain(
-    tests: Sequence[NDArray[np.intp]],
-    pairs: Iterable[Pair],
-    take: Callable[[NDArray[np.intp]], ArrayLike],
-    y: FloatArray,
-) -> Gain:
-    """Return the gain on rows held out in turn.
-
-    Parameters
-    ----------
-    tests : sequence of row indices
-        One for each fold.
-    pairs : iterable of Pair
-        The models before and after, from a search on the other rows of each fold.
-    take : callable
-        Returns X at given rows.
-    y : ndarray of shape (n,)
-    """
-    befores: list[Scores] = []
-    afters: list[Scores] = []
-    told = []
-    for test, (plain, extended, kind) in zip(tests, pairs, strict=True):
-        befores.append(pointwise(plain, take(test), y[test]))
-        same = extended is plain
-        afters.append(befores[-1] if same else pointwise(extended, take(test), y[test]))
-        told.append(_fold_gain(befores[-1], afters[-1], kind))
-    merge = [
+def gain_over(folds: Sequence[Held]) -> Gain:
+    """Return the gain over folds, each held out once."""
+    befores, afters, _ = zip(*folds, strict=True)
+    before, after = (
         Scores(*map(np.concatenate, zip(*scores, strict=True))) for scores in (befores, afters)
-    ]
-    return gain_from(merge[0], merge[1], tuple(told))
-
-
-def proof(
-    rehearse: Callable[[ArrayLike, FloatArray], Pair],
-    within: Folds,
-    beyond: Folds,
-    X: ArrayLike,
-    y: FloatArray,
-) -> tuple[Gain | None, Gain | None]:
-    """Return the gain within the measured range and beyond it, None where there are no folds.
-
-    Parameters
-    ----------
-    rehearse : callable
-        Returns the models before and after for given rows, from a search on them.
-    within, beyond : list of (train, test)
-    X, y : array-like of shape (n, n_columns), (n,)
-    """
-    take = rows_of(X)
-    out: list[Gain | None] = []
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", HybridSurrogateWarning)
-        for folds in (within, beyond):
-            pairs = (rehearse(take(train), y[train]) for train, _ in folds)
-            tests = [test for _, test in folds]
-            out.append(held_out_gain(tests, pairs, take, y) if folds else None)
-    doubtful = {str(w.message) for w in caught if "doubtful" in str(w.message)}
-    if doubtful:
-        warnings.warn(
-            f"{len(doubtful)} of the fits behind the gain have doubtful draws, for example: "
-            f"{sorted(doubtful)[0]}",
-            DiagnosisWarning,
-            stacklevel=4,
-        )
-    return out[0], out[1]
-
-
-def rows_of(X: ArrayLike) -> Callable[[Any], Any]:
-    """Return a function from row numbers to rows of an array or a DataFrame."""
-    return X.iloc.__getitem__ if hasattr(X, "iloc") else np.asarray(X).__getitem__
+    )
+    return gain_from(before, after, tuple(map(fold_gain, folds)))
