@@ -60,6 +60,37 @@ def test_normal_coordinates_and_back(prior):
     np.testing.assert_allclose(to_normal([prior], values), z, atol=1e-5)
 
 
+class Norm(type(stats.norm)):
+    """A distribution of the user's own, under a name that scipy has, too."""
+
+    def _ppf(self, q):
+        return 3.0 + super()._ppf(q)
+
+    def _isf(self, q):
+        return 3.0 + super()._isf(q)
+
+    def _pdf(self, x):
+        return super()._pdf(x - 3.0)
+
+
+@pytest.mark.parametrize(
+    "prior",
+    [
+        stats.gamma(2.0, 1.0, 3.0),
+        stats.gamma(scale=3.0, a=2.0),
+        stats.beta(2, 3, loc=-1),
+        stats.rv_histogram(np.histogram([0.0, 1.0, 1.0, 4.0], bins=4))(loc=2.0),
+        Norm(name="norm")(loc=1.0, scale=2.0),
+    ],
+)
+def test_quantiles_however_the_numbers_are_given(prior):
+    # a second prior of the family must not get the first one's numbers
+    from_normal([stats.gamma(5.0), stats.norm()], np.zeros((1, 2)))
+    z = np.array([-2.0, -0.4, 0.3, 1.7])
+    expected = prior.ppf(stats.norm.cdf(z))
+    np.testing.assert_allclose(from_normal([prior], z[:, None])[:, 0], expected, rtol=1e-5)
+
+
 def test_coordinates_of_several_priors_keep_their_columns():
     priors = [stats.norm(10, 1), stats.uniform(0, 2)]
     values = from_normal(priors, np.zeros((2, 3, 2)))

@@ -10,7 +10,7 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.over_column import OverColumn, span_and_spacing
-from hybridsurrogate.priors import Prior
+from hybridsurrogate.priors import Prior, frozen
 
 # pairs of waves, and their longest period on the column scaled to [-1, 1]: half of what it leaves
 # between the ends of the rows is more than two of the longest correlation lengths
@@ -102,9 +102,9 @@ class Autocorrelation(OverColumn):
         span, spacing = span_and_spacing(context.column(self.column))
         if self.length is None:
             longest = min(max(span / 20, 4 * spacing), span / 8)
-            prepared.length = stats.loguniform(min(spacing / 2, longest / 4), longest)
+            prepared.length = frozen(stats.loguniform, min(spacing / 2, longest / 4), longest)
         if self.amplitude is None:
-            prepared.amplitude = stats.loguniform(0.003 * context.scale, context.scale)
+            prepared.amplitude = frozen(stats.loguniform, 0.003 * context.scale, context.scale)
         return prepared
 
     def grid(self) -> dict[str, FloatArray]:

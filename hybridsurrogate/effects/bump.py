@@ -10,7 +10,7 @@ from scipy import stats
 from hybridsurrogate.effects.base import FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, minus, number, signed
 from hybridsurrogate.effects.over_column import Located
-from hybridsurrogate.priors import Prior
+from hybridsurrogate.priors import Prior, frozen
 
 
 class Bump(Located):
@@ -49,7 +49,7 @@ class Bump(Located):
         low = min(self.spacing, 0.1 * self.span)
         return {
             "location": self.location,
-            "width": stats.loguniform(0.5 * low, 0.25 * self.span),
+            "width": frozen(stats.loguniform, 0.5 * low, 0.25 * self.span),
         }
 
     def grid(self) -> dict[str, FloatArray]:

@@ -10,7 +10,7 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, minus, number, signed
 from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
-from hybridsurrogate.priors import Prior
+from hybridsurrogate.priors import Prior, frozen
 
 
 class Decay(FromOrigin):
@@ -55,7 +55,7 @@ class Decay(FromOrigin):
         prepared = super().prepare(context)
         if self.scale is None:
             span, spacing = span_and_spacing(context.column(self.column))
-            prepared.scale = stats.loguniform(min(2 * spacing, 0.5 * span), span)
+            prepared.scale = frozen(stats.loguniform, min(2 * spacing, 0.5 * span), span)
         return prepared
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:

@@ -9,7 +9,7 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause, Context, Rows
 from hybridsurrogate.effects.notation import SIMULATION, minus
 from hybridsurrogate.effects.over_column import span_and_spacing
-from hybridsurrogate.priors import Prior
+from hybridsurrogate.priors import Prior, frozen
 
 
 class Delay(Cause):
@@ -61,7 +61,9 @@ class Delay(Cause):
                 f"are {list(context.inputs)}."
             )
         span, _ = span_and_spacing(values)
-        return Delay(self.column, self.lag if self.lag is not None else stats.t(1, scale=span / 10))
+        return Delay(
+            self.column, self.lag if self.lag is not None else frozen(stats.t, 1, scale=span / 10)
+        )
 
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
         """Run the simulation where the input was one lag ago."""

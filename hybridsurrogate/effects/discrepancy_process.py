@@ -11,7 +11,7 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION
-from hybridsurrogate.priors import Prior
+from hybridsurrogate.priors import Prior, frozen
 
 # basis functions an input: enough for the shortest length scale below (Riutort-Mayol et al. 2023,
 # Statistics and Computing 33:17, eq. 17: m >= 1.75 boundary / length scale)
@@ -61,7 +61,7 @@ class GaussianProcessDiscrepancy(Cause):
             }
         prior = self.length_scale
         if prior is None:
-            prior = stats.loguniform(0.15 if len(ranges) == 1 else 0.3, 2.0)
+            prior = frozen(stats.loguniform, 0.15 if len(ranges) == 1 else 0.3, 2.0)
         return GaussianProcessDiscrepancy(ranges, prior, self.amplitude)
 
     @property

@@ -12,7 +12,7 @@ from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.dynamic import NEEDS_ODE, Dynamic
 from hybridsurrogate.effects.notation import SIMULATION, minus, number, signed, where, word
 from hybridsurrogate.effects.over_column import LONGEST_PERIOD
-from hybridsurrogate.priors import Prior, truncated_normal
+from hybridsurrogate.priors import Prior, frozen, truncated_normal
 
 _N_LOCATIONS, _N_WIDTHS = 20, 4
 # halving and doubling are ordinary, but not of what is known to a per cent
@@ -134,15 +134,15 @@ class DynamicDrift(Dynamic):
         shortest = min(2 * spacing, 0.25 * span)
         size = _ordinary_change(context, self.parameter)
         defaults = {
-            "amount": stats.lognorm(size, loc=-1.0),
-            "rate": stats.t(3, scale=size / span),
+            "amount": frozen(stats.lognorm, size, loc=-1.0),
+            "rate": frozen(stats.t, 3, scale=size / span),
             "sine": truncated_normal(0.0, size / 2, -size, size),
             "cosine": truncated_normal(0.0, size / 2, -size, size),
-            "location": stats.uniform(low, span),
-            "width": stats.loguniform(0.25 * shortest, 0.5 * span),
-            "duration": stats.loguniform(shortest, 0.5 * span),
-            "period": stats.loguniform(
-                2.0 * span / max(len(distinct) - 1, 3), LONGEST_PERIOD * span
+            "location": frozen(stats.uniform, loc=low, scale=span),
+            "width": frozen(stats.loguniform, 0.25 * shortest, 0.5 * span),
+            "duration": frozen(stats.loguniform, shortest, 0.5 * span),
+            "period": frozen(
+                stats.loguniform, 2.0 * span / max(len(distinct) - 1, 3), LONGEST_PERIOD * span
             ),
         }
         given = self.priors or {}

@@ -9,7 +9,7 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, number
-from hybridsurrogate.priors import Prior
+from hybridsurrogate.priors import Prior, frozen
 
 
 class Gain(Cause):
@@ -40,7 +40,7 @@ class Gain(Cause):
     @property
     def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
         """The prior of the factor: log gain is Laplace with scale 1/3."""
-        return {} if self.log_scale else {"gain": stats.loglaplace(3.0)}
+        return {} if self.log_scale else {"gain": frozen(stats.loglaplace, 3.0)}
 
     @property
     def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]

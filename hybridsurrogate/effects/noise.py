@@ -10,7 +10,7 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.over_column import OverColumn
-from hybridsurrogate.priors import Prior
+from hybridsurrogate.priors import Prior, frozen
 
 
 class Noise(OverColumn):
@@ -63,7 +63,7 @@ class Noise(OverColumn):
         if self.center is None:
             prepared.center = float(np.mean(context.column(self.column)))
         if self.slope is None:
-            prepared.slope = stats.norm(0, 1)
+            prepared.slope = frozen(stats.norm)
         return prepared
 
     def noise(self, X: Rows, theta: Rows) -> FloatArray:

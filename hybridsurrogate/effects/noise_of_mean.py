@@ -9,7 +9,7 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import SIMULATED, Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, number
-from hybridsurrogate.priors import Prior
+from hybridsurrogate.priors import Prior, frozen
 
 # an output near zero still has this share of its usual size
 _FLOOR = 0.05
@@ -95,7 +95,7 @@ class NoiseOfMean(Cause):
         relative = spread if log_scale else spread / size
         prior = self.exponent
         if prior is None:
-            prior = stats.norm(0, max(1.0, 1 / (_REACH * relative)))
+            prior = frozen(stats.norm, scale=max(1.0, 1 / (_REACH * relative)))
         return NoiseOfMean(prior, center, size, spread, log_scale)
 
     def grid(self) -> dict[str, FloatArray]:

@@ -10,7 +10,7 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, number
 from hybridsurrogate.likelihoods.contaminated import LARGEST, SMALLEST
-from hybridsurrogate.priors import Prior
+from hybridsurrogate.priors import Prior, frozen
 
 
 class Outliers(Cause):
@@ -60,7 +60,7 @@ class Outliers(Cause):
 
     def prepare(self, context: Context | None) -> Cause:
         """Fill in the prior."""
-        return Outliers(stats.loguniform(0.01, 0.4) if self.share is None else self.share)
+        return Outliers(frozen(stats.loguniform, 0.01, 0.4) if self.share is None else self.share)
 
     def grid(self) -> dict[str, FloatArray]:
         """Return six quantiles: the share is known to a factor at best."""

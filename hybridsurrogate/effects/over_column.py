@@ -6,7 +6,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.priors import Prior
+from hybridsurrogate.priors import Prior, frozen
 
 # longest period in spans of the measured rows: of a wave at least a half must be seen
 LONGEST_PERIOD = 2.0
@@ -70,7 +70,7 @@ class Located(OverColumn):
         distinct = np.unique(context.column(self.column))
         low, high = float(distinct[0]), float(distinct[-1])
         if self.location is None:
-            prepared.location = stats.uniform(low, (high - low) or 1.0)
+            prepared.location = frozen(stats.uniform, loc=low, scale=(high - low) or 1.0)
         if self.spacing is None:
             prepared.spacing = ((high - low) or 1.0) / max(len(distinct) - 1, 1)
         return prepared

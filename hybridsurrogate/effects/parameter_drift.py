@@ -11,7 +11,7 @@ from scipy import special, stats
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, minus, number, signed, where, word
 from hybridsurrogate.effects.over_column import LONGEST_PERIOD, span_and_spacing
-from hybridsurrogate.priors import Prior
+from hybridsurrogate.priors import Prior, frozen, prior_sd
 
 # the simulation runs at every period that is tried
 _MOST_CYCLES = 25
@@ -166,25 +166,25 @@ class ParameterDrift(Cause):
         values = context.column(self.column)
         low, high = float(values.min()), float(values.max())
         span, spacing = span_and_spacing(values)
-        size = float(context.parameters[self.parameter].std())
+        size = prior_sd(context.parameters[self.parameter])
         if self.shape == "linear":
             size /= span
-        location = stats.uniform(low, span)
+        location = frozen(stats.uniform, loc=low, scale=span)
         shortest = float(np.clip(4 * spacing, span / _MOST_CYCLES, span))
         defaults: dict[str, dict[str, Prior]] = {
             "linear": {},
             "step": {"location": location},
             "logistic": {
                 "location": location,
-                "width": stats.loguniform(0.5 * min(spacing, 0.1 * span), 0.25 * span),
+                "width": frozen(stats.loguniform, 0.5 * min(spacing, 0.1 * span), 0.25 * span),
             },
-            "periodic": {"period": stats.loguniform(shortest, LONGEST_PERIOD * span)},
+            "periodic": {"period": frozen(stats.loguniform, shortest, LONGEST_PERIOD * span)},
         }
         return ParameterDrift(
             self.parameter,
             self.column,
             self.shape,
-            self.slope if self.slope is not None else stats.t(1, scale=size),
+            self.slope if self.slope is not None else frozen(stats.t, 1, scale=size),
             self.center if self.center is not None else (low + high) / 2,
             self.span if self.span is not None else span,
             self.spacing if self.spacing is not None else spacing,

@@ -10,7 +10,7 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.over_column import LONGEST_PERIOD, OverColumn
-from hybridsurrogate.priors import Prior
+from hybridsurrogate.priors import Prior, frozen
 
 # more periods than this in the measured span are looked for only where a prior says so
 _MOST_CYCLES = 100
@@ -80,7 +80,7 @@ class Periodic(OverColumn):
             n = max(len(distinct), 4)
             span = float(np.ptp(distinct)) or 1.0
             shortest = self.harmonics * span * max(2.0 / (n - 1), 1.0 / _MOST_CYCLES)
-            prepared.period = stats.loguniform(shortest, LONGEST_PERIOD * span)
+            prepared.period = frozen(stats.loguniform, shortest, LONGEST_PERIOD * span)
         return prepared
 
     @property

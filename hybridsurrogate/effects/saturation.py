@@ -9,7 +9,7 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, minus, signed
 from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
-from hybridsurrogate.priors import Prior
+from hybridsurrogate.priors import Prior, frozen
 
 
 class Saturation(FromOrigin):
@@ -55,7 +55,9 @@ class Saturation(FromOrigin):
         prepared = super().prepare(context)
         if self.half is None:
             span, spacing = span_and_spacing(context.column(self.column))
-            prepared.half = stats.loguniform(min(spacing, 0.5 * span), span, loc=prepared.origin)
+            prepared.half = frozen(
+                stats.loguniform, min(spacing, 0.5 * span), span, loc=prepared.origin
+            )
         return prepared
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
