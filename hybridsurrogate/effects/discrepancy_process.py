@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -15,7 +14,7 @@ from hybridsurrogate.priors import Prior, frozen
 
 # basis functions an input: enough for the shortest length scale below (Riutort-Mayol et al. 2023,
 # Statistics and Computing 33:17, eq. 17: m >= 1.75 boundary / length scale)
-_N_BASIS = {1: 24, 2: 7}
+_N_BASIS, _N_BASIS_EACH = {1: 24, 2: 7}, 10
 _BOUNDARY = 1.5
 
 
@@ -79,7 +78,9 @@ class GaussianProcessDiscrepancy(Cause):
     @property
     def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
         """One name a basis function."""
-        return tuple(f"basis_{k}" for k in range(len(self._indices())))
+        assert self.ranges is not None
+        d, n = len(self.ranges), self._n_waves
+        return tuple(f"basis_{k}" for k in range(n**d if d <= 2 else n * d))
 
     def grid(self) -> dict[str, FloatArray]:
         """Return six length scales."""
@@ -93,43 +94,46 @@ class GaussianProcessDiscrepancy(Cause):
             return {"length_scale": nodes}
         return {"length_scale": nodes, "amplitude": self.amplitude.ppf([0.1, 0.3, 0.5, 0.7, 0.9])}
 
-    def _indices(self) -> NDArray[np.int_]:
-        assert self.ranges is not None
-        d = len(self.ranges)
-        if d <= 2:
-            axes = [np.arange(1, _N_BASIS[d] + 1)] * d
-            return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, d)
-        rows = []
-        for k in range(d):
-            index = np.zeros((10, d), dtype=int)
-            index[:, k] = np.arange(1, 11)
-            rows.append(index)
-        return np.vstack(rows)
-
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return basis functions times the root of the spectral density."""
         assert self.ranges is not None
-        indices = self._indices()
         # rows of many draws repeat few inputs and few lengths, and sine and root are what costs
         length, which = np.unique(theta["length_scale"], return_inverse=True)
-        factors = []
-        for k, (name, (low, high)) in enumerate(self.ranges.items()):
-            x, row = np.unique(X[name], return_inverse=True)
-            scaled = (2 * x - low - high) / ((high - low) or 1.0)
-            # the basis is periodic beyond its boundary: hold the process at its edge there
-            scaled = np.clip(scaled, -_BOUNDARY, _BOUNDARY)
-            order, column = np.unique(indices[:, k], return_inverse=True)
-            root = np.pi * order / (2 * _BOUNDARY)
-            wave = np.sin(root * (scaled[:, None] + _BOUNDARY)) / np.sqrt(_BOUNDARY)
-            rate = (length[:, None] * root) ** 2
-            density = np.sqrt(2 * np.pi) * length[:, None] * np.exp(-0.5 * rate)
-            factor = np.where(order, wave, 1.0)[row]
-            factor *= np.where(order, np.sqrt(density), 1.0)[which]
-            factors.append(factor if len(order) == len(column) else np.take(factor, column, axis=1))
-        out: FloatArray = math.prod(factors[1:], start=factors[0])
+        waves = [
+            self._waves(X[name], limits, length, which) for name, limits in self.ranges.items()
+        ]
+        if len(waves) == 2:
+            out = np.einsum("rj,rk->rjk", *waves).reshape(len(which), -1)
+        else:
+            out = np.hstack(waves)
         if self.amplitude is not None:
             out *= np.reshape(theta["amplitude"], (-1, 1))
         return out
+
+    def _waves(
+        self,
+        x: FloatArray,
+        limits: tuple[float, float],
+        length: FloatArray,
+        which: NDArray[np.intp],
+    ) -> FloatArray:
+        """Return the basis over one input, (n, orders), of the length scales ``length[which]``."""
+        low, high = limits
+        x, row = np.unique(x, return_inverse=True)
+        scaled = (2 * x - low - high) / ((high - low) or 1.0)
+        # the basis is periodic beyond its boundary: hold the process at its edge there
+        scaled = np.clip(scaled, -_BOUNDARY, _BOUNDARY)
+        root = np.pi * np.arange(1, self._n_waves + 1) / (2 * _BOUNDARY)
+        wave = np.sin(root * (scaled[:, None] + _BOUNDARY)) / np.sqrt(_BOUNDARY)
+        rate = (length[:, None] * root) ** 2
+        density = np.sqrt(2 * np.pi) * length[:, None] * np.exp(-0.5 * rate)
+        out: FloatArray = wave[row] * np.sqrt(density)[which]
+        return out
+
+    @property
+    def _n_waves(self) -> int:
+        assert self.ranges is not None
+        return _N_BASIS.get(len(self.ranges), _N_BASIS_EACH)
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the length scale on inputs scaled to [-1, 1], and the amplitude."""
