@@ -14,6 +14,7 @@ from hybridsurrogate.inference.importance import importance_draws
 from hybridsurrogate.inference.modes import Gaussian, find_modes
 from hybridsurrogate.inference.pareto import pareto_smooth
 from hybridsurrogate.inference.powers import powers_of
+from hybridsurrogate.inference.shared_nodes import squares_of_factors
 from hybridsurrogate.inference.starts import further_points
 from hybridsurrogate.inference.two_step import second_step
 
@@ -521,6 +522,16 @@ def test_two_modes_go_to_the_ensemble():
 def parabola(t, **parameters):
     """A polynomial in t whose coefficients are the parameters."""
     return sum(parameters[name] * t**k for k, name in enumerate("abc") if name in parameters)
+
+
+def test_squares_of_factors_are_those_of_their_products():
+    rng = np.random.default_rng(0)
+    of_inputs, of_parameters = rng.standard_normal((7, 5)), rng.standard_normal((300, 5))
+    residual, c = rng.standard_normal(7), 100 + rng.standard_normal((11, 5))
+    features = of_inputs * of_parameters[:, None]
+    expected = np.sum((residual[:, None] - features @ c.T) ** 2, axis=1)
+    told = squares_of_factors(of_inputs, of_parameters, residual, c)
+    np.testing.assert_allclose(told, expected, rtol=1e-8)
 
 
 @pytest.mark.parametrize("names", ["a", "ab", "abc"])

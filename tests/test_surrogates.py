@@ -95,9 +95,12 @@ def curve(X, omega):
     return np.sin(X[:, 0]) + omega[:, 0] * X[:, 1]
 
 
-@pytest.mark.parametrize("surrogate", [hs.PolynomialChaos(degree=4), hs.ExactSurrogate()])
+@pytest.mark.parametrize(
+    "surrogate", [hs.PolynomialChaos(degree=4), hs.GaussianProcess(degree=3), hs.ExactSurrogate()]
+)
 def test_outer_is_features_of_all_pairs(surrogate):
-    domain = Domain(DOMAIN.input_ranges, DOMAIN.parameter_ranges, 3.0, 2.0, curve)
+    names = {"input_names": ("t", "x"), "parameter_names": ("a",)}
+    domain = Domain(DOMAIN.input_ranges, DOMAIN.parameter_ranges, 3.0, 2.0, curve, **names)
     basis = surrogate.build(domain)
     X, _ = points(5)
     _, omega = points(7, seed=1)

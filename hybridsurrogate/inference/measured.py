@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from hybridsurrogate.effects.base import SIMULATED, Cause, Rows
 from hybridsurrogate.likelihoods import Contaminated, Likelihood, TransformedNormal
 from hybridsurrogate.priors import FloatArray, Prior, from_normal
-from hybridsurrogate.surrogates.base import Basis
+from hybridsurrogate.surrogates.base import Basis, Factors
 
 # numbers in one block of features; larger batches are cut so that memory stays bounded
 _BLOCK = 8_000_000
 
 
-@dataclass(frozen=True)
-class Parts:
+class Parts(NamedTuple):
     """What measured rows are made of, for J draws and n rows.
 
     ``eta = known + features @ c + columns @ a``, noise scale ``noise * sigma``.
@@ -136,32 +136,25 @@ class MeasuredModel:
 
         Hyperparameters (the last columns) are needed where the surrogate's known part has some.
         """
-        p, q = len(self.basis.coefficient_mean), len(self.column_names)
-        block = max(1, _BLOCK // max(1, len(X) * (p + q + 2)))
+        width = len(self.basis.coefficient_mean) + len(self.column_names) + 2
+        block = max(1, _BLOCK // max(1, len(X) * width))
         pieces = [
             Parts(*self.simulated(X, values[k : k + block]), self.added(X, values[k : k + block]))
             for k in range(0, max(len(values), 1), block)
         ]
-        if len(pieces) == 1:
-            return pieces[0]
-        return Parts(
-            *(
-                np.concatenate([getattr(piece, name) for piece in pieces])
-                for name in ("known", "features", "noise", "columns")
-            )
+        return (
+            pieces[0]
+            if len(pieces) == 1
+            else Parts(*map(np.concatenate, zip(*pieces, strict=True)))
         )
 
     def simulated(
         self, X: FloatArray, values: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return known (J, n), features (J, n, p) and noise (J, n) or (J, 1)."""
-        J, n = len(values), len(X)
-        n_omega = self.n_parameters
-        by_row = self.basis.known_depends_on_hyper
+        J, n, by_row = len(values), len(X), self.basis.known_depends_on_hyper
         if not self.effects and not by_row:
-            constants = np.broadcast_to(list(self.constants.values()), (J, len(self.constants)))
-            omega_only = np.hstack([values[:, :n_omega], constants])
-            known, features = self.basis.outer(X[:, : self.n_inputs], omega_only)
+            known, features = self.basis.outer(X[:, : self.n_inputs], self._omega(values))
             return known, features, np.ones((J, 1))
         rows, omega, theta = self._rows(X, values)
         run_rows, run_omega = rows, omega
@@ -184,6 +177,16 @@ class MeasuredModel:
         noise = self._noise(rows, theta, J, n)
         return known.reshape(J, n), features.reshape(J, n, features.shape[1]), noise
 
+    def factors(self, X: FloatArray, values: FloatArray) -> Factors | None:
+        """Return the surrogate's `Factors` of rows X and draws of `values`, None with causes."""
+        if self.effects or self.basis.known_depends_on_hyper:
+            return None
+        return self.basis.factors(X[:, : self.n_inputs], self._omega(values))
+
+    def _omega(self, values: FloatArray) -> FloatArray:
+        constants = np.tile(list(self.constants.values()), (len(values), 1))
+        return np.hstack([values[:, : self.n_parameters], constants])
+
     @property
     def _reference(self) -> FloatArray:
         return self.basis.coefficient_mean if self.reference is None else self.reference
@@ -193,11 +196,11 @@ class MeasuredModel:
 
         ``simulated`` (n,) is the simulation's output, for noise that follows it.
         """
-        J, n = len(values), len(X)
+        J = len(values)
         if not any(effect.touches_noise for effect in self.effects):
             return np.ones((J, 1))
         rows, _, theta = self._rows(X, values)
-        return self._noise({**rows, SIMULATED: np.tile(simulated, J)}, theta, J, n)
+        return self._noise({**rows, SIMULATED: np.tile(simulated, J)}, theta, J, len(X))
 
     def likelihood_of(self, likelihood: Likelihood, values: FloatArray) -> Likelihood:
         """Return the likelihood of measured rows for draws of `values`: some rows are outliers."""
@@ -211,10 +214,9 @@ class MeasuredModel:
         """Return the share of rows that are outliers for draws of `values`, (J,), or None."""
         if not any(effect.has_outliers for effect in self.effects):
             return None
-        rest = np.ones(len(values))
-        for effect, own in zip(self.effects, self._theta(values), strict=True):
-            rest = rest * (1 - np.asarray(effect.outliers(own)))
-        return 1 - rest
+        theta = self._theta(values)
+        shares = [np.asarray(e.outliers(own)) for e, own in zip(self.effects, theta, strict=True)]
+        return 1 - np.prod([1 - share for share in np.broadcast_arrays(*shares)], axis=0)
 
     def _noise(self, rows: Rows, theta: Sequence[Rows], J: int, n: int) -> FloatArray:
         noise: FloatArray = np.ones((J, 1))
@@ -274,7 +276,7 @@ class MeasuredModel:
         return rows, omega, self._theta(repeated)
 
     def _theta(self, values: FloatArray) -> list[Rows]:
-        """Return each cause's own parameters, by name, from `values`."""
+        """Return each cause's own parameters by name."""
         theta: list[Rows] = [{} for _ in self.effects]
         for column, (k, name) in enumerate(self.theta_names, start=self.n_parameters):
             theta[k] = {**theta[k], name: values[:, column]}
@@ -286,7 +288,7 @@ def _check_array(
 ) -> None:
     shape = None if value is None else np.shape(np.asarray(value))
     if shape not in shapes:
-        hint = f" for its coefficients {effect.coefficients}" if method == "columns" else ""
+        hint = f" for its coefficients {effect.coefficients}" * (method == "columns")
         raise ValueError(
             f"The cause {effect.name!r} must return shape {' or '.join(map(str, shapes))} from "
             f"{method}{hint}, got {shape}."

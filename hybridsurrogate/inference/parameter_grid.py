@@ -9,6 +9,7 @@ from hybridsurrogate.inference.shared_nodes import (
     MeasuredGiven,
     node_shares,
     one_node_each,
+    squares_of_factors,
     squares_of_pairs,
 )
 from hybridsurrogate.inference.statistics import ROUNDING
@@ -83,10 +84,16 @@ def _occupied(
 def _sums_of_squares(problem: MeasuredGiven, z: FloatArray) -> FloatArray:
     """Return the residual sums of squares of every node and draw, (J, S)."""
     model, root = problem.model, np.sqrt(problem.weights)[:, None]
-    parts = model.parts(problem.X, model.values(z))
-    residual = (problem.y - parts.known)[..., None] * root
     rounding = problem.weights.sum() * (ROUNDING * problem.scale) ** 2
-    return squares_of_pairs(parts.features * root, residual, problem.c) + rounding
+    values = model.values(z)
+    factors = model.factors(problem.X, values)
+    if factors is not None:
+        residual = (problem.y - factors.known) * root[:, 0]
+        parts = factors.of_inputs * root, factors.of_parameters
+        return squares_of_factors(*parts, residual, problem.c) + rounding
+    rows = model.parts(problem.X, values)
+    residual = (problem.y - rows.known)[..., None] * root
+    return squares_of_pairs(rows.features * root, residual, problem.c) + rounding
 
 
 def _draw_noise(

@@ -40,23 +40,51 @@ def squares_of_pairs(features: FloatArray, residual: FloatArray, c: FloatArray) 
     Centred at the mean draw, so that nothing large cancels.
     """
     centre = c.mean(axis=0)
-    delta = c - centre
-    p = features.shape[2]
-    upper = np.triu_indices(p)
-    twice = np.where(upper[0] == upper[1], 1.0, 2.0)
-    products = (delta[:, upper[0]] * delta[:, upper[1]] * twice).T
+    first, second, products = _products(c - centre)
     total = np.empty((len(features), len(c)))
-    # in blocks that stay in the processor's cache
-    step = max(1, _BLOCK // p**2) if p else len(features)
-    for first in range(0, len(features), step):
-        block = slice(first, first + step)
+    for block in _blocks(len(features), features.shape[2]):
         rest = residual[block] - features[block] @ centre[:, None]
         transposed = np.swapaxes(features[block], 1, 2)
-        squares = (transposed @ features[block])[:, upper[0], upper[1]]
+        squares = (transposed @ features[block])[:, first, second]
         cross = (transposed @ rest)[..., 0]
         total[block] = np.einsum("jnk,jnk->j", rest, rest)[:, None] + squares @ products
-        total[block] -= 2 * cross @ delta.T
+        total[block] -= 2 * cross @ (c - centre).T
     return np.maximum(total, 0.0)
+
+
+def squares_of_factors(
+    of_inputs: FloatArray, of_parameters: FloatArray, residual: FloatArray, c: FloatArray
+) -> FloatArray:
+    """Return the same for features_j = of_inputs * of_parameters_j and one residual (n,).
+
+    Their Gram matrices are that of ``of_inputs`` times an outer product, whatever the number of
+    rows.
+    """
+    centre = c.mean(axis=0)
+    first, second, products = _products(c - centre)
+    products *= (of_inputs.T @ of_inputs)[first, second][:, None]
+    total = np.empty((len(of_parameters), len(c)))
+    for block in _blocks(len(of_parameters), of_parameters.shape[1]):
+        part = of_parameters[block]
+        rest = residual - (part * centre) @ of_inputs.T
+        cross = part * (rest @ of_inputs)
+        total[block] = np.einsum("jn,jn->j", rest, rest)[:, None]
+        total[block] += (part[:, first] * part[:, second]) @ products
+        total[block] -= 2 * cross @ (c - centre).T
+    return np.maximum(total, 0.0)
+
+
+def _products(delta: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
+    """Return pairs of coefficients, and their products in each draw, both orders counted."""
+    first, second = np.triu_indices(delta.shape[1])
+    twice = np.where(first == second, 1.0, 2.0)
+    return first, second, (delta[:, first] * delta[:, second] * twice).T
+
+
+def _blocks(n: int, p: int) -> list[slice]:
+    """Cut n matrices (p, p) into blocks that stay in the processor's cache."""
+    step = max(1, _BLOCK // p**2) if p else n
+    return [slice(k, k + step) for k in range(0, n, step)]
 
 
 def node_shares(log_weight: FloatArray) -> FloatArray:

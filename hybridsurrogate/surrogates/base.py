@@ -11,6 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from sklearn.base import BaseEstimator
@@ -60,6 +61,14 @@ class Domain:
         points = np.hstack([X, np.clip(omega, low, high)])
         ranges = np.vstack([self.input_ranges, self.parameter_ranges])
         return (2 * points - ranges.sum(axis=1)) / (ranges[:, 1] - ranges[:, 0])
+
+
+class Factors(NamedTuple):
+    """Parts of ``known + (of_inputs * of_parameters) @ c``: (n,), (n, p) and (J, p)."""
+
+    known: FloatArray
+    of_inputs: FloatArray
+    of_parameters: FloatArray
 
 
 @dataclass(frozen=True)
@@ -132,12 +141,20 @@ class Basis(ABC):
             "knows no right-hand side."
         )
 
-    def outer(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return known part (J, n) and features (J, n, p) of n inputs for each of J parameters.
+    def factors(self, X: FloatArray, omega: FloatArray) -> Factors | None:
+        """Return the features' parts of n inputs and of J parameters; None: they have no such.
 
         A basis whose features factorise overrides this for speed.
         """
+        return None
+
+    def outer(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return known part (J, n) and features (J, n, p) of n inputs for each of J parameters."""
         J, n = len(omega), len(X)
+        factors = self.factors(X, omega)
+        if factors is not None:
+            known, of_inputs, of_parameters = factors
+            return np.broadcast_to(known, (J, n)), of_inputs * of_parameters[:, None]
         rows, points = np.tile(X, (J, 1)), np.repeat(omega, n, axis=0)
         features = self.features(rows, points)
         return self.known(rows, points).reshape(J, n), features.reshape(J, n, features.shape[1])

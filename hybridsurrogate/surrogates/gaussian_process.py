@@ -11,7 +11,7 @@ from scipy import stats
 from sklearn.utils import check_scalar
 
 from hybridsurrogate.priors import FloatArray, Prior, check_prior
-from hybridsurrogate.surrogates.base import Basis, Domain, Surrogate
+from hybridsurrogate.surrogates.base import Basis, Domain, Factors, Surrogate
 from hybridsurrogate.surrogates.polynomial_chaos import legendre, multi_indices
 
 KERNELS = ("squared-exponential", "matern-5/2", "matern-3/2")
@@ -151,14 +151,15 @@ class _ProcessBasis(Basis):
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         return self._products(self.domain.scaled(X, omega), np.arange(self.powers.shape[1]))
 
-    def outer(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def factors(self, X: FloatArray, omega: FloatArray) -> Factors:
         n_inputs = X.shape[1]
         inputs = self.domain.scaled(X, np.tile(self.domain.parameter_ranges[:, 0], (len(X), 1)))
         points = self.domain.scaled(np.tile(X[:1], (len(omega), 1)), omega)
-        of_inputs = self._products(inputs, np.arange(n_inputs))
-        of_parameters = self._products(points, np.arange(n_inputs, self.powers.shape[1]))
-        features = of_inputs * of_parameters[:, None]
-        return np.full(features.shape[:2], self.mean), features
+        return Factors(
+            np.full(len(X), self.mean),
+            self._products(inputs, np.arange(n_inputs)),
+            self._products(points, np.arange(n_inputs, self.powers.shape[1])),
+        )
 
     def _products(self, points: FloatArray, dimensions: NDArray[np.int_]) -> FloatArray:
         out = np.ones((len(points), len(self.powers)))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sklearn.utils import check_scalar
 
 from hybridsurrogate.priors import Prior, check_prior
-from hybridsurrogate.surrogates.base import Basis, Domain, FloatArray, Surrogate
+from hybridsurrogate.surrogates.base import Basis, Domain, Factors, FloatArray, Surrogate
 
 # scale-aware default: five times the spread of the outputs, as N(0, 5) is for the published
 # case studies, whose outputs have a spread of about one
@@ -81,10 +81,10 @@ class _ChaosBasis(Basis):
         out[:, 0] = 1.0  # the intercept multiplies 1, not the product of the phi_0
         return out
 
-    def outer(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
-        features = self._terms_of_inputs(X) * self._terms_of_parameters(omega)[:, None]
-        features[..., 0] = 1.0
-        return np.full(features.shape[:2], self.location), features
+    def factors(self, X: FloatArray, omega: FloatArray) -> Factors:
+        of_inputs, of_parameters = self._terms_of_inputs(X), self._terms_of_parameters(omega)
+        of_inputs[:, 0] = of_parameters[:, 0] = 1.0
+        return Factors(np.full(len(X), self.location), of_inputs, of_parameters)
 
     def _terms_of_inputs(self, X: FloatArray) -> FloatArray:
         return _products(X, self.ranges[: self.n_inputs], self.powers[:, : self.n_inputs])
