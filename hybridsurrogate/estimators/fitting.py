@@ -9,10 +9,10 @@ import numpy as np
 from hybridsurrogate.estimators.first_step import FirstStep, first_step
 from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.inference.collapsed import CollapsedPosterior
+from hybridsurrogate.inference.conditional_moves import conditional_draws
 from hybridsurrogate.inference.ensemble import EnsembleSampler
 from hybridsurrogate.inference.importance import Proposals
 from hybridsurrogate.inference.laplace import LaplacePosterior
-from hybridsurrogate.inference.second_step import conditional_draws
 from hybridsurrogate.inference.two_step import MeasuredDraws, second_step
 from hybridsurrogate.posterior import Diagnostics, Posterior
 from hybridsurrogate.priors import FloatArray
