@@ -236,8 +236,18 @@ def test_the_table_counts():
         "100 / 0 %",
         "33 % of 3",
         "0.600 / 1.000",
+        "- / -",
         "0.2 |",
     ]
+    # twice and eight times the diagnosis's error are four times it; a case of its own tells nothing
+    ours = [
+        row("trend", 1.0, "trend", ratio=0.05) | {"method": "hybridsurrogate"},
+        row("offset", 1.0, "offset", ratio=0.025) | {"method": "hybridsurrogate"},
+        row("gain", 1.0, "gain", ratio=0.9) | {"method": "hybridsurrogate"},
+    ]
+    lines = table([*rows, *ours], ["hybridsurrogate", "pysindy"]).splitlines()
+    assert lines[2].split(" | ")[-2] == "1.00 / -"
+    assert lines[3].split(" | ")[-2] == "4.00 / -"
     assert counts(rows) == "Cases: 4 of size 1, 1 of size 4, 3 in which nothing is hidden."
 
 
