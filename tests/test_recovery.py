@@ -292,6 +292,28 @@ def test_importance_draws_of_a_student_t():
             assert np.mean(cdf < level) == pytest.approx(level, abs=5 * error)
 
 
+def test_importance_draws_follow_a_bend():
+    # x is standard normal, y and z are normal around x^2: the mode shows little of either arm
+    def banana(u):
+        bent = u[:, 1:] - u[:, :1] ** 2
+        return -0.5 * u[:, 0] ** 2 - 0.5 * np.sum((bent / 0.7) ** 2, axis=1)
+
+    modes = find_modes(banana, np.zeros((1, 3)))
+    found = [
+        importance_draws(banana, modes, 3000, 3000, np.random.RandomState(seed))
+        for seed in range(8)
+    ]
+    levels = np.array([0.05, 0.95])
+    ends = np.mean([np.quantile(one.draws[:, :2], levels, axis=0) for one in found], axis=0)
+    # what lies below the ends of the intervals, in truth; of y by quadrature over x
+    nodes = stats.norm.ppf((np.arange(4000) + 0.5) / 4000)
+    below = stats.norm.cdf((ends[:, 1, None] - nodes**2) / 0.7).mean(axis=1)
+    np.testing.assert_allclose(stats.norm.cdf(ends[:, 0]), levels, atol=0.01)
+    np.testing.assert_allclose(below, levels, atol=0.01)
+    constant = 1.5 * np.log(2 * np.pi) + 2 * np.log(0.7)
+    assert np.mean([one.log_evidence for one in found]) == pytest.approx(constant, abs=0.02)
+
+
 def test_khat_condemns_a_proposal_that_is_too_narrow():
     modes = find_modes(lambda x: -0.5 * np.sum((50 * x) ** 2, axis=1), np.zeros((1, 2)))
     narrow = importance_draws(

@@ -13,10 +13,10 @@ from hybridsurrogate.inference.importance import (
     ImportanceDraws,
     Proposals,
     importance_draws,
-    moment_match,
 )
 from hybridsurrogate.inference.laplace import LaplacePosterior
 from hybridsurrogate.inference.lines import with_lines
+from hybridsurrogate.inference.mixtures import moment_match
 from hybridsurrogate.inference.modes import Gaussian, distinct, find_modes
 from hybridsurrogate.inference.pareto import KHAT_LIMIT
 from hybridsurrogate.inference.starts import further_points, starting_points
@@ -102,7 +102,9 @@ def _collapsed_draws(
             weight = np.full(n_draws, 1 / n_draws)
             all_of_it = float(special.logsumexp([part.log_mass for part in minor]))
             wide = replace(moment_match(sampled.draws, weight, minor[0]), log_mass=all_of_it)
-            again = importance_draws(log_density, [wide, *minor], 4 * n, n_draws, random_state)
+            again = importance_draws(
+                log_density, [wide, *minor], 4 * n, n_draws, random_state, max_rounds=3
+            )
             sampled = again if again.khat <= max(sampled.khat, KHAT_LIMIT) else sampled
             trusted = sampled.khat <= KHAT_LIMIT
         if sampler == "importance" or (trusted and len(modes) == 1):

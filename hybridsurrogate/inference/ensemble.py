@@ -13,7 +13,7 @@ import numpy as np
 from sklearn.base import BaseEstimator
 from sklearn.utils import check_scalar
 
-from hybridsurrogate.inference.importance import student_draws
+from hybridsurrogate.inference.mixtures import student_draws
 from hybridsurrogate.inference.modes import Gaussian, LogDensity
 from hybridsurrogate.priors import FloatArray
 

@@ -6,24 +6,32 @@ Densities take a batch of points (J, d) and return (J,), so every step below is 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from hybridsurrogate.inference.mixtures import (
+    DEGREES_OF_FREEDOM,
+    matched,
+    mixture_log_density,
+    mixture_points,
+    slices,
+    standard_student,
+)
 from hybridsurrogate.inference.modes import Gaussian, LogDensity
-from hybridsurrogate.inference.pareto import KHAT_LIMIT, pareto_smooth
+from hybridsurrogate.inference.pareto import pareto_smooth
 from hybridsurrogate.priors import FloatArray
 
-DEGREES_OF_FREEDOM = 5.0
-PROPOSAL_SCALE = 1.1
-# a proposal with less of the weight than this stays where it is
-_LEAST_SHARE = 1e-3
 # of so many weights none exceeds the mean by so much (in nats): they are level
 _MANY, _LEVEL = 1000, float(np.log(10.0))
-# a component gets at least this share of the points
-_LEAST_PROPOSED = 0.05
+# draws whose weights have a larger k-hat can be trusted, but the ends of their 90 % intervals fall
+# short by a tenth: around a bend 6.0 instead of 5 % lie below at 0.5, 5.5 % at 0.3
+_GOOD_KHAT = 0.3
+# with more proposals than this none is sliced
+_MOST_SLICED = 4
 
 
 @dataclass(frozen=True)
@@ -48,7 +56,7 @@ class ImportanceDraws:
     log_evidence : float
         Log of the mean weight, an estimate of the log normalising constant.
     proposals : Proposals
-        Of the best round.
+        Of all rounds.
     """
 
     draws: FloatArray
@@ -58,64 +66,13 @@ class ImportanceDraws:
     proposals: Proposals
 
 
-def student_draws(
-    approximation: Gaussian, n: int, random_state: np.random.RandomState
-) -> FloatArray:
-    """Draw n points from the Student-t proposal around a Gaussian approximation."""
-    d = len(approximation.mean)
-    normal = random_state.standard_normal((n, d))
-    chi2 = random_state.chisquare(DEGREES_OF_FREEDOM, size=(n, 1)) / DEGREES_OF_FREEDOM
-    return approximation.mean + PROPOSAL_SCALE * (normal / np.sqrt(chi2)) @ approximation.factor.T
-
-
-def student_log_density(approximations: Sequence[Gaussian], x: FloatArray) -> FloatArray:
-    """Return the log densities (K, J) of the proposals around K Gaussians at points (J, d)."""
-    factors = PROPOSAL_SCALE * np.array([g.factor for g in approximations])
-    means = np.array([g.mean for g in approximations])
-    scaled = np.linalg.inv(factors) @ (x[None] - means[:, None]).transpose(0, 2, 1)
-    log_det = np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1)
-    squares = np.einsum("kdj,kdj->kj", scaled, scaled)
-    return _standard_student(squares, x.shape[1]) - log_det[:, None]
-
-
-def _standard_student(squares: FloatArray, d: int) -> FloatArray:
-    """Return the log density of d standard Student-t variables at a squared distance from 0."""
-    nu = DEGREES_OF_FREEDOM
-    return (
-        special.gammaln((nu + d) / 2)
-        - special.gammaln(nu / 2)
-        - 0.5 * d * np.log(nu * np.pi)
-        - 0.5 * (nu + d) * np.log1p(squares / nu)
-    )
-
-
-def mixture_draws(
-    components: list[Gaussian], n: int, random_state: np.random.RandomState
-) -> tuple[FloatArray, FloatArray]:
-    """Draw n points from a mixture of Student-t proposals; return them and their log density.
-
-    Components weigh as much as their masses, but at least a twentieth (of many: half of an equal
-    share), so that a small mode far away gets enough points to be weighed itself.
-    """
-    mass = np.array([g.log_mass for g in components])
-    least = min(_LEAST_PROPOSED, 0.5 / len(components))
-    share = np.maximum(np.exp(mass - special.logsumexp(mass)), least)
-    share /= share.sum()
-    counts = np.diff(np.round(n * np.concatenate([[0.0], np.cumsum(share)])).astype(int))
-    points = np.concatenate(
-        [student_draws(g, k, random_state) for g, k in zip(components, counts, strict=True)]
-    )
-    terms = np.log(share)[:, None] + student_log_density(components, points)
-    return points, special.logsumexp(terms, axis=0)
-
-
 def importance_draws(
     log_density: LogDensity,
     components: list[Gaussian],
     n_proposals: int,
     n_draws: int,
     random_state: np.random.RandomState,
-    max_rounds: int = 4,
+    max_rounds: int = 6,
     n_noise: int = 0,
 ) -> ImportanceDraws:
     """Draw from a density through Student-t proposals with Pareto-smoothed weights.
@@ -124,40 +81,72 @@ def importance_draws(
     other one, Student-t: exact where the density is nearly normal, and safe where its tails are
     heavier. Their width is adapted with the rest.
 
-    Where fewer than a tenth of the proposals are effective, each proposal is moved to the weighted
-    mean and covariance of its share of the draws, and where only the tail of the weights is bad,
-    such proposals are added; the round is then repeated (Cappe, Douc, Guillin, Marin and Robert
-    2008, Statistics and Computing 18:447).
+    Where fewer than a tenth of the proposals are effective, or the tail of the weights is bad, the
+    next round has proposals at the weighted mean and covariance of each one's share of the draws
+    (Cappe, Douc, Guillin, Marin and Robert 2008, Statistics and Computing 18:447), and of slices
+    of it along its longest axis, which follow a bend. The draws of all rounds are weighed together,
+    by the mixture of all their proposals, so that nothing is lost on the way (Cornuet, Marin, Mira
+    and Robert 2012, Scandinavian Journal of Statistics 39:798).
     """
-    noise_scale, best = 1.0, None
+    rounds: list[_Round] = []
+    scale = 1.0
+    target = np.empty(0)
     for round_ in range(max_rounds):
-        points, log_proposal = mixture_draws(components, n_proposals, random_state)
-        noise, log_noise = _noise_draws(n_proposals, n_noise, noise_scale, random_state)
-        log_proposal = log_proposal + log_noise
-        extended = np.hstack([points, noise])
-        log_weight = log_density(extended) - log_proposal
+        rounds.append(_drawn(components, scale, n_proposals, n_noise, random_state))
+        target = np.append(target, log_density(rounds[-1].points))
+        points = np.concatenate([one.points for one in rounds])
+        log_proposal = _mixed(rounds, points, n_noise)
+        log_weight = target - log_proposal
         smoothed, khat = _smoothed(log_weight)
         weight = np.exp(smoothed - special.logsumexp(smoothed))
-        effective = 1 / np.sum(weight**2)
+        effective = float(1 / np.sum(weight**2))
         enough = effective >= 0.1 * n_proposals
-        # the last round need not be the best: narrow proposals get few draws to learn from
-        merit = (enough, -khat)
-        if best is None or merit > best[0]:
-            best = merit, extended, log_proposal, log_weight, weight, float(effective)
-        if (enough and khat <= KHAT_LIMIT) or round_ == max_rounds - 1:
+        if (enough and khat <= _GOOD_KHAT) or round_ == max_rounds - 1:
             break
-        matched = _matched(points, weight, components)
+        shaped = points[:, : points.shape[1] - n_noise]
+        components = matched(shaped, weight, components)
+        if len(components) <= _MOST_SLICED:
+            components = [*components, *slices(shaped, weight, components)]
         if n_noise:
+            noise = points[:, -n_noise:]
             spread = np.sqrt(weight @ np.einsum("jk,jk->j", noise, noise) / n_noise)
-            noise_scale = float(np.clip(spread, 0.5, 2.0))
-        # draws that are many but badly tailed lack a wide proposal rather than a better centre
-        components = [*components, *matched] if enough else matched
-    assert best is not None
-    (_, minus_khat), points, log_proposal, log_weight, weight, effective = best
+            scale = float(np.clip(spread, 0.5, 2.0))
     index = systematic_resample(weight, n_draws, random_state)
     log_evidence = float(special.logsumexp(log_weight) - np.log(len(log_weight)))
     proposals = Proposals(points, log_proposal)
-    return ImportanceDraws(points[index], -minus_khat, effective, log_evidence, proposals)
+    return ImportanceDraws(points[index], khat, effective, log_evidence, proposals)
+
+
+class _Round(NamedTuple):
+    """Points (J, d + n_noise) of one round, and what they were drawn from."""
+
+    points: FloatArray
+    components: list[Gaussian]
+    scale: float
+
+
+def _drawn(
+    components: list[Gaussian],
+    scale: float,
+    n: int,
+    n_noise: int,
+    random_state: np.random.RandomState,
+) -> _Round:
+    points = mixture_points(components, n, random_state)
+    noise = _noise_points(n, n_noise, scale, random_state)
+    return _Round(np.hstack([points, noise]), components, scale)
+
+
+def _mixed(rounds: Sequence[_Round], points: FloatArray, n_noise: int) -> FloatArray:
+    """Return the log density (J,) of the mixture that all rounds were drawn from."""
+    d = points.shape[1] - n_noise
+    squares = np.einsum("jk,jk->j", points[:, d:], points[:, d:])
+    terms = [
+        mixture_log_density(one.components, points[:, :d])
+        + _noise_log_density(squares, n_noise, one.scale)
+        for one in rounds
+    ]
+    return special.logsumexp(terms, axis=0) - np.log(len(rounds))
 
 
 def _smoothed(log_weight: FloatArray) -> tuple[FloatArray, float]:
@@ -173,48 +162,24 @@ def _smoothed(log_weight: FloatArray) -> tuple[FloatArray, float]:
     return smoothed, khat
 
 
-def _noise_draws(
-    n: int, d: int, scale: float, random_state: np.random.RandomState
-) -> tuple[FloatArray, FloatArray]:
-    """Return n points (n, d) of the half normal, half Student-t mixture, and log densities."""
+def _noise_points(n: int, d: int, scale: float, random_state: np.random.RandomState) -> FloatArray:
+    """Return n points (n, d), half of them normal and half Student-t."""
     if not d:
-        return np.empty((n, 0)), np.zeros(n)
+        return np.empty((n, 0))
     points = random_state.standard_normal((n, d))
     chi2 = random_state.chisquare(DEGREES_OF_FREEDOM, size=(n // 2, 1)) / DEGREES_OF_FREEDOM
     points[: n // 2] /= np.sqrt(chi2)
-    squares = np.einsum("jk,jk->j", points, points)
+    return scale * points
+
+
+def _noise_log_density(squares: FloatArray, d: int, scale: float) -> FloatArray:
+    """Return the log density of such points at squared distances from 0."""
+    if not d:
+        return np.zeros(len(squares))
+    squares = squares / scale**2
     log_normal = -0.5 * squares - 0.5 * d * np.log(2 * np.pi)
-    log_student = _standard_student(squares, d)
-    return scale * points, np.logaddexp(log_normal, log_student) - np.log(2) - d * np.log(scale)
-
-
-def _matched(points: FloatArray, weight: FloatArray, components: list[Gaussian]) -> list[Gaussian]:
-    """Return each component moved to the moments of the points that it is responsible for."""
-    mass = np.array([g.log_mass for g in components])
-    log_terms = mass[:, None] + student_log_density(components, points)
-    share = weight * np.exp(log_terms - special.logsumexp(log_terms, axis=0))
-    mass = share.sum(axis=1)
-    moved = [
-        moment_match(points, own / m, g) if m > _LEAST_SHARE else g
-        for own, m, g in zip(share, mass, components, strict=True)
-    ]
-    return [
-        replace(g, log_mass=float(np.log(max(m, _LEAST_SHARE))))
-        for g, m in zip(moved, mass, strict=True)
-    ]
-
-
-def moment_match(points: FloatArray, weight: FloatArray, fallback: Gaussian) -> Gaussian:
-    """Return the Gaussian with the weighted moments of points, kept away from collapse."""
-    d = points.shape[1]
-    mean = weight @ points
-    centred = points - mean
-    covariance = (centred * weight[:, None]).T @ centred
-    effective = 1 / np.sum(weight**2)
-    share = effective / (effective + 2 * d)
-    covariance = share * covariance + (1 - share) * fallback.factor @ fallback.factor.T
-    covariance += 1e-12 * np.trace(covariance) / d * np.eye(d)
-    return Gaussian(mean, np.linalg.cholesky(covariance), fallback.log_mass)
+    log_student = standard_student(squares, d)
+    return np.logaddexp(log_normal, log_student) - np.log(2) - d * np.log(scale)
 
 
 def systematic_resample(

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hybridsurrogate.inference.cholesky import log_det_of
-from hybridsurrogate.inference.importance import mixture_draws, moment_match
 from hybridsurrogate.inference.measured import MeasuredModel
+from hybridsurrogate.inference.mixtures import mixture_log_density, mixture_points, moment_match
 from hybridsurrogate.inference.modes import Gaussian, find_modes
 from hybridsurrogate.inference.parameter_grid import GRID_NODES, grid_draws
 from hybridsurrogate.inference.pareto import pareto_smooth
@@ -110,7 +110,8 @@ def _by_proposals(
     first = moment_match(first_step, np.full(n, 1 / n), spread)
     components = [first, modes[0]]
     for round_ in range(_N_ROUNDS):
-        points, log_proposal = mixture_draws(components, _N_PROPOSALS, random_state)
+        points = mixture_points(components, _N_PROPOSALS, random_state)
+        log_proposal = mixture_log_density(components, points)
         log_weight = _log_density(problem, points, problem.c) - log_proposal[:, None]
         share = node_shares(log_weight)
         effective = float(np.median(1 / np.sum(share**2, axis=0)))
