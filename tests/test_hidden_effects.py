@@ -1,17 +1,17 @@
 """Blind: an effect is hidden in the data and has to be found; or nothing is, and nothing may be.
 
-A slice of `python -m tests.hidden_effects.side_by_side`, whose full figures are in the docs. The
-thresholds leave room for the binomial scatter of so few cases and for nothing else.
+A slice of what `python -m tests.scorecard` and `python -m tests.rivals` count. The thresholds leave
+room for the binomial scatter of so few cases and for nothing else.
 """
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from hidden_effects.by_package import diagnose
 from hidden_effects.cases import make_case
 from hidden_effects.forms import KINDS
 from hidden_effects.rates import judge
-from hidden_effects.side_by_side import diagnose
 
 SIMULATED = [kind for kind in KINDS if kind != "none"]
 

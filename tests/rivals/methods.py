@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from hidden_effects.by_hand import diagnose_by_hand
+from hidden_effects.by_package import diagnose
 from hidden_effects.forms import KINDS
-from hidden_effects.side_by_side import diagnose
 
 from . import sparse_terms, structure, symbolic, toolbox
 from .calibration import Measurements
