@@ -22,7 +22,7 @@ from hybridsurrogate.inference.mixtures import (
     standard_student,
 )
 from hybridsurrogate.inference.modes import Gaussian, LogDensity
-from hybridsurrogate.inference.pareto import pareto_smooth
+from hybridsurrogate.inference.pareto import KHAT_LIMIT, pareto_smooth
 from hybridsurrogate.priors import FloatArray
 
 # of so many weights none exceeds the mean by so much (in nats): they are level
@@ -89,8 +89,9 @@ def importance_draws(
     and Robert 2012, Scandinavian Journal of Statistics 39:798).
     """
     rounds: list[_Round] = []
-    scale = 1.0
-    target = np.empty(0)
+    scale, target = 1.0, np.empty(0)
+    # with coefficients among the unknowns each value takes a climb: what can be trusted is enough
+    good = KHAT_LIMIT if n_noise else _GOOD_KHAT
     for round_ in range(max_rounds):
         rounds.append(_drawn(components, scale, n_proposals, n_noise, random_state))
         target = np.append(target, log_density(rounds[-1].points))
@@ -101,7 +102,7 @@ def importance_draws(
         weight = np.exp(smoothed - special.logsumexp(smoothed))
         effective = float(1 / np.sum(weight**2))
         enough = effective >= 0.1 * n_proposals
-        if (enough and khat <= _GOOD_KHAT) or round_ == max_rounds - 1:
+        if (enough and khat <= good) or round_ == max_rounds - 1:
             break
         shaped = points[:, : points.shape[1] - n_noise]
         components = matched(shaped, weight, components)
