@@ -79,7 +79,8 @@ class Norm(type(stats.norm)):
         stats.gamma(2.0, 1.0, 3.0),
         stats.gamma(scale=3.0, a=2.0),
         stats.beta(2, 3, loc=-1),
-        stats.rv_histogram(np.histogram([0.0, 1.0, 1.0, 4.0], bins=4))(loc=2.0),
+        # without bends: the table is exact for them
+        stats.rv_histogram((np.array([1.0]), np.array([0.0, 4.0])))(loc=2.0),
         Norm(name="norm")(loc=1.0, scale=2.0),
     ],
 )
@@ -88,7 +89,7 @@ def test_quantiles_however_the_numbers_are_given(prior):
     from_normal([stats.gamma(5.0), stats.norm()], np.zeros((1, 2)))
     z = np.array([-2.0, -0.4, 0.3, 1.7])
     expected = prior.ppf(stats.norm.cdf(z))
-    np.testing.assert_allclose(from_normal([prior], z[:, None])[:, 0], expected, rtol=1e-5)
+    np.testing.assert_allclose(from_normal([prior], z[:, None])[:, 0], expected, rtol=1e-8)
 
 
 def test_coordinates_of_several_priors_keep_their_columns():

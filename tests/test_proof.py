@@ -1,5 +1,7 @@
 """Gains within and beyond the measured range, and how far trust in the simulation rises."""
 
+import threading
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -138,25 +140,66 @@ def test_a_wave_pays_off_beyond_the_measured_rows_too(simulator):
 
 
 def test_folds_in_processes_of_their_own_tell_the_same():
-    # a function that only this process knows, rows by name, and a cause of the user's
-    slope = 1.0
-    simulator = hs.Simulator(
-        lambda t, level: level + slope * t, {"t": (0, 14)}, {"level": norm(0, 3)}
-    )
+    # a function that only this process knows and counts, rows by name, a cause beside the catalogue
+    runs = []
+
+    def line_of(t, level):
+        runs.append(len(t))
+        return level + t
+
+    simulator = hs.Simulator(line_of, {"t": (0, 14)}, {"level": norm(0, 3)})
     rng = np.random.default_rng(3)
     X = pd.DataFrame({"t": np.sort(rng.uniform(0, 14, 24))})
     y = simulator(X, np.full((24, 1), 1.0)) + 2.0 * (X["t"] > 7) + 0.3 * rng.standard_normal(24)
     model = hs.PowerScaledSurrogate(
         simulator, surrogate=hs.ExactSurrogate(), n_draws=100, random_state=0
     )
-    told = [
-        hs.DiscrepancyDiagnosis(
+    told, calls = [], []
+    for n in (None, 2):
+        runs.clear()
+        diagnosis = hs.DiscrepancyDiagnosis(
             model, causes=[hs.Ramp("t")], cv=2, n_replicates=20, n_jobs=n, random_state=0
-        ).fit(X, y)
-        for n in (None, 2)
-    ]
+        )
+        told.append(diagnosis.fit(X, y))
+        calls.append(len(runs))
     assert told[0].gain_ == told[1].gain_
     assert told[0].gain_out_of_range_ == told[1].gain_out_of_range_
+    # the folds ran elsewhere
+    assert calls[1] < 0.7 * calls[0]
+
+
+def test_a_simulation_that_stays_in_its_process_is_diagnosed_there():
+    lock = threading.Lock()
+
+    def guarded(t, level):
+        with lock:
+            return level + t
+
+    simulator = hs.Simulator(guarded, {"t": (0, 14)}, {"level": norm(0, 3)})
+    t = np.linspace(0, 14, 24)
+    y = t + 2.0 * (t > 7) + 0.3 * np.random.default_rng(0).standard_normal(24)
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), n_draws=100, random_state=0
+    )
+    diagnosis = hs.DiscrepancyDiagnosis(model, cv=2, n_replicates=20, n_jobs=2, random_state=0)
+    with pytest.warns(hs.DiagnosisWarning, match="The folds ran in this process"):
+        diagnosis.fit(t[:, None], y)
+    assert diagnosis.gain_.n_rows == 24
+
+
+@pytest.mark.parametrize(
+    ("setting", "match"),
+    [
+        ({"cv": 1}, "cv == 1, must be >= 2"),
+        ({"cv": "5"}, "cv must be an instance of int"),
+        ({"n_jobs": 0}, "n_jobs must be a number of processes"),
+        ({"n_jobs": "all"}, "n_jobs must be an instance of int"),
+    ],
+)
+def test_folds_are_checked_before_the_search(simulator, setting, match):
+    model = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate())
+    with pytest.raises((TypeError, ValueError), match=match):
+        hs.DiscrepancyDiagnosis(model, **setting).fit(np.zeros((20, 1)), np.zeros(20))
 
 
 def test_trust_rises_once_the_fault_is_named(simulator):

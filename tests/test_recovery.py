@@ -308,6 +308,7 @@ def test_importance_draws_follow_a_bend():
     # what lies below the ends of the intervals, in truth; of y by quadrature over x
     nodes = stats.norm.ppf((np.arange(4000) + 0.5) / 4000)
     below = stats.norm.cdf((ends[:, 1, None] - nodes**2) / 0.7).mean(axis=1)
+    # Monte Carlo error 0.2 points; 24 other seeds are off by up to 0.7, see `_GOOD_KHAT`
     np.testing.assert_allclose(stats.norm.cdf(ends[:, 0]), levels, atol=0.01)
     np.testing.assert_allclose(below, levels, atol=0.01)
     constant = 1.5 * np.log(2 * np.pi) + 2 * np.log(0.7)

@@ -119,7 +119,7 @@ def gain_from(before: Scores, after: Scores, folds: tuple[FoldGain, ...] = ()) -
     )
 
 
-def fold_gain(held: Held) -> FoldGain:
+def _fold_gain(held: Held) -> FoldGain:
     """Summarise one fold."""
     difference = held.after.log_density - held.before.log_density
     n = len(difference)
@@ -134,4 +134,4 @@ def gain_over(folds: Sequence[Held]) -> Gain:
     before, after = (
         Scores(*map(np.concatenate, zip(*scores, strict=True))) for scores in (befores, afters)
     )
-    return gain_from(before, after, tuple(map(fold_gain, folds)))
+    return gain_from(before, after, tuple(map(_fold_gain, folds)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from pickle import PicklingError
 from typing import NamedTuple
 
 from joblib import Parallel, delayed
@@ -42,10 +43,21 @@ def proof(
         Folds at the same time, as in `joblib.Parallel`.
     """
     take = rows_of(X)
-    told = Parallel(n_jobs=n_jobs)(
+    tasks = [
         delayed(score_fold)(rehearse, take(train), y[train], take(test), y[test])
         for train, test in [*within, *beyond]
-    )
+    ]
+    try:
+        told = Parallel(n_jobs=n_jobs)(tasks)
+    except PicklingError:
+        # a finished search is not lost because a simulation holds a lock or an open file
+        warnings.warn(
+            "The folds ran in this process: the simulation or a cause cannot be sent to another "
+            "one. Use n_jobs=None, or a function that pickle or cloudpickle can handle.",
+            DiagnosisWarning,
+            stacklevel=4,
+        )
+        told = Parallel(n_jobs=1)(tasks)
     doubtful = sorted({doubt for fold in told for doubt in fold.doubts})
     if doubtful:
         warnings.warn(

@@ -20,6 +20,12 @@ def check_settings(diagnosis: DiscrepancyDiagnosis) -> None:
     """Raise TypeError or ValueError, with a way out, for parameters that cannot work."""
     _check_estimator(diagnosis.estimator)
     check_scalar(diagnosis.max_causes, "max_causes", Integral, min_val=1)
+    if diagnosis.cv is not None:
+        check_scalar(diagnosis.cv, "cv", Integral, min_val=2)
+    if diagnosis.n_jobs is not None:
+        check_scalar(diagnosis.n_jobs, "n_jobs", Integral)
+        if not diagnosis.n_jobs:
+            raise ValueError("n_jobs must be a number of processes, -1 for all cores, or None.")
     rate, n = diagnosis.false_alarm_rate, diagnosis.n_replicates
     if not 0 < rate < 1:
         raise ValueError(f"false_alarm_rate must be in (0, 1), got {rate}.")

@@ -142,11 +142,9 @@ class MeasuredModel:
             Parts(*self.simulated(X, values[k : k + block]), self.added(X, values[k : k + block]))
             for k in range(0, max(len(values), 1), block)
         ]
-        return (
-            pieces[0]
-            if len(pieces) == 1
-            else Parts(*map(np.concatenate, zip(*pieces, strict=True)))
-        )
+        if len(pieces) == 1:
+            return pieces[0]
+        return Parts(*map(np.concatenate, zip(*pieces, strict=True)))
 
     def simulated(
         self, X: FloatArray, values: FloatArray
@@ -214,9 +212,10 @@ class MeasuredModel:
         """Return the share of rows that are outliers for draws of `values`, (J,), or None."""
         if not any(effect.has_outliers for effect in self.effects):
             return None
-        theta = self._theta(values)
-        shares = [np.asarray(e.outliers(own)) for e, own in zip(self.effects, theta, strict=True)]
-        return 1 - np.prod([1 - share for share in np.broadcast_arrays(*shares)], axis=0)
+        rest = np.ones(len(values))
+        for effect, own in zip(self.effects, self._theta(values), strict=True):
+            rest = rest * (1 - np.asarray(effect.outliers(own)))
+        return 1 - rest
 
     def _noise(self, rows: Rows, theta: Sequence[Rows], J: int, n: int) -> FloatArray:
         noise: FloatArray = np.ones((J, 1))
@@ -288,7 +287,7 @@ def _check_array(
 ) -> None:
     shape = None if value is None else np.shape(np.asarray(value))
     if shape not in shapes:
-        hint = f" for its coefficients {effect.coefficients}" * (method == "columns")
+        hint = f" for its coefficients {effect.coefficients}" if method == "columns" else ""
         raise ValueError(
             f"The cause {effect.name!r} must return shape {' or '.join(map(str, shapes))} from "
             f"{method}{hint}, got {shape}."

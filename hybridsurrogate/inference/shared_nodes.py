@@ -40,7 +40,8 @@ def squares_of_pairs(features: FloatArray, residual: FloatArray, c: FloatArray) 
     Centred at the mean draw, so that nothing large cancels.
     """
     centre = c.mean(axis=0)
-    first, second, products = _products(c - centre)
+    delta = c - centre
+    first, second, products = _products(delta)
     total = np.empty((len(features), len(c)))
     for block in _blocks(len(features), features.shape[2]):
         rest = residual[block] - features[block] @ centre[:, None]
@@ -48,7 +49,7 @@ def squares_of_pairs(features: FloatArray, residual: FloatArray, c: FloatArray) 
         squares = (transposed @ features[block])[:, first, second]
         cross = (transposed @ rest)[..., 0]
         total[block] = np.einsum("jnk,jnk->j", rest, rest)[:, None] + squares @ products
-        total[block] -= 2 * cross @ (c - centre).T
+        total[block] -= 2 * cross @ delta.T
     return np.maximum(total, 0.0)
 
 
@@ -61,7 +62,8 @@ def squares_of_factors(
     rows.
     """
     centre = c.mean(axis=0)
-    first, second, products = _products(c - centre)
+    delta = c - centre
+    first, second, products = _products(delta)
     products *= (of_inputs.T @ of_inputs)[first, second][:, None]
     total = np.empty((len(of_parameters), len(c)))
     for block in _blocks(len(of_parameters), of_parameters.shape[1]):
@@ -70,7 +72,7 @@ def squares_of_factors(
         cross = part * (rest @ of_inputs)
         total[block] = np.einsum("jn,jn->j", rest, rest)[:, None]
         total[block] += (part[:, first] * part[:, second]) @ products
-        total[block] -= 2 * cross @ (c - centre).T
+        total[block] -= 2 * cross @ delta.T
     return np.maximum(total, 0.0)
 
 

@@ -1,6 +1,6 @@
 """Surrogates: one file a family."""
 
-from hybridsurrogate.surrogates.base import Basis, Domain, Surrogate
+from hybridsurrogate.surrogates.base import Basis, Domain, Factors, Surrogate
 from hybridsurrogate.surrogates.exact import ExactSurrogate
 from hybridsurrogate.surrogates.feature import FeatureSurrogate
 from hybridsurrogate.surrogates.gaussian_process import GaussianProcess
@@ -12,6 +12,7 @@ __all__ = [
     "Basis",
     "Domain",
     "ExactSurrogate",
+    "Factors",
     "FeatureSurrogate",
     "GaussianProcess",
     "NetworkSurrogate",

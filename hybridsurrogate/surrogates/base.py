@@ -144,7 +144,13 @@ class Basis(ABC):
     def factors(self, X: FloatArray, omega: FloatArray) -> Factors | None:
         """Return the features' parts of n inputs and of J parameters; None: they have no such.
 
-        A basis whose features factorise overrides this for speed.
+        A basis whose features factorise overrides this for speed; its known part does not depend
+        on the parameters.
+
+        Parameters
+        ----------
+        X : ndarray of shape (n, n_inputs)
+        omega : ndarray of shape (J, n_parameters)
         """
         return None
 

@@ -125,6 +125,8 @@ def draws(view: View) -> list[str]:
     out = []
     for word, model in models:
         d = model.diagnostics_
+        # several rounds of proposals may be worth more than the draws that are kept
+        effective = min(d.effective_draws, model.n_draws)
         khat = (
             ""
             if math.isnan(d.khat)
@@ -133,7 +135,7 @@ def draws(view: View) -> list[str]:
         problems = d.problems()
         trouble = f"Doubtful: {'; '.join(problems)}." if problems else "No problems were found."
         out.append(
-            f"The model {word} the extension rests on {d.effective_draws:.0f} effective draws by "
+            f"The model {word} the extension rests on {effective:.0f} effective draws by "
             f"{d.sampler} sampling{khat}. {trouble}"
         )
     return out
