@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from moments import assert_gaussian
+from scipy import stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.inference import ensemble
-from hybridsurrogate.inference.modes import Gaussian
+from hybridsurrogate.inference.modes import Gaussian, find_modes
 
 
 def narrow(x):
@@ -106,3 +108,63 @@ def test_own_moves_and_walkers_are_used(monkeypatch):
     moves = [(emcee.moves.StretchMove(), 1.0)]
     run(hs.EnsembleSampler(n_walkers=24, moves=moves, max_steps=50))
     assert seen == {"nwalkers": 24, "moves": moves}
+
+
+def test_ensemble_draws_of_a_gaussian_in_four_dimensions():
+    rng = np.random.default_rng(0)
+    root = np.tril(rng.normal(size=(4, 4))) + 2 * np.eye(4)
+    mean, covariance = np.array([5.0, 0.0, -1.0, 2.0]), root @ root.T
+    target = stats.multivariate_normal(mean, covariance)
+
+    def log_density(x):
+        return np.atleast_1d(target.logpdf(x))
+
+    modes = find_modes(log_density, np.zeros((1, 4)))
+    found = hs.EnsembleSampler().run(log_density, modes, 4000, np.random.RandomState(0))
+    assert found.converged
+    assert 0.1 < found.acceptance < 0.9
+    assert found.autocorrelation_time > 1
+    assert found.effective_draws > 1000
+    assert_gaussian(found.draws, mean, covariance, error=5 * np.sqrt(4000 / found.effective_draws))
+
+
+def bimodal(x):
+    """Two Gaussians ten apart, the narrower one with three quarters of the mass."""
+    first = np.log(0.75) + stats.multivariate_normal([0.0, 0.0], 0.25).logpdf(x)
+    second = np.log(0.25) + stats.multivariate_normal([10.0, 0.0], 1.0).logpdf(x)
+    return np.logaddexp(first, second)
+
+
+def test_ensemble_draws_weigh_two_modes():
+    modes = find_modes(bimodal, np.array([[0.5, 0.5], [9.0, 0.0]]))
+    assert len(modes) == 2
+    found = hs.EnsembleSampler().run(bimodal, modes, 2000, np.random.RandomState(0))
+    right = found.draws[:, 0] > 5
+    assert right.mean() == pytest.approx(0.25, abs=0.06)
+    assert found.draws[right].mean(axis=0) == pytest.approx([10.0, 0.0], abs=0.2)
+    assert found.draws[~right].std(axis=0) == pytest.approx([0.5, 0.5], rel=0.1)
+
+
+def test_ensemble_that_cannot_start_says_so():
+    with pytest.raises(ValueError, match="minus infinity at every walker"):
+        run(hs.EnsembleSampler(), lambda x: np.full(len(x), -np.inf))
+
+
+def squared(x, omega):
+    return omega**2 * x
+
+
+def test_two_modes_go_to_the_ensemble():
+    simulator = hs.Simulator(
+        squared, inputs={"x": (0, 1)}, parameters={"omega": stats.uniform(-2, 4)}
+    )
+    X = np.linspace(0, 1, 15)[:, None]
+    y = X[:, 0] + 0.1 * np.cos(40 * X[:, 0])
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), n_draws=2000, random_state=0
+    ).fit(X, y)
+    assert model.diagnostics_.sampler == "emcee"
+    assert model.diagnostics_.n_modes == 2
+    omega = model.posterior_.values[:, 0]
+    assert np.mean(omega > 0) == pytest.approx(0.5, abs=0.1)
+    assert np.abs(omega).mean() == pytest.approx(1.0, abs=0.05)

@@ -17,10 +17,6 @@ from hybridsurrogate.priors import Prior, frozen, prior_sd
 _MOST_CYCLES = 25
 
 
-# of a step, in distances of neighbouring rows
-_STEP_WIDTH = 0.01
-
-
 class _Shape(NamedTuple):
     """One way to drift: its sizes, zero where nothing drifts, and the shift they bring about."""
 
@@ -31,6 +27,10 @@ class _Shape(NamedTuple):
 
 def _linear(x: FloatArray, theta: Rows) -> FloatArray:
     return theta["slope"] * x
+
+
+def _jump(x: FloatArray, theta: Rows) -> FloatArray:
+    return np.where(x >= theta["location"], theta["change"], 0.0)
 
 
 def _logistic(x: FloatArray, theta: Rows) -> FloatArray:
@@ -48,7 +48,7 @@ _SHAPES = {
         _linear,
         "changing by {slope:+.4g} per unit of {column} around {column} = {center:.5g}",
     ),
-    "step": _Shape(("change",), _logistic, "{change:+.4g} from {column} = {location:.5g} on"),
+    "step": _Shape(("change",), _jump, "{change:+.4g} from {column} = {location:.5g} on"),
     "logistic": _Shape(
         ("change",),
         _logistic,
@@ -68,8 +68,7 @@ class ParameterDrift(Cause):
     The simulation is run with ``parameter + shift(x)``:
 
     - ``shape="linear"``: ``slope (x - center)``;
-    - ``shape="step"``: ``change`` from x = location on, within a twenty-fifth of the distance of
-      neighbouring rows, as narrow as a `Step`;
+    - ``shape="step"``: ``change`` from x = location on;
     - ``shape="logistic"``: ``change / (1 + exp(-(x - location) / width))``;
     - ``shape="periodic"``: ``amplitude sin(2 pi (x - center) / period + phase)``.
 
@@ -92,8 +91,8 @@ class ParameterDrift(Cause):
         Prior of the slope, or of whatever the size of the shape is.
     center : float or None, default=None
         Where a linear drift leaves the parameter as it is. None: the middle of the measured rows.
-    span, spacing : float or None, default=None
-        How far the measured rows reach, and the distance of neighbours.
+    span : float or None, default=None
+        How far the measured rows reach.
     others : dict of name to frozen scipy.stats distribution, or None, default=None
         Priors of location, width or period. None: as above, from the measured rows.
 
@@ -116,7 +115,6 @@ class ParameterDrift(Cause):
         slope: Prior | None = None,
         center: float | None = None,
         span: float | None = None,
-        spacing: float | None = None,
         others: Mapping[str, Prior] | None = None,
     ):
         self.parameter = parameter
@@ -125,7 +123,6 @@ class ParameterDrift(Cause):
         self.slope = slope
         self.center = center
         self.span = span
-        self.spacing = spacing
         self.others = others
 
     @property
@@ -187,7 +184,6 @@ class ParameterDrift(Cause):
             self.slope if self.slope is not None else frozen(stats.t, 1, scale=size),
             self.center if self.center is not None else (low + high) / 2,
             self.span if self.span is not None else span,
-            self.spacing if self.spacing is not None else spacing,
             {**defaults[self.shape], **(self.others or {})},
         )
 
@@ -196,9 +192,6 @@ class ParameterDrift(Cause):
         assert self.center is not None
         # places are where they are; slopes and phases are counted from the middle
         x = X[self.column] - (0.0 if "location" in theta else self.center)
-        if self.shape == "step":
-            assert self.spacing is not None
-            theta = {**theta, "width": np.asarray(_STEP_WIDTH * self.spacing)}
         shift = _SHAPES[self.shape].shift(x, theta)
         return X, {**omega, self.parameter: omega[self.parameter] + shift}
 

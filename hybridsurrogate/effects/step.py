@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
-
 from hybridsurrogate.effects.base import FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, signed, where
 from hybridsurrogate.effects.over_column import Located
@@ -16,9 +14,8 @@ class Step(Located):
     """A sudden change of level at an unknown location over one column.
 
     ``simulation``, and ``+ amplitude`` from x = location on. Amplitude in units of the output,
-    location in those of the column and uniform over the measured rows. The jump is a logistic rise
-    over a twenty-fifth of the distance of neighbouring rows: so narrow that a row hardly ever lies
-    on it, where a share of the jump would fit noise.
+    location in those of the column and uniform over the measured rows. The jump has no width: no
+    row lies on it, and between two rows every location is equally probable.
 
     Parameters
     ----------
@@ -32,8 +29,8 @@ class Step(Located):
     Examples
     --------
     >>> import numpy as np, hybridsurrogate as hs
-    >>> step = hs.Step("t", spacing=1.0)
-    >>> step.columns({"t": np.array([1.0, 4.0])}, {"location": 2.5}).round(6).ravel().tolist()
+    >>> step = hs.Step("t")
+    >>> step.columns({"t": np.array([1.0, 4.0])}, {"location": 2.5}).ravel().tolist()
     [0.0, 1.0]
     """
 
@@ -51,9 +48,7 @@ class Step(Located):
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return 0 before and 1 after the location."""
-        assert self.spacing is not None
-        rise = (X[self.column] - theta["location"]) / (0.02 * self.spacing)
-        return (0.5 * (1 + np.tanh(rise)))[:, None]
+        return (X[self.column] >= theta["location"]).astype(float)[:, None]
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
