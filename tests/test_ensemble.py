@@ -138,7 +138,7 @@ def bimodal(x):
 def test_ensemble_draws_weigh_two_modes():
     modes = find_modes(bimodal, np.array([[0.5, 0.5], [9.0, 0.0]]))
     assert len(modes) == 2
-    found = hs.EnsembleSampler().run(bimodal, modes, 2000, np.random.RandomState(0))
+    found = hs.EnsembleSampler(tol=20).run(bimodal, modes, 2000, np.random.RandomState(0))
     right = found.draws[:, 0] > 5
     assert right.mean() == pytest.approx(0.25, abs=0.06)
     assert found.draws[right].mean(axis=0) == pytest.approx([10.0, 0.0], abs=0.2)

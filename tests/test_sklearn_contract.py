@@ -23,15 +23,17 @@ def line(X, omega, constants):
 
 
 def power_scaled(**parameters):
-    return hs.PowerScaledSurrogate(n_draws=50, sampler="importance", **parameters)
+    return hs.PowerScaledSurrogate(n_draws=50, sampler="importance", random_state=0, **parameters)
 
 
 # a check has thirty columns: higher degrees would have thousands of terms there
 CHECKED = {
-    "power-scaled": hs.PowerScaledSurrogate(n_draws=100),
-    "predictive-weighted": hs.PredictiveWeightedSurrogate(n_draws=100),
-    "kennedy-ohagan": hs.KennedyOHaganSurrogate(surrogate=hs.PolynomialChaos(1), n_draws=50),
-    "multi-source": hs.MultiSourceSurrogate(n_draws=100),
+    "power-scaled": hs.PowerScaledSurrogate(n_draws=100, random_state=0),
+    "predictive-weighted": hs.PredictiveWeightedSurrogate(n_draws=100, random_state=0),
+    "kennedy-ohagan": hs.KennedyOHaganSurrogate(
+        surrogate=hs.PolynomialChaos(1), sampler="importance", n_draws=50, random_state=0
+    ),
+    "multi-source": hs.MultiSourceSurrogate(n_draws=100, random_state=0),
     "gaussian-process": power_scaled(surrogate=hs.GaussianProcess(degree=1)),
     "features": power_scaled(surrogate=hs.FeatureSurrogate(SplineTransformer(n_knots=3))),
     "network": power_scaled(surrogate=hs.NetworkSurrogate(hidden_layer_sizes=(4,))),
