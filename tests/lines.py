@@ -1,0 +1,46 @@
+"""Two straight lines, and the search over causes in measurements of them."""
+
+import numpy as np
+from scipy import stats
+
+import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.evidence import search
+from hybridsurrogate.diagnosis.verdict import form_of
+from hybridsurrogate.effects.catalogue import catalogue
+from hybridsurrogate.estimators.problem import make_context, make_problem
+from hybridsurrogate.inference.linearised import coefficient_belief
+from hybridsurrogate.likelihoods import as_likelihood
+
+LINE = hs.Simulator(
+    lambda t, level, slope: level + slope * t,
+    inputs={"t": (0, 10)},
+    parameters={"level": stats.norm(1, 0.5), "slope": stats.norm(2, 0.3)},
+)
+
+
+LEVEL = hs.Simulator(
+    lambda t, level: level + t, inputs={"t": (0, 4)}, parameters={"level": stats.norm(1, 0.5)}
+)
+
+
+FORMS = ("noise: mean", "noise: tails", "noise: autocorrelation")
+
+
+def problem_of(X, y, simulator=LINE, noise_prior=None):
+    columns = (*simulator.input_names, "extra")[: X.shape[1]]
+    normal = as_likelihood("normal")
+    problem = make_problem(simulator, hs.ExactSurrogate(), normal, noise_prior, (), columns, X, y)
+    location = float(np.mean(y))
+    n_inputs = len(simulator.input_names)
+    context = make_context(
+        simulator, columns, n_inputs, X, problem.scale, normal, problem.model.basis, location
+    )
+    return problem, context
+
+
+def weigh(X, y, simulator=LINE, forms=(*FORMS, "noise", "trend", "step", "bump", "unexplained")):
+    problem, context = problem_of(X, y, simulator)
+    causes = [cause for cause in catalogue(context)[0] if form_of(cause) in forms]
+    found = search(problem, causes, coefficient_belief(problem.model.basis, None))
+    first = found.weighed[int(np.argmax(found.probability))]
+    return found, "none" if first.cause is None else first.cause.name

@@ -1,0 +1,118 @@
+"""What a diagnosis weighs, what it leaves out and why, and causes that cannot work."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from tide import FRAME, NOISE, SIMULATOR, context_of, plain
+
+import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.verdict import form_of
+from hybridsurrogate.effects.catalogue import catalogue
+
+
+@pytest.mark.parametrize(
+    "cause",
+    [
+        hs.Trend("depth"),
+        hs.Periodic("depth"),
+        hs.Step("depth"),
+        hs.Ramp("depth"),
+        hs.Bump("depth"),
+        hs.Decay("depth"),
+        hs.Saturation("depth"),
+        hs.Delay("depth"),
+        hs.ParameterDrift("height", "depth"),
+        hs.MissingInput("depth"),
+        hs.Interaction("t", "depth"),
+        hs.Noise("depth"),
+    ],
+    ids=lambda cause: cause.kind,
+)
+def test_a_column_that_is_not_there(cause):
+    with pytest.raises(ValueError, match=r"no measured column 'depth'; the columns are \['t'"):
+        cause.prepare(context_of())
+
+
+@pytest.mark.parametrize(
+    ("cause", "message"),
+    [
+        (hs.Trend("t", degree=3), "degree of a trend is 1 or 2, got 3"),
+        (hs.Periodic("t", harmonics=0), "harmonics must be 1 or 2, got 0"),
+        (hs.Interaction("t", "t"), "two different columns, got 't' twice"),
+        (hs.Delay("wind"), r"shifts an input of the simulation, and 'wind' is none.*\['t', 'dose'"),
+        (hs.ParameterDrift("speed", "t"), "'speed' is not a parameter"),
+        (hs.ParameterDrift("rate", "t", shape="zigzag"), "shape must be one of.*got 'zigzag'"),
+        (hs.MissingInput("wind", shape="cubic"), "shape must be one of.*got 'cubic'"),
+        (hs.MissingInput("wind", level=2), "level=2 needs shape='categorical'"),
+        (hs.MissingInput("wind", shape="categorical"), "wind has 100 distinct values, 2 to 6"),
+        (hs.MissingInput("batch", shape="categorical", level=9), "'batch' is never 9"),
+    ],
+)
+def test_causes_that_cannot_work(cause, message):
+    with pytest.raises(ValueError, match=message):
+        cause.prepare(context_of())
+
+
+def test_the_whole_catalogue():
+    causes, skipped = catalogue(context_of())
+    drifts = [cause for cause in causes if cause.kind == "parameter-drift"]
+    levels = [cause for cause in causes if getattr(cause, "level", None) is not None]
+    rest = {form_of(cause) for cause in causes if cause not in (*drifts, *levels)}
+    assert rest == {
+        *("offset", "gain", "wrong-constant", "trend", "trend: quadratic", "periodic"),
+        *("periodic: overtone", "step", "ramp", "bump", "decay", "saturation", "delay"),
+        *("interaction", "missing-input", "missing-input: quadratic", "missing-input: categorical"),
+        *("noise", "noise: mean", "noise: tails", "noise: autocorrelation", "unexplained"),
+    }
+    # a continuous column has no levels, and this simulation has no dynamics
+    assert {(s.kind, s.target) for s in skipped} == {
+        ("missing-input", "wind"),
+        ("missing-term", None),
+    }
+    assert {s.reason.partition(":")[0] for s in skipped} == {
+        "categorical",
+        "level",
+        "inside the dynamics",
+    }
+    assert [cause.level for cause in levels] == [1, 2, 3, 4]
+    assert [cause.target for cause in causes if cause.kind == "interaction"] == ["t * dose"]
+    assert len(drifts) == 2 * 2 * 4 + 2 * 2
+
+
+def test_what_is_left_out_comes_with_a_reason():
+    frame = pd.DataFrame({"t": [0.0, 1, 2, 3, 3, 3], "side": [0.0, 0, 0, 1, 1, 1]})
+    simulator = hs.Simulator(lambda t: t, inputs={"t": (0, 3)})
+    _, skipped = catalogue(context_of(frame, simulator, "lognormal"))
+    reasons = {}
+    for s in skipped:
+        reasons.setdefault(s.kind, []).append(s.reason)
+    assert "a factor, weighed as gain" in reasons["offset"][0]
+    assert reasons["interaction"] == ["a product needs two inputs, the simulation has one"]
+    assert reasons["wrong-constant"] == ["the simulation has no assumed constants"]
+    assert reasons["parameter-drift"] == ["the simulation has no parameters"]
+    assert reasons["delay"] == ["t has 4 distinct values, 5 are needed"]
+    assert reasons["step"] == ["t has 4 distinct values, 6 are needed"]
+    assert reasons["periodic"][1] == "overtone: t has 4 distinct values, 12 are needed"
+    few = "6 rows are too few"
+    assert sorted(reasons["noise"]) == [few] * 2 + [
+        f"autocorrelation: {few}",
+        f"mean: {few}",
+        f"tails: {few}",
+    ]
+    assert any("straight line over it says the same" in r for r in reasons["missing-input"])
+    _, without = catalogue(context_of(frame[["t"]], simulator))
+    assert ("missing-input", "no measured column beside the inputs") in {
+        (s.kind, s.reason) for s in without
+    }
+
+
+def test_a_diagnosis_weighs_the_whole_catalogue():
+    y = plain(FRAME) + NOISE * np.random.default_rng(0).standard_normal(len(FRAME))
+    model = hs.PowerScaledSurrogate(
+        SIMULATOR, surrogate=hs.ExactSurrogate(), random_state=0, n_draws=100
+    )
+    found = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(FRAME, y)
+    causes, skipped = catalogue(context_of())
+    # and "none"
+    assert len(found.search_.weighed) == 1 + len(causes)
+    assert len(found.causes_) == 1 + len(causes) + len(skipped)

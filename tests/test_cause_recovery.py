@@ -1,0 +1,73 @@
+"""A cause of every kind is recovered from data, and the extended simulator has it."""
+
+import numpy as np
+import pytest
+from tide import CASES, FRAME, NOISE, SIMULATOR, problem_of
+
+import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.extension import extend_simulator
+
+
+@pytest.fixture(scope="module")
+def fits():
+    """Return a function that fits the estimator of a case, once."""
+    made = {}
+
+    def fit(name):
+        if name not in made:
+            cause, truth, _ = CASES[name]
+            rng = np.random.default_rng(list(CASES).index(name))
+            scatter = NOISE * rng.standard_normal(len(FRAME))
+            if name == "noise":
+                scatter *= np.exp(0.2 * (FRAME.t.to_numpy() - 6))
+            y = np.asarray(truth(FRAME)) + scatter
+            columns = ["t", "dose", *(c for c in cause.reads if c in ("wind", "batch"))]
+            model = hs.PowerScaledSurrogate(
+                SIMULATOR,
+                surrogate=hs.ExactSurrogate(),
+                effects=(cause,),
+                n_draws=400,
+                random_state=0,
+            )
+            made[name] = model.fit(FRAME[columns], y), FRAME[columns], y
+        return made[name]
+
+    return fit
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.filterwarnings("ignore::hybridsurrogate.exceptions.SamplingWarning")
+def test_the_truth_is_recovered(fits, name):
+    model, _, _ = fits(name)
+    estimates = model.posterior_.estimates(0)
+    for quantity, truth in CASES[name][2].items():
+        low, high = np.quantile(estimates[quantity], [0.005, 0.995])
+        assert low < truth < high, (quantity, low, truth, high)
+        assert high - low < 2 * abs(truth) + 0.5
+    means = {key: float(np.mean(draws)) for key, draws in estimates.items()}
+    words = model.posterior_.model.effects[0].formula(means)
+    assert words.startswith(("simulation", "1.", "0.9"))
+    assert "{" not in words
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.filterwarnings("ignore::hybridsurrogate.exceptions.SamplingWarning")
+def test_the_extended_simulator_is_simulator_and_effect(fits, name):
+    model, frame, y = fits(name)
+    posterior = model.posterior_
+    cause = posterior.model.effects[0]
+    problem = problem_of(frame, y)
+    if name == "noise":
+        with pytest.raises(ValueError, match="leaves the simulation as it is"):
+            extend_simulator(SIMULATOR, cause, problem)
+        return
+    extended = extend_simulator(SIMULATOR, cause, problem)
+    X = frame.to_numpy(dtype=float)
+    eta, _ = posterior.eta(X)
+    assert set(extended.input_names) == set(frame.columns)
+    for draw in (0, 9):
+        omega = np.concatenate([posterior.values[draw], posterior.effect_coefficients[draw]])
+        run = extended(X, np.tile(omega, (len(X), 1)))
+        np.testing.assert_allclose(run, eta[draw], rtol=1e-10)
+    # and the fitted one follows the noise-free truth
+    assert np.sqrt(np.mean((model.predict(frame) - np.asarray(CASES[name][1](FRAME))) ** 2)) < 0.06

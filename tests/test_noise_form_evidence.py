@@ -1,0 +1,168 @@
+"""The evidence for other forms of noise, and what a diagnosis makes of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from hidden_effects.cases import make_case
+from lines import FORMS, LEVEL, LINE, problem_of, weigh
+from scipy import stats
+from scipy.special import logsumexp
+
+import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.discrepancy import predict_locally
+from hybridsurrogate.diagnosis.evidence import search
+from hybridsurrogate.diagnosis.freed import freed
+from hybridsurrogate.diagnosis.null import _replicates, null_test
+from hybridsurrogate.inference.layout import layout
+from hybridsurrogate.inference.linearised import coefficient_belief, linearise
+from hybridsurrogate.inference.noise import NoiseTable
+from hybridsurrogate.inference.scan import scan
+from hybridsurrogate.likelihoods.contaminated import log_shape
+
+
+def test_evidence_of_outliers_equals_brute_force():
+    t = np.linspace(0, 4, 40)
+    rng = np.random.default_rng(1)
+    y = 1.3 + t + 0.3 * rng.standard_normal((3, 40))
+    y[1, 4] += 3
+    y[2, [1, 7]] += [-2, 5]
+    prior = stats.halfnorm(scale=1.5)
+    problem, context = problem_of(t[:, None], y[0], LEVEL, prior)
+    cause = hs.Outliers().prepare(context)
+    model = problem.model.with_effects((cause,))
+    plan = layout(model)
+    parts = linearise(model, problem.X, coefficient_belief(model.basis, None), plan, plan.neutral)
+    table = NoiseTable(prior, problem.scale, len(t))
+    # the measured response alone is followed to the end, replicates in a batch nearly so
+    batch = scan(parts, y, 0.4, table, np.array([1.0]))
+    found = np.concatenate([scan(parts, one[None], 0.4, table, np.array([1.0])) for one in y])
+    np.testing.assert_allclose(batch, found, rtol=0, atol=0.3)
+    level, log_sigma = np.linspace(0, 2.5, 151), np.linspace(np.log(0.05), np.log(4), 151)
+    cell = (level[1] - level[0]) * (log_sigma[1] - log_sigma[0])
+    z = (y[:, None, None, :] - level[:, None, None] - t) / np.exp(log_sigma)[:, None]
+    weight = stats.norm(1, 0.5).logpdf(level)[:, None] + prior.logpdf(np.exp(log_sigma)) + log_sigma
+    brute = np.empty_like(found)
+    for k, share in enumerate(plan.grid[:, 0]):
+        rows = log_shape(z, share) - log_sigma[:, None]
+        brute[:, k] = logsumexp(rows.sum(axis=-1) + weight, axis=(1, 2)) + np.log(cell)
+    brute += plan.log_weight
+    # nodes at which rows may be read either way have a flat sigma; those that count do not
+    np.testing.assert_allclose(found, brute, rtol=0, atol=0.3)
+    total, told = logsumexp(brute, axis=1), logsumexp(found, axis=1)
+    np.testing.assert_allclose(told, total, rtol=0, atol=0.1)
+
+
+def test_evidence_of_noise_that_follows_the_output_equals_the_marginal_likelihood():
+    t = np.linspace(0, 4, 9)
+    y = 1.2 + t + 0.3 * np.random.default_rng(1).standard_normal((2, 9))
+    problem, context = problem_of(t[:, None], y[0], LEVEL)
+    cause = hs.NoiseOfMean().prepare(context)
+    model = problem.model.with_effects((cause,))
+    plan, sigma = layout(model), 0.4
+    z = np.full(model.n_unknowns, 0.2)
+    parts = linearise(model, problem.X, coefficient_belief(model.basis, None), plan, z)
+
+    def fixed_sigma(squares):
+        return -0.5 * 9 * np.log(2 * np.pi * sigma**2) - 0.5 * squares / sigma**2
+
+    found = scan(parts, y, sigma, fixed_sigma, np.array([1.0]))
+    # the noise is that of the simulation at the point of linearisation
+    eta = 1 + 0.2 * 0.5 + t
+    size = np.sqrt(np.mean(y[0] ** 2))
+    for k, exponent in enumerate(plan.grid[:, 0]):
+        factor = np.hypot(eta / size, 0.05) ** exponent
+        covariance = 0.25 + np.diag((sigma * factor) ** 2)
+        expected = stats.multivariate_normal(1 + t, covariance).logpdf(y) + plan.log_weight[k]
+        np.testing.assert_allclose(found[:, k], expected, atol=1e-5)
+
+
+def test_evidence_of_autocorrelation_equals_the_marginal_likelihood():
+    t = np.linspace(0, 10, 16)
+    y = 1.2 + 2 * t + np.random.default_rng(1).standard_normal((2, 16))
+    problem, context = problem_of(t[:, None], y[0])
+    cause = hs.Autocorrelation("t").prepare(context)
+    model = problem.model.with_effects((cause,))
+    plan, sigma, sizes = layout(model), 0.4, np.array([0.3, 1.0])
+    parts = linearise(model, problem.X, coefficient_belief(model.basis, None), plan, plan.neutral)
+
+    def fixed_sigma(squares):
+        return -0.5 * 16 * np.log(2 * np.pi * sigma**2) - 0.5 * squares / sigma**2
+
+    found = scan(parts, y, sigma, fixed_sigma, sizes)
+    line = 0.5**2 + 0.3**2 * np.outer(t, t) + sigma**2 * np.eye(16)
+    for k, length in enumerate(plan.grid[:, 0]):
+        columns = cause.columns({"t": t}, {"length": np.full(16, length), "amplitude": np.ones(16)})
+        process = columns @ columns.T / np.mean(np.sum(columns**2, axis=1))
+        terms = [
+            stats.multivariate_normal(1 + 2 * t, line + s**2 * process).logpdf(y) for s in sizes
+        ]
+        expected = logsumexp(terms, axis=0) - np.log(2) + plan.log_weight[k]
+        np.testing.assert_allclose(found[:, k], expected, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("form", "name"),
+    [
+        ("noise: mean", "noise(output)"),
+        ("noise: tails", "noise(outliers)"),
+        ("noise: autocorrelation", "noise(day, autocorrelated)"),
+    ],
+)
+def test_blind_cases_are_named(form, name):
+    first = []
+    for seed in range(3):
+        case = make_case(form, 4.0, seed, n_rows=60, simulation="epidemic")
+        first.append(weigh(case.X[:, :1], case.y, case.simulator)[1])
+    assert first.count(name) >= 2, first
+
+
+def test_nothing_is_named_where_nothing_is_wrong():
+    t = np.linspace(0, 10, 60)
+    above = []
+    for seed in range(4):
+        y = 1 + 2 * t + np.random.default_rng(seed).standard_normal(60)
+        found, first = weigh(t[:, None], y, forms=(*FORMS, "trend"))
+        assert first == "none"
+        above += [w.log_evidence - found.weighed[0].log_evidence for w in found.weighed[1:4]]
+    assert np.mean(np.array(above) < 0) >= 0.8
+    test = null_test(found, 100, np.random.RandomState(0))
+    assert np.mean(test.replicates > 1) < 0.1
+
+
+def test_a_diagnosis_names_outliers_and_predicts_without_them():
+    rng = np.random.default_rng(0)
+    frame = pd.DataFrame({"t": np.linspace(0, 10, 50)})
+    y = 1 + 2 * frame.t.to_numpy() + 0.3 * rng.standard_normal(50)
+    y[::10] += 6
+    model = hs.PowerScaledSurrogate(
+        LINE, surrogate=hs.ExactSurrogate(), random_state=0, n_draws=100
+    )
+    found = hs.DiscrepancyDiagnosis(
+        model, causes=[hs.Outliers(), hs.NoiseOfMean()], cv=None, max_causes=2, random_state=0
+    ).fit(frame, y)
+    assert found.best_cause_.kind == "noise"
+    _, low, high = found.best_cause_.estimates["share"]
+    assert low < 0.1 < high
+    assert found.extended_simulator_ is None
+    assert "outliers" in found.best_cause_.latex
+    _, variance = predict_locally(found.search_, found.search_.weighed[0], np.array([[5.0]]))
+    assert variance[0] > 1
+
+
+def test_replicates_beside_accepted_noise_have_that_noise():
+    rng = np.random.default_rng(0)
+    t = np.linspace(0, 10, 120)
+    sd = 0.1 * (1 + t)  # eleven times as large in the end
+    y = 1 + 2 * t + sd * rng.standard_normal(120)
+    found, name = weigh(t[:, None], y, forms=("noise", "trend"))
+    assert name == "noise(t)"
+    first = next(w for w in found.weighed if w.cause and w.cause.name == name)
+    problem = replace(found.problem, model=found.problem.model.with_effects((first.cause,)))
+    others = [w.cause for w in found.weighed if w.cause and w is not first]
+    beside = search(problem, others, found.belief, False, first)
+    drawn = _replicates(beside, freed(beside), 400, np.random.RandomState(0))
+    spread = drawn.std(axis=0)
+    expected = sd[-40:].mean() / sd[:40].mean()
+    assert spread[-40:].mean() / spread[:40].mean() == pytest.approx(expected, rel=0.25)

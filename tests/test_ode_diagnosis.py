@@ -1,0 +1,154 @@
+"""Causes inside the dynamics: fitted, named, and put into the simulation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from epidemic import hidden_fall, make_epidemic
+from scipy import stats
+
+import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.preparation import prepare
+from hybridsurrogate.diagnosis.rehearsal import extended_simulator
+from hybridsurrogate.dynamics import TimeVaryingParameter
+
+
+def test_estimator_finds_a_hidden_fall_of_the_contact_rate():
+    model = hs.PowerScaledSurrogate(
+        make_epidemic(max_step=0.5),
+        surrogate=hs.ExactSurrogate(),
+        effects=(hs.DynamicDrift("contact_rate", "logistic"),),
+        likelihood="lognormal",
+        n_draws=500,
+        random_state=0,
+    )
+    inside = []
+    for seed in range(8):
+        t, y = hidden_fall(seed)
+        draws = model.fit(t, y).posterior_.estimates(0)
+        for name, truth in {"amount": -0.65, "location": 22.0, "width": 3.0}.items():
+            low, high = np.quantile(draws[name], [0.025, 0.975])
+            inside.append(low < truth < high)
+        assert np.median(np.abs(model.predict(t) / y - 1)) < 0.06
+    # of 24 intervals at 95 %: fewer than 20 would happen once in 150 times
+    assert np.sum(inside) >= 20
+
+
+@pytest.fixture(scope="module")
+def diagnosed():
+    t, y = hidden_fall()
+    model = hs.PowerScaledSurrogate(
+        make_epidemic(max_step=0.5),
+        surrogate=hs.ExactSurrogate(),
+        likelihood="lognormal",
+        n_draws=400,
+        random_state=0,
+    )
+    return hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(t, y)
+
+
+def test_diagnosis_names_the_hidden_fall(diagnosed):
+    assert diagnosed.verdict_ == "named"
+    found = diagnosed.best_cause_
+    assert (found.kind, found.target) == ("parameter-drift", "contact_rate")
+    assert "contact_rate falling by" in found.formula
+    assert "logistic" in found.formula
+    assert abs(found.estimates["location"][0] - 22) < 3
+    assert {"missing-term", "wrong-constant"} <= set(diagnosed.causes_["kind"])
+
+
+def test_extended_simulator_is_an_ode_with_the_cause_in_it(diagnosed):
+    simulator = diagnosed.extended_simulator_
+    assert isinstance(simulator, hs.OdeSimulator)
+    names = [f"contact_rate_logistic_{name}" for name in ("amount", "location", "width")]
+    assert list(simulator.parameters) == ["contact_rate", *names]
+    assert simulator.modifiers == {}
+    t = np.linspace(2, 58, 9)[:, None]
+    posterior = diagnosed.extended_estimator_.posterior_
+    eta, _ = posterior.eta(t)
+    omega = np.repeat(posterior.values, len(t), axis=0)
+    values = simulator(np.tile(t, (len(eta), 1)), omega).reshape(eta.shape)
+    np.testing.assert_allclose(np.log(values), eta, atol=1e-9)
+    assert np.isfinite(simulator.run(32, random_state=0).y).all()
+    # and it can be modified once more under names that are free
+    second_fall = hs.PowerScaledSurrogate(
+        simulator,
+        surrogate=hs.ExactSurrogate(),
+        effects=(hs.DynamicTerm("i", "proportional"),),
+        likelihood="lognormal",
+        n_draws=100,
+        random_state=0,
+    )
+    assert "rate" in second_fall.fit(*hidden_fall()).posterior_.estimates(0)
+
+
+def test_extension_changes_the_dynamics_before_the_output():
+    t, y = hidden_fall()
+    fall = hs.DynamicDrift("contact_rate", "step")
+    model = hs.PowerScaledSurrogate(
+        make_epidemic(max_step=1.0),
+        surrogate=hs.ExactSurrogate(),
+        effects=(hs.Gain(), fall),
+        likelihood="lognormal",
+        n_draws=50,
+        random_state=0,
+    ).fit(t, y)
+    posterior = model.posterior_
+    problem = prepare(model, ()).problem
+    extended = extended_simulator(model.simulation.simulator, posterior.model.effects, problem)
+    assert list(extended.parameters) == [
+        "contact_rate",
+        "contact_rate_step_amount",
+        "contact_rate_step_location",
+        "log_gain",
+    ]
+    # on a logarithmic scale a gain is a column
+    values = [*posterior.values[0], *posterior.effect_coefficients[0]]
+    np.testing.assert_allclose(
+        np.log(extended(t, np.tile(values, (len(t), 1)))), posterior.eta(t)[0][0], atol=1e-9
+    )
+
+
+def test_an_initial_state_does_not_drift_in_time():
+    def decay(time, state, rate):
+        return -rate * state
+
+    simulator = hs.OdeSimulator(
+        decay,
+        initial_state=lambda start, rate, both: [start + rate + both],
+        observe=lambda state, scale, both: scale * state[0] + both,
+        inputs={"t": (0, 4)},
+        parameters=dict.fromkeys(("start", "rate", "scale", "both"), stats.uniform(0.5, 1)),
+        states="n",
+    )
+    assert simulator.starts == ("start",)
+    changed = simulator.modified(
+        [TimeVaryingParameter("rate", "step")], {"rate_step_amount": stats.norm(0, 1)}
+    )
+    assert changed.starts == ("start",)
+    X = pd.DataFrame({"t": np.linspace(0.2, 4, 20), "day": np.tile([0.0, 1.0], 10)})
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), n_draws=50, random_state=0
+    )
+    prepared = prepare(model.fit(X, np.exp(-X["t"])), ())
+    drifts = [cause for cause in prepared.causes if isinstance(cause, hs.ParameterDrift)]
+    # on another day it may be another start, and two days are enough to tell
+    assert {cause.column for cause in drifts if cause.parameter == "start"} == {"day"}
+    assert {cause.column for cause in drifts if cause.parameter == "scale"} == {"t", "day"}
+    assert ("start", "over t: it sets the initial state and nothing else") in {
+        (skipped.target, skipped.reason) for skipped in prepared.skipped
+    }
+
+
+def test_catalogue_says_why_the_dynamics_are_not_weighed():
+    t, y = hidden_fall(n=12)
+    model = hs.PowerScaledSurrogate(
+        make_epidemic(max_step=0.5).run(64, random_state=0),
+        likelihood="lognormal",
+        n_draws=100,
+        random_state=0,
+    )
+    diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, n_replicates=20, random_state=0).fit(t, y)
+    notes = diagnosis.causes_.set_index("kind")["note"]
+    assert "needs an OdeSimulator" in notes["missing-term"]
