@@ -12,6 +12,7 @@ import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.folds import folds_beyond, future_folds, random_folds
 from hybridsurrogate.diagnosis.gain import FoldGain, Held, gain_over, pointwise
 from hybridsurrogate.diagnosis.trust import best_betas, scan_beta
+from hybridsurrogate.estimators.carried import fitted_near
 
 
 def line(t, level, slope):
@@ -61,6 +62,34 @@ def test_order_along_the_only_input_or_in_time(simulator):
         states="n",
     )
     assert len(folds_beyond(ode, X)) == 3
+
+
+def test_a_fold_is_fitted_from_the_proposals_of_the_whole(simulator):
+    t = np.linspace(0, 14, 60)
+    y = line(t, 1.0, 0.8) + 2 * (t > 7) + 0.5 * np.random.default_rng(0).standard_normal(60)
+    model = hs.PowerScaledSurrogate(
+        simulator,
+        surrogate=hs.ExactSurrogate(),
+        effects=[hs.Step("t")],
+        n_draws=4000,
+        random_state=0,
+    )
+    whole = clone(model).fit(t[:, None], y)
+    rows = np.flatnonzero(np.arange(60) % 5 != 2)
+    near = fitted_near(model, t[rows, None], y[rows], whole)
+    anew = clone(model).fit(t[rows, None], y[rows])
+    assert not np.allclose(
+        near.posterior_.values.mean(axis=0), whole.posterior_.values.mean(axis=0)
+    )
+    for name in ("values", "sigma", "effect_coefficients"):
+        found, expected = (getattr(one.posterior_, name) for one in (near, anew))
+        sd = expected.std(axis=0)
+        # four errors of the difference of two means; of the sds likewise
+        n = min(one.diagnostics_.effective_draws for one in (near, anew))
+        assert np.max(np.abs(found.mean(axis=0) - expected.mean(axis=0)) / sd) < 4 * np.sqrt(2 / n)
+        np.testing.assert_allclose(found.std(axis=0), sd, rtol=6 / np.sqrt(n))
+    # what is true of other data serves nobody
+    assert fitted_near(model, t[rows, None], 5 - 3 * y[rows], whole) is None
 
 
 class Told:

@@ -23,7 +23,13 @@ from hybridsurrogate.diagnosis.interruption import InterruptedSearch
 from hybridsurrogate.diagnosis.next_measurement import next_measurement
 from hybridsurrogate.diagnosis.preparation import Prepared, prepare, trained_emulator
 from hybridsurrogate.diagnosis.proof import proof
-from hybridsurrogate.diagnosis.rehearsal import Rehearsal, accepted, extended, extended_simulator
+from hybridsurrogate.diagnosis.rehearsal import (
+    Pair,
+    Rehearsal,
+    accepted,
+    extended,
+    extended_simulator,
+)
 from hybridsurrogate.diagnosis.settings import check_rows, check_settings
 from hybridsurrogate.diagnosis.trust import scan_beta
 from hybridsurrogate.diagnosis.verdict import cause_table, credible_kinds, not_reached, verdict_on
@@ -213,6 +219,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
             clone(self.estimator),
             tuple(self.causes),
             self.search_,
+            Pair(self.estimator_, self.extended_estimator_, self.best_cause_.kind),
             int(self.max_causes),
             self.false_alarm_rate,
         )

@@ -16,6 +16,7 @@ from hybridsurrogate.diagnosis.extension import extend_simulator
 from hybridsurrogate.diagnosis.forward import Step, forward_search
 from hybridsurrogate.diagnosis.preparation import prepare, with_basis
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.estimators.carried import fitted_near
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.exceptions import HybridSurrogateWarning
@@ -46,6 +47,8 @@ class Rehearsal:
     found : Search
         On all rows: emulator and belief come from the runs alone, which are the same in each fold,
         and climbs start where its climbs ended.
+    fitted : Pair
+        On all rows: fits of the same causes start from their proposals.
     max_causes : int
     false_alarm_rate : float
     """
@@ -53,6 +56,7 @@ class Rehearsal:
     estimator: PowerScaledSurrogate
     own: Sequence[Cause]
     found: Search
+    fitted: Pair
     max_causes: int
     false_alarm_rate: float
 
@@ -60,7 +64,7 @@ class Rehearsal:
         """Return the models before and after for these rows."""
         draws = min(int(self.estimator.n_draws), FOLD_DRAWS)
         plain = clone(self.estimator).set_params(n_draws=draws)
-        before = quickly_fitted(plain, X, y)
+        before = quickly_fitted(plain, X, y, self.fitted.before)
         prepared = prepare(before, self.own)
         problem = with_basis(prepared.problem, self.found.problem.model.basis)
         steps = forward_search(
@@ -76,20 +80,29 @@ class Rehearsal:
         )
         after, causes = before, accepted(steps)
         if causes:
-            after = quickly_fitted(clone(plain).set_params(effects=causes), X, y)
+            same = [c.name for c in causes] == [c.name for c in self.fitted.after.effects]
+            near = self.fitted.after if same else None
+            after = quickly_fitted(clone(plain).set_params(effects=causes), X, y, near)
         return Pair(before, after, kind_of(steps[0].chosen))
 
 
 def quickly_fitted(
-    estimator: PowerScaledSurrogate, X: ArrayLike, y: ArrayLike
+    estimator: PowerScaledSurrogate,
+    X: ArrayLike,
+    y: ArrayLike,
+    near: PowerScaledSurrogate | None = None,
 ) -> PowerScaledSurrogate:
     """Fit by importance draws; by the ensemble only where these are not to be trusted.
 
     An ensemble that smooths trusted draws of several modes is worth its time in a model that is
-    kept, not in one of many folds.
+    kept, not in one of many folds. Its proposals are those of ``near``, fitted to all rows, if
+    these serve.
     """
     if estimator.sampler != "auto":
         return estimator.fit(X, y)
+    known = fitted_near(estimator, X, y, near) if near is not None else None
+    if known is not None:
+        return known
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", HybridSurrogateWarning)
         quick = clone(estimator).set_params(sampler="importance").fit(X, y)

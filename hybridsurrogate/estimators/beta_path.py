@@ -13,18 +13,15 @@ from sklearn.base import clone
 from sklearn.utils import check_random_state
 
 from hybridsurrogate.estimators.base import SurrogateEstimator
-from hybridsurrogate.estimators.first_step import FirstStep, of_importance
-from hybridsurrogate.estimators.fitting import Fit, finish, fit_problem, make_target
+from hybridsurrogate.estimators.carried import carried
+from hybridsurrogate.estimators.fitting import fit_problem
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.estimators.predictive_weighted import PredictiveWeightedSurrogate
-from hybridsurrogate.estimators.problem import Problem
-from hybridsurrogate.inference.importance import Proposals
-from hybridsurrogate.inference.moment_matching import matched_draws
-from hybridsurrogate.inference.pareto import KHAT_LIMIT
 from hybridsurrogate.inference.powers import powers_of
 from hybridsurrogate.priors import FloatArray
 
-_MIN_EFFECTIVE = 200.0
+# a fit has three: a path costs less
+_PROPOSALS_A_DRAW = 1.5
 
 
 @dataclass(frozen=True)
@@ -128,9 +125,8 @@ def _power_scaled_path(
         source = _nearest(out, grid, k)
         if source is not None:
             known = out[source]._fitted[1].proposals
-            fit = _carried(
-                problem, _thinned(known, int(one.n_draws)), float(grid[k]), int(one.n_draws), random
-            )
+            n, powers = int(one.n_draws), powers_of(float(grid[k]))
+            fit = carried(problem, powers, known, n, int(_PROPOSALS_A_DRAW * n), random)
         refitted[k] = fit is None
         if fit is None:
             fit = fit_problem(
@@ -141,14 +137,6 @@ def _power_scaled_path(
         out[k] = one._keep(rows, problem, fit)
         fit.diagnostics.warn()
     return BetaPath(grid, [out[k] for k in range(len(grid))], refitted, khat)
-
-
-def _thinned(proposals: Proposals | None, n_draws: int) -> Proposals | None:
-    """Return one and a half proposals a draw: a fit has three, so that a path costs less."""
-    if proposals is None or len(proposals.points) <= 1.5 * n_draws:
-        return proposals
-    index = np.linspace(0, len(proposals.points) - 1, int(1.5 * n_draws)).astype(int)
-    return Proposals(proposals.points[index], proposals.log_density[index])
 
 
 def _outwards(grid: FloatArray) -> list[int]:
@@ -162,23 +150,3 @@ def _nearest(out: dict[int, Any], grid: FloatArray, k: int) -> int | None:
         return None
     powers = np.stack(powers_of(grid))
     return min(out, key=lambda j: float(np.abs(powers[:, j] - powers[:, k]).sum()))
-
-
-def _carried(
-    problem: Problem,
-    proposals: Proposals | None,
-    beta: float,
-    n_draws: int,
-    random_state: np.random.RandomState,
-) -> Fit | None:
-    """Return the fit at beta from proposals made for another, None where they do not serve."""
-    if proposals is None:
-        return None
-    target = make_target(problem, *powers_of(beta) if problem.runs is not None else (0.0, 1.0))
-    density, n_noise = target.extended_log_density, target.n_noise
-    sampled = matched_draws(density, proposals, n_draws, random_state, n_noise=n_noise)
-    if not (sampled.khat <= KHAT_LIMIT and sampled.effective_draws >= _MIN_EFFECTIVE):
-        return None
-    drawn = target.resolved(sampled.draws, random_state)
-    step = FirstStep(*drawn, of_importance(sampled, 1), sampled.proposals)
-    return finish(problem, step, random_state)

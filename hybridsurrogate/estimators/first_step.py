@@ -39,7 +39,7 @@ _PROPOSAL_SHARE = 1e-5
 class FirstStep:
     """Draws of step 1: u (S, d), coefficients c (S, p) and a (S, q), and how good they are.
 
-    ``proposals`` are what importance draws were chosen from, None for other samplers.
+    ``proposals`` are what importance draws were chosen from, None where these were not trusted.
     """
 
     u: FloatArray
@@ -112,7 +112,7 @@ def _collapsed_draws(
         if trusted:
             # the shares of far modes are right already; the ensemble only smooths
             run = short_ensemble(log_density, sampled.draws, n_draws, random_state)
-            return run.draws, _of_ensemble(run, len(modes)), None
+            return run.draws, _of_ensemble(run, len(modes)), sampled.proposals
     backend = sampler if isinstance(sampler, EnsembleSampler) else EnsembleSampler()
     run = backend.run(log_density, modes, n_draws, random_state)
     return run.draws, _of_ensemble(run, len(modes)), None

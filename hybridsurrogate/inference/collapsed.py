@@ -23,8 +23,9 @@ _LOG_2PI = float(np.log(2 * np.pi))
 
 _NO_NOISE = 1e-20
 
-# numbers in one block of matrices; larger batches are cut so that memory stays bounded
-_BLOCK = 8_000_000
+# numbers in one block of matrices, and of measured rows, on which many small steps work: larger
+# batches are cut so that memory stays bounded, and rows in the processor's cache
+_BLOCK, _ROWS_BLOCK = 8_000_000, 250_000
 
 
 @dataclass(frozen=True)
@@ -206,8 +207,11 @@ class CollapsedPosterior:
 
     def _blocks(self, u: FloatArray) -> list[FloatArray]:
         """Cut a batch so that the matrices of one piece fit into memory."""
-        size = len(self._prior[0]) + 1
-        length = max(1, _BLOCK // (size * (len(self.y) if self._few else size)))
+        size, n = len(self._prior[0]) + 1, len(self.y) if self.measured_power else 0
+        length = _BLOCK // (size * n if self._few else size**2)
+        if n:
+            length = min(length, _ROWS_BLOCK // (size * n))
+        length = max(1, length)
         return [u[k : k + length] for k in range(0, max(len(u), 1), length)]
 
     def _gram(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -1,0 +1,100 @@
+"""A fit from the proposals that were made for a neighbouring one."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+from sklearn.base import clone
+from sklearn.utils import check_random_state
+
+from hybridsurrogate.estimators.first_step import FirstStep, of_importance
+from hybridsurrogate.estimators.fitting import Fit, finish, make_target
+from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.estimators.problem import Problem
+from hybridsurrogate.inference.importance import Proposals
+from hybridsurrogate.inference.moment_matching import matched_draws
+from hybridsurrogate.inference.pareto import KHAT_LIMIT
+from hybridsurrogate.priors import FloatArray
+
+_MIN_EFFECTIVE = 200.0
+# proposals for each draw that a fit to other rows keeps: as many as a fit from scratch has
+_PROPOSALS_A_DRAW = 3
+
+
+def carried(
+    problem: Problem,
+    powers: tuple[float, float | FloatArray],
+    proposals: Proposals | None,
+    n_draws: int,
+    n_proposals: int,
+    random_state: np.random.RandomState,
+) -> Fit | None:
+    """Return the fit of a problem from proposals made for another, None where they do not serve.
+
+    They do not where their k-hat exceeds 0.7 or fewer than 200 effective draws are left, after
+    moment matching.
+
+    Parameters
+    ----------
+    powers : (alpha_S, alpha_R)
+    proposals : Proposals or None
+        For the same unknowns, at other powers or for other rows; None of an ensemble.
+    n_proposals : int
+        At most so many of them are used.
+    """
+    if proposals is None:
+        return None
+    target = make_target(problem, *powers if problem.runs is not None else (0.0, 1.0))
+    sampled = matched_draws(
+        target.extended_log_density,
+        _thinned(proposals, n_proposals),
+        n_draws,
+        random_state,
+        n_noise=target.n_noise,
+    )
+    if not (sampled.khat <= KHAT_LIMIT and sampled.effective_draws >= _MIN_EFFECTIVE):
+        return None
+    drawn = target.resolved(sampled.draws, random_state)
+    step = FirstStep(*drawn, of_importance(sampled, 1), sampled.proposals)
+    return finish(problem, step, random_state)
+
+
+def fitted_near(
+    estimator: PowerScaledSurrogate, X: ArrayLike, y: ArrayLike, known: PowerScaledSurrogate
+) -> PowerScaledSurrogate | None:
+    """Return an estimator fitted to rows X, y by the proposals of its fit to most of them and more.
+
+    None where these do not serve.
+
+    Parameters
+    ----------
+    estimator : PowerScaledSurrogate
+        Not fitted.
+    X, y : array-like of shape (n, n_columns), (n,)
+    known : PowerScaledSurrogate
+        Fitted, with the same unknowns.
+    """
+    out = clone(estimator)
+    surrogate, likelihood = out._check_parameters()
+    rows = out._check_fit_data(X, y, likelihood)
+    problem = out._problem(surrogate, likelihood, rows)
+    n = int(out.n_draws)
+    fit = carried(
+        problem,
+        out._powers(rows.X),
+        known._fitted[1].proposals,
+        n,
+        _PROPOSALS_A_DRAW * n,
+        check_random_state(out.random_state),
+    )
+    if fit is None:
+        return None
+    fit.diagnostics.warn()
+    return out._keep(rows, problem, fit)
+
+
+def _thinned(proposals: Proposals, n: int) -> Proposals:
+    if len(proposals.points) <= n:
+        return proposals
+    index = np.linspace(0, len(proposals.points) - 1, n).astype(int)
+    return Proposals(proposals.points[index], proposals.log_density[index])
