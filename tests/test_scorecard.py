@@ -153,6 +153,22 @@ def test_interval_coverage():
     assert np.isnan(coverage.loc["all", "low"])
 
 
+def test_noise_is_held_against_the_best_test():
+    found = table(
+        row("noise", "noise", size=2.0),
+        row("noise", "none", size=2.0),
+        row("noise: tails", "none", size=0.01),
+        row("noise", "noise", size=8.0, rows=120),
+        row("step", "noise"),
+    )
+    limits = tables.noise_limits(found)
+    assert limits["detected"].to_dict() == {("noise", 2.0, 40): 0.5, ("noise: tails", 0.01, 40): 0}
+    assert 0.8 < limits.loc[("noise", 2.0, 40), "limit"] < 1
+    # what is not there is "found" as often as the test raises a false alarm
+    assert limits.loc[("noise: tails", 0.01, 40), "limit"] == pytest.approx(0.05, abs=0.015)
+    assert tables.noise_limits(found[found["kind"] == "step"]).empty
+
+
 def test_both_named():
     found = table(
         row("trend+step", "trend", several="trend|step"),

@@ -105,7 +105,7 @@ def draw_setting(simulator: Simulator, n_rows: int, rng: np.random.Generator) ->
     return Setting(simulator, omega, X, X_out, low, span, float(np.ptp(output)))
 
 
-def _along(x: Array, ratio: float) -> Array:
+def along(x: Array, ratio: float) -> Array:
     """Return a factor on the noise, ``ratio`` from end to end and one in root mean square."""
     shape = ratio ** ((x - x.min()) / np.ptp(x))
     return shape / rms(shape)
@@ -181,7 +181,7 @@ def make_case(
             left, noise_sd = np.zeros(n_rows), between(rng, 0.01, 0.1) * setting.output_range
             if kind == "noise":
                 numbers["ratio"] = (1 + size) ** numbers.pop("sign")
-                noise_shape = _along(setting.X[:, numbers.pop("column")], numbers["ratio"])
+                noise_shape = along(setting.X[:, numbers.pop("column")], numbers["ratio"])
         else:
             left = left_over(setting.simulator, setting.X, mu)
             noise_sd = rms(left) / size

@@ -24,10 +24,11 @@ _NAMES = {
     "both": "both named",
     "one": "one of them",
     "wrong": "something else too",
+    "limit": "best test detects",
     "low": "95 % low",
     "high": "95 % high",
 }
-_RATES = ("detected", "exact", "alike", "same", "covered", "rate", "upper")
+_RATES = ("detected", "exact", "alike", "same", "covered", "rate", "upper", "limit")
 _SHARES = frozenset([*_RATES, "coverage", "right", "stated", "both", "one", "wrong", "low", "high"])
 
 
@@ -61,6 +62,14 @@ def sections(table: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
         "Coverage of 90 % intervals",
         "Where the very form was found, at its target; so of effects large enough for that.",
         tables.interval_coverage(table),
+    )
+    yield (
+        "Forms of noise",
+        "The best test of all is the ratio of the two densities at 5 % false alarms, with the "
+        "simulation, the form, its numbers and the size of the noise known (Neyman and Pearson). "
+        "No diagnosis detects more; one that knows none of this and weighs the whole catalogue "
+        "detects less.",
+        tables.noise_limits(table),
     )
     yield "Two effects at once", "Size 2 each, 80 rows, `max_causes=2`.", tables.both_named(table)
     yield "Most frequent confusions", "", tables.confusions(table)

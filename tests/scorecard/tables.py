@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from hidden_effects.cases import KINDS
+from hidden_effects.limits import best_power
 from numpy.typing import ArrayLike
 from scipy.stats import binom, binomtest
 
@@ -216,6 +217,23 @@ def interval_coverage(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(out, columns=["number", "cases", "coverage", "low", "high"]).set_index(
         "number"
     )
+
+
+def noise_limits(table: pd.DataFrame) -> pd.DataFrame:
+    """Return how often each form of noise is detected, and the most that any test detects.
+
+    For the number of rows that most cases have.
+    """
+    part = single(table)
+    part = part[part["word"] == "noise"]
+    part = part[part["rows"].isin(part["rows"].mode()[:1])]
+    if part.empty:
+        return part
+    groups = part.groupby(["kind", "size", "rows"])
+    found = groups[["detected", "exact"]].mean()
+    found.insert(0, "cases", groups.size())
+    found["limit"] = [best_power(*key) for key in found.index]
+    return found
 
 
 def both_named(table: pd.DataFrame) -> pd.DataFrame:
