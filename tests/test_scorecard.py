@@ -153,6 +153,22 @@ def test_interval_coverage():
     assert np.isnan(coverage.loc["all", "low"])
 
 
+def test_what_is_stated_beside_what_is_right():
+    found = table(
+        row("step", "step", leader_share=0.9),
+        row("step", "none", leader="step", leader_share=0.4),
+        row("step", "bump", leader_share=0.5, size=4.0),
+        row("ramp", "ramp", leader_share=1.0),
+        row("step", "step", rows=120),
+    )
+    told = tables.stated_and_right(found)
+    assert told.loc[("first kinds", 2.0, 40)].to_dict() == pytest.approx(
+        {"cases": 2, "stated": 0.65, "right": 1.0}
+    )
+    assert told.loc[("first kinds", 4.0, 40), "right"] == 0
+    assert told.loc[("all", 2.0, 40), "cases"] == 3
+
+
 def test_noise_is_held_against_the_best_test():
     found = table(
         row("noise", "noise", size=2.0),

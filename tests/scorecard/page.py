@@ -59,6 +59,12 @@ def sections(table: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
         bins,
     )
     yield (
+        "Mean probability of the first kind, and how often it is right",
+        "The mean says how often a name can be right with these data and these prior odds; a rate "
+        "above it needs other data, or odds that know what is hidden.",
+        tables.stated_and_right(table),
+    )
+    yield (
         "Coverage of 90 % intervals",
         "Where the very form was found, at its target; so of effects large enough for that.",
         tables.interval_coverage(table),

@@ -119,18 +119,23 @@ def rates(table: pd.DataFrame, by: str | Sequence[str]) -> pd.DataFrame:
     return out
 
 
-def first_and_later(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the rates of the nine kinds of the first test bed, and of all that came after."""
+def _by_forms(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Split cases into the nine kinds of the first test bed, and all that came after."""
     found = single(table)
     first, noise = found["kind"].isin(KINDS), found["word"] == "noise"
-    parts = {
+    return {
         "all": found,
         "first kinds": found[first],
         "later forms": found[~first],
         "later forms without noise": found[~first & ~noise],
     }
+
+
+def first_and_later(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the rates by forms, size and rows."""
     by = ["size", "rows"]
-    return pd.concat({name: rates(part, by) for name, part in parts.items()}, names=["forms", *by])
+    parts = {name: rates(part, by) for name, part in _by_forms(table).items()}
+    return pd.concat(parts, names=["forms", *by])
 
 
 def false_alarms(table: pd.DataFrame) -> pd.DataFrame:
@@ -193,6 +198,25 @@ def name_calibration(table: pd.DataFrame) -> pd.DataFrame:
     """Return the reliability of the first kind's probability, where one effect is hidden."""
     found = single(table)
     return reliability(found["leader_share"], found["leads"])
+
+
+def stated_and_right(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the mean probability of the first kind and how often it is right, by forms and size.
+
+    For the number of rows that most cases have.
+    """
+    out = {}
+    for name, part in _by_forms(table).items():
+        usual = part[part["rows"].isin(part["rows"].mode()[:1])]
+        groups = usual[usual["leader_share"].notna()].groupby(["size", "rows"])
+        out[name] = pd.DataFrame(
+            {
+                "cases": groups.size(),
+                "stated": groups["leader_share"].mean(),
+                "right": groups["leads"].mean(),
+            }
+        )
+    return pd.concat(out, names=["forms"])
 
 
 def interval_coverage(table: pd.DataFrame) -> pd.DataFrame:
