@@ -64,7 +64,8 @@ def fitted_near(
 ) -> PowerScaledSurrogate | None:
     """Return an estimator fitted to rows X, y by the proposals of its fit to most of them and more.
 
-    None where these do not serve.
+    None where these do not serve. A mode that all rows together exclude gets no proposals, so this
+    is for scores of rows left out, not for a model that is kept.
 
     Parameters
     ----------
