@@ -36,35 +36,36 @@ def best_power(form: str, size: float, n_rows: int, rate: float = 0.05, n_cases:
     for seed in range(n_cases):
         case = make_case(form, size, seed, n_rows)
         rng = np.random.default_rng(seed)
-        hidden = np.array([drawn(form, size, case, rng) for _ in range(1000)])
+        hidden = drawn(form, size, case, 1000, rng)
         usual = np.sqrt(np.mean(hidden**2)) * rng.standard_normal((4000, n_rows))
         limit = np.quantile(log_ratio(form, size, case, usual), 1 - rate)
         found.append(np.mean(log_ratio(form, size, case, hidden) > limit))
     return float(np.mean(found))
 
 
-def drawn(form: str, size: float, case: Case, rng: np.random.Generator) -> Array:
-    """Return noise of a form for the rows of a case, its numbers those of the case."""
-    n = len(case.y)
+def drawn(form: str, size: float, case: Case, n: int, rng: np.random.Generator) -> Array:
+    """Return n draws of noise for the rows of a case, its numbers those of the case."""
     if form == "noise: tails":
-        return noises.outliers(size, case.X[:, 0], case.truth["mu"], rng)[0]
+        mu = case.truth["mu"]
+        return np.array([noises.outliers(size, case.X[:, 0], mu, rng)[0] for _ in range(n)])
+    noise = rng.standard_normal((n, len(case.y)))
     if form == "noise: autocorrelation":
-        return np.linalg.cholesky(correlation(case)) @ rng.standard_normal(n)
-    return shape(form, size, case) * rng.standard_normal(n)
+        return noise @ np.linalg.cholesky(correlation(case)).T
+    return shape(form, size, case) * noise
 
 
 def log_ratio(form: str, size: float, case: Case, noise: Array) -> Array:
-    """Return the log density (R,) of noise (R, n) under a form, up to what a scale changes.
+    """Return the log density (R,) of noise (R, n) under a form, less that of usual noise.
 
-    Less that of usual noise, whose scale is the same for all and known.
+    Usual noise is as large on average as that of the form.
     """
     if form == "noise: tails":
-        known, factor = max(3, round(noise.shape[1] / 10)), 1 + 2 * size
+        n, factor = noise.shape[1], 1 + 2 * size
+        n_far = max(3, round(n / 10))
         wide = _NORMAL.logpdf(noise / factor) - np.log(factor) - _NORMAL.logpdf(noise)
-        level = np.mean(1 + (factor**2 - 1) * known / noise.shape[1])
-        usual = _NORMAL.logpdf(noise / np.sqrt(level)) - 0.5 * np.log(level)
-        plain = (_NORMAL.logpdf(noise) - usual).sum(axis=1)
-        return plain + _log_mean_product(wide, known)
+        sd = np.sqrt(1 + (factor**2 - 1) * n_far / n)
+        plain = _NORMAL.logpdf(noise) - _NORMAL.logpdf(noise / sd) + np.log(sd)
+        return plain.sum(axis=1) + _log_mean_product(wide, n_far)
     usual = _NORMAL.logpdf(noise).sum(axis=1)
     if form == "noise: autocorrelation":
         return stats.multivariate_normal(cov=correlation(case)).logpdf(noise) - usual
