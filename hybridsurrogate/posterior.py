@@ -33,8 +33,8 @@ class Diagnostics:
     sampler : str
         "importance" or "emcee".
     khat : float
-        Pareto shape of the importance weights in step 1; above 0.7 they are not trustworthy
-        (NaN for emcee).
+        Pareto shape of the importance weights in step 1, of several modes the largest; above 0.7
+        they are not trustworthy (NaN for emcee, unless the modes' shares are in doubt).
     effective_draws : float
         Independent draws that the result is worth in step 1.
     autocorrelation_time : float

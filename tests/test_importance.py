@@ -103,6 +103,37 @@ def test_importance_draws_follow_a_bend():
     assert np.mean([one.log_evidence for one in found]) == pytest.approx(constant, abs=0.02)
 
 
+def two_modes(x):  # nine tenths around 0, one tenth around 20, in eight dimensions
+    near, far = (stats.norm(c).logpdf(x).sum(axis=1) for c in (0.0, 20.0))
+    return np.logaddexp(near + np.log(0.9), far + np.log(0.1))
+
+
+# at the smaller mode one deviation off in each dimension, and half as wide as it should be
+_FOUND = [
+    Gaussian(np.zeros(8), np.eye(8), 0.0),
+    Gaussian(np.full(8, 21.0), 0.5 * np.eye(8), 8 * np.log(0.5)),
+]
+
+
+def test_a_badly_proposed_mode_gets_its_share():
+    found = [
+        importance_draws(two_modes, _FOUND, 3000, 1000, np.random.RandomState(seed), modes=_FOUND)
+        for seed in range(10)
+    ]
+    shares = [np.mean(one.draws[:, 0] > 10) for one in found]
+    # some hundreds of effective draws in each mode: a share is known to half a hundredth
+    np.testing.assert_allclose(shares, 0.1, atol=0.02)
+    assert max(one.khat for one in found) <= 0.7
+
+
+def test_khat_condemns_one_badly_proposed_mode_of_two():
+    rest = (two_modes, _FOUND, 3000, 1000, np.random.RandomState(1), 1)
+    assert importance_draws(*rest, modes=_FOUND).khat > 0.7
+    # a mode too far away to get any draw of its own
+    far = [_FOUND[0], Gaussian(np.full(8, 2000.0), np.eye(8), -9.0)]
+    assert importance_draws(two_modes, far[:1], 3000, 10, rest[4], 1, modes=far).khat == np.inf
+
+
 def test_khat_condemns_a_proposal_that_is_too_narrow():
     modes = find_modes(lambda x: -0.5 * np.sum((50 * x) ** 2, axis=1), np.zeros((1, 2)))
     narrow = importance_draws(

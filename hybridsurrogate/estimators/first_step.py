@@ -94,7 +94,7 @@ def _collapsed_draws(
     log_density = target.log_density
     if sampler in ("auto", "importance"):
         n = max(_OVERSAMPLING * n_draws, _MIN_PROPOSALS)
-        sampled = importance_draws(log_density, minor, n, n_draws, random_state)
+        sampled = importance_draws(log_density, minor, n, n_draws, random_state, modes=modes)
         trusted = sampled.khat <= KHAT_LIMIT
         few = not trusted or sampled.effective_draws < _ENOUGH_EFFECTIVE * n
         if few and sampler == "auto":
@@ -103,7 +103,7 @@ def _collapsed_draws(
             all_of_it = float(special.logsumexp([part.log_mass for part in minor]))
             wide = replace(moment_match(sampled.draws, weight, minor[0]), log_mass=all_of_it)
             again = importance_draws(
-                log_density, [wide, *minor], 4 * n, n_draws, random_state, max_rounds=3
+                log_density, [wide, *minor], 4 * n, n_draws, random_state, 3, modes=modes
             )
             sampled = again if again.khat <= max(sampled.khat, KHAT_LIMIT) else sampled
             trusted = sampled.khat <= KHAT_LIMIT
@@ -130,15 +130,22 @@ def _full_draws(
     if sampler in ("auto", "importance"):
         n, n_noise = max(_OVERSAMPLING * n_draws, _MIN_PROPOSALS), target.n_noise
         density = target.extended_log_density
-        sampled = importance_draws(density, minor, n, n_draws, random_state, n_noise=n_noise)
+        sampled = importance_draws(
+            density, minor, n, n_draws, random_state, n_noise=n_noise, modes=modes
+        )
         if sampler == "importance" or sampled.khat <= KHAT_LIMIT:
             drawn = target.resolved(sampled.draws, random_state)
             return FirstStep(*drawn, of_importance(sampled, len(modes)), sampled.proposals)
+        doubt = sampled.khat
     backend = sampler if isinstance(sampler, EnsembleSampler) else EnsembleSampler()
     start = _around(target, minor, random_state)
     run = backend.run(target.joint_log_density, start, n_draws, random_state)
+    diagnostics = _of_ensemble(run, len(modes))
+    if sampler == "auto" and len(modes) > 1:
+        # walkers do not cross between modes of so many unknowns: their shares stay in doubt
+        diagnostics = replace(diagnostics, khat=doubt)
     u = run.draws[:, : target.n_dimensions]
-    return FirstStep(u, *target.unwhitened(run.draws), _of_ensemble(run, len(modes)))
+    return FirstStep(u, *target.unwhitened(run.draws), diagnostics)
 
 
 def _around(

@@ -15,6 +15,9 @@ from scipy import special
 
 from hybridsurrogate.inference.mixtures import (
     DEGREES_OF_FREEDOM,
+    Cell,
+    balanced,
+    cells_of,
     matched,
     mixture_log_density,
     mixture_points,
@@ -30,6 +33,8 @@ _MANY, _LEVEL = 1000, float(np.log(10.0))
 # draws whose weights have a larger k-hat can be trusted, but intervals fall short: around bends up
 # to 6.5 % lie beyond an end that should leave 5 % where rounds stop at 0.5, up to 5.7 % at 0.3
 _GOOD_KHAT = 0.3
+# fewer points than this near a mode tell nothing of it
+_FEWEST = 25
 # with more proposals than this none is sliced
 _MOST_SLICED = 4
 
@@ -74,6 +79,7 @@ def importance_draws(
     random_state: np.random.RandomState,
     max_rounds: int = 6,
     n_noise: int = 0,
+    modes: Sequence[Gaussian] = (),
 ) -> ImportanceDraws:
     """Draw from a density through Student-t proposals with Pareto-smoothed weights.
 
@@ -87,6 +93,9 @@ def importance_draws(
     of it along its longest axis, which follow a bend. The draws of all rounds are weighed together,
     by the mixture of all their proposals, so that nothing is lost on the way (Cornuet, Marin, Mira
     and Robert 2012, Scandinavian Journal of Statistics 39:798).
+
+    Where there are several ``modes``, the weights near each of them have a k-hat of their own, and
+    the largest counts: draws that are good at one mode say nothing of how much lies at another.
     """
     rounds: list[_Round] = []
     scale, target = 1.0, np.empty(0)
@@ -97,19 +106,22 @@ def importance_draws(
         rounds.append(_drawn(components, scale, n_proposals, n_noise, random_state))
         target = np.append(target, log_density(rounds[-1].points))
         points = np.concatenate([one.points for one in rounds])
+        shaped = points[:, : points.shape[1] - n_noise]
         mixed = _mixed(mixed, rounds, points, n_noise)
         log_proposal = mixed - np.log(len(rounds))
         log_weight = target - log_proposal
-        smoothed, khat = _smoothed(log_weight)
+        cells = cells_of(modes, shaped)
+        smoothed, khats = _smoothed_by_cell(log_weight, cells)
+        khat = max(khats)
         weight = np.exp(smoothed - special.logsumexp(smoothed))
         effective = float(1 / np.sum(weight**2))
         enough = effective >= 0.1 * n_proposals
         if (enough and khat <= good) or round_ == max_rounds - 1:
             break
-        shaped = points[:, : points.shape[1] - n_noise]
-        components = matched(shaped, weight, components)
+        shaping = balanced(smoothed, cells, np.asarray(khats) > good, shaped.shape[1])
+        components = matched(shaped, shaping, components)
         if len(components) <= _MOST_SLICED:
-            components = [*components, *slices(shaped, weight, components)]
+            components = [*components, *slices(shaped, shaping, components)]
         if n_noise:
             noise = points[:, -n_noise:]
             spread = np.sqrt(weight @ np.einsum("jk,jk->j", noise, noise) / n_noise)
@@ -160,6 +172,17 @@ def _round_log_density(one: _Round, points: FloatArray, n_noise: int) -> FloatAr
     return shaped + _noise_log_density(squares, n_noise, one.scale)
 
 
+def _smoothed_by_cell(log_weight: FloatArray, cells: list[Cell]) -> tuple[FloatArray, list[float]]:
+    """Return log weights, smoothed in each cell, and the k-hat of each."""
+    out = log_weight.copy()
+    khats = []
+    for cell in cells:
+        khats.append(np.inf)
+        if np.count_nonzero(np.isfinite(log_weight[cell])) >= _FEWEST:
+            out[cell], khats[-1] = _smoothed(log_weight[cell])
+    return out, khats
+
+
 def _smoothed(log_weight: FloatArray) -> tuple[FloatArray, float]:
     """Return smoothed log weights and k-hat; level weights as they are, with k-hat at most 0.
 
@@ -170,7 +193,7 @@ def _smoothed(log_weight: FloatArray) -> tuple[FloatArray, float]:
     smoothed, khat = pareto_smooth(log_weight)
     if len(log_weight) >= _MANY and np.max(log_weight) <= log_mean + _LEVEL:
         return log_weight, min(khat, 0.0)
-    return smoothed, khat
+    return smoothed + np.max(log_weight), khat
 
 
 def _noise_points(n: int, d: int, scale: float, random_state: np.random.RandomState) -> FloatArray:

@@ -6,10 +6,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from hybridsurrogate.inference.modes import Gaussian
 from hybridsurrogate.priors import FloatArray
+
+# indices of points
+Cell = NDArray[np.intp]
 
 DEGREES_OF_FREEDOM = 5.0
 PROPOSAL_SCALE = 1.1
@@ -17,6 +21,9 @@ PROPOSAL_SCALE = 1.1
 _LEAST_SHARE = 1e-3
 # a component gets at least this share of the points
 _LEAST_PROPOSED = 0.05
+# effective points, for each dimension, from which a proposal is shaped
+_SHAPING = 10.0
+_HALVINGS = 12
 # slices of the draws of one proposal
 _SLICES = 4
 
@@ -79,6 +86,46 @@ def _shares(components: list[Gaussian]) -> FloatArray:
     least = min(_LEAST_PROPOSED, 0.5 / len(components))
     share = np.maximum(np.exp(mass - special.logsumexp(mass)), least)
     return share / share.sum()
+
+
+def cells_of(modes: Sequence[Gaussian], points: FloatArray) -> list[Cell]:
+    """Return which points (J, d) are nearest to which mode; all are one cell without modes."""
+    if len(modes) < 2:
+        return [np.arange(len(points))]
+    nearest = student_log_density(modes, points).argmax(axis=0)
+    return [np.flatnonzero(nearest == k) for k in range(len(modes))]
+
+
+def balanced(
+    log_weight: FloatArray, cells: list[Cell], doubtful: NDArray[np.bool_], d: int
+) -> FloatArray:
+    """Return weights (J,) by which proposals are shaped, cell by cell.
+
+    A cell with a bad tail gets a fair share: how much lies there is not known yet, and more points
+    are how it comes to be. The weights of too few effective points are evened out by a power.
+    """
+    out = np.exp(log_weight - special.logsumexp(log_weight))
+    for cell, doubted in zip(cells, doubtful, strict=True):
+        if np.isfinite(log_weight[cell]).any():
+            fair = 0.5 / len(cells) if doubted and len(cells) > 1 else 0.0
+            share = max(out[cell].sum(), fair)
+            out[cell] = share * _evened(log_weight[cell], _SHAPING * d)
+    return out / out.sum()
+
+
+def _evened(log_weight: FloatArray, least: float) -> FloatArray:
+    """Return normalised weights to the largest power up to one with so many effective points."""
+    low, high = 0.0, 2.0
+    for _ in range(_HALVINGS):
+        power = 0.5 * (low + high)
+        weight: FloatArray = special.softmax(power * log_weight)
+        if 1 / np.sum(weight**2) < least:
+            high = power
+        elif power == 1.0:
+            break
+        else:
+            low = power
+    return weight
 
 
 def matched(points: FloatArray, weight: FloatArray, components: list[Gaussian]) -> list[Gaussian]:
