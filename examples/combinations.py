@@ -103,7 +103,6 @@ for data, (case, runs, likelihoods) in cases.items():
             )
 print(
     "\nWhere a Gaussian process meets a likelihood that forgives outliers, case 1 has two\n"
-    "explanations: a right simulation with noise, or a wrong parameter with hardly any. The draws\n"
-    "know their shares roughly, without a warning: scores differ between random states by up to\n"
-    "half a nat."
+    "explanations: a right simulation with noise, or a wrong parameter with hardly any. Each has\n"
+    "a Pareto k-hat of its own, so that their shares hold."
 )
