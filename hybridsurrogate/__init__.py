@@ -27,6 +27,7 @@ from hybridsurrogate.effects import (
     WrongConstant,
 )
 from hybridsurrogate.estimators import (
+    AveragedSurrogate,
     KennedyOHaganSurrogate,
     MultiSourceSurrogate,
     PowerScaledSurrogate,
@@ -71,6 +72,7 @@ __all__ = [
     "SIMULATED",
     "Assumed",
     "Autocorrelation",
+    "AveragedSurrogate",
     "Bump",
     "Cause",
     "CauseFinding",

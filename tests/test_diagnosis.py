@@ -101,6 +101,24 @@ def test_predict_and_score_are_those_of_the_extended_estimator(periodic):
     assert periodic.score(X, y) == periodic.extended_estimator_.score(X, y)
 
 
+def test_the_average_weighs_causes_by_their_probabilities(periodic):
+    average = periodic.averaged_estimator_
+    assert average is periodic.averaged_estimator_
+    n = len(average.estimators_)
+    shares = periodic.causes_["probability"].to_numpy()
+    assert shares[:n].sum() >= 0.95 > shares[: n - 1].sum()
+    np.testing.assert_allclose(average.weights_, shares[:n] / shares[:n].sum())
+    # so that beyond the data a wrong name costs no more than its share
+    t = np.linspace(12.5, 20, 30)
+    y = cooling(t, 63.0, 0.25, 20.0)
+    named = periodic.extended_estimator_.log_predictive_density(t[:, None], y)
+    mixed = average.log_predictive_density(t[:, None], y)
+    assert (mixed >= named + np.log(average.weights_[0]) - 1e-9).all()
+    gain, other = (periodic.gain_on(t[:, None], y, averaged=which) for which in (True, False))
+    assert gain.elpd_after == pytest.approx(mixed.mean())
+    assert gain.elpd_before == other.elpd_before
+
+
 def test_the_extended_simulator_runs_and_equals_the_estimator(periodic, simulator):
     extended = periodic.extended_simulator_
     assert {"start", "rate", "period", "sine", "cosine"} == set(extended.parameter_names)

@@ -246,6 +246,14 @@ def test_a_fault_without_a_name_and_one_with_several(diagnose):
     assert "in standard deviations of the noise" in text
     for kind in unclear.indistinguishable_:
         assert f"{kind} (" in text
+    assert "is what to predict with beyond the data" in text
+    t = np.linspace(8.2, 12, 10)
+    report = unclear.report(test=(t[:, None], decay(t, 11, 0.25) + 0.008 * t**2))
+    n = len(unclear.averaged_estimator_.weights_)
+    assert n > 1
+    assert f"Averaged over the {n} explanations that hold 95 % of the probability" in flat(report)
+    told = report.to_dict()
+    assert told["gain_on_test_averaged"]["elpd_before"] == told["gain_on_test"]["elpd_before"]
 
 
 def test_two_causes_at_once(diagnose):

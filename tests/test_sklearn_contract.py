@@ -34,6 +34,9 @@ CHECKED = {
         surrogate=hs.PolynomialChaos(1), sampler="importance", n_draws=50, random_state=0
     ),
     "multi-source": hs.MultiSourceSurrogate(n_draws=100, random_state=0),
+    "averaged": hs.AveragedSurrogate(
+        [power_scaled(), power_scaled(surrogate=hs.PolynomialChaos(1))], [0.6, 0.4], random_state=0
+    ),
     "gaussian-process": power_scaled(surrogate=hs.GaussianProcess(degree=1)),
     "features": power_scaled(surrogate=hs.FeatureSurrogate(SplineTransformer(n_knots=3))),
     "network": power_scaled(surrogate=hs.NetworkSurrogate(hidden_layer_sizes=(4,))),

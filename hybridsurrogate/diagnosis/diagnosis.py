@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
+from hybridsurrogate.diagnosis.averaging import averaged
 from hybridsurrogate.diagnosis.confounding import confounded, confounding, told
 from hybridsurrogate.diagnosis.discrepancy import estimate_discrepancy
 from hybridsurrogate.diagnosis.finding import finding_of
@@ -34,6 +36,7 @@ from hybridsurrogate.diagnosis.settings import check_rows, check_settings
 from hybridsurrogate.diagnosis.trust import scan_beta
 from hybridsurrogate.diagnosis.verdict import cause_table, credible_kinds, not_reached, verdict_on
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import ConfoundingWarning, DiagnosisWarning
 from hybridsurrogate.priors import FloatArray
@@ -83,6 +86,11 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
     extended_estimator_ : PowerScaledSurrogate
         Fitted, with the cause as an effect; ``predict`` and ``score`` are its. The estimator
         before where the verdict is "adequate".
+    averaged_estimator_ : AveragedSurrogate
+        Extensions by each of the fewest causes, "none" included, that have 95 % of the probability
+        together, weighed by their probabilities: predictions that do not bet on one name, which
+        matters beyond the data. Of several accepted causes the last one is averaged over. Fitted
+        when it is first asked for.
     extended_simulator_ : Simulator or None
         The simulation with the cause in it; None when there are only runs, or nothing to add.
     confounded_ : pandas.DataFrame
@@ -199,6 +207,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
 
     def _extend(self, steps: Sequence[Step], X: ArrayLike, y: ArrayLike) -> None:
         causes, problem = accepted(steps), self.search_.problem
+        self._last = steps[-1].search, accepted(steps[:-1]), X, y
         self.extended_estimator_ = extended(self.estimator_, causes, X, y)
         posterior = self.extended_estimator_.posterior_
         self.found_causes_ = [finding_of(step, k, posterior) for k, step in enumerate(steps)]
@@ -241,19 +250,26 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
             stacklevel=3,
         )
 
-    def gain_on(self, X_test: ArrayLike, y_test: ArrayLike) -> Gain:
+    @cached_property
+    def averaged_estimator_(self) -> AveragedSurrogate:
+        """Predictions averaged over the causes, by their probabilities."""
+        check_is_fitted(self)
+        return averaged(self.estimator_, *self._last)
+
+    def gain_on(self, X_test: ArrayLike, y_test: ArrayLike, averaged: bool = False) -> Gain:
         """Return the gain on a test set, from the fitted models before and after.
 
         Parameters
         ----------
         X_test : array-like of shape (n, n_columns)
         y_test : array-like of shape (n,)
+        averaged : bool, default=False
+            The model after is ``averaged_estimator_`` instead of ``extended_estimator_``.
         """
         check_is_fitted(self)
         y = np.asarray(y_test, dtype=float)
-        return gain_from(
-            pointwise(self.estimator_, X_test, y), pointwise(self.extended_estimator_, X_test, y)
-        )
+        after = self.averaged_estimator_ if averaged else self.extended_estimator_
+        return gain_from(pointwise(self.estimator_, X_test, y), pointwise(after, X_test, y))
 
     def beta_scan(self, X: ArrayLike, y: ArrayLike, betas: ArrayLike | None = None) -> pd.DataFrame:
         """Return held-out ELPD against beta, before and after the extension.

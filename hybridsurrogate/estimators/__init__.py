@@ -1,5 +1,6 @@
 """The estimators."""
 
+from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.beta_choice import BetaChoice, choose_beta
 from hybridsurrogate.estimators.beta_path import BetaPath, beta_path
 from hybridsurrogate.estimators.kennedy_ohagan import KennedyOHaganSurrogate
@@ -9,6 +10,7 @@ from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.estimators.predictive_weighted import PredictiveWeightedSurrogate
 
 __all__ = [
+    "AveragedSurrogate",
     "BetaChoice",
     "BetaPath",
     "KennedyOHaganSurrogate",

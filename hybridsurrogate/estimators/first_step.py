@@ -27,6 +27,8 @@ from hybridsurrogate.priors import FloatArray
 _OVERSAMPLING = 3
 # few draws still need enough proposals for k-hat and weights that mean something
 _MIN_PROPOSALS = 1000
+# so many, at least, where they are tried once more: still far fewer than an ensemble's steps
+_LARGE_BATCH = 12_000
 # importance draws with a smaller effective share are tried once more, from wider proposals
 _ENOUGH_EFFECTIVE = 0.1
 # from this share of the best one's mass on, a further mode makes the posterior multimodal
@@ -102,8 +104,9 @@ def _collapsed_draws(
             weight = np.full(n_draws, 1 / n_draws)
             all_of_it = float(special.logsumexp([part.log_mass for part in minor]))
             wide = replace(moment_match(sampled.draws, weight, minor[0]), log_mass=all_of_it)
+            many = max(4 * n, _LARGE_BATCH)
             again = importance_draws(
-                log_density, [wide, *minor], 4 * n, n_draws, random_state, 3, modes=modes
+                log_density, [wide, *minor], many, n_draws, random_state, modes=modes
             )
             sampled = again if again.khat <= max(sampled.khat, KHAT_LIMIT) else sampled
             trusted = sampled.khat <= KHAT_LIMIT

@@ -103,10 +103,14 @@ def make_report(diagnosis: DiscrepancyDiagnosis, test: pictures.Test = None) -> 
     """
     view = View(diagnosis)
     on_test = diagnosis.gain_on(*test) if test is not None else None
+    # where one cause is named its extension says nearly the same
+    unclear = diagnosis.verdict_ in ("ambiguous", "unexplained")
+    averaged = diagnosis.gain_on(*test, averaged=True) if test is not None and unclear else None
     measured = {
         "folds": diagnosis.gain_,
         "beyond": diagnosis.gain_out_of_range_,
         "held back": on_test,
+        "averaged": averaged,
     }
     known = {name: gain for name, gain in measured.items() if gain is not None}
     scan = _beta_scan(view)
@@ -134,7 +138,7 @@ def make_report(diagnosis: DiscrepancyDiagnosis, test: pictures.Test = None) -> 
         ),
         Section(
             "What it gains",
-            tuple(scores.gains(view, on_test)),
+            tuple(scores.gains(view, on_test, averaged)),
             (pictures.picture_gain(known),) if known else (),
         ),
         Section(
@@ -145,7 +149,7 @@ def make_report(diagnosis: DiscrepancyDiagnosis, test: pictures.Test = None) -> 
         Section("What to do next", tuple(rivals.next_step(view)), (pictures.picture_next(view),)),
         Section("How far the numbers can be trusted", tuple(scores.draws(view))),
     )
-    return Report(title, sections, summary(view, title, sections, on_test, scan))
+    return Report(title, sections, summary(view, title, sections, measured, scan))
 
 
 def _formulas(view: View) -> tuple[tuple[str, str], ...]:

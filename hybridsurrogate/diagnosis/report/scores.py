@@ -19,8 +19,8 @@ _EXPLAINED = (
 )
 
 
-def gains(view: View, on_test: Gain | None) -> list[str]:
-    """Say what the extension gains on rows that it has not seen."""
+def gains(view: View, on_test: Gain | None, averaged: Gain | None) -> list[str]:
+    """Say what the extension, and the average over rivals, gain on rows that were not seen."""
     d = view.diagnosis
     if d.gain_ is None and (on_test is None or not view.extended):
         return [*_not_measured(), *([] if on_test is None else _same_model(on_test))]
@@ -35,6 +35,8 @@ def gains(view: View, on_test: Gain | None) -> list[str]:
             out += _gain(on_test, f"On the rows held back ({on_test.n_rows} rows)")
         else:
             out += _same_model(on_test)
+    if averaged is not None:
+        out += _averaged(view, averaged)
     return out
 
 
@@ -178,6 +180,18 @@ def _gain(gain: Gain, rows: str) -> list[str]:
         f"The root mean square error of the predicted mean is {digits.number(gain.rmse_before)} "
         f"before and {digits.number(gain.rmse_after)} after, {way}.",
         _coverage(gain),
+    ]
+
+
+def _averaged(view: View, gain: Gain) -> list[str]:
+    """Say what predictions are worth that do not bet on one name."""
+    n = len(view.diagnosis.averaged_estimator_.weights_)
+    return [
+        f"Averaged over the {n} explanations that hold 95 % of the probability "
+        f"(averaged_estimator_), the score on these rows is "
+        f"{digits.score(gain.elpd_after, gain.standard_error)}, the root mean square error "
+        f"{digits.number(gain.rmse_after)}, and the {100 * COVERAGE_LEVEL:g} % interval holds "
+        f"{digits.percent(gain.coverage_after)} of them."
     ]
 
 

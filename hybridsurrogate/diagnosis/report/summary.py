@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -23,7 +24,7 @@ def summary(
     view: View,
     title: str,
     sections: tuple[Section, ...],
-    on_test: Gain | None,
+    gains: Mapping[str, Gain | None],
     scan: pd.DataFrame | None,
 ) -> dict[str, Any]:
     """Return the numbers and the sentences of a report; ``json.dumps`` takes it as it is."""
@@ -58,9 +59,10 @@ def summary(
             "before": np.sqrt(np.mean((view.y - view.before) ** 2)),
             "after": np.sqrt(np.mean((view.y - view.after) ** 2)),
         },
-        "gain": _of(diagnosis.gain_),
-        "gain_out_of_range": _of(diagnosis.gain_out_of_range_),
-        "gain_on_test": _of(on_test),
+        "gain": _of(gains["folds"]),
+        "gain_out_of_range": _of(gains["beyond"]),
+        "gain_on_test": _of(gains["held back"]),
+        "gain_on_test_averaged": _of(gains["averaged"]),
         "beta_scan": None if scan is None else scan.to_dict("records"),
         "best_beta": None
         if scan is None

@@ -1,0 +1,137 @@
+"""Several explanations at once: predictions averaged over estimators."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import special
+from sklearn.base import clone
+
+from hybridsurrogate.estimators.base import SurrogateEstimator
+from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.inference.leave_one_out import PointwiseLoo
+from hybridsurrogate.likelihoods import as_likelihood
+from hybridsurrogate.posterior import Posterior
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.simulation import SimulationData, Simulator
+
+
+class AveragedSurrogate(SurrogateEstimator):
+    """Mixture of several extensions of one model, with fixed weights.
+
+    With the probabilities of the explanations as weights this is Bayesian model averaging (Hoeting,
+    Madigan, Raftery and Volinsky 1999, Statistical Science 14:382): where explanations differ, as
+    they do beyond the data, the predictions say so.
+
+    Parameters
+    ----------
+    estimators : sequence of PowerScaledSurrogate
+        Of the same simulation and likelihood; with other effects, say.
+    weights : sequence of float
+        One for each; they are scaled to sum to one.
+    random_state : int, RandomState or None, default=None
+        For draws from the fitted model; each estimator is fitted with its own.
+
+    Attributes
+    ----------
+    estimators_ : list of PowerScaledSurrogate
+        Fitted.
+    weights_ : ndarray of shape (n_estimators,)
+
+    Examples
+    --------
+    >>> import hybridsurrogate as hs
+    >>> from hybridsurrogate.datasets import make_log_sin
+    >>> case = make_log_sin(random_state=0)
+    >>> models = [
+    ...     hs.PowerScaledSurrogate(case.simulation, effects=[effect], random_state=0)
+    ...     for effect in (hs.Offset(), hs.Trend("x"))]
+    >>> model = hs.AveragedSurrogate(models, [0.7, 0.3], random_state=0).fit(case.X, case.y)
+    >>> model.predict(case.X_in).shape
+    (100,)
+    """
+
+    def __init__(
+        self,
+        estimators: Sequence[PowerScaledSurrogate] = (),
+        weights: Sequence[float] = (),
+        random_state: Any = None,
+    ):
+        self.estimators = estimators
+        self.weights = weights
+        self.random_state = random_state
+
+    @property
+    def simulation(self) -> SimulationData | Simulator | None:
+        """The simulation that the estimators share."""
+        return self.estimators[0].simulation
+
+    def fit(
+        self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None
+    ) -> AveragedSurrogate:
+        """Fit every estimator to measured data.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_columns)
+        y : array-like of shape (n,)
+        sample_weight : array-like of shape (n,) or None, default=None
+            A row of weight two counts like two equal rows.
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        TypeError
+            For anything but estimators with one posterior each.
+        ValueError
+            For no estimators, other simulations or likelihoods, or weights that do not fit.
+        """
+        weights = self._checked_weights()
+        likelihood = self.estimators[0]._check_parameters()[1]
+        self._rows = self._check_fit_data(X, y, likelihood, sample_weight)
+        self.estimators_ = [clone(one).fit(X, y, sample_weight) for one in self.estimators]
+        self.weights_ = weights / weights.sum()
+        return self
+
+    def _checked_weights(self) -> FloatArray:
+        if not self.estimators:
+            raise ValueError("estimators must hold at least one estimator, got none.")
+        first = self.estimators[0]
+        for one in self.estimators:
+            if not isinstance(one, PowerScaledSurrogate):
+                raise TypeError(f"estimators must hold PowerScaledSurrogate objects, got {one!r}.")
+            alike = as_likelihood(one.likelihood) == as_likelihood(first.likelihood)
+            if one.simulation is not first.simulation or not alike:
+                raise ValueError(
+                    "All estimators must have the same simulation object and the same likelihood: "
+                    "their predictions are averaged over one set of columns, for one output."
+                )
+        weights = np.asarray(self.weights, dtype=float)
+        if weights.shape != (len(self.estimators),):
+            raise ValueError(
+                f"weights must hold one number for each of the {len(self.estimators)} estimators, "
+                f"got shape {weights.shape}."
+            )
+        if not (weights >= 0).all() or not 0 < weights.sum() < np.inf:
+            raise ValueError(
+                f"weights must not be negative or NaN, and their sum must be positive, got "
+                f"{weights.tolist()}."
+            )
+        return weights
+
+    def _mixture(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
+        pairs = zip(self.weights_, self.estimators_, strict=True)
+        return [(float(weight), one.posterior_) for weight, one in pairs if weight > 0]
+
+    def _pointwise_loo(self) -> PointwiseLoo:
+        parts = [one._pointwise_loo() for one in self.estimators_]
+        log_density = special.logsumexp(
+            [part.log_density for part in parts], axis=0, b=self.weights_[:, None]
+        )
+        return PointwiseLoo(log_density, np.max([part.khat for part in parts], axis=0))

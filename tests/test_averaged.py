@@ -1,0 +1,103 @@
+"""Predictions averaged over several explanations."""
+
+import numpy as np
+import pytest
+from scipy import special
+
+import hybridsurrogate as hs
+from hybridsurrogate.datasets import make_log_sin
+
+WEIGHTS = (3.0, 1.0)
+
+
+@pytest.fixture(scope="module")
+def case():
+    return make_log_sin(random_state=0)
+
+
+def candidates(case, **more):
+    effects = ([hs.Periodic("x")], [hs.Bump("x")])
+    return [
+        hs.PowerScaledSurrogate(
+            case.simulator,
+            surrogate=hs.ExactSurrogate(),
+            effects=effect,
+            n_draws=300,
+            random_state=0,
+            **more,
+        )
+        for effect in effects
+    ]
+
+
+@pytest.fixture(scope="module")
+def fitted(case):
+    models = candidates(case)
+    parts = [model.fit(case.X, case.y) for model in candidates(case)]
+    return hs.AveragedSurrogate(models, WEIGHTS, random_state=0).fit(case.X, case.y), parts
+
+
+def test_density_and_moments_are_those_of_the_mixture(case, fitted):
+    model, parts = fitted
+    X, y = case.X_out, case.y_out
+    log_density = [part.log_predictive_density(X, y) for part in parts]
+    expected = special.logsumexp(log_density, axis=0, b=np.array([[0.75], [0.25]]))
+    np.testing.assert_allclose(model.log_predictive_density(X, y), expected)
+    (one, sd_one), (two, sd_two) = (part.predict(X, return_std=True) for part in parts)
+    mean, sd = model.predict(X, return_std=True)
+    np.testing.assert_allclose(mean, 0.75 * one + 0.25 * two)
+    variance = 0.75 * sd_one**2 + 0.25 * sd_two**2 + 0.75 * 0.25 * (one - two) ** 2
+    np.testing.assert_allclose(sd, np.sqrt(variance))
+
+
+def test_draws_and_intervals_hold_both_explanations(case, fitted):
+    model, parts = fitted
+    X = case.X_out[-1:]
+    draws = model.sample_posterior_predictive(X, n_draws=40_000, random_state=0)[:, 0]
+    each = [part.sample_posterior_predictive(X, n_draws=40_000)[:, 0] for part in parts]
+    level = np.median(each[0])
+    expected = 0.75 * np.mean(each[0] < level) + 0.25 * np.mean(each[1] < level)
+    # each share rests on as many draws, of 300 of the posterior: three errors of a tenth's share
+    assert np.mean(draws < level) == pytest.approx(expected, abs=0.01)
+    lower, upper = model.predict_interval(X, 0.8)
+    assert np.mean(draws < lower[0]) == pytest.approx(0.1, abs=0.01)
+    assert np.mean(draws > upper[0]) == pytest.approx(0.1, abs=0.01)
+
+
+def test_leave_one_out_density_is_that_of_the_mixture(fitted):
+    model, parts = fitted
+    each = [part.loo().pointwise for part in parts]
+    expected = special.logsumexp(each, axis=0, b=np.array([[0.75], [0.25]]))
+    np.testing.assert_allclose(model.loo().pointwise, expected)
+
+
+def test_an_explanation_without_weight_has_no_say(case, fitted):
+    alone = hs.AveragedSurrogate(candidates(case), [1, 0], random_state=0).fit(case.X, case.y)
+    np.testing.assert_array_equal(alone.predict(case.X_out), fitted[1][0].predict(case.X_out))
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"estimators": []}, ValueError, "at least one estimator"),
+        ({"estimators": [hs.Offset()]}, TypeError, "must hold PowerScaledSurrogate"),
+        ({"weights": [1.0]}, ValueError, "one number for each of the 2 estimators"),
+        ({"weights": [1.0, -0.1]}, ValueError, "must not be negative"),
+        ({"weights": [1.0, np.nan]}, ValueError, "must not be negative or NaN"),
+        ({"weights": [0.0, 0.0]}, ValueError, "sum must be positive"),
+    ],
+)
+def test_bad_input_is_told(case, change, error, message):
+    model = hs.AveragedSurrogate(candidates(case), WEIGHTS).set_params(**change)
+    with pytest.raises(error, match=message):
+        model.fit(case.X, case.y)
+
+
+def test_estimators_must_share_simulation_and_likelihood(case):
+    for other in (
+        candidates(make_log_sin(random_state=0)),
+        candidates(case, likelihood=hs.StudentT()),
+    ):
+        model = hs.AveragedSurrogate([candidates(case)[0], other[1]], WEIGHTS)
+        with pytest.raises(ValueError, match="the same simulation object and the same likelihood"):
+            model.fit(case.X, case.y)
