@@ -14,7 +14,7 @@ import hybridsurrogate as hs
 from .cases import CASES, CaseStudy
 from .scores import of_rows, pointwise, table
 
-EXTENDED = "extended"
+EXTENDED, AVERAGED = "extended", "averaged"
 
 
 class Hidden(NamedTuple):
@@ -42,7 +42,11 @@ def asking(case: CaseStudy, seed: int, n_draws: int, **more: Any) -> Any:
 
 
 def extend(name: str, seed: int, n_draws: int = 1000, **settings: Any) -> pd.DataFrame:
-    """Return scores of the extended model, and whether the diagnosis found what was hidden."""
+    """Return scores of what the diagnosis extends, and whether it found what was hidden.
+
+    Of the model extended by the cause that it names, and of the average over all causes by their
+    probabilities.
+    """
     case, hidden = CASES[name](seed), HIDDEN[name]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", hs.HybridSurrogateWarning)
@@ -51,13 +55,15 @@ def extend(name: str, seed: int, n_draws: int = 1000, **settings: Any) -> pd.Dat
         ).fit(case.X, case.y)
         rows = list(of_rows(case, pointwise(diagnosis.extended_estimator_, case)))
         rows += list(of_diagnosis(diagnosis, hidden.cause))
+        mixed = list(of_rows(case, pointwise(diagnosis.averaged_estimator_, case)))
         if hidden.estimate:
             given = asking(case, seed, n_draws, effects=(hidden.cause,)).fit(case.X, case.y)
             draws = given.posterior_.estimates(0)[hidden.estimate]
             low, high = np.quantile(draws, [0.05, 0.95])
             rows.append(("given", "estimate", float(draws.mean())))
             rows.append(("given", "covered", float(low <= hidden.value <= high)))
-    return table(name, seed, [(EXTENDED, np.nan, row) for row in rows])
+    scores = [(EXTENDED, np.nan, row) for row in rows]
+    return table(name, seed, [*scores, *((AVERAGED, np.nan, row) for row in mixed)])
 
 
 def of_diagnosis(diagnosis: Any, cause: hs.Cause) -> Iterable[tuple[str, str, float]]:
