@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.exceptions import SamplingWarning
+from hybridsurrogate.exceptions import FailedRunsWarning, SamplingWarning
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.pareto import KHAT_LIMIT
 from hybridsurrogate.likelihoods import Likelihood
@@ -144,14 +144,15 @@ class Posterior:
         )
 
     def eta(self, X: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return eta and the noise scale for rows X (n, n_columns): two arrays (S, n)."""
+        """Return eta and the noise scale for rows X (n, n_columns): two arrays (S, n).
+
+        Draws for which the simulation fails at a row count as impossible there.
+        """
         width = self.coefficients.shape[1] + self.effect_coefficients.shape[1] + 2
         block = max(1, _BLOCK // (self.n_draws * width))
         pieces = [self._eta(X[k : k + block]) for k in range(0, len(X), block)]
-        return (
-            np.concatenate([eta for eta, _ in pieces], axis=1),
-            np.concatenate([noise for _, noise in pieces], axis=1),
-        )
+        eta, noise = (np.concatenate(piece, axis=1) for piece in zip(*pieces, strict=True))
+        return _possible(eta, noise)
 
     def _eta(self, X: FloatArray) -> tuple[FloatArray, FloatArray]:
         parts = self.model.parts(X, self.values)
@@ -195,6 +196,31 @@ def _names_of(model: MeasuredModel) -> list[str]:
         for k, name in model.theta_names
     ]
     return [*model.parameters, *readable, *model.basis.hyperpriors]
+
+
+def _possible(eta: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return eta and noise (S, n) whose failed draws are those that did not fail, in turn."""
+    failed = ~np.isfinite(eta)
+    if not failed.any():
+        return eta, noise
+    count = np.sum(~failed, axis=0)
+    lost = int(np.sum(count == 0))
+    share = 100 * failed[:, count > 0].mean(axis=0).max(initial=0.0)
+    never = (
+        f" At {lost} of these rows every draw fails, and there is no prediction." if lost else ""
+    )
+    warnings.warn(
+        f"At {failed.any(axis=0).sum()} of {eta.shape[1]} rows the simulation fails for up to "
+        f"{share:.2g} % of the draws: they count as impossible there.{never}",
+        FailedRunsWarning,
+        stacklevel=4,
+    )
+    good_first = np.argsort(failed, axis=0, kind="stable")
+    turn = (np.cumsum(failed, axis=0) - 1) % np.maximum(count, 1)
+    draw = np.where(
+        failed, np.take_along_axis(good_first, turn, axis=0), np.arange(len(eta))[:, None]
+    )
+    return np.take_along_axis(eta, draw, axis=0), np.take_along_axis(noise, draw, axis=0)
 
 
 def arviz_of(

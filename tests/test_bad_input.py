@@ -246,3 +246,36 @@ def test_a_simulation_that_fails_everywhere(measured):
     )
     with pytest.raises(ValueError, match="the simulation fails everywhere"):
         power_scaled(simulator, surrogate=hs.ExactSurrogate()).fit(*measured)
+
+
+def draining(t, rate):
+    with np.errstate(invalid="ignore"):
+        return np.sqrt(10 - rate * t)  # the tank is empty at t = 10 / rate
+
+
+def test_predictions_where_the_simulation_fails_for_some_draws():
+    rng = np.random.default_rng(0)
+    t = np.linspace(0, 8, 12)
+    simulator = hs.Simulator(
+        draining, {"t": (0, 8)}, {"rate": hs.truncated_normal(1, 0.1, 0.5, 1.2)}
+    )
+    model = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate(), random_state=0)
+    model.fit(t[:, None], draining(t, 1.0) + 0.3 * rng.standard_normal(12))
+    rate = model.posterior_.values[:, 0]
+    X = np.array([[8.0], [10.0]])
+    empty = rate > 1.0
+    assert 0.1 < empty.mean() < 0.9
+    with pytest.warns(hs.FailedRunsWarning, match="At 1 of 2 rows .* count as impossible there"):
+        mean = model.predict(X)
+    assert mean[0] == pytest.approx(draining(8.0, rate).mean())
+    # each of the others counts once or twice or so: their spread over what is left of the draws
+    others = draining(10.0, rate[~empty])
+    assert mean[1] == pytest.approx(others.mean(), abs=4 * others.std() / len(others) ** 0.5)
+    with pytest.warns(hs.FailedRunsWarning):
+        lower, upper = model.predict_interval(X)
+    assert (lower < mean).all()
+    assert (mean < upper).all()
+    with pytest.warns(hs.FailedRunsWarning):
+        assert np.isfinite(model.score(X, [1.4, 0.5]))
+    with pytest.warns(hs.FailedRunsWarning, match="every draw fails, and there is no prediction"):
+        assert np.isnan(model.predict([[20.0]])).all()
