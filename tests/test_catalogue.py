@@ -7,7 +7,7 @@ from tide import FRAME, NOISE, SIMULATOR, context_of, plain
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.verdict import form_of
-from hybridsurrogate.effects.catalogue import catalogue
+from hybridsurrogate.effects.catalogue import KINDS, catalogue
 
 
 @pytest.mark.parametrize(
@@ -55,6 +55,7 @@ def test_causes_that_cannot_work(cause, message):
 
 def test_the_whole_catalogue():
     causes, skipped = catalogue(context_of())
+    assert {one.kind for one in (*causes, *skipped)} == {*KINDS, "unexplained"}
     drifts = [cause for cause in causes if cause.kind == "parameter-drift"]
     levels = [cause for cause in causes if getattr(cause, "level", None) is not None]
     rest = {form_of(cause) for cause in causes if cause not in (*drifts, *levels)}

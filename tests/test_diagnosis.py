@@ -197,6 +197,26 @@ class Leak(hs.Cause):
         return (1 - np.exp(-theta["rate"] * X["t"] ** 2))[:, None]
 
 
+def test_kinds_that_cannot_be_the_cause(simulator):
+    X, y = measure(lambda t: 0.25 * t)
+    whole = hs.DiscrepancyDiagnosis(exact(simulator), cv=None, random_state=0).fit(X, y)
+    excluded = {whole.best_cause_.kind, "delay"}
+    rest = clone(whole).set_params(exclude=sorted(excluded), cv=2).fit(X, y)
+    assert rest.best_cause_.kind not in excluded
+    assert not excluded & {*rest.gain_.kinds, *rest.indistinguishable_}
+    table = rest.causes_.set_index("kind")
+    for kind in excluded:
+        assert table.loc[kind, "note"] == "not weighed: you excluded it"
+    assert "delay (you excluded it)" in " ".join(str(rest.report()).split())
+    # what is left shares their prior probability
+    odds = [
+        shares["offset"] / shares["none"]
+        for shares in (d.causes_.set_index("form")["probability"] for d in (whole, rest))
+    ]
+    kinds = set(whole.causes_["kind"][whole.causes_["probability"] > 0]) - {"none", "unexplained"}
+    assert odds[1] / odds[0] == pytest.approx(len(kinds) / (len(kinds) - 2))
+
+
 def test_a_mechanism_of_the_users_own(simulator):
     X, y = measure(lambda t: 3 * (1 - np.exp(-0.8 * t**2)), noise=0.1)
     diagnosis = hs.DiscrepancyDiagnosis(
@@ -256,6 +276,13 @@ def test_parameters_that_cannot_work(simulator, change, error, message):
     diagnosis = hs.DiscrepancyDiagnosis(exact(simulator)).set_params(**change)
     with pytest.raises(error, match=message):
         diagnosis.fit(X, y)
+
+
+@pytest.mark.parametrize("exclude", ["trend", ["trnd"], ["unexplained"]])
+def test_what_cannot_be_excluded(simulator, exclude):
+    X, y = measure(np.zeros_like)
+    with pytest.raises(ValueError, match="the kinds are offset, trend"):
+        hs.DiscrepancyDiagnosis(exact(simulator), exclude=exclude).fit(X, y)
 
 
 def test_too_few_rows(simulator):

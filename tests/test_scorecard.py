@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from hidden_effects.fits import fit_kind
-from scorecard import likeness, page, plots, run, tables
+from scorecard import beyond, likeness, page, plots, run, tables
 from scorecard.__main__ import main
 from scorecard.run import Result, Task
 
@@ -111,6 +111,27 @@ def test_a_kind_that_draws_the_truth_is_not_told_apart():
         0,
         0.5,
     ]
+
+
+def test_scores_beyond_the_measured_range():
+    told = {"elpd_plain": -3.0, "inside_plain": 0.1}
+    far = {"elpd_named": -8.0, "inside_named": 0.2, "elpd_averaged": -2.0, "inside_averaged": 0.8}
+    near = {"elpd_named": -1.0, "inside_named": 0.9, "elpd_averaged": -1.1, "inside_averaged": 0.9}
+    found = beyond.beyond(
+        table(
+            row("step", "step", **told, **near),
+            row("step", "bump", **told, **far),
+            row("bump", "bump", **told, **near),
+            row("noise: tails", "none"),
+        )
+    )
+    assert found.loc[("all", 2.0), "cases"] == 3
+    assert found.loc[("right", 2.0), "averaging gains"] == pytest.approx(-0.1)
+    assert found.loc[("wrong", 2.0), ["elpd_named", "elpd_averaged"]].tolist() == [-8.0, -2.0]
+    assert found.loc[("all", 2.0), "inside_named"] == pytest.approx(2 / 3)
+    # two gains of -0.1 and one of 6: mean 5.8 / 3, standard deviation 6.1 / sqrt(3)
+    assert found.loc[("all", 2.0), "averaging gains"] == pytest.approx(5.8 / 3)
+    assert found.loc[("all", 2.0), "its error"] == pytest.approx(6.1 / 3)
 
 
 def test_first_kinds_and_later_forms():
@@ -291,6 +312,13 @@ def test_estimates_are_compared_with_the_truth(slice_):
     assert coverage.loc["all", "cases"] >= 4
     assert coverage.loc["all", "coverage"] >= 0.6
     assert slice_["ratio"].median() < 0.25
+
+
+def test_named_and_averaged_models_foresee_what_the_simulation_does_not(slice_):
+    found = beyond.beyond(slice_).loc[("all", 4.0)]
+    assert found["elpd_named"] > found["elpd_plain"] + 0.5
+    assert found["elpd_averaged"] > found["elpd_plain"] + 0.5
+    assert 0.7 <= found["inside_averaged"] <= 1
 
 
 def test_only_numbers_of_the_hidden_form_are_compared(diagnosed):

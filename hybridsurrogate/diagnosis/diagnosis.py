@@ -51,6 +51,9 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         The model before, with its simulation; without effects.
     causes : sequence of Cause, default=()
         Mechanisms of your own, weighed beside the catalogue.
+    exclude : sequence of str, default=()
+        Kinds of the catalogue that cannot be the cause, such as "delay" where the clock is right.
+        What is left shares their probability; ``causes_`` lists them as not weighed.
     false_alarm_rate : float, default=0.05
         The verdict is "adequate" unless the p-value of the whole search is at most this (and
         "none" has no more than half of the probability).
@@ -133,6 +136,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         self,
         estimator: PowerScaledSurrogate | None = None,
         causes: Sequence[Cause] = (),
+        exclude: Sequence[str] = (),
         false_alarm_rate: float = 0.05,
         n_replicates: int = 200,
         cv: int | None = 5,
@@ -142,6 +146,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
     ):
         self.estimator = estimator
         self.causes = causes
+        self.exclude = exclude
         self.false_alarm_rate = false_alarm_rate
         self.n_replicates = n_replicates
         self.cv = cv
@@ -167,7 +172,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         self._forget()
         random = check_random_state(self.random_state)
         self.estimator_ = clone(self.estimator).fit(X, y)
-        prepared = prepare(self.estimator_, tuple(self.causes))
+        prepared = prepare(self.estimator_, tuple(self.causes), tuple(self.exclude))
         prepared.warn()
         check_rows(len(prepared.problem.y))
         try:
@@ -227,6 +232,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         rehearse = Rehearsal(
             clone(self.estimator),
             tuple(self.causes),
+            tuple(self.exclude),
             self.search_,
             Pair(self.estimator_, self.extended_estimator_, self.best_cause_.kind),
             int(self.max_causes),

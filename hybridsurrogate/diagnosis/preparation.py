@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -50,7 +50,9 @@ class Prepared(NamedTuple):
             )
 
 
-def prepare(fitted: PowerScaledSurrogate, own: Sequence[Cause]) -> Prepared:
+def prepare(
+    fitted: PowerScaledSurrogate, own: Sequence[Cause], excluded: Collection[str] = ()
+) -> Prepared:
     """Return what a search over the catalogue and the user's own causes needs.
 
     Parameters
@@ -59,6 +61,8 @@ def prepare(fitted: PowerScaledSurrogate, own: Sequence[Cause]) -> Prepared:
         Without effects.
     own : sequence of Cause
         The user's.
+    excluded : collection of str
+        Kinds of the catalogue that are left out.
 
     Raises
     ------
@@ -90,7 +94,7 @@ def prepare(fitted: PowerScaledSurrogate, own: Sequence[Cause]) -> Prepared:
             usable.append(cause)
         else:
             unusable.append(Skipped(cause.kind, cause.target, reason))
-    causes, skipped = catalogue(context, usable)
+    causes, skipped = catalogue(context, usable, excluded)
     return Prepared(problem, causes, [*unusable, *skipped], unusable)
 
 

@@ -44,6 +44,8 @@ class Rehearsal:
     estimator : PowerScaledSurrogate
         The model before, not fitted.
     own : sequence of Cause
+    excluded : tuple of str
+        Kinds that are not weighed.
     found : Search
         On all rows: emulator and belief come from the runs alone, which are the same in each fold,
         and climbs start where its climbs ended.
@@ -55,6 +57,7 @@ class Rehearsal:
 
     estimator: PowerScaledSurrogate
     own: Sequence[Cause]
+    excluded: tuple[str, ...]
     found: Search
     fitted: Pair
     max_causes: int
@@ -65,7 +68,7 @@ class Rehearsal:
         draws = min(int(self.estimator.n_draws), FOLD_DRAWS)
         plain = clone(self.estimator).set_params(n_draws=draws)
         before = quickly_fitted(plain, X, y, self.fitted.before)
-        prepared = prepare(before, self.own)
+        prepared = prepare(before, self.own, self.excluded)
         problem = with_basis(prepared.problem, self.found.problem.model.basis)
         steps = forward_search(
             problem,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from sklearn.utils import check_scalar
 
+from hybridsurrogate.effects.catalogue import KINDS
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.likelihoods import TransformedNormal, as_likelihood
 
@@ -26,6 +27,12 @@ def check_settings(diagnosis: DiscrepancyDiagnosis) -> None:
         check_scalar(diagnosis.n_jobs, "n_jobs", Integral)
         if not diagnosis.n_jobs:
             raise ValueError("n_jobs must be a number of processes, -1 for all cores, or None.")
+    unknown = [] if isinstance(diagnosis.exclude, str) else set(diagnosis.exclude) - set(KINDS)
+    if unknown or isinstance(diagnosis.exclude, str):
+        raise ValueError(
+            f"exclude must be a sequence of kinds of the catalogue, got {diagnosis.exclude!r}; the "
+            f"kinds are {', '.join(KINDS)}."
+        )
     rate, n = diagnosis.false_alarm_rate, diagnosis.n_replicates
     if not 0 < rate < 1:
         raise ValueError(f"false_alarm_rate must be in (0, 1), got {rate}.")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -30,6 +30,13 @@ from hybridsurrogate.effects.saturation import Saturation
 from hybridsurrogate.effects.step import Step
 from hybridsurrogate.effects.trend import Trend
 from hybridsurrogate.effects.wrong_constant import WrongConstant
+
+# what may be excluded: "none" and "unexplained" are always weighed
+KINDS = (
+    *("offset", "trend", "periodic", "step", "ramp", "bump", "decay", "saturation", "gain"),
+    *("wrong-constant", "parameter-drift", "missing-input", "missing-term", "interaction"),
+    *("delay", "noise"),
+)
 
 # a shape over a column needs as many distinct values as it has numbers, and some to spare; a kind's
 # own word stands for its plain form, a second word for each other form
@@ -69,7 +76,9 @@ class Skipped:
     reason: str
 
 
-def catalogue(context: Context, extra: Sequence[Cause] = ()) -> tuple[list[Cause], list[Skipped]]:
+def catalogue(
+    context: Context, extra: Sequence[Cause] = (), excluded: Collection[str] = ()
+) -> tuple[list[Cause], list[Skipped]]:
     """Return the prepared causes, and those left out with reasons.
 
     Parameters
@@ -77,15 +86,20 @@ def catalogue(context: Context, extra: Sequence[Cause] = ()) -> tuple[list[Cause
     context : Context
     extra : sequence of Cause
         The user's own mechanisms.
+    excluded : collection of str
+        Kinds of which no built-in cause is weighed.
     """
-    causes, skipped = [], []
-    for form, cause in (*_built_in(context), *((cause.kind, cause) for cause in extra)):
+    causes: list[Cause] = []
+    skipped = [Skipped(kind, None, "you excluded it") for kind in excluded]
+    built_in = [pair for pair in _built_in(context) if pair[1].kind not in excluded]
+    for form, cause in (*built_in, *((cause.kind, cause) for cause in extra)):
         reason = _reason_to_skip(form, cause, context)
         if reason:
             skipped.append(Skipped(cause.kind, cause.target, _with_form(form, reason)))
         else:
             causes.append(cause.prepare(context))
-    return causes, [*skipped, *_impossible(context)]
+    impossible = [one for one in _impossible(context) if one.kind not in excluded]
+    return causes, [*skipped, *impossible]
 
 
 def _built_in(context: Context) -> Iterator[tuple[str, Cause]]:

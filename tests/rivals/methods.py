@@ -11,6 +11,8 @@ from hidden_effects.by_hand import diagnose_by_hand
 from hidden_effects.by_package import diagnose
 from hidden_effects.forms import KINDS
 
+from hybridsurrogate.effects.catalogue import KINDS as WHOLE
+
 from . import sparse_terms, structure, symbolic, toolbox
 from .calibration import Measurements
 
@@ -35,12 +37,17 @@ def _package(measured: Measurements, seed: int) -> dict[str, Any]:
     return diagnose(measured, seed)
 
 
+def _package_of_nine(measured: Measurements, seed: int) -> dict[str, Any]:
+    return diagnose(measured, seed, sorted({*WHOLE} - {*KINDS}))
+
+
 def _by_hand(measured: Measurements, seed: int) -> dict[str, Any]:
     return diagnose_by_hand(*measured, np.random.default_rng(seed))
 
 
 METHODS = {
     "hybridsurrogate": Method("hybridsurrogate", KINDS, _package),
+    "hybridsurrogate-nine": Method("hybridsurrogate, told the nine kinds", KINDS, _package_of_nine),
     "by-hand": Method("least squares by hand, BIC", KINDS, _by_hand),
     "toolbox": Method("toolbox of tests", toolbox.WORDS, toolbox.diagnose),
     "structure": Method("Gaussian-process structure search", structure.WORDS, structure.diagnose),

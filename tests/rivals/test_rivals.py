@@ -24,6 +24,7 @@ from .toolbox import _log_p_value
 # plain to see, and a word that the method has
 PLAIN = {
     "hybridsurrogate": "periodic",
+    "hybridsurrogate-nine": "step",
     "by-hand": "gain",
     "toolbox": "wrong-constant",
     "structure": "bump",

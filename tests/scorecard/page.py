@@ -10,6 +10,7 @@ import pandas as pd
 from hidden_effects.cases import FORMS
 
 from . import tables
+from .beyond import beyond
 
 _NAMES = {
     "kind": "hidden",
@@ -19,6 +20,12 @@ _NAMES = {
     "covered": "90 % set covers",
     "set_size": "kinds in a set",
     "ratio": "out-of-range error",
+    "elpd_plain": "score: simulation as it is",
+    "elpd_named": "with the named cause",
+    "elpd_averaged": "averaged",
+    "inside_plain": "90 % holds: as it is",
+    "inside_named": "with the named cause",
+    "inside_averaged": "averaged",
     "rate": "false alarms",
     "upper": "upper 95 % limit",
     "both": "both named",
@@ -28,7 +35,8 @@ _NAMES = {
     "low": "95 % low",
     "high": "95 % high",
 }
-_RATES = ("detected", "exact", "alike", "same", "covered", "rate", "upper", "limit")
+_INSIDE = ("inside_plain", "inside_named", "inside_averaged")
+_RATES = (*_INSIDE, "detected", "exact", "alike", "same", "covered", "rate", "upper", "limit")
 _SHARES = frozenset([*_RATES, "coverage", "right", "stated", "both", "one", "wrong", "low", "high"])
 
 
@@ -68,6 +76,14 @@ def sections(table: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
         "Coverage of 90 % intervals",
         "Where the very form was found, at its target; so of effects large enough for that.",
         tables.interval_coverage(table),
+    )
+    yield (
+        "Beyond the measured range",
+        "Log predictive density a row (ELPD) and share of rows in 90 % intervals, of new "
+        "measurements out of range: for the simulation as it is, extended by the cause that was "
+        "named, and averaged over the causes by their probabilities (`averaged_estimator_`). "
+        "Effects in the noise are left out.",
+        beyond(tables.single(table)),
     )
     yield (
         "Forms of noise",

@@ -20,6 +20,7 @@ from hidden_effects.pairs import make_pair
 
 import hybridsurrogate as hs
 
+from .beyond import foreseen
 from .likeness import distance
 
 # the words of the truth, in the words of an estimate
@@ -83,6 +84,12 @@ class Result:
     distance: float = float("nan")  # of what was found instead: see likeness
     several: str = ""  # every accepted kind, with bars between
     ratio: float = float("nan")  # out-of-range error against the plain simulation's
+    elpd_plain: float = float("nan")  # out of range, a row: of the simulation as it is,
+    elpd_named: float = float("nan")  # extended by the cause that was named,
+    elpd_averaged: float = float("nan")  # and averaged over the causes
+    inside_plain: float = float("nan")  # share of these rows in the 90 % interval
+    inside_named: float = float("nan")
+    inside_averaged: float = float("nan")
     estimates: str = "{}"  # name: [true, low, high]
     seconds: float = float("nan")
     trouble: str = ""  # the exception, if there was one
@@ -104,7 +111,11 @@ def score(task: Task) -> dict[str, Any]:
     try:
         diagnosis = _diagnose(case, task)
         seconds = time.perf_counter() - start
-        result = replace(_judge(case, diagnosis), seconds=round(seconds, 3))
+        result = replace(
+            _judge(case, diagnosis),
+            seconds=round(seconds, 3),
+            **foreseen(case, diagnosis, task.seed),
+        )
     except Exception as error:  # a diagnosis that fails is a result, and the others go on
         share = case.truth["noise_sd"] / np.ptp(case.truth["mu"])
         trouble = f"{type(error).__name__}: {error}".replace("\n", " ")[:200]

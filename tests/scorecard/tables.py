@@ -14,6 +14,7 @@ from hidden_effects.limits import best_power
 from numpy.typing import ArrayLike
 from scipy.stats import binom, binomtest
 
+from .beyond import WORDS
 from .run import complete_lines
 
 # curves so alike over a limited range that naming one of them for another is half an answer
@@ -36,6 +37,7 @@ _NUMBERS = (
     "leader_share",
     "distance",
     "ratio",
+    *(word for pair in WORDS.values() for word in pair),
     "seconds",
 )
 
