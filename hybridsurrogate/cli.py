@@ -116,6 +116,13 @@ def _parser() -> argparse.ArgumentParser:
     own.add_argument("--beta", type=float, default=0.5, help="weight of the simulation (0.5)")
     own.set_defaults(run=_diagnose)
     for command in (demo, own):
+        command.add_argument(
+            "--exclude",
+            nargs="+",
+            default=[],
+            metavar="KIND",
+            help="kinds that cannot be the cause, such as delay noise",
+        )
         command.add_argument("--report", default="report.html", help="file to write (report.html)")
         command.add_argument("--json", metavar="FILE", help="also write the numbers, for machines")
         command.add_argument("--seed", type=int, default=0, help="random seed (0)")
@@ -183,7 +190,8 @@ def _priors(given: argparse.Namespace, runs: pd.DataFrame) -> dict[str, Prior]:
 def _finish(
     model: PowerScaledSurrogate, X: Any, y: Any, test: Any, given: argparse.Namespace
 ) -> None:
-    diagnosis = DiscrepancyDiagnosis(model, random_state=given.seed).fit(X, y)
+    diagnosis = DiscrepancyDiagnosis(model, exclude=given.exclude, random_state=given.seed)
+    diagnosis.fit(X, y)
     report = diagnosis.report(test=test)
     print(report)
     report.save(given.report)

@@ -54,9 +54,12 @@ def test_a_demonstration_prints_its_verdict_and_writes_a_report(capsys, tmp_path
 
 def test_files_of_ones_own(files, capsys):
     numbers = files / "numbers.json"
-    assert main(arguments(files, "--prior", "speed=2,0.5", "--json", str(numbers))) == 0
+    more = ("--prior", "speed=2,0.5", "--exclude", "delay", "noise", "--json", str(numbers))
+    assert main(arguments(files, *more)) == 0
     assert json.loads(numbers.read_text(encoding="utf-8"))["best_cause"]["target"] == "wind"
-    assert "missing-input in wind" in capsys.readouterr().out
+    out = " ".join(capsys.readouterr().out.split())
+    assert "missing-input in wind" in out
+    assert "Not weighed: delay (you excluded it), noise (you excluded it)" in out
     assert (files / "report.html").exists()
 
 
@@ -68,6 +71,7 @@ def test_files_of_ones_own(files, capsys):
         (("--inputs", "depth"), "has no columns ['depth']"),
         (("--parameters", "mass"), "has no columns ['mass']"),
         (("--simulation", "nowhere.csv"), "nowhere.csv"),
+        (("--exclude", "weather"), "the kinds are offset, trend"),
     ],
 )
 def test_a_mistake_ends_with_one_clear_line(files, capsys, change, message):
