@@ -123,6 +123,9 @@ def _parser() -> argparse.ArgumentParser:
             metavar="KIND",
             help="kinds that cannot be the cause, such as delay noise",
         )
+        command.add_argument(
+            "--max-causes", type=int, default=1, metavar="N", help="look for up to N causes (1)"
+        )
         command.add_argument("--report", default="report.html", help="file to write (report.html)")
         command.add_argument("--json", metavar="FILE", help="also write the numbers, for machines")
         command.add_argument("--seed", type=int, default=0, help="random seed (0)")
@@ -190,7 +193,9 @@ def _priors(given: argparse.Namespace, runs: pd.DataFrame) -> dict[str, Prior]:
 def _finish(
     model: PowerScaledSurrogate, X: Any, y: Any, test: Any, given: argparse.Namespace
 ) -> None:
-    diagnosis = DiscrepancyDiagnosis(model, exclude=given.exclude, random_state=given.seed)
+    diagnosis = DiscrepancyDiagnosis(
+        model, exclude=given.exclude, max_causes=given.max_causes, random_state=given.seed
+    )
     diagnosis.fit(X, y)
     report = diagnosis.report(test=test)
     print(report)

@@ -71,6 +71,7 @@ def test_files_of_ones_own(files, capsys):
         (("--inputs", "depth"), "has no columns ['depth']"),
         (("--parameters", "mass"), "has no columns ['mass']"),
         (("--simulation", "nowhere.csv"), "nowhere.csv"),
+        (("--max-causes", "0"), "max_causes == 0, must be >= 1"),
         (("--exclude", "weather"), "the kinds are offset, trend"),
     ],
 )

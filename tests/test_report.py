@@ -1,10 +1,12 @@
 """The report says in words and pictures what the attributes say in numbers."""
 
+import copy
 import html.parser
 import json
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -273,6 +275,28 @@ def test_two_causes_at_once(diagnose):
         first.kind,
         second.kind,
     ]
+    assert "Something is left beside it" not in text
+
+
+def test_a_cause_that_is_not_the_whole_story(diagnose):
+    diagnosis = diagnose(lambda t: 2.0 * (t > 5) + 0.5 * np.sin(2 * np.pi * t / 4), cv=None)
+    text = flat(diagnosis.report())
+    assert "a smooth remainder is needed beside it" in text
+    assert "Something is left beside it: search on with max_causes=2" in text
+
+
+def test_what_to_predict_with(named):
+    def advice(**gains):
+        told = copy.copy(named)
+        for name, gain in gains.items():
+            setattr(told, name, gain)
+        return flat(told.report())
+
+    worse = replace(named.gain_, elpd_difference=-3.0, standard_error=0.5)
+    unclear = replace(worse, standard_error=2.0)
+    assert "Predict with extended_estimator_." in advice(gain_=unclear, gain_out_of_range_=unclear)
+    assert "within the measured range, not beyond it" in advice(gain_out_of_range_=worse)
+    assert "Predict with estimator_, the simulation as it is" in advice(gain_=worse)
 
 
 def scan_of(before, after):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hybridsurrogate.diagnosis.report import digits
+from hybridsurrogate.diagnosis.report.scores import is_worse
 from hybridsurrogate.diagnosis.report.tables import noise_of
 from hybridsurrogate.diagnosis.report.view import View, label, label_of, label_of_cause
 from hybridsurrogate.diagnosis.verdict import NOT_WEIGHED, is_weighed
@@ -101,10 +102,28 @@ def _advice(view: View) -> str:
             "their probabilities, and is what to predict with beyond the data."
         )
     found = [label_of_cause(c) for f, c in view.found if f.kind != "unexplained"]
-    return (
-        f"Check {digits.listing(found)} where the data come from: a "
-        "cause that fits is not yet a cause that is true. Predict with extended_estimator_."
+    check = (
+        f"Check {digits.listing(found)} where the data come from: a cause that fits is not yet a "
+        "cause that is true."
     )
+    if _remainder_beside(view) > _REMAINDER:
+        check += (
+            f" Something is left beside {_it(view)}: search on with "
+            f"max_causes={len(view.found) + 1}, and put a mechanism of your own among the causes."
+        )
+    return f"{check} {_predict_with(view)}"
+
+
+def _predict_with(view: View) -> str:
+    d = view.diagnosis
+    if d.gain_ is not None and is_worse(d.gain_):
+        return "Predict with estimator_, the simulation as it is: the extension predicts worse."
+    if d.gain_out_of_range_ is not None and is_worse(d.gain_out_of_range_):
+        return (
+            "Predict with extended_estimator_ within the measured range, not beyond it: there its "
+            "predictions were worse than those of the simulation as it is."
+        )
+    return "Predict with extended_estimator_."
 
 
 def _alike(view: View) -> list[str]:
@@ -127,19 +146,33 @@ def _alike(view: View) -> list[str]:
     ]
 
 
-def _remainder(view: View) -> list[str]:
+def _it(view: View) -> str:
+    return "it" if len(view.found) == 1 else "them"
+
+
+def _remainder_beside(view: View) -> float:
+    """Return the probability that a smooth remainder is needed beside all that was found."""
     d = view.diagnosis
-    place = [w.cause is view.cause for w in d.search_.weighed].index(True)
-    remainder = float(d.search_.remainder[place])
-    if d.verdict_ not in ("named", "ambiguous") or not remainder > _REMAINDER:
+    if d.verdict_ not in ("named", "ambiguous"):
+        return 0.0
+    cause, search = view.found[-1][1], d._last[0]
+    place = [w.cause is cause for w in search.weighed].index(True)
+    remainder = float(search.remainder[place])
+    return remainder if np.isfinite(remainder) else 0.0
+
+
+def _remainder(view: View) -> list[str]:
+    remainder = _remainder_beside(view)
+    if remainder <= _REMAINDER:
         return []
     left = view.y - view.after
     order = np.argsort(view.x, kind="stable")
     lag = float(np.corrcoef(left[order][:-1], left[order][1:])[0, 1])
     removed = 1 - float(np.var(left)) / float(np.var(view.y - view.before))
     return [
-        f"The cause is not the whole story: with probability {digits.probability(remainder)} a "
-        f"smooth remainder is needed beside it. The extension removes {digits.percent(removed)} of "
+        f"{'The cause is' if len(view.found) == 1 else 'These causes are'} not the whole story: "
+        f"with probability {digits.probability(remainder)} a smooth remainder is needed beside "
+        f"{_it(view)}. The extension removes {digits.percent(removed)} of "
         f"the variance of the residuals; those that are left have a correlation of {lag:.2f} "
         f"between neighbours in {view.name}, where 0 would mean that only noise is left."
     ]

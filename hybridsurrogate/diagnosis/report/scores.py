@@ -80,6 +80,12 @@ def judgement(gain: Gain) -> str:
     return "the extended model predicts worse: do not use it for rows like these"
 
 
+def is_worse(gain: Gain) -> bool:
+    """Tell whether the model after predicts worse, by more than two standard errors."""
+    error = gain.standard_error
+    return math.isfinite(error) and gain.elpd_difference < -2 * error
+
+
 def trust(view: View, scan: pd.DataFrame | None) -> list[str]:
     """Say how much the simulation should weigh against the data, before and after."""
     if scan is None and view.has_weight:
