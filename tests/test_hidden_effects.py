@@ -13,6 +13,11 @@ from hidden_effects.cases import make_case
 from hidden_effects.forms import KINDS
 from hidden_effects.rates import judge
 
+import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.evidence import search
+from hybridsurrogate.diagnosis.preparation import prepare, trained_emulator
+from hybridsurrogate.diagnosis.verdict import form_of
+
 SIMULATED = [kind for kind in KINDS if kind != "none"]
 
 
@@ -53,3 +58,26 @@ def test_false_alarms():
         for seed in range(900, 910)
     )
     assert alarms <= 2
+
+
+STRONG = [(kind, seed) for kind in ("bump", "step", "parameter-drift: step") for seed in (920, 921)]
+
+
+@pytest.mark.parametrize(("kind", "seed"), STRONG)
+def test_many_rows_do_not_hide_the_truth_between_the_nodes_of_a_grid(kind, seed):
+    case = make_case(kind, 4.0, seed, 400)
+    model = hs.PowerScaledSurrogate(
+        case.simulator, surrogate=hs.ExactSurrogate(), n_draws=50, random_state=0
+    )
+    model.fit(case.X, case.y)
+    prepared = prepare(model, ())
+    problem, belief = trained_emulator(prepared.problem, model)
+    found = search(problem, prepared.causes, belief, with_remainder=False)
+    forms = [form_of(w.cause) if w.cause else "none" for w in found.weighed]
+    fits = [w for w, form in zip(found.weighed, forms, strict=True) if form.startswith(kind)]
+    # fitted, the truth's own form is as close to the data as the truth, but for priors
+    truth = np.sum((case.y - case.truth["mu"]) ** 2)
+    best = min(fits, key=lambda w: w.peak.squares)
+    assert best.peak.squares <= truth + 6 * case.truth["noise_sd"] ** 2
+    first = forms[int(np.argmax(found.probability))]
+    assert first.partition(":")[0] == kind.partition(":")[0]

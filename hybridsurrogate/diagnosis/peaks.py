@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy import special
@@ -11,7 +12,7 @@ from hybridsurrogate.diagnosis.fits import Fitted, effect_sizes, highest, settle
 from hybridsurrogate.diagnosis.interruption import InterruptedSearch
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.problem import Problem
-from hybridsurrogate.inference.layout import Layout, layout
+from hybridsurrogate.inference.layout import Layout, at_cells, layout, refine
 from hybridsurrogate.inference.linearised import Belief, linearise
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.multistart import best_of_many, is_followed
@@ -19,13 +20,25 @@ from hybridsurrogate.inference.noise import NoiseTable
 from hybridsurrogate.inference.scan import Peak, climb, scan
 from hybridsurrogate.priors import FloatArray
 
-# causes this far (in nats, prior odds included) behind the best one are not followed in earnest:
-# after a first climb, which may have found a lower hill, and where the climbs in other rows ended,
-# which is nearly it
-_FAR_BEHIND, _FAR_BEHIND_NEARBY = 12.0, 4.0
+
+class Margins(NamedTuple):
+    """How far (in nats, prior odds included) behind the best cause is far, and what is hopeless."""
+
+    behind: float
+    hopeless: float
+
+
+# a first climb may have found a lower hill on too coarse a grid; where climbs in other rows ended
+# is nearly it, and what had a chance there has a finer grid already
+_MARGINS, _MARGINS_NEARBY = Margins(12.0, np.inf), Margins(4.0, 30.0)
 # a fit this many times closer than without the cause is as good as exact
 _NEGLIGIBLE = 1e-3
 _NEUTRAL_MOVES = (0.0, 0.7, -0.7)
+# what is wrong may drive the parameters this far (in prior sds) from where they belong, that a
+# climb from there does not find back
+_DRIVEN_AWAY = 2.0
+# nodes of a coarse grid between which a cause that looks far behind may fit much better
+_LOOKED_BETWEEN, _LOOKS = 8, 5
 
 
 def best_peaks(
@@ -62,8 +75,8 @@ def best_peaks(
                 fits.append(_once(problem, belief, model, plan, null))
             else:
                 fits.append(_unmoved(problem, model, plan, nearby[k]))
-        margin = _FAR_BEHIND if nearby is None else _FAR_BEHIND_NEARBY
-        behind = _far_behind(problem, belief, noise, [null, *fits], log_prior, margin)
+        margins = _MARGINS if nearby is None else _MARGINS_NEARBY
+        behind = _far_behind(problem, belief, noise, [null, *fits], log_prior, margins)
         for k in map(int, np.flatnonzero(np.isnan(behind))):
             model, plan, peak, sigma = fits[k]
             if _is_noise_process(model) or is_followed(model.effects[-1]):
@@ -95,7 +108,8 @@ def _followed(
 
 
 def _unmoved(problem: Problem, model: MeasuredModel, plan: Layout, other: Fitted) -> Fitted:
-    """Return the fit to other rows as one to these, on the first grid, before any climb."""
+    """Return the fit to other rows as one to these, on the grid refined there, before any climb."""
+    plan = at_cells(model, plan, other.plan.edges)
     if not np.isfinite(other.peak.objective):
         return Fitted(model, plan, other.peak, other.sigma)
     peak = Peak(other.peak.z, len(problem.y) * other.sigma**2, 0.0, 0)
@@ -110,12 +124,15 @@ def _once(
     null: Fitted,
 ) -> Fitted:
     """Climb once, on the first grid."""
-    start, sigma = _starts(model, plan, null)[0], null.sigma
+    starts, sigma = _starts(model, plan, null), null.sigma
+    start, anew = starts[0], starts[len(starts) // 2]
     if _is_noise_process(model):
         # left free it would take all the noise there is: it has the size of the noise
         peak = climb(model, problem.X, problem.y, belief, plan, start, sigma, sigma)
         return Fitted(model, plan, peak, sigma)
-    peak = highest(problem, belief, model, plan, [start], sigma)
+    driven_away = np.linalg.norm(null.peak.z[: model.n_parameters]) > _DRIVEN_AWAY
+    starts = [start, anew] if driven_away else [start]
+    peak = highest(problem, belief, model, plan, starts, sigma)
     return Fitted(model, plan, peak, sigma_of(problem, peak, sigma))
 
 
@@ -125,24 +142,58 @@ def _far_behind(
     noise: NoiseTable,
     fits: Sequence[Fitted],
     log_prior: FloatArray,
-    margin: float,
+    margins: Margins,
 ) -> FloatArray:
     """Return the log evidence of causes that are far behind; NaN for the others, failed or not.
 
-    The first of the fits is that of "nothing is wrong".
+    The first of the fits is that of "nothing is wrong". The stronger the data, the more a grid
+    misses between its nodes: what a finer one reaches counts, too.
     """
     sizes = effect_sizes(problem, fits)
-    reached = np.empty(len(fits))
-    for k, (model, plan, peak, sigma) in enumerate(fits):
-        parts = linearise(model, problem.X, belief, plan, peak.z)
-        nodes = scan(parts, problem.y[None], sigma, noise, sizes)[0]
-        reached[k] = special.logsumexp(nodes)
+    scans = [_nodes(problem, belief, noise, fit, sizes) for fit in fits]
+    reached = np.array([special.logsumexp(nodes) for nodes in scans])
     # a curve of any shape reaches high at once: what has a name is compared with its like; what
     # could not be followed at all gets its other starting points, too
     of_any_shape = [any(e.kind == "unexplained" for e in fit.model.effects[-1:]) for fit in fits]
     weight = np.where(np.isfinite(reached), reached + log_prior, -np.inf)
-    behind = weight < np.max(weight[~np.array(of_any_shape)], initial=-np.inf) - margin
+    enough = np.max(weight[~np.array(of_any_shape)], initial=-np.inf) - margins.behind
+    behind = weight < enough
+    hopeless = enough - margins.hopeless
+    for k in map(int, np.flatnonzero(behind & np.isfinite(reached) & (weight > hopeless))):
+        if len(fits[k].plan.nodes):
+            missed = _between_nodes(problem, belief, noise, fits[k], scans[k], sizes)
+            behind[k] = weight[k] + missed < enough
     return np.where(behind & np.isfinite(reached), reached, np.nan)[1:]
+
+
+def _nodes(
+    problem: Problem, belief: Belief, noise: NoiseTable, fit: Fitted, sizes: FloatArray
+) -> FloatArray:
+    """Return the log evidence of every node of a fit."""
+    parts = linearise(fit.model, problem.X, belief, fit.plan, fit.peak.z)
+    return scan(parts, problem.y[None], fit.sigma, noise, sizes)[0]
+
+
+def _between_nodes(
+    problem: Problem,
+    belief: Belief,
+    noise: NoiseTable,
+    fit: Fitted,
+    nodes: FloatArray,
+    sizes: FloatArray,
+) -> float:
+    """Return how many nats more a finer grid around the best nodes reaches, without a climb."""
+    density = nodes - fit.plan.log_weight
+    coarse = float(density.max())
+    for _ in range(_LOOKS):
+        index = np.argsort(-density)[:_LOOKED_BETWEEN]
+        best = fit.plan.at(index)
+        finer = refine(fit.model, best, density[index] + best.log_weight)
+        if finer is best:
+            break
+        fit = fit._replace(plan=finer)
+        density = _nodes(problem, belief, noise, fit, sizes) - finer.log_weight
+    return max(float(density.max()) - coarse, 0.0)
 
 
 def _is_noise_process(model: MeasuredModel) -> bool:
