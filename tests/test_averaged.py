@@ -1,5 +1,8 @@
 """Predictions averaged over several explanations."""
 
+import warnings
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import special
@@ -91,6 +94,29 @@ def test_bad_input_is_told(case, change, error, message):
     model = hs.AveragedSurrogate(candidates(case), WEIGHTS).set_params(**change)
     with pytest.raises(error, match=message):
         model.fit(case.X, case.y)
+
+
+@pytest.mark.parametrize(("weights", "warned"), [((0.95, 0.05), False), ((0.6, 0.4), True)])
+def test_doubtful_draws_count_by_their_weight(case, monkeypatch, weights, warned):
+    doubtful = replace(candidates(case)[0].fit(case.X, case.y).diagnostics_, khat=1.2)
+    keep = hs.PowerScaledSurrogate._keep
+
+    def kept(self, *found):
+        keep(self, *found)
+        if self.effects[0].kind == "bump":
+            self.diagnostics_ = doubtful
+        return self
+
+    monkeypatch.setattr(hs.PowerScaledSurrogate, "_keep", kept)
+    model = hs.AveragedSurrogate(candidates(case), weights)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        model.fit(case.X, case.y)
+    told = [str(one.message) for one in caught]
+    assert len(told) == warned
+    if warned:
+        assert "1 of 2 estimators, with 40 % of the weight, are doubtful; of estimator 1" in told[0]
+        assert "k-hat of step 1 is 1.20" in told[0]
 
 
 def test_estimators_must_share_simulation_and_likelihood(case):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,11 +13,15 @@ from sklearn.base import clone
 
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.exceptions import SamplingWarning
 from hybridsurrogate.inference.leave_one_out import PointwiseLoo
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation import SimulationData, Simulator
+
+# doubtful draws of estimators with no more than this share of the weight make no doubtful average
+_MOST_DOUBTFUL = 0.1
 
 
 class AveragedSurrogate(SurrogateEstimator):
@@ -40,6 +45,12 @@ class AveragedSurrogate(SurrogateEstimator):
     estimators_ : list of PowerScaledSurrogate
         Fitted.
     weights_ : ndarray of shape (n_estimators,)
+
+    Warns
+    -----
+    SamplingWarning
+        Where draws are doubtful for more than a tenth of the weight; what is wrong with those of
+        less stands in the ``diagnostics_`` of each estimator.
 
     Examples
     --------
@@ -95,9 +106,27 @@ class AveragedSurrogate(SurrogateEstimator):
         weights = self._checked_weights()
         likelihood = self.estimators[0]._check_parameters()[1]
         self._rows = self._check_fit_data(X, y, likelihood, sample_weight)
-        self.estimators_ = [clone(one).fit(X, y, sample_weight) for one in self.estimators]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SamplingWarning)
+            self.estimators_ = [clone(one).fit(X, y, sample_weight) for one in self.estimators]
         self.weights_ = weights / weights.sum()
+        self._warn()
         return self
+
+    def _warn(self) -> None:
+        """Warn where draws are doubtful for more than a tenth of the weight."""
+        problems = [one.diagnostics_.problems() for one in self.estimators_]
+        doubtful = np.array([bool(found) for found in problems])
+        share = float(self.weights_[doubtful].sum())
+        if share > _MOST_DOUBTFUL:
+            worst = int(np.argmax(self.weights_ * doubtful))
+            warnings.warn(
+                f"The draws of {doubtful.sum()} of {len(doubtful)} estimators, with "
+                f"{100 * share:.0f} % of the weight, are doubtful; of estimator {worst}: "
+                f"{'; '.join(problems[worst])}. Try more n_draws or tighter priors.",
+                SamplingWarning,
+                stacklevel=3,
+            )
 
     def _checked_weights(self) -> FloatArray:
         if not self.estimators:

@@ -25,11 +25,9 @@ from hybridsurrogate.inference.mixtures import (
     standard_student,
 )
 from hybridsurrogate.inference.modes import Gaussian, LogDensity
-from hybridsurrogate.inference.pareto import KHAT_LIMIT, pareto_smooth
+from hybridsurrogate.inference.pareto import KHAT_LIMIT, level_smooth
 from hybridsurrogate.priors import FloatArray
 
-# of so many weights none exceeds the mean by so much (in nats): they are level
-_MANY, _LEVEL = 1000, float(np.log(10.0))
 # draws whose weights have a larger k-hat can be trusted, but intervals fall short: around bends up
 # to 6.5 % lie beyond an end that should leave 5 % where rounds stop at 0.5, up to 5.7 % at 0.3
 _GOOD_KHAT = 0.3
@@ -179,21 +177,8 @@ def _smoothed_by_cell(log_weight: FloatArray, cells: list[Cell]) -> tuple[FloatA
     for cell in cells:
         khats.append(np.inf)
         if np.count_nonzero(np.isfinite(log_weight[cell])) >= _FEWEST:
-            out[cell], khats[-1] = _smoothed(log_weight[cell])
+            out[cell], khats[-1] = level_smooth(log_weight[cell])
     return out, khats
-
-
-def _smoothed(log_weight: FloatArray) -> tuple[FloatArray, float]:
-    """Return smoothed log weights and k-hat; level weights as they are, with k-hat at most 0.
-
-    A Pareto tail with k = 0.7 stays below ten times its mean in one of a thousand samples of 1000.
-    Weights that do are bounded, and the steps of a plateau can look like any tail to the fit.
-    """
-    log_mean = special.logsumexp(log_weight) - np.log(len(log_weight))
-    smoothed, khat = pareto_smooth(log_weight)
-    if len(log_weight) >= _MANY and np.max(log_weight) <= log_mean + _LEVEL:
-        return log_weight, min(khat, 0.0)
-    return smoothed + np.max(log_weight), khat
 
 
 def _noise_points(n: int, d: int, scale: float, random_state: np.random.RandomState) -> FloatArray:

@@ -16,7 +16,7 @@ from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.mixtures import mixture_log_density, mixture_points, moment_match
 from hybridsurrogate.inference.modes import Gaussian, find_modes
 from hybridsurrogate.inference.parameter_grid import GRID_NODES, grid_draws
-from hybridsurrogate.inference.pareto import pareto_smooth
+from hybridsurrogate.inference.pareto import KHAT_LIMIT, level_smooth
 from hybridsurrogate.inference.shared_nodes import (
     MeasuredGiven,
     node_shares,
@@ -109,20 +109,21 @@ def _by_proposals(
     spread = Gaussian(first_step[0], np.eye(first_step.shape[1]), modes[0].log_mass)
     first = moment_match(first_step, np.full(n, 1 / n), spread)
     components = [first, modes[0]]
+    some = np.linspace(0, len(problem.c) - 1, min(25, len(problem.c))).astype(int)
     for round_ in range(_N_ROUNDS):
         points = mixture_points(components, _N_PROPOSALS, random_state)
         log_proposal = mixture_log_density(components, points)
         log_weight = _log_density(problem, points, problem.c) - log_proposal[:, None]
         share = node_shares(log_weight)
         effective = float(np.median(1 / np.sum(share**2, axis=0)))
-        if round_ == _N_ROUNDS - 1 or effective > 0.1 * _N_PROPOSALS:
+        khat = float(np.median([level_smooth(log_weight[:, s])[1] for s in some]))
+        enough = effective > 0.1 * _N_PROPOSALS and khat <= KHAT_LIMIT
+        if enough or round_ == _N_ROUNDS - 1:
             break
         components = [moment_match(points, share.mean(axis=1), first), modes[0]]
     pick = one_node_each(share, random_state)
     u = points[pick]
     coefficients = _draw_columns(problem, u, random_state)
-    some = np.linspace(0, len(problem.c) - 1, min(25, len(problem.c))).astype(int)
-    khat = float(np.median([pareto_smooth(log_weight[:, s])[1] for s in some]))
     return MeasuredDraws(u[:, :-1], np.exp(u[:, -1]), coefficients, khat, effective, "importance")
 
 
