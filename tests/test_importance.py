@@ -10,7 +10,7 @@ from scipy import special, stats
 import hybridsurrogate as hs
 from hybridsurrogate.inference.importance import importance_draws
 from hybridsurrogate.inference.modes import Gaussian, find_modes
-from hybridsurrogate.inference.pareto import pareto_smooth
+from hybridsurrogate.inference.pareto import level_smooth, pareto_smooth
 from hybridsurrogate.inference.starts import further_points
 
 _MEAN = np.array([1.0, -2.0, 0.5])
@@ -166,6 +166,16 @@ def test_khat_does_not_condemn_the_steps_of_a_plateau():
     total = 1 + mass / 2 + 5 * np.diff(base.cdf([-0.506, -0.494]))[0]
     # resampled from as many, of weight two: the variance of a count, times three
     assert inside.mean() == pytest.approx(mass / total, abs=4 * np.sqrt(3 * mass / 2000))
+
+
+def test_weights_that_are_no_numbers_weigh_nothing():
+    weights = np.random.RandomState(0).standard_normal(500)
+    weights[7] = np.nan
+    smoothed, khat = level_smooth(weights)
+    rest = np.delete(weights, 7)
+    assert smoothed[7] == -np.inf
+    assert np.isfinite(khat)
+    assert np.delete(smoothed, 7).max() <= rest.max()
 
 
 @pytest.mark.parametrize("df", [1.5, 4, 30])

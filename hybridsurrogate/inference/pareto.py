@@ -57,11 +57,12 @@ def level_smooth(log_weight: FloatArray) -> tuple[FloatArray, float]:
     A Pareto tail with k = 0.7 stays below ten times its mean in one of a thousand samples of 1000.
     Weights that do are bounded, and the steps of a plateau can look like any tail to the fit.
     """
-    log_mean = special.logsumexp(log_weight) - np.log(len(log_weight))
-    smoothed, khat = pareto_smooth(log_weight)
-    if len(log_weight) >= _MANY and np.max(log_weight) <= log_mean + _LEVEL:
-        return log_weight, min(khat, 0.0)
-    return smoothed + np.max(log_weight), khat
+    known = np.where(np.isfinite(log_weight), log_weight, -np.inf)
+    log_mean = special.logsumexp(known) - np.log(len(known))
+    smoothed, khat = pareto_smooth(known)
+    if len(known) >= _MANY and np.max(known) <= log_mean + _LEVEL:
+        return known, min(khat, 0.0)
+    return smoothed + np.max(known), khat
 
 
 def pareto_fit(excess: FloatArray) -> tuple[float, float]:
