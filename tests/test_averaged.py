@@ -60,11 +60,11 @@ def test_draws_and_intervals_hold_both_explanations(case, fitted):
     each = [part.sample_posterior_predictive(X, n_draws=40_000)[:, 0] for part in parts]
     level = np.median(each[0])
     expected = 0.75 * np.mean(each[0] < level) + 0.25 * np.mean(each[1] < level)
-    # each share rests on as many draws, of 300 of the posterior: three errors of a tenth's share
+    # three errors of the difference of two shares near a half, and four of a share of a tenth
     assert np.mean(draws < level) == pytest.approx(expected, abs=0.01)
     lower, upper = model.predict_interval(X, 0.8)
-    assert np.mean(draws < lower[0]) == pytest.approx(0.1, abs=0.01)
-    assert np.mean(draws > upper[0]) == pytest.approx(0.1, abs=0.01)
+    assert np.mean(draws < lower[0]) == pytest.approx(0.1, abs=0.006)
+    assert np.mean(draws > upper[0]) == pytest.approx(0.1, abs=0.006)
 
 
 def test_leave_one_out_density_is_that_of_the_mixture(fitted):

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import halfnorm, norm, uniform
 from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
 
 import hybridsurrogate as hs
 
@@ -104,6 +107,11 @@ def test_predict_and_score_are_those_of_the_extended_estimator(periodic):
 def test_the_average_weighs_causes_by_their_probabilities(periodic):
     average = periodic.averaged_estimator_
     assert average is periodic.averaged_estimator_
+    # another fit would have another
+    again = copy.copy(periodic)
+    again._forget()
+    with pytest.raises(NotFittedError):
+        again.averaged_estimator_  # noqa: B018
     n = len(average.estimators_)
     shares = periodic.causes_["probability"].to_numpy()
     assert shares[:n].sum() >= 0.95 > shares[: n - 1].sum()
@@ -278,7 +286,7 @@ def test_parameters_that_cannot_work(simulator, change, error, message):
         diagnosis.fit(X, y)
 
 
-@pytest.mark.parametrize("exclude", ["trend", ["trnd"], ["unexplained"]])
+@pytest.mark.parametrize("exclude", ["trend", ["trnd"], ["unexplained"], None, [["trend"]]])
 def test_what_cannot_be_excluded(simulator, exclude):
     X, y = measure(np.zeros_like)
     with pytest.raises(ValueError, match="the kinds are offset, trend"):

@@ -15,9 +15,9 @@ from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 _MASS = 0.95
 
 
-def averaged(
-    before: PowerScaledSurrogate,
+def averaged_over(
     found: Search,
+    before: PowerScaledSurrogate,
     earlier: tuple[Cause, ...],
     X: ArrayLike,
     y: ArrayLike,
@@ -26,10 +26,10 @@ def averaged(
 
     Parameters
     ----------
-    before : PowerScaledSurrogate
-        Without effects.
     found : Search
         Weighed beside ``earlier``.
+    before : PowerScaledSurrogate
+        Without effects.
     earlier : tuple of Cause
         Accepted before, part of every extension.
     X, y

@@ -14,7 +14,7 @@ from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
-from hybridsurrogate.diagnosis.averaging import averaged
+from hybridsurrogate.diagnosis.averaging import averaged_over
 from hybridsurrogate.diagnosis.confounding import confounded, confounding, told
 from hybridsurrogate.diagnosis.discrepancy import estimate_discrepancy
 from hybridsurrogate.diagnosis.finding import finding_of
@@ -212,7 +212,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
 
     def _extend(self, steps: Sequence[Step], X: ArrayLike, y: ArrayLike) -> None:
         causes, problem = accepted(steps), self.search_.problem
-        self._last = steps[-1].search, accepted(steps[:-1]), X, y
+        self._steps, self._rows = tuple(steps), (X, y)
         self.extended_estimator_ = extended(self.estimator_, causes, X, y)
         posterior = self.extended_estimator_.posterior_
         self.found_causes_ = [finding_of(step, k, posterior) for k, step in enumerate(steps)]
@@ -260,7 +260,8 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
     def averaged_estimator_(self) -> AveragedSurrogate:
         """Predictions averaged over the causes, by their probabilities."""
         check_is_fitted(self)
-        return averaged(self.estimator_, *self._last)
+        *earlier, last = self._steps
+        return averaged_over(last.search, self.estimator_, accepted(earlier), *self._rows)
 
     def gain_on(self, X_test: ArrayLike, y_test: ArrayLike, averaged: bool = False) -> Gain:
         """Return the gain on a test set, from the fitted models before and after.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from numbers import Integral
 from typing import TYPE_CHECKING
 
@@ -27,11 +28,12 @@ def check_settings(diagnosis: DiscrepancyDiagnosis) -> None:
         check_scalar(diagnosis.n_jobs, "n_jobs", Integral)
         if not diagnosis.n_jobs:
             raise ValueError("n_jobs must be a number of processes, -1 for all cores, or None.")
-    unknown = [] if isinstance(diagnosis.exclude, str) else set(diagnosis.exclude) - set(KINDS)
-    if unknown or isinstance(diagnosis.exclude, str):
+    exclude = diagnosis.exclude
+    listed = isinstance(exclude, Collection) and not isinstance(exclude, str)
+    if not listed or any(kind not in KINDS for kind in exclude):
         raise ValueError(
-            f"exclude must be a sequence of kinds of the catalogue, got {diagnosis.exclude!r}; the "
-            f"kinds are {', '.join(KINDS)}."
+            f"exclude must be a sequence of kinds of the catalogue, got {exclude!r}; the kinds are "
+            f"{', '.join(KINDS)}."
         )
     rate, n = diagnosis.false_alarm_rate, diagnosis.n_replicates
     if not 0 < rate < 1:

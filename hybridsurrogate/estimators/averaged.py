@@ -77,8 +77,8 @@ class AveragedSurrogate(SurrogateEstimator):
 
     @property
     def simulation(self) -> SimulationData | Simulator | None:
-        """The simulation that the estimators share."""
-        return self.estimators[0].simulation
+        """The simulation that the estimators share; None without any."""
+        return self.estimators[0].simulation if self.estimators else None
 
     def fit(
         self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None

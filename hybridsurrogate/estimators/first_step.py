@@ -93,7 +93,7 @@ def _collapsed_draws(
     n_draws: int,
     random_state: np.random.RandomState,
 ) -> tuple[FloatArray, Diagnostics, Proposals | None]:
-    log_density = target.log_density
+    log_density, doubt = target.log_density, np.nan
     if sampler in ("auto", "importance"):
         n = max(_OVERSAMPLING * n_draws, _MIN_PROPOSALS)
         sampled = importance_draws(log_density, minor, n, n_draws, random_state, modes=modes)
@@ -116,9 +116,10 @@ def _collapsed_draws(
             # the shares of far modes are right already; the ensemble only smooths
             run = short_ensemble(log_density, sampled.draws, n_draws, random_state)
             return run.draws, _of_ensemble(run, len(modes)), sampled.proposals
+        doubt = sampled.khat
     backend = sampler if isinstance(sampler, EnsembleSampler) else EnsembleSampler()
     run = backend.run(log_density, modes, n_draws, random_state)
-    return run.draws, _of_ensemble(run, len(modes)), None
+    return run.draws, _of_ensemble(run, len(modes), doubt), None
 
 
 def _full_draws(
@@ -130,6 +131,7 @@ def _full_draws(
     random_state: np.random.RandomState,
 ) -> FirstStep:
     """Return importance draws of pairs [u, v], else those of the ensemble over the full vector."""
+    doubt = np.nan
     if sampler in ("auto", "importance"):
         n, n_noise = max(_OVERSAMPLING * n_draws, _MIN_PROPOSALS), target.n_noise
         density = target.extended_log_density
@@ -143,10 +145,7 @@ def _full_draws(
     backend = sampler if isinstance(sampler, EnsembleSampler) else EnsembleSampler()
     start = _around(target, minor, random_state)
     run = backend.run(target.joint_log_density, start, n_draws, random_state)
-    diagnostics = _of_ensemble(run, len(modes))
-    if sampler == "auto" and len(modes) > 1:
-        # walkers do not cross between modes of so many unknowns: their shares stay in doubt
-        diagnostics = replace(diagnostics, khat=doubt)
+    diagnostics = _of_ensemble(run, len(modes), doubt)
     u = run.draws[:, : target.n_dimensions]
     return FirstStep(u, *target.unwhitened(run.draws), diagnostics)
 
@@ -174,10 +173,15 @@ def of_importance(sampled: ImportanceDraws, n_modes: int) -> Diagnostics:
     return Diagnostics("importance", sampled.khat, sampled.effective_draws, np.nan, n_modes)
 
 
-def _of_ensemble(run: EnsembleDraws, n_modes: int) -> Diagnostics:
+def _of_ensemble(run: EnsembleDraws, n_modes: int, doubt: float = np.nan) -> Diagnostics:
+    """Return what an estimator reports of an ensemble.
+
+    Walkers hardly cross between modes: of several, the shares are those that importance draws
+    found, and as much in doubt as their k-hat, ``doubt``, says.
+    """
     return Diagnostics(
         "emcee",
-        np.nan,
+        doubt if n_modes > 1 else np.nan,
         run.effective_draws,
         run.autocorrelation_time,
         n_modes,

@@ -155,7 +155,7 @@ def _remainder_beside(view: View) -> float:
     d = view.diagnosis
     if d.verdict_ not in ("named", "ambiguous"):
         return 0.0
-    cause, search = view.found[-1][1], d._last[0]
+    cause, search = view.found[-1][1], d._steps[-1].search
     place = [w.cause is cause for w in search.weighed].index(True)
     remainder = float(search.remainder[place])
     return remainder if np.isfinite(remainder) else 0.0

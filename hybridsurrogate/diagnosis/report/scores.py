@@ -75,9 +75,9 @@ def judgement(gain: Gain) -> str:
         return "the extended model predicts better"
     if ratio > 0:
         return "the extended model seems to predict better, but by less than two standard errors"
-    if ratio >= -2:
-        return "the extended model seems to predict worse, by less than two standard errors"
-    return "the extended model predicts worse: do not use it for rows like these"
+    if is_worse(gain):
+        return "the extended model predicts worse: do not use it for rows like these"
+    return "the extended model seems to predict worse, by less than two standard errors"
 
 
 def is_worse(gain: Gain) -> bool:
