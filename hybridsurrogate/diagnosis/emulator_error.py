@@ -19,6 +19,7 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Kernel, WhiteKernel
 
 from hybridsurrogate.inference.linearised import Belief
+from hybridsurrogate.inference.measured import BLOCK
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation import SimulationData
 from hybridsurrogate.surrogates.base import Basis
@@ -29,31 +30,68 @@ _LEARN, _CORRECT = 200, 1000
 
 @dataclass(frozen=True)
 class CorrectedBasis(Basis):
-    """A basis plus the mean of a Gaussian process through the residuals of the runs."""
+    """A basis plus the mean of a Gaussian process through the residuals of the runs.
+
+    Attributes
+    ----------
+    basis : Basis
+    ranges : ndarray of shape (n_inputs + n_parameters, 2)
+        Of the runs.
+    lengths : ndarray of shape (n_inputs + n_parameters,)
+        Of the process's squared-exponential kernel, where ranges go from -1 to 1.
+    runs : ndarray of shape (n_runs, n_inputs + n_parameters)
+        In units of the lengths.
+    weights : ndarray of shape (n_runs,)
+    """
 
     basis: Basis
     ranges: FloatArray
+    lengths: FloatArray
     runs: FloatArray
     weights: FloatArray
-    kernel: Kernel
 
     def known(
         self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
     ) -> FloatArray:
         """Return the basis's known part plus the correction."""
-        low, high = self.ranges.T
-        # beyond the runs the process knows nothing and would fade to zero: hold it at the edge
-        points = 2 * (np.clip(np.hstack([X, omega]), low, high) - low) / (high - low) - 1
-        block = max(1, 4_000_000 // len(self.runs))
+        points = self._scaled(np.hstack([X, omega]), slice(None))
+        length = max(1, BLOCK // len(self.runs))
         correction = [
-            self.kernel(points[k : k + block], self.runs) @ self.weights
-            for k in range(0, len(points), block)
+            _alike(points[k : k + length], self.runs) @ self.weights
+            for k in range(0, len(points), length)
         ]
         return self.basis.known(X, omega) + np.concatenate(correction)
+
+    def outer(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return known part and features of all inputs for all parameters.
+
+        The kernel is a product of one of the inputs and one of the parameters.
+        """
+        known, features = self.basis.outer(X, omega)
+        inputs, parameters = slice(0, X.shape[1]), slice(X.shape[1], None)
+        of_inputs = _alike(self._scaled(X, inputs), self.runs[:, inputs])
+        of_parameters = _alike(self._scaled(omega, parameters), self.runs[:, parameters])
+        return known + (of_parameters * self.weights) @ of_inputs.T, features
 
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the basis's features."""
         return self.basis.features(X, omega)
+
+    def _scaled(self, points: FloatArray, columns: slice) -> FloatArray:
+        """Return some coordinates of points in units of the lengths."""
+        low, high = self.ranges[columns].T
+        # beyond the runs the process knows nothing and would fade to zero: hold it at the edge
+        held = 2 * (np.clip(points, low, high) - low) / (high - low) - 1
+        return held / self.lengths[columns]
+
+
+def _alike(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return exp(-|a_i - b_k|^2 / 2) for rows of a (n, d) and b (m, d)."""
+    # as one product of matrices: a b' - |a|^2 / 2 - |b|^2 / 2
+    left = np.column_stack([a, -0.5 * np.sum(a**2, axis=1), np.ones(len(a))])
+    right = np.column_stack([b, np.ones(len(b)), -0.5 * np.sum(b**2, axis=1)])
+    exponent = left @ right.T
+    return np.exp(exponent, out=exponent)
 
 
 def correct_emulator(
@@ -91,8 +129,15 @@ def correct_emulator(
     after = float(np.sqrt(np.mean(left_out**2)))
     if after >= before:
         return basis, belief
+    lengths, variance = smooth.k2.length_scale, smooth.k1.constant_value
     corrected = CorrectedBasis(
-        basis.coefficient_mean, basis.coefficient_sd, basis, ranges, points, weights, smooth
+        basis.coefficient_mean,
+        basis.coefficient_sd,
+        basis,
+        ranges,
+        lengths,
+        points / lengths,
+        variance * weights,
     )
     return corrected, Belief(belief.mean, belief.factor * (after / before))
 

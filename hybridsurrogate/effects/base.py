@@ -214,10 +214,14 @@ class Cause(BaseEstimator):
         return None
 
     @property
+    def moves_inputs(self) -> bool:
+        """Whether rows may meet the simulation at inputs or parameters of their own."""
+        return type(self).inputs is not Cause.inputs
+
+    @property
     def touches_simulation(self) -> bool:
         """Whether the cause changes the simulation's output itself and does not only add to it."""
-        own = type(self)
-        return own.inputs is not Cause.inputs or own.gain is not Cause.gain
+        return self.moves_inputs or type(self).gain is not Cause.gain
 
     @property
     def changes_output(self) -> bool:

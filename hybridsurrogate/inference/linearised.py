@@ -7,6 +7,7 @@ constant, a slope measured from the value at which it changes nothing.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.inference.layout import Layout
-from hybridsurrogate.inference.measured import MeasuredModel
+from hybridsurrogate.inference.measured import BLOCK, MeasuredModel
 from hybridsurrogate.inference.statistics import Statistics
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.surrogates.base import Basis
@@ -86,7 +87,7 @@ class Linearised:
     noise: FloatArray | None = None
     outliers: FloatArray | None = None
 
-    def at(self, index: NDArray[np.intp]) -> Linearised:
+    def at(self, index: NDArray[np.intp] | slice) -> Linearised:
         """Return the model at some of the nodes."""
         several = len(self.mean) > 1
         noise = self.noise
@@ -101,6 +102,12 @@ class Linearised:
             noise=noise if noise is None or len(noise) == 1 else noise[index],
             outliers=None if self.outliers is None else self.outliers[index],
         )
+
+    def pieces(self, n_responses: int) -> list[Linearised]:
+        """Cut the nodes into pieces that stay in the processor's cache, unless responses do not."""
+        T, n, q = self.H.shape
+        length = max(BLOCK // (n * max(q, 1)), n_responses // max(q, 1), 1)
+        return [self.at(slice(start, start + length)) for start in range(0, T, length)]
 
     @property
     def noise_differs(self) -> bool:
@@ -119,6 +126,16 @@ class Linearised:
             for index, factor in zip(nodes, self.noise, strict=True)
         ]
 
+    def whitened(self, whiten: Callable[[FloatArray, int], FloatArray]) -> Linearised:
+        """Return the model of rows ``whiten(rows, axis)``, which no known covariance ties."""
+        return replace(
+            self,
+            mean=whiten(self.mean, 1),
+            G=whiten(self.G, 1),
+            H=whiten(self.H, 1),
+            U=self.U[:, :0],
+        )
+
     def _over(self, factor: FloatArray) -> Linearised:
         column = factor[:, None]
         return replace(
@@ -131,11 +148,48 @@ class Linearised:
         )
 
 
-def columns_at_nodes(
-    model: MeasuredModel, X: FloatArray, plan: Layout, z: FloatArray
-) -> FloatArray:
-    """Return the columns of all causes at every node, (T, n, q)."""
-    return model.added(X, _values_at_nodes(model, plan, z))
+class Columns(NamedTuple):
+    """What causes add at the nodes of a grid.
+
+    Attributes
+    ----------
+    earlier : ndarray of shape (n, e)
+        Columns of earlier causes, times the prior sd of their coefficients.
+    own : ndarray of shape (T, n, q)
+        Those of the last cause, with unit root mean square.
+    rms : ndarray of shape (T, q)
+        What was divided out of them.
+    """
+
+    earlier: FloatArray
+    own: FloatArray
+    rms: FloatArray
+
+    def at(self, index: NDArray[np.intp]) -> Columns:
+        """Return the columns at some of the nodes."""
+        return Columns(self.earlier, self.own[index], self.rms[index])
+
+
+def columns_at_nodes(model: MeasuredModel, X: FloatArray, plan: Layout, z: FloatArray) -> Columns:
+    """Return the columns of all causes at every node."""
+    added = model.added(X, _values_at_nodes(model, plan, z))
+    last = np.array(
+        [owner == len(model.effects) - 1 for owner, _ in model.column_names], dtype=bool
+    )
+    earlier = added[0][:, ~last] * model.column_sd[~last]
+    own = np.swapaxes(added if last.all() else added[:, :, last], 1, 2)
+    rms = _rms(own)
+    if model.effects and model.effects[-1].is_process:
+        # the basis of a process is one object: its prior variance per row, not per column
+        rms = np.broadcast_to(np.sqrt(np.sum(rms**2, axis=1, keepdims=True)), rms.shape)
+    own /= rms[:, :, None]
+    return Columns(earlier, np.swapaxes(own, 1, 2), rms)
+
+
+def _rms(curves: FloatArray) -> FloatArray:
+    """Return the root mean square of curves (T, q, n), (T, q), of a zero one as good as zero."""
+    rms: FloatArray = np.sqrt(np.einsum("tqn,tqn->tq", curves, curves) / curves.shape[2])
+    return np.maximum(rms, 1e-12 * max(float(np.max(rms, initial=0.0)), 1e-300))
 
 
 def _values_at_nodes(model: MeasuredModel, plan: Layout, z: FloatArray) -> FloatArray:
@@ -165,63 +219,86 @@ def _outliers_at_nodes(model: MeasuredModel, plan: Layout, z: FloatArray) -> Flo
     return model.outlier_share(_values_at_nodes(model, plan, z))
 
 
+class _Slopes(NamedTuple):
+    """The simulation around a point: mean (M, n), slopes (M, D, n); output (n,) and U at one node.
+
+    ``mean`` is that at the prior's centre: fixed directions at 0, sizes at their neutral value.
+    """
+
+    mean: FloatArray
+    slopes: FloatArray
+    output: FloatArray
+    U: FloatArray
+
+
+def _slopes(
+    model: MeasuredModel, X: FloatArray, belief: Belief, plan: Layout, z: FloatArray
+) -> _Slopes:
+    """Return the output and its slopes, at all nodes where these touch the simulation.
+
+    Some nodes at a time, as the slopes need runs on either side.
+    """
+    directions = np.concatenate([plan.fixed, plan.sizes])
+    points = np.tile(z, (1 + 2 * len(directions), 1))
+    for k, position in enumerate(directions):
+        points[1 + 2 * k, position] += _STEP
+        points[2 + 2 * k, position] -= _STEP
+    values = model.values(points)
+    in_simulation = bool(len(plan.nodes)) and model.effects[-1].touches_simulation
+    M = len(plan.grid) if in_simulation else 1
+    mean, slopes = np.empty((M, len(X))), np.empty((M, len(directions), len(X)))
+    at_one: tuple[FloatArray, FloatArray] | None = None
+    length = max(1, BLOCK // (len(points) * len(X) * (1 + len(belief.mean))))
+    for start in range(0, M, length):
+        piece = slice(start, min(start + length, M))
+        runs = np.tile(values, (piece.stop - start, 1, 1))
+        if in_simulation:
+            runs[:, :, plan.nodes] = plan.grid[piece, None, :]
+        known, features, _ = model.simulated(X, runs.reshape(-1, len(z)))
+        response = known + features @ belief.mean
+        # a simulation may fail far out: NaN marks the place and is never better than another one
+        response[~(np.abs(response) < _ABSURD)] = np.nan
+        response = response.reshape(len(runs), len(points), len(X))
+        slope = (response[:, 1::2] - response[:, 2::2]) / (2 * _STEP)
+        slope[~np.isfinite(slope)] = 0.0
+        slopes[piece] = slope
+        mean[piece] = response[:, 0] - (z - plan.neutral)[directions] @ slope
+        if at_one is None:
+            at_one = response[0, 0].copy(), features[0] @ belief.factor
+    assert at_one is not None
+    return _Slopes(mean, slopes, *at_one)
+
+
 def linearise(
     model: MeasuredModel,
     X: FloatArray,
     belief: Belief,
     plan: Layout,
     z: FloatArray,
-    columns: FloatArray | None = None,
+    columns: Columns | None = None,
 ) -> Linearised:
     """Linearise around z (n_unknowns,), at all nodes of the grid.
 
     The columns of earlier causes join G with their prior sd; those of the last one are sizes.
     ``columns`` may be given where they are known from `columns_at_nodes`.
     """
-    in_simulation = bool(len(plan.nodes)) and model.effects[-1].touches_simulation
-    T = len(plan.grid)
-    M = T if in_simulation else 1
-    directions = np.concatenate([plan.fixed, plan.sizes])
-    points = np.broadcast_to(z, (M, 1 + 2 * len(directions), len(z))).copy()
-    for k, position in enumerate(directions):
-        points[:, 1 + 2 * k, position] += _STEP
-        points[:, 2 + 2 * k, position] -= _STEP
-    values = model.values(points)
-    if in_simulation:
-        values[:, :, plan.nodes] = plan.grid[:, None, :]
-    known, features, _ = model.simulated(X, values.reshape(-1, len(z)))
-    response = known + features @ belief.mean
-    # a simulation may fail far out: NaN marks the place and is never better than another one
-    response = np.where(np.abs(response) < _ABSURD, response, np.nan)
-    response = response.reshape(M, 1 + 2 * len(directions), len(X))
-    slopes = (response[:, 1::2] - response[:, 2::2]) / (2 * _STEP)
-    slopes = np.where(np.isfinite(slopes), slopes, 0.0)
-    d = len(plan.fixed)
-    G = np.swapaxes(slopes[:, :d], 1, 2)
-    H: FloatArray = np.swapaxes(slopes[:, d:], 1, 2)
-    # expand around the prior's centre: fixed directions at 0, sizes at their neutral value
-    mean = response[:, 0] - G @ z[plan.fixed] - H @ (z[plan.sizes] - plan.neutral[plan.sizes])
-
-    own = np.array([owner == len(model.effects) - 1 for owner, _ in model.column_names], dtype=bool)
-    if len(own):
+    around = _slopes(model, X, belief, plan, z)
+    T, M, d = len(plan.grid), len(around.mean), len(plan.fixed)
+    G, curves = np.swapaxes(around.slopes[:, :d], 1, 2), around.slopes[:, d:]
+    rms = _rms(curves)
+    curves /= rms[:, :, None]
+    H = np.broadcast_to(np.swapaxes(curves, 1, 2), (T, len(X), len(plan.sizes)))
+    rms = np.broadcast_to(rms, (T, len(plan.sizes)))
+    cap = _SIZE_CAP * rms
+    if model.column_names:
         if columns is None:
             columns = columns_at_nodes(model, X, plan, z)
-        earlier = columns[:1, :, ~own] * model.column_sd[~own]
-        G = np.concatenate([G, np.broadcast_to(earlier, (M, *earlier.shape[1:]))], axis=2)
-        if H.shape[2]:
-            H = np.concatenate([np.broadcast_to(H, (T, *H.shape[1:])), columns[:, :, own]], axis=2)
-        else:
-            H = columns[:, :, own]
-    H = np.broadcast_to(H, (T, len(X), H.shape[2]))
-    rms: FloatArray = np.sqrt(np.einsum("tnq,tnq->tq", H, H) / len(X))
-    if model.effects and model.effects[-1].is_process:
-        # the basis of a process is one object: its prior variance per row, not per column
-        rms = np.broadcast_to(np.sqrt(np.sum(rms**2, axis=1, keepdims=True)), rms.shape)
-    rms = np.maximum(rms, 1e-12 * max(float(np.max(rms, initial=0.0)), 1e-300))
-    cap = np.full(rms.shape, np.inf)
-    cap[:, : len(plan.sizes)] = _SIZE_CAP * rms[:, : len(plan.sizes)]
-    U = features[0] @ belief.factor
-    noise = _noise_at_nodes(model, X, plan, z, response[0, 0])
+        if columns.earlier.shape[1]:
+            earlier = np.broadcast_to(columns.earlier, (M, *columns.earlier.shape))
+            G = np.concatenate([G, earlier], axis=2)
+        H = np.concatenate([H, columns.own], axis=2) if len(plan.sizes) else columns.own
+        rms = np.concatenate([rms, columns.rms], axis=1)
+        cap = np.concatenate([cap, np.full(columns.rms.shape, np.inf)], axis=1)
+    noise = _noise_at_nodes(model, X, plan, z, around.output)
     outliers = _outliers_at_nodes(model, plan, z)
-    H = H / rms[:, None, :]
-    return Linearised(mean, G, H, rms, cap, U, plan.log_weight, noise, outliers)
+    return Linearised(around.mean, G, H, rms, cap, around.U, plan.log_weight, noise, outliers)

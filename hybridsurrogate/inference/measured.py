@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -14,8 +14,9 @@ from hybridsurrogate.likelihoods import Contaminated, Likelihood, TransformedNor
 from hybridsurrogate.priors import FloatArray, Prior, from_normal
 from hybridsurrogate.surrogates.base import Basis, Factors
 
-# numbers in one block of features; larger batches are cut so that memory stays bounded
-_BLOCK = 8_000_000
+# numbers in one block of rows of draws: larger batches are cut so that what is made on the way
+# stays in the processor's cache, and its memory is not asked of the system again and again
+BLOCK = 200_000
 
 
 class Parts(NamedTuple):
@@ -136,44 +137,54 @@ class MeasuredModel:
 
         Hyperparameters (the last columns) are needed where the surrogate's known part has some.
         """
-        width = len(self.basis.coefficient_mean) + len(self.column_names) + 2
-        block = max(1, _BLOCK // max(1, len(X) * width))
-        pieces = [
-            Parts(*self.simulated(X, values[k : k + block]), self.added(X, values[k : k + block]))
-            for k in range(0, max(len(values), 1), block)
-        ]
-        if len(pieces) == 1:
-            return pieces[0]
-        return Parts(*map(np.concatenate, zip(*pieces, strict=True)))
+        return Parts(*self.simulated(X, values), self.added(X, values))
 
     def simulated(
         self, X: FloatArray, values: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return known (J, n), features (J, n, p) and noise (J, n) or (J, 1)."""
-        J, n, by_row = len(values), len(X), self.basis.known_depends_on_hyper
-        if not self.effects and not by_row:
+        known, features, noise = _in_blocks(
+            lambda block: self._simulated(X, block),
+            values,
+            len(X) * (1 + len(self.basis.coefficient_mean)),
+        )
+        return known, features, noise
+
+    def _simulated(
+        self, X: FloatArray, values: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        if not self.effects and not self.basis.known_depends_on_hyper:
             known, features = self.basis.outer(X[:, : self.n_inputs], self._omega(values))
-            return known, features, np.ones((J, 1))
+            return known, features, np.ones((len(values), 1))
         rows, omega, theta = self._rows(X, values)
-        run_rows, run_omega = rows, omega
-        for effect, own in zip(self.effects, theta, strict=True):
-            run_rows, run_omega = effect.inputs(run_rows, run_omega, own)
-        inputs = np.column_stack([run_rows[name] for name in self.columns[: self.n_inputs]])
-        points = np.empty((J * n, 0))
-        if run_omega:
-            points = np.column_stack([run_omega[k] for k in (*self.parameters, *self.constants)])
-        hyper = np.repeat(values[:, self.n_unknowns :], n, axis=0) if by_row else None
-        known = self.basis.known(inputs, points, hyper)
-        features = self.basis.features(inputs, points)
+        known, features = self._run(X, values, rows, omega, theta)
         for effect, own in zip(self.effects, theta, strict=True):
             gain = np.asarray(effect.gain(rows, own))
             if gain.ndim or gain != 1.0:
+                gain = np.broadcast_to(gain, known.size).reshape(known.shape)
                 known = known * gain
-                features = features * gain.reshape(-1, 1)
+                features = features * gain[..., None]
         if any(effect.follows_mean for effect in self.effects):
-            rows = {**rows, SIMULATED: known + features @ self._reference}
-        noise = self._noise(rows, theta, J, n)
-        return known.reshape(J, n), features.reshape(J, n, features.shape[1]), noise
+            rows = {**rows, SIMULATED: (known + features @ self._reference).ravel()}
+        return known, features, self._noise(rows, theta, len(values), len(X))
+
+    def _run(
+        self, X: FloatArray, values: FloatArray, rows: Rows, omega: Rows, theta: Sequence[Rows]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return known (J, n) and features (J, n, p) at the inputs that causes may have moved."""
+        J, n, by_row = len(values), len(X), self.basis.known_depends_on_hyper
+        if not by_row and not any(effect.moves_inputs for effect in self.effects):
+            return self.basis.outer(X[:, : self.n_inputs], self._omega(values))
+        for effect, own in zip(self.effects, theta, strict=True):
+            rows, omega = effect.inputs(rows, omega, own)
+        inputs = np.column_stack([rows[name] for name in self.columns[: self.n_inputs]])
+        points = np.empty((J * n, 0))
+        if omega:
+            points = np.column_stack([omega[k] for k in (*self.parameters, *self.constants)])
+        hyper = np.repeat(values[:, self.n_unknowns :], n, axis=0) if by_row else None
+        known = self.basis.known(inputs, points, hyper)
+        features = self.basis.features(inputs, points)
+        return known.reshape(J, n), features.reshape(J, n, features.shape[1])
 
     def factors(self, X: FloatArray, values: FloatArray) -> Factors | None:
         """Return the surrogate's `Factors` of rows X and draws of `values`, None with causes."""
@@ -227,9 +238,15 @@ class MeasuredModel:
 
     def added(self, X: FloatArray, values: FloatArray) -> FloatArray:
         """Return the columns that causes add, (J, n, q); the simulation is not run."""
-        J, n = len(values), len(X)
         if not self.column_names:
-            return np.empty((J, n, 0))
+            return np.empty((len(values), len(X), 0))
+        (added,) = _in_blocks(
+            lambda block: (self._added(X, block),), values, len(X) * len(self.column_names)
+        )
+        return added
+
+    def _added(self, X: FloatArray, values: FloatArray) -> FloatArray:
+        J, n = len(values), len(X)
         rows, _, theta = self._rows(X, values)
         added = [
             np.asarray(effect.columns(rows, own))
@@ -280,6 +297,25 @@ class MeasuredModel:
         for column, (k, name) in enumerate(self.theta_names, start=self.n_parameters):
             theta[k] = {**theta[k], name: values[:, column]}
         return theta
+
+
+def _in_blocks(
+    run: Callable[[FloatArray], tuple[FloatArray, ...]], values: FloatArray, numbers: int
+) -> list[FloatArray]:
+    """Return what ``run`` returns for all draws, running some of them at a time.
+
+    ``numbers`` is how many numbers one draw makes.
+    """
+    length = max(1, BLOCK // max(numbers, 1))
+    first = run(values[:length])
+    if length >= len(values):
+        return list(first)
+    out = [np.empty((len(values), *piece.shape[1:])) for piece in first]
+    for start in range(0, len(values), length):
+        pieces = run(values[start : start + length]) if start else first
+        for whole, piece in zip(out, pieces, strict=True):
+            whole[start : start + length] = piece
+    return out
 
 
 def _check_array(

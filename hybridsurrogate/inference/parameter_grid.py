@@ -7,6 +7,7 @@ import numpy as np
 from hybridsurrogate.inference.noise import marginal_over_noise, noise_grid
 from hybridsurrogate.inference.shared_nodes import (
     MeasuredGiven,
+    SharedDraws,
     node_shares,
     one_node_each,
     squares_of_factors,
@@ -93,7 +94,7 @@ def _sums_of_squares(problem: MeasuredGiven, z: FloatArray) -> FloatArray:
         return squares_of_factors(*parts, residual, problem.c) + rounding
     rows = model.parts(problem.X, values)
     residual = (problem.y - rows.known)[..., None] * root
-    return squares_of_pairs(rows.features * root, residual, problem.c) + rounding
+    return squares_of_pairs(rows.features * root, residual, SharedDraws(problem.c)) + rounding
 
 
 def _draw_noise(

@@ -58,37 +58,38 @@ def scan(
     if parts.outliers is not None:
         assert isinstance(log_marginal, NoiseTable)
         return heavy_scan(parts, responses, sigma, log_marginal.log_prior, sizes)
-    by_factor = [
-        _scan(unit, responses / factor, sigma, log_marginal, sizes) - np.sum(np.log(factor))
-        for unit, factor in parts.by_noise()
-    ]
-    return np.concatenate(by_factor, axis=1)
+    evidence = []
+    for unit, factor in parts.by_noise():
+        whiten, log_det = _whitener(unit.U, sigma)
+        y = whiten((responses / factor).T, 0).T
+        for piece in unit.pieces(len(responses)):
+            found = _scan(piece.whitened(whiten), y, sigma, log_marginal, sizes)
+            evidence.append(found - log_det - np.sum(np.log(factor)))
+    return np.concatenate(evidence, axis=1)
 
 
 def _scan(
     parts: Linearised,
-    responses: FloatArray,
+    y: FloatArray,
     sigma: float,
     log_marginal: Callable[[FloatArray], FloatArray],
     sizes: FloatArray,
 ) -> FloatArray:
-    whiten, log_det = _whitener(parts.U, sigma)
-    G, mean = whiten(parts.G, 1), whiten(parts.mean[..., None], 1)[..., 0]
-    y = whiten(responses.T, 0).T
+    """Return the log evidence of rows whose covariance is sigma^2 I: U is empty."""
+    G, H = parts.G, parts.H
     d, n = G.shape[2], y.shape[1]
     inner = np.swapaxes(G, 1, 2) @ G + sigma**2 * np.eye(d)
     factor = np.linalg.cholesky(inner)
     project = np.linalg.solve(factor, np.swapaxes(G, 1, 2))  # (M, d, n)
-    residual = y[:, None, :] - mean  # (R, M, n)
+    residual = y[:, None, :] - parts.mean  # (R, M, n)
     along = np.einsum("mdn,rmn->rmd", project, residual)
     squares = np.einsum("rmn,rmn->rm", residual, residual) - np.einsum("rmd,rmd->rm", along, along)
-    log_base = -log_det_of(factor) + d * np.log(sigma) - log_det
-    T, _, q = parts.H.shape
+    log_base = -log_det_of(factor) + d * np.log(sigma)
+    T, _, q = H.shape
     floor = 1e-12 * np.maximum(np.einsum("rn,rn->r", y, y), 1e-300)[:, None]
     if not q:
         out = log_marginal(np.maximum(squares, floor)) + log_base + parts.log_weight
         return np.where(np.isnan(out), -np.inf, out)
-    H = whiten(parts.H, 1)
     rest = H - np.swapaxes(project, 1, 2) @ (project @ H)  # (T, n, q), G projected out
     eigenvalue, vector = np.linalg.eigh(np.swapaxes(H, 1, 2) @ rest)
     eigenvalue = np.maximum(eigenvalue, 0.0)
@@ -184,7 +185,7 @@ def climb(
         here = here._replace(node=int(followed[here.node]))
         if costly and len(followed) > _FOLLOWED and np.isfinite(here.objective):
             index = np.argsort(badness)[:_FOLLOWED]
-            followed, plan, columns = followed[index], plan.at(index), columns[index]
+            followed, plan, columns = followed[index], plan.at(index), columns.at(index)
         if not np.isfinite(here.objective):
             if best is None:
                 return here
@@ -266,17 +267,19 @@ def _normal_equations(
     whiten, log_det = _whitener(unit.U, sigma)
     T, _, q = unit.H.shape
     d = unit.G.shape[2]
-    G, H = whiten(unit.G, 1), whiten(unit.H, 1)
     residual = whiten((y - unit.mean)[..., None], 1)
-    both = np.concatenate([G, residual], axis=2)
-    inner = np.swapaxes(both, 1, 2) @ both
-    across = np.swapaxes(both, 1, 2) @ H
-    normal = np.empty((T, d + q, d + q))
-    normal[:, :d, :d] = inner[:, :d, :d]
-    normal[:, :d, d:] = across[:, :d]
-    normal[:, d:, :d] = np.swapaxes(across[:, :d], 1, 2)
-    normal[:, d:, d:] = np.swapaxes(H, 1, 2) @ H
-    right = np.empty((T, d + q))
-    right[:, :d] = inner[:, :d, d]
-    right[:, d:] = across[:, d]
+    both = np.swapaxes(np.concatenate([whiten(unit.G, 1), residual], axis=2), 1, 2)
+    inner = both @ np.swapaxes(both, 1, 2)
+    normal, right = np.empty((T, d + q, d + q)), np.empty((T, d + q))
+    normal[:, :d, :d], right[:, :d] = inner[:, :d, :d], inner[:, :d, d]
+    start = 0
+    for piece in unit.pieces(1):
+        H = whiten(piece.H, 1)
+        nodes = slice(start, start + len(H))
+        across = (both if len(both) == 1 else both[nodes]) @ H
+        normal[nodes, :d, d:] = across[:, :d]
+        normal[nodes, d:, :d] = np.swapaxes(across[:, :d], 1, 2)
+        normal[nodes, d:, d:] = np.swapaxes(H, 1, 2) @ H
+        right[nodes, d:] = across[:, d]
+        start += len(H)
     return normal, right, np.broadcast_to(inner[:, d, d], (T,)), log_det

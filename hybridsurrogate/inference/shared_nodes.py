@@ -6,6 +6,7 @@ The likelihood at node j and draw s is quadratic in c_s, so one matrix product s
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,16 +35,49 @@ class MeasuredGiven:
     scale: float
 
 
-def squares_of_pairs(features: FloatArray, residual: FloatArray, c: FloatArray) -> FloatArray:
-    """Return |residual_j - features_j c_s|^2 for all j and s, from p-dimensional products.
+@dataclass(frozen=True)
+class SharedDraws:
+    """Draws c (S, p) of coefficients, with what sums of squares need of them."""
 
-    Centred at the mean draw, so that nothing large cancels.
+    c: FloatArray
+
+    @cached_property
+    def centre(self) -> FloatArray:
+        """Mean draw, around which products are formed, so that nothing large cancels."""
+        return self.c.mean(axis=0)
+
+    @cached_property
+    def delta(self) -> FloatArray:
+        """Deviations from the mean draw, (S, p)."""
+        return self.c - self.centre
+
+    @cached_property
+    def pairs(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Both coefficients of every pair."""
+        first, second = np.triu_indices(self.c.shape[1])
+        return first, second
+
+    @cached_property
+    def products(self) -> FloatArray:
+        """Products of every pair of deviations in each draw, both orders counted, (pairs, S)."""
+        first, second = self.pairs
+        twice = np.where(first == second, 1.0, 2.0)
+        return (self.delta[:, first] * self.delta[:, second] * twice).T
+
+
+def squares_of_pairs(features: FloatArray, residual: FloatArray, draws: SharedDraws) -> FloatArray:
+    """Return |residual_j - features_j c_s|^2 for all j and s.
+
+    Few rows row by row, many from p-dimensional products.
     """
-    centre = c.mean(axis=0)
-    delta = c - centre
-    first, second, products = _products(delta)
-    total = np.empty((len(features), len(c)))
-    for block in _blocks(len(features), features.shape[2]):
+    J, n, p = features.shape
+    c = draws.c
+    if 2 * n < p:
+        return _row_by_row(features, residual, c)
+    centre, delta, products = draws.centre, draws.delta, draws.products
+    first, second = draws.pairs
+    total = np.empty((J, len(c)))
+    for block in _blocks(J, p**2):
         rest = residual[block] - features[block] @ centre[:, None]
         transposed = np.swapaxes(features[block], 1, 2)
         squares = (transposed @ features[block])[:, first, second]
@@ -53,20 +87,34 @@ def squares_of_pairs(features: FloatArray, residual: FloatArray, c: FloatArray) 
     return np.maximum(total, 0.0)
 
 
+def _row_by_row(features: FloatArray, residual: FloatArray, c: FloatArray) -> FloatArray:
+    total = np.empty((len(features), len(c)))
+    for block in _blocks(len(features), features.shape[1] * len(c)):
+        rest = residual[block] - features[block] @ c.T
+        total[block] = np.einsum("jns,jns->js", rest, rest)
+    return total
+
+
 def squares_of_factors(
     of_inputs: FloatArray, of_parameters: FloatArray, residual: FloatArray, c: FloatArray
 ) -> FloatArray:
     """Return the same for features_j = of_inputs * of_parameters_j and one residual (n,).
 
-    Their Gram matrices are that of ``of_inputs`` times an outer product, whatever the number of
+    Features that share their factor of the inputs, as polynomials do, are added up first. Where too
+    few do, Gram matrices are that of ``of_inputs`` times an outer product, whatever the number of
     rows.
     """
-    centre = c.mean(axis=0)
-    delta = c - centre
-    first, second, products = _products(delta)
-    products *= (of_inputs.T @ of_inputs)[first, second][:, None]
+    p = of_inputs.shape[1]
+    distinct, group = np.unique(of_inputs, axis=1, return_inverse=True)
+    g = distinct.shape[1]
+    if p + min(len(distinct), g) * g < p**2 / 2:
+        return _squares_of_groups(distinct, group.ravel(), of_parameters, residual, c)
+    draws = SharedDraws(c)
+    centre, delta = draws.centre, draws.delta
+    first, second = draws.pairs
+    products = draws.products * (of_inputs.T @ of_inputs)[first, second][:, None]
     total = np.empty((len(of_parameters), len(c)))
-    for block in _blocks(len(of_parameters), of_parameters.shape[1]):
+    for block in _blocks(len(of_parameters), p**2):
         part = of_parameters[block]
         rest = residual - (part * centre) @ of_inputs.T
         cross = part * (rest @ of_inputs)
@@ -76,16 +124,29 @@ def squares_of_factors(
     return np.maximum(total, 0.0)
 
 
-def _products(delta: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]:
-    """Return pairs of coefficients, and their products in each draw, both orders counted."""
-    first, second = np.triu_indices(delta.shape[1])
-    twice = np.where(first == second, 1.0, 2.0)
-    return first, second, (delta[:, first] * delta[:, second] * twice).T
+def _squares_of_groups(
+    distinct: FloatArray,
+    group: NDArray[np.intp],
+    of_parameters: FloatArray,
+    residual: FloatArray,
+    c: FloatArray,
+) -> FloatArray:
+    """Return squares for factors of the inputs ``distinct[:, group]``, in the space they span."""
+    Q, R = np.linalg.qr(distinct)
+    along = Q.T @ residual
+    beyond = residual - Q @ along
+    members = [np.flatnonzero(group == k) for k in range(len(R.T))]
+    total = np.empty((len(of_parameters), len(c)))
+    for block in _blocks(len(of_parameters), len(members) * len(c)):
+        sums = np.stack([of_parameters[block][:, own] @ c[:, own].T for own in members])
+        rest = along[:, None] - R @ sums.reshape(len(members), -1)
+        total[block] = np.einsum("rm,rm->m", rest, rest).reshape(-1, len(c))
+    return total + beyond @ beyond
 
 
-def _blocks(n: int, p: int) -> list[slice]:
-    """Cut n matrices (p, p) into blocks that stay in the processor's cache."""
-    step = max(1, _BLOCK // p**2) if p else n
+def _blocks(n: int, numbers: int) -> list[slice]:
+    """Cut n things of so many numbers into blocks that stay in the processor's cache."""
+    step = max(1, _BLOCK // max(numbers, 1))
     return [slice(k, k + step) for k in range(0, n, step)]
 
 

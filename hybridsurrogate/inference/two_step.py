@@ -19,6 +19,7 @@ from hybridsurrogate.inference.parameter_grid import GRID_NODES, grid_draws
 from hybridsurrogate.inference.pareto import KHAT_LIMIT, level_smooth
 from hybridsurrogate.inference.shared_nodes import (
     MeasuredGiven,
+    SharedDraws,
     node_shares,
     one_node_each,
     squares_of_pairs,
@@ -29,6 +30,8 @@ from hybridsurrogate.priors import FloatArray, Prior
 
 _N_PROPOSALS = 3000
 _N_ROUNDS = 4
+# numbers in one block of proposals: the products of all pairs of coefficients are read for each
+_BLOCK = 2_000_000
 
 
 @dataclass(frozen=True)
@@ -99,7 +102,8 @@ def _by_proposals(
     problem: MeasuredGiven, first_step: FloatArray, random_state: np.random.RandomState
 ) -> MeasuredDraws:
     """Weigh proposals that all coefficient draws share, moved to where the mass is."""
-    centre = problem.c.mean(axis=0, keepdims=True)
+    draws = SharedDraws(problem.c)
+    centre = SharedDraws(draws.centre[None])
 
     def at_centre(u: FloatArray) -> FloatArray:
         return _log_density(problem, u, centre)[:, 0]
@@ -113,7 +117,7 @@ def _by_proposals(
     for round_ in range(_N_ROUNDS):
         points = mixture_points(components, _N_PROPOSALS, random_state)
         log_proposal = mixture_log_density(components, points)
-        log_weight = _log_density(problem, points, problem.c) - log_proposal[:, None]
+        log_weight = _log_density(problem, points, draws) - log_proposal[:, None]
         share = node_shares(log_weight)
         effective = float(np.median(1 / np.sum(share**2, axis=0)))
         khat = float(np.median([level_smooth(log_weight[:, s])[1] for s in some]))
@@ -127,8 +131,18 @@ def _by_proposals(
     return MeasuredDraws(u[:, :-1], np.exp(u[:, -1]), coefficients, khat, effective, "importance")
 
 
-def _log_density(problem: MeasuredGiven, u: FloatArray, c: FloatArray) -> FloatArray:
-    """Return the log density of proposals (J, d) given coefficient draws (S, p): (J, S).
+def _log_density(problem: MeasuredGiven, u: FloatArray, draws: SharedDraws) -> FloatArray:
+    """Return the log density of proposals (J, d) given coefficient draws (S, p): (J, S)."""
+    numbers = len(problem.y) * (len(draws.centre) + len(problem.model.column_sd) + 1)
+    length = max(1, _BLOCK // numbers)
+    pieces = [
+        _log_density_of_some(problem, u[k : k + length], draws) for k in range(0, len(u), length)
+    ]
+    return np.concatenate(pieces)
+
+
+def _log_density_of_some(problem: MeasuredGiven, u: FloatArray, draws: SharedDraws) -> FloatArray:
+    """Return the log density of few proposals.
 
     The causes' coefficients a ~ N(0, diag(sd^2)) are integrated out by Woodbury's identity.
     """
@@ -144,11 +158,11 @@ def _log_density(problem: MeasuredGiven, u: FloatArray, c: FloatArray) -> FloatA
     q = columns.shape[2]
     inner = np.eye(q) + transposed @ columns
     factor = np.linalg.cholesky(inner)
-    total = squares_of_pairs(features, residual, c)
+    total = squares_of_pairs(features, residual, draws)
     if q:
         # |r|^2 - |F^-1 H' r|^2 with F F' = I + H'H, linear in c
         projected = np.linalg.solve(factor, transposed @ np.concatenate([features, residual], 2))
-        total = total - squares_of_pairs(projected[..., :-1], projected[..., -1:], c)
+        total = total - squares_of_pairs(projected[..., :-1], projected[..., -1:], draws)
     prior = prior_of_unknowns(u, problem.noise_prior)
     log_scale = np.log(np.broadcast_to(scale, (len(u), len(y)))) @ problem.weights
     log_det = log_det_of(factor) + log_scale
