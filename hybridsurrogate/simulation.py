@@ -237,19 +237,19 @@ class Simulator:
     ) -> tuple[FloatArray, str | None]:
         # the outputs, NaN where a run raised, and what the first such run said
         names = (*self.input_names, *self.parameter_ranges)
-        points = np.column_stack([X, omega])
+        columns = np.ascontiguousarray(np.concatenate([X.T, omega.T]))
         if self.vectorized:
-            arguments = dict(zip(names, np.ascontiguousarray(points.T), strict=True))
+            arguments = dict(zip(names, columns, strict=True))
             y = np.asarray(self.function(**arguments), dtype=float)
             self._check_output(y.shape, (len(X),))
             return y, None
         runs = Parallel(n_jobs=n_jobs, return_as="generator")(
             delayed(_run_once)(self.function, dict(zip(names, point, strict=True)))
-            for point in points
+            for point in columns.T
         )
         if progress:
-            runs = tqdm(runs, total=len(points), desc=self.name)
-        y, first_error = np.full(len(points), np.nan), None
+            runs = tqdm(runs, total=len(X), desc=self.name)
+        y, first_error = np.full(len(X), np.nan), None
         for row, (value, error) in enumerate(list(runs)):
             if error is None:
                 self._check_output(np.shape(value), ())

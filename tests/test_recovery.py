@@ -9,7 +9,7 @@ import hybridsurrogate as hs
 from hybridsurrogate.estimators.problem import make_problem
 from hybridsurrogate.inference.collapsed import CollapsedPosterior
 from hybridsurrogate.inference.powers import powers_of
-from hybridsurrogate.inference.shared_nodes import squares_of_factors
+from hybridsurrogate.inference.shared_nodes import SharedDraws, squares_of_factors, squares_of_pairs
 from hybridsurrogate.inference.two_step import second_step
 
 NOISE = 0.5
@@ -242,14 +242,23 @@ def parabola(t, **parameters):
     return sum(parameters[name] * t**k for k, name in enumerate("abc") if name in parameters)
 
 
-def test_squares_of_factors_are_those_of_their_products():
+@pytest.mark.parametrize(
+    ("n", "columns"),
+    [(7, range(5)), (7, [0, 1, 0, 1, 2, 1, 0, 2, 2]), (3, range(8)), (40, range(8))],
+)
+def test_squares_of_factors_are_those_of_their_products(n, columns):
+    """Whether features share their factor of the inputs or not, of few rows and of many."""
     rng = np.random.default_rng(0)
-    of_inputs, of_parameters = rng.standard_normal((7, 5)), rng.standard_normal((300, 5))
-    residual, c = rng.standard_normal(7), 100 + rng.standard_normal((11, 5))
+    of_inputs = rng.standard_normal((n, max(columns) + 1))[:, list(columns)]
+    of_parameters = rng.standard_normal((300, len(columns)))
+    residual, c = rng.standard_normal(n), 100 + rng.standard_normal((11, len(columns)))
     features = of_inputs * of_parameters[:, None]
     expected = np.sum((residual[:, None] - features @ c.T) ** 2, axis=1)
-    told = squares_of_factors(of_inputs, of_parameters, residual, c)
+    draws = SharedDraws(c)
+    told = squares_of_factors(of_inputs, of_parameters, residual, draws)
     np.testing.assert_allclose(told, expected, rtol=1e-8)
+    rest = np.broadcast_to(residual[:, None], (300, n, 1))
+    np.testing.assert_allclose(squares_of_pairs(features, rest, draws), expected, rtol=1e-8)
 
 
 @pytest.mark.parametrize("names", ["a", "ab", "abc"])

@@ -54,28 +54,40 @@ class CorrectedBasis(Basis):
         self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
     ) -> FloatArray:
         """Return the basis's known part plus the correction."""
+        return self.basis.known(X, omega) + self._correction(X, omega)
+
+    def output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
+        """Return the basis's output plus the correction."""
+        return self.basis.output(X, omega, c) + self._correction(X, omega)
+
+    def outer(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return known part and features of all inputs for all parameters."""
+        known, features = self.basis.outer(X, omega)
+        return known + self._outer_correction(X, omega), features
+
+    def outer_output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
+        """Return the output of all inputs for all parameters."""
+        return self.basis.outer_output(X, omega, c) + self._outer_correction(X, omega)
+
+    def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return the basis's features."""
+        return self.basis.features(X, omega)
+
+    def _correction(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         points = self._scaled(np.hstack([X, omega]), slice(None))
         length = max(1, BLOCK // len(self.runs))
         correction = [
             _alike(points[k : k + length], self.runs) @ self.weights
             for k in range(0, len(points), length)
         ]
-        return self.basis.known(X, omega) + np.concatenate(correction)
+        return np.concatenate(correction)
 
-    def outer(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return known part and features of all inputs for all parameters.
-
-        The kernel is a product of one of the inputs and one of the parameters.
-        """
-        known, features = self.basis.outer(X, omega)
+    def _outer_correction(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return (J, n): the kernel is a product of one of the inputs and one of the parameters."""
         inputs, parameters = slice(0, X.shape[1]), slice(X.shape[1], None)
         of_inputs = _alike(self._scaled(X, inputs), self.runs[:, inputs])
         of_parameters = _alike(self._scaled(omega, parameters), self.runs[:, parameters])
-        return known + (of_parameters * self.weights) @ of_inputs.T, features
-
-    def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return the basis's features."""
-        return self.basis.features(X, omega)
+        return (of_parameters * self.weights) @ of_inputs.T
 
     def _scaled(self, points: FloatArray, columns: slice) -> FloatArray:
         """Return some coordinates of points in units of the lengths."""

@@ -46,8 +46,8 @@ def best_null(problem: Problem, belief: Belief, noise: NoiseTable) -> Fitted:
     d = model.n_unknowns
     # a fixed spread of starts: the search has no randomness of its own
     z = np.vstack([np.zeros(d), np.random.RandomState(0).standard_normal((16 * d, d))])
-    known, features, factor = model.simulated(problem.X, model.values(z))
-    squares = np.sum(((problem.y - known - features @ belief.mean) / factor) ** 2, axis=1)
+    output, _, factor = model.simulated(problem.X, model.values(z), belief.mean)
+    squares = np.sum(((problem.y - output) / factor) ** 2, axis=1)
     squares = np.where(np.isfinite(squares), squares, np.inf)
     starts = z[np.argsort(squares)[:2]]
     sigma = 0.3 * problem.scale

@@ -37,8 +37,8 @@ def freed(found: Search) -> Callable[[Linearised], Linearised]:
     points[0, range(len(places)), places] += _MOVE
     points[1, range(len(places)), places] -= _MOVE
     values = model.values(points.reshape(-1, len(z)))
-    known, features, _ = model.simulated(problem.X, values)
-    means = known + features @ found.belief.mean + model.added(problem.X, values) @ sizes
+    output, _, _ = model.simulated(problem.X, values, found.belief.mean)
+    means = output + model.added(problem.X, values) @ sizes
     up, down = np.nan_to_num(means).reshape(2, len(places), -1)
     slopes: FloatArray = (up - down).T / (2 * _MOVE)
 

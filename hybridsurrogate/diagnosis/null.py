@@ -51,7 +51,7 @@ def null_test(found: Search, n_replicates: int, random_state: np.random.RandomSt
         z[: len(base)] = base
         # in a replicate a change may be anywhere, not only where the measured one is
         plan = w.plan if len(w.plan.nodes) else layout(w.model)
-        parts = free(linearise(w.model, problem.X, found.belief, plan, z))
+        parts = free(linearise(w.model, problem.X, found.belief, plan, z).simplified())
         evidence.append(
             special.logsumexp(scan(parts, responses, null.sigma, found.noise, found.sizes), axis=1)
         )

@@ -210,7 +210,9 @@ class CollapsedPosterior:
         size, n = len(self._prior[0]) + 1, len(self.y) if self.measured_power else 0
         length = _BLOCK // (size * n if self._few else size**2)
         if n:
-            length = min(length, _ROWS_BLOCK // (size * n))
+            # rows whose features factorise are not formed for each draw
+            width = 1 + len(self.model.column_sd) if self._factorises else size
+            length = min(length, _ROWS_BLOCK // (width * n))
         length = max(1, length)
         return [u[k : k + length] for k in range(0, max(len(u), 1), length)]
 
@@ -220,8 +222,11 @@ class CollapsedPosterior:
         out = np.zeros((len(u), size + 1, size + 1))
         log_noise: FloatArray = np.zeros(len(u))
         if self.measured_power:
-            rows, log_noise = self._measured_rows(u)
-            np.matmul(np.swapaxes(rows, 1, 2), rows, out=out)
+            if self._factorises:
+                self._fill_measured(u, out)
+            else:
+                rows, log_noise = self._measured_rows(u)
+                np.matmul(np.swapaxes(rows, 1, 2), rows, out=out)
             out[:, -1, -1] += self._rounding
             out *= self.measured_power
         if self.simulation is not None and self.simulation_power:
@@ -235,6 +240,32 @@ class CollapsedPosterior:
             )
             out += self.simulation_power * runs
         return out, log_noise
+
+    @property
+    def _factorises(self) -> bool:
+        return self.model.factorises and not self._few
+
+    def _fill_measured(self, u: FloatArray, out: FloatArray) -> None:
+        """Write the Gram matrices of [features, columns, y] (J, p + q + 1, p + q + 1)."""
+        values = self.model.values(u[:, :-1])
+        factors = self.model.factors(self.X, values)
+        assert factors is not None
+        known, of_inputs, of_parameters = factors
+        root = np.sqrt(self.weights)
+        of_inputs, rest = of_inputs * root[:, None], (self.y - known) * root
+        columns = self.model.added(self.X, values) * root[:, None]
+        # columns and y beside the features, whose share of the parameters is a factor
+        added = np.concatenate(
+            [columns, np.broadcast_to(rest[:, None], (len(u), len(rest), 1))], axis=2
+        )
+        transposed = np.swapaxes(added, 1, 2)
+        p = of_inputs.shape[1]
+        out[:, :p, :p] = of_inputs.T @ of_inputs
+        out[:, :p, :p] *= of_parameters[:, :, None]
+        out[:, :p, :p] *= of_parameters[:, None, :]
+        out[:, p:, :p] = (transposed @ of_inputs) * of_parameters[:, None]
+        out[:, :p, p:] = np.swapaxes(out[:, p:, :p], 1, 2)
+        out[:, p:, p:] = transposed @ added
 
     def _augmented_factor(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return `posterior_factor` of all rows, and the log noise factors."""

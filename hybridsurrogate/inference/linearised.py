@@ -109,6 +109,12 @@ class Linearised:
         length = max(BLOCK // (n * max(q, 1)), n_responses // max(q, 1), 1)
         return [self.at(slice(start, start + length)) for start in range(0, T, length)]
 
+    def simplified(self) -> Linearised:
+        """Return the same with one mean and G where all nodes share them, as at a size of zero."""
+        if (self.mean == self.mean[0]).all() and (self.G == self.G[0]).all():
+            return replace(self, mean=self.mean[:1], G=self.G[:1])
+        return self
+
     @property
     def noise_differs(self) -> bool:
         """Whether the nodes differ in the noise of single rows."""
@@ -248,14 +254,13 @@ def _slopes(
     M = len(plan.grid) if in_simulation else 1
     mean, slopes = np.empty((M, len(X))), np.empty((M, len(directions), len(X)))
     at_one: tuple[FloatArray, FloatArray] | None = None
-    length = max(1, BLOCK // (len(points) * len(X) * (1 + len(belief.mean))))
+    length = max(1, BLOCK // (len(points) * len(X)))
     for start in range(0, M, length):
         piece = slice(start, min(start + length, M))
         runs = np.tile(values, (piece.stop - start, 1, 1))
         if in_simulation:
             runs[:, :, plan.nodes] = plan.grid[piece, None, :]
-        known, features, _ = model.simulated(X, runs.reshape(-1, len(z)))
-        response = known + features @ belief.mean
+        response, _, _ = model.simulated(X, runs.reshape(-1, len(z)), belief.mean)
         # a simulation may fail far out: NaN marks the place and is never better than another one
         response[~(np.abs(response) < _ABSURD)] = np.nan
         response = response.reshape(len(runs), len(points), len(X))
@@ -264,7 +269,8 @@ def _slopes(
         slopes[piece] = slope
         mean[piece] = response[:, 0] - (z - plan.neutral)[directions] @ slope
         if at_one is None:
-            at_one = response[0, 0].copy(), features[0] @ belief.factor
+            _, (features,), _ = model.simulated(X, runs[0, :1])
+            at_one = response[0, 0].copy(), features @ belief.factor
     assert at_one is not None
     return _Slopes(mean, slopes, *at_one)
 

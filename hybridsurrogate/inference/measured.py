@@ -140,24 +140,26 @@ class MeasuredModel:
         return Parts(*self.simulated(X, values), self.added(X, values))
 
     def simulated(
-        self, X: FloatArray, values: FloatArray
+        self, X: FloatArray, values: FloatArray, c: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return known (J, n), features (J, n, p) and noise (J, n) or (J, 1)."""
+        """Return known (J, n), features (J, n, p) and noise (J, n) or (J, 1).
+
+        With one draw ``c`` (p,) of the surrogate's coefficients known is the whole output, and
+        there are no features.
+        """
+        numbers = len(X) * (1 + (len(self.basis.coefficient_mean) if c is None else 0))
         known, features, noise = _in_blocks(
-            lambda block: self._simulated(X, block),
-            values,
-            len(X) * (1 + len(self.basis.coefficient_mean)),
+            lambda block: self._simulated(X, block, c), values, numbers
         )
         return known, features, noise
 
     def _simulated(
-        self, X: FloatArray, values: FloatArray
+        self, X: FloatArray, values: FloatArray, c: FloatArray | None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         if not self.effects and not self.basis.known_depends_on_hyper:
-            known, features = self.basis.outer(X[:, : self.n_inputs], self._omega(values))
-            return known, features, np.ones((len(values), 1))
+            return *self._unmoved(X, values, c), np.ones((len(values), 1))
         rows, omega, theta = self._rows(X, values)
-        known, features = self._run(X, values, rows, omega, theta)
+        known, features = self._moved(X, values, c, rows, omega, theta)
         for effect, own in zip(self.effects, theta, strict=True):
             gain = np.asarray(effect.gain(rows, own))
             if gain.ndim or gain != 1.0:
@@ -165,30 +167,60 @@ class MeasuredModel:
                 known = known * gain
                 features = features * gain[..., None]
         if any(effect.follows_mean for effect in self.effects):
-            rows = {**rows, SIMULATED: (known + features @ self._reference).ravel()}
+            output = known if c is not None else known + features @ self._reference
+            rows = {**rows, SIMULATED: output.ravel()}
         return known, features, self._noise(rows, theta, len(values), len(X))
 
-    def _run(
-        self, X: FloatArray, values: FloatArray, rows: Rows, omega: Rows, theta: Sequence[Rows]
+    def _unmoved(
+        self, X: FloatArray, values: FloatArray, c: FloatArray | None
     ) -> tuple[FloatArray, FloatArray]:
-        """Return known (J, n) and features (J, n, p) at the inputs that causes may have moved."""
+        """Return known and features of all rows at the parameters of each draw."""
+        X, omega = X[:, : self.n_inputs], self._omega(values)
+        if c is None:
+            return self.basis.outer(X, omega)
+        return self.basis.outer_output(X, omega, c), np.empty((len(omega), len(X), 0))
+
+    def _moved(
+        self,
+        X: FloatArray,
+        values: FloatArray,
+        c: FloatArray | None,
+        rows: Rows,
+        omega: Rows,
+        theta: Sequence[Rows],
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return known and features at the inputs and parameters that causes may have moved."""
         J, n, by_row = len(values), len(X), self.basis.known_depends_on_hyper
         if not by_row and not any(effect.moves_inputs for effect in self.effects):
-            return self.basis.outer(X[:, : self.n_inputs], self._omega(values))
+            return self._unmoved(X, values, c)
         for effect, own in zip(self.effects, theta, strict=True):
             rows, omega = effect.inputs(rows, omega, own)
-        inputs = np.column_stack([rows[name] for name in self.columns[: self.n_inputs]])
+        # column by column, as simulations take them
+        inputs = np.stack([rows[name] for name in self.columns[: self.n_inputs]]).T
         points = np.empty((J * n, 0))
         if omega:
-            points = np.column_stack([omega[k] for k in (*self.parameters, *self.constants)])
+            points = np.stack([omega[k] for k in (*self.parameters, *self.constants)]).T
+        if c is not None and not by_row:
+            return self.basis.output(inputs, points, c).reshape(J, n), np.empty((J, n, 0))
         hyper = np.repeat(values[:, self.n_unknowns :], n, axis=0) if by_row else None
         known = self.basis.known(inputs, points, hyper)
         features = self.basis.features(inputs, points)
+        if c is not None:
+            known, features = known + features @ c, features[:, :0]
         return known.reshape(J, n), features.reshape(J, n, features.shape[1])
 
+    @property
+    def factorises(self) -> bool:
+        """Whether `factors` are to be had: causes may only add to the simulation."""
+        return (
+            type(self.basis).factors is not Basis.factors
+            and not self.basis.known_depends_on_hyper
+            and not any(e.touches_simulation or e.touches_noise for e in self.effects)
+        )
+
     def factors(self, X: FloatArray, values: FloatArray) -> Factors | None:
-        """Return the surrogate's `Factors` of rows X and draws of `values`, None with causes."""
-        if self.effects or self.basis.known_depends_on_hyper:
+        """Return the surrogate's `Factors` of rows X and draws of `values`."""
+        if not self.factorises:
             return None
         return self.basis.factors(X[:, : self.n_inputs], self._omega(values))
 
@@ -284,7 +316,7 @@ class MeasuredModel:
         """Return columns, omega and each cause's theta, every row of every draw after another."""
         J, n = len(values), len(X)
         rows: Rows = {name: np.tile(X[:, k], J) for k, name in enumerate(self.columns)}
-        repeated = np.repeat(values, n, axis=0)
+        repeated = np.repeat(values.T, n, axis=1).T  # columns in one piece
         omega: Rows = {
             **{name: repeated[:, k] for k, name in enumerate(self.parameters)},
             **{name: np.full(J * n, value) for name, value in self.constants.items()},

@@ -91,7 +91,7 @@ def _sums_of_squares(problem: MeasuredGiven, z: FloatArray) -> FloatArray:
     if factors is not None:
         residual = (problem.y - factors.known) * root[:, 0]
         parts = factors.of_inputs * root, factors.of_parameters
-        return squares_of_factors(*parts, residual, problem.c) + rounding
+        return squares_of_factors(*parts, residual, SharedDraws(problem.c)) + rounding
     rows = model.parts(problem.X, values)
     residual = (problem.y - rows.known)[..., None] * root
     return squares_of_pairs(rows.features * root, residual, SharedDraws(problem.c)) + rounding

@@ -96,7 +96,7 @@ def _row_by_row(features: FloatArray, residual: FloatArray, c: FloatArray) -> Fl
 
 
 def squares_of_factors(
-    of_inputs: FloatArray, of_parameters: FloatArray, residual: FloatArray, c: FloatArray
+    of_inputs: FloatArray, of_parameters: FloatArray, residual: FloatArray, draws: SharedDraws
 ) -> FloatArray:
     """Return the same for features_j = of_inputs * of_parameters_j and one residual (n,).
 
@@ -108,12 +108,11 @@ def squares_of_factors(
     distinct, group = np.unique(of_inputs, axis=1, return_inverse=True)
     g = distinct.shape[1]
     if p + min(len(distinct), g) * g < p**2 / 2:
-        return _squares_of_groups(distinct, group.ravel(), of_parameters, residual, c)
-    draws = SharedDraws(c)
+        return _squares_of_groups(distinct, group.ravel(), of_parameters, residual, draws.c)
     centre, delta = draws.centre, draws.delta
     first, second = draws.pairs
     products = draws.products * (of_inputs.T @ of_inputs)[first, second][:, None]
-    total = np.empty((len(of_parameters), len(c)))
+    total = np.empty((len(of_parameters), len(draws.c)))
     for block in _blocks(len(of_parameters), p**2):
         part = of_parameters[block]
         rest = residual - (part * centre) @ of_inputs.T

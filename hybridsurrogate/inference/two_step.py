@@ -22,6 +22,7 @@ from hybridsurrogate.inference.shared_nodes import (
     SharedDraws,
     node_shares,
     one_node_each,
+    squares_of_factors,
     squares_of_pairs,
 )
 from hybridsurrogate.inference.statistics import ROUNDING
@@ -148,20 +149,32 @@ def _log_density_of_some(problem: MeasuredGiven, u: FloatArray, draws: SharedDra
     """
     model, y = problem.model, problem.y
     sigma = np.exp(u[:, -1])
-    parts = model.parts(problem.X, model.values(u[:, :-1]))
-    scale = parts.noise * sigma[:, None]
-    scaled = np.sqrt(problem.weights) / scale
-    features = parts.features * scaled[..., None]
-    residual = ((y - parts.known) * scaled)[..., None]
-    columns = parts.columns * model.column_sd * scaled[..., None]
-    transposed = np.swapaxes(columns, 1, 2)
-    q = columns.shape[2]
-    inner = np.eye(q) + transposed @ columns
+    values = model.values(u[:, :-1])
+    root = np.sqrt(problem.weights)
+    factors = model.factors(problem.X, values)
+    if factors is None:
+        parts = model.parts(problem.X, values)
+        scale = parts.noise * sigma[:, None]
+        scaled = root / scale
+        features = parts.features * scaled[..., None]
+        residual = ((y - parts.known) * scaled)[..., None]
+        columns = parts.columns * model.column_sd * scaled[..., None]
+        total = squares_of_pairs(features, residual, draws)
+        right = np.swapaxes(columns, 1, 2) @ np.concatenate([features, residual], axis=2)
+    else:
+        # rows need not be formed for each proposal
+        scale = sigma[:, None]
+        of_inputs, rest = factors.of_inputs * root[:, None], (y - factors.known) * root
+        total = squares_of_factors(of_inputs, factors.of_parameters, rest, draws) / scale**2
+        columns = model.added(problem.X, values) * model.column_sd * (root / scale)[..., None]
+        right = np.swapaxes(columns, 1, 2) @ np.column_stack([of_inputs, rest])
+        right[..., :-1] *= factors.of_parameters[:, None]
+        right /= scale[..., None]
+    inner = np.eye(columns.shape[2]) + np.swapaxes(columns, 1, 2) @ columns
     factor = np.linalg.cholesky(inner)
-    total = squares_of_pairs(features, residual, draws)
-    if q:
+    if columns.shape[2]:
         # |r|^2 - |F^-1 H' r|^2 with F F' = I + H'H, linear in c
-        projected = np.linalg.solve(factor, transposed @ np.concatenate([features, residual], 2))
+        projected = np.linalg.solve(factor, right)
         total = total - squares_of_pairs(projected[..., :-1], projected[..., -1:], draws)
     prior = prior_of_unknowns(u, problem.noise_prior)
     log_scale = np.log(np.broadcast_to(scale, (len(u), len(y)))) @ problem.weights
@@ -177,15 +190,20 @@ def _draw_columns(
     """Draw a given (u_s, c_s), one for each s: (S, q)."""
     model = problem.model
     q = len(model.column_sd)
+    noise = random_state.standard_normal((len(u), q, 1))
     if not q:
-        return np.empty((len(u), 0))
-    parts = model.parts(problem.X, model.values(u[:, :-1]))
-    scaled = np.sqrt(problem.weights) / (parts.noise * np.exp(u[:, -1:]))
-    fitted = (parts.features @ problem.c[..., None])[..., 0]
-    residual = (problem.y - parts.known - fitted) * scaled
-    columns = parts.columns * model.column_sd * scaled[..., None]
-    transposed = np.swapaxes(columns, 1, 2)
-    factor = np.linalg.cholesky(np.eye(q) + transposed @ columns)
-    half = np.linalg.solve(factor, transposed @ residual[..., None])
-    half += random_state.standard_normal(half.shape)
-    return np.linalg.solve(np.swapaxes(factor, 1, 2), half)[..., 0] * model.column_sd
+        return noise[..., 0]
+    length = max(1, _BLOCK // (len(problem.y) * (problem.c.shape[1] + q)))
+    pieces = []
+    for start in range(0, len(u), length):
+        some = slice(start, start + length)
+        parts = model.parts(problem.X, model.values(u[some, :-1]))
+        scaled = np.sqrt(problem.weights) / (parts.noise * np.exp(u[some, -1:]))
+        fitted = (parts.features @ problem.c[some, :, None])[..., 0]
+        residual = (problem.y - parts.known - fitted) * scaled
+        columns = parts.columns * model.column_sd * scaled[..., None]
+        transposed = np.swapaxes(columns, 1, 2)
+        factor = np.linalg.cholesky(np.eye(q) + transposed @ columns)
+        half = np.linalg.solve(factor, transposed @ residual[..., None]) + noise[some]
+        pieces.append(np.linalg.solve(np.swapaxes(factor, 1, 2), half)[..., 0])
+    return np.concatenate(pieces) * model.column_sd

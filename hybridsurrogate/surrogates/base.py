@@ -161,9 +161,23 @@ class Basis(ABC):
         if factors is not None:
             known, of_inputs, of_parameters = factors
             return np.broadcast_to(known, (J, n)), of_inputs * of_parameters[:, None]
-        rows, points = np.tile(X, (J, 1)), np.repeat(omega, n, axis=0)
+        # columns in one piece, as simulations take them
+        rows, points = np.tile(X.T, (1, J)).T, np.repeat(omega.T, n, axis=1).T
         features = self.features(rows, points)
         return self.known(rows, points).reshape(J, n), features.reshape(J, n, features.shape[1])
+
+    def output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
+        """Return the output for rows of inputs and parameters and one draw of c (p,): (n,)."""
+        return self.known(X, omega) + self.features(X, omega) @ c
+
+    def outer_output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
+        """Return the output (J, n) of n inputs for each of J parameters and one draw of c (p,)."""
+        factors = self.factors(X, omega)
+        if factors is not None:
+            known, of_inputs, of_parameters = factors
+            return known + (of_parameters * c) @ of_inputs.T
+        known, features = self.outer(X, omega)
+        return known + features @ c
 
 
 @dataclass(frozen=True)

@@ -81,6 +81,17 @@ class _ChaosBasis(Basis):
         out[:, 0] = 1.0  # the intercept multiplies 1, not the product of the phi_0
         return out
 
+    def output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
+        # terms that share their polynomials of the inputs, or of the parameters, are added up first
+        inputs, row = np.unique(self.powers[:, : self.n_inputs], axis=0, return_inverse=True)
+        parameters, column = np.unique(self.powers[:, self.n_inputs :], axis=0, return_inverse=True)
+        table = np.zeros((len(inputs), len(parameters)))
+        table[row.ravel()[1:], column.ravel()[1:]] = c[1:]
+        of_inputs = _products(X, self.ranges[: self.n_inputs], inputs)
+        of_parameters = _products(self._held(omega), self.ranges[self.n_inputs :], parameters)
+        told = np.einsum("nk,nk->n", of_inputs @ table, of_parameters)
+        return told + c[0] + self.location
+
     def factors(self, X: FloatArray, omega: FloatArray) -> Factors:
         of_inputs, of_parameters = self._terms_of_inputs(X), self._terms_of_parameters(omega)
         of_inputs[:, 0] = of_parameters[:, 0] = 1.0
@@ -91,8 +102,10 @@ class _ChaosBasis(Basis):
 
     def _terms_of_parameters(self, omega: FloatArray) -> FloatArray:
         ranges = self.ranges[self.n_inputs :]
-        held = np.clip(omega, ranges[:, 0], ranges[:, 1])
-        return _products(held, ranges, self.powers[:, self.n_inputs :])
+        return _products(self._held(omega), ranges, self.powers[:, self.n_inputs :])
+
+    def _held(self, omega: FloatArray) -> FloatArray:
+        return np.clip(omega, *self.ranges[self.n_inputs :].T)
 
 
 def _products(points: FloatArray, ranges: FloatArray, powers: NDArray[np.int_]) -> FloatArray:
