@@ -18,8 +18,8 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Kernel, WhiteKernel
 
+from hybridsurrogate.inference.blocks import blocks
 from hybridsurrogate.inference.linearised import Belief
-from hybridsurrogate.inference.measured import BLOCK
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation import SimulationData
 from hybridsurrogate.surrogates.base import Basis
@@ -75,12 +75,8 @@ class CorrectedBasis(Basis):
 
     def _correction(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         points = self._scaled(np.hstack([X, omega]), slice(None))
-        length = max(1, BLOCK // len(self.runs))
-        correction = [
-            _alike(points[k : k + length], self.runs) @ self.weights
-            for k in range(0, len(points), length)
-        ]
-        return np.concatenate(correction)
+        pieces = blocks(len(points), len(self.runs))
+        return np.concatenate([_alike(points[k], self.runs) @ self.weights for k in pieces])
 
     def _outer_correction(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return (J, n): the kernel is a product of one of the inputs and one of the parameters."""

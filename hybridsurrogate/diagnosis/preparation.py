@@ -15,6 +15,7 @@ from hybridsurrogate.effects.catalogue import Skipped, catalogue
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.estimators.problem import Problem, make_context, make_problem
 from hybridsurrogate.exceptions import DiagnosisWarning
+from hybridsurrogate.inference.effect_check import check_effects
 from hybridsurrogate.inference.linearised import Belief, coefficient_belief
 from hybridsurrogate.simulation import SimulationData
 from hybridsurrogate.surrogates.base import Basis
@@ -105,7 +106,7 @@ def _lacks(cause: Cause, context: Context, problem: Problem) -> str | None:
     except ValueError as error:
         return str(error)
     try:
-        problem.model.with_effects([prepared]).check_effects(problem.X)
+        check_effects(problem.model.with_effects([prepared]), problem.X)
     except KeyError as error:
         there = [*context.X, *context.parameters, *context.assumed]
         return f"it asks for {error}; there are {there}"

@@ -9,6 +9,7 @@ import numpy as np
 
 from hybridsurrogate.dynamics import Modification
 from hybridsurrogate.effects.base import Cause, Context
+from hybridsurrogate.inference.effect_check import check_effects
 from hybridsurrogate.inference.linear_rows import Runs
 from hybridsurrogate.inference.linearised import coefficient_belief
 from hybridsurrogate.inference.measured import MeasuredModel
@@ -146,7 +147,7 @@ def make_problem(
         (),
         3 * scale,
     ).with_effects([effect.prepare(context) for effect in effects])
-    model.check_effects(X)
+    check_effects(model, X)
     if any(effect.has_outliers for effect in effects):
         _check_outliers(likelihood)
     if any(effect.follows_mean for effect in effects):

@@ -14,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hybridsurrogate.inference.blocks import BLOCK, blocks
 from hybridsurrogate.inference.layout import Layout
-from hybridsurrogate.inference.measured import BLOCK, MeasuredModel
+from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.statistics import Statistics
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.surrogates.base import Basis
@@ -106,12 +107,11 @@ class Linearised:
     def pieces(self, n_responses: int) -> list[Linearised]:
         """Cut the nodes into pieces that stay in the processor's cache, unless responses do not."""
         T, n, q = self.H.shape
-        length = max(BLOCK // (n * max(q, 1)), n_responses // max(q, 1), 1)
-        return [self.at(slice(start, start + length)) for start in range(0, T, length)]
+        return [self.at(piece) for piece in blocks(T, n * q, max(BLOCK, n * n_responses))]
 
     def simplified(self) -> Linearised:
         """Return the same with one mean and G where all nodes share them, as at a size of zero."""
-        if (self.mean == self.mean[0]).all() and (self.G == self.G[0]).all():
+        if np.all(self.mean[0] == self.mean) and np.all(self.G[0] == self.G):
             return replace(self, mean=self.mean[:1], G=self.G[:1])
         return self
 
@@ -254,10 +254,8 @@ def _slopes(
     M = len(plan.grid) if in_simulation else 1
     mean, slopes = np.empty((M, len(X))), np.empty((M, len(directions), len(X)))
     at_one: tuple[FloatArray, FloatArray] | None = None
-    length = max(1, BLOCK // (len(points) * len(X)))
-    for start in range(0, M, length):
-        piece = slice(start, min(start + length, M))
-        runs = np.tile(values, (piece.stop - start, 1, 1))
+    for piece in blocks(M, len(points) * len(X)):
+        runs = np.tile(values, (piece.stop - piece.start, 1, 1))
         if in_simulation:
             runs[:, :, plan.nodes] = plan.grid[piece, None, :]
         response, _, _ = model.simulated(X, runs.reshape(-1, len(z)), belief.mean)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -10,13 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from hybridsurrogate.effects.base import SIMULATED, Cause, Rows
+from hybridsurrogate.inference.blocks import in_blocks
 from hybridsurrogate.likelihoods import Contaminated, Likelihood, TransformedNormal
 from hybridsurrogate.priors import FloatArray, Prior, from_normal
 from hybridsurrogate.surrogates.base import Basis, Factors
-
-# numbers in one block of rows of draws: larger batches are cut so that what is made on the way
-# stays in the processor's cache, and its memory is not asked of the system again and again
-BLOCK = 200_000
 
 
 class Parts(NamedTuple):
@@ -148,7 +145,7 @@ class MeasuredModel:
         there are no features.
         """
         numbers = len(X) * (1 + (len(self.basis.coefficient_mean) if c is None else 0))
-        known, features, noise = _in_blocks(
+        known, features, noise = in_blocks(
             lambda block: self._simulated(X, block, c), values, numbers
         )
         return known, features, noise
@@ -158,7 +155,7 @@ class MeasuredModel:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         if not self.effects and not self.basis.known_depends_on_hyper:
             return *self._unmoved(X, values, c), np.ones((len(values), 1))
-        rows, omega, theta = self._rows(X, values)
+        rows, omega, theta = self.rows(X, values)
         known, features = self._moved(X, values, c, rows, omega, theta)
         for effect, own in zip(self.effects, theta, strict=True):
             gain = np.asarray(effect.gain(rows, own))
@@ -175,10 +172,10 @@ class MeasuredModel:
         self, X: FloatArray, values: FloatArray, c: FloatArray | None
     ) -> tuple[FloatArray, FloatArray]:
         """Return known and features of all rows at the parameters of each draw."""
-        X, omega = X[:, : self.n_inputs], self._omega(values)
+        inputs, omega = X[:, : self.n_inputs], self._omega(values)
         if c is None:
-            return self.basis.outer(X, omega)
-        return self.basis.outer_output(X, omega, c), np.empty((len(omega), len(X), 0))
+            return self.basis.outer(inputs, omega)
+        return self.basis.outer_output(inputs, omega, c), np.empty((len(omega), len(X), 0))
 
     def _moved(
         self,
@@ -197,7 +194,7 @@ class MeasuredModel:
             rows, omega = effect.inputs(rows, omega, own)
         # column by column, as simulations take them
         inputs = np.stack([rows[name] for name in self.columns[: self.n_inputs]]).T
-        points = np.empty((J * n, 0))
+        points: FloatArray = np.empty((J * n, 0))
         if omega:
             points = np.stack([omega[k] for k in (*self.parameters, *self.constants)]).T
         if c is not None and not by_row:
@@ -240,7 +237,7 @@ class MeasuredModel:
         J = len(values)
         if not any(effect.touches_noise for effect in self.effects):
             return np.ones((J, 1))
-        rows, _, theta = self._rows(X, values)
+        rows, _, theta = self.rows(X, values)
         return self._noise({**rows, SIMULATED: np.tile(simulated, J)}, theta, J, len(X))
 
     def likelihood_of(self, likelihood: Likelihood, values: FloatArray) -> Likelihood:
@@ -272,14 +269,14 @@ class MeasuredModel:
         """Return the columns that causes add, (J, n, q); the simulation is not run."""
         if not self.column_names:
             return np.empty((len(values), len(X), 0))
-        (added,) = _in_blocks(
+        (added,) = in_blocks(
             lambda block: (self._added(X, block),), values, len(X) * len(self.column_names)
         )
         return added
 
     def _added(self, X: FloatArray, values: FloatArray) -> FloatArray:
         J, n = len(values), len(X)
-        rows, _, theta = self._rows(X, values)
+        rows, _, theta = self.rows(X, values)
         added = [
             np.asarray(effect.columns(rows, own))
             for effect, own in zip(self.effects, theta, strict=True)
@@ -287,32 +284,7 @@ class MeasuredModel:
         ]
         return np.hstack(added).reshape(J, n, len(self.column_names))
 
-    def check_effects(self, X: FloatArray) -> None:
-        """Raise ValueError, by name, for causes whose methods do not fit measured rows.
-
-        At the middle of every prior, for two draws at once: enough to see a wrong shape or NaN
-        before it disappears in algebra.
-        """
-        rows, omega, theta = self._rows(X, self.values(np.zeros((2, self.n_unknowns))))
-        of_noise = {**rows, SIMULATED: np.linspace(-1.0, 1.0, 2 * len(X)) * self.default_sd}
-        n = 2 * len(X)
-        for effect, own in zip(self.effects, theta, strict=True):
-            run_rows, run_omega = effect.inputs(rows, omega, own)
-            for name in (*self.columns[: self.n_inputs], *omega):
-                moved = run_omega if name in omega else run_rows
-                _check_array(effect, f"inputs, {name!r}", moved.get(name), [(n,)])
-            _check_array(effect, "gain", effect.gain(rows, own), [(), (n,)])
-            noise = effect.noise(of_noise, own)
-            _check_array(effect, "noise", noise, [(), (n,)])
-            if np.min(noise) <= 0:
-                raise ValueError(
-                    f"The cause {effect.name!r} returned a noise that is not positive."
-                )
-            if effect.coefficients:
-                expected = [(n, len(effect.coefficients))]
-                _check_array(effect, "columns", effect.columns(rows, own), expected)
-
-    def _rows(self, X: FloatArray, values: FloatArray) -> tuple[Rows, Rows, list[Rows]]:
+    def rows(self, X: FloatArray, values: FloatArray) -> tuple[Rows, Rows, list[Rows]]:
         """Return columns, omega and each cause's theta, every row of every draw after another."""
         J, n = len(values), len(X)
         rows: Rows = {name: np.tile(X[:, k], J) for k, name in enumerate(self.columns)}
@@ -329,39 +301,3 @@ class MeasuredModel:
         for column, (k, name) in enumerate(self.theta_names, start=self.n_parameters):
             theta[k] = {**theta[k], name: values[:, column]}
         return theta
-
-
-def _in_blocks(
-    run: Callable[[FloatArray], tuple[FloatArray, ...]], values: FloatArray, numbers: int
-) -> list[FloatArray]:
-    """Return what ``run`` returns for all draws, running some of them at a time.
-
-    ``numbers`` is how many numbers one draw makes.
-    """
-    length = max(1, BLOCK // max(numbers, 1))
-    first = run(values[:length])
-    if length >= len(values):
-        return list(first)
-    out = [np.empty((len(values), *piece.shape[1:])) for piece in first]
-    for start in range(0, len(values), length):
-        pieces = run(values[start : start + length]) if start else first
-        for whole, piece in zip(out, pieces, strict=True):
-            whole[start : start + length] = piece
-    return out
-
-
-def _check_array(
-    effect: Cause, method: str, value: object, shapes: Sequence[tuple[int, ...]]
-) -> None:
-    shape = None if value is None else np.shape(np.asarray(value))
-    if shape not in shapes:
-        hint = f" for its coefficients {effect.coefficients}" if method == "columns" else ""
-        raise ValueError(
-            f"The cause {effect.name!r} must return shape {' or '.join(map(str, shapes))} from "
-            f"{method}{hint}, got {shape}."
-        )
-    if not np.isfinite(np.asarray(value, dtype=float)).all():
-        raise ValueError(
-            f"The cause {effect.name!r} returned NaN or infinity from {method}: its parameters "
-            "were at the medians of their priors."
-        )

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from hybridsurrogate.inference.blocks import blocks
 from hybridsurrogate.inference.statistics import ROUNDING
 from hybridsurrogate.priors import FloatArray, Prior
 
 _N_TABLE = 1500
-# numbers in one block of sums and nodes, few enough to stay in a processor's cache
-_BLOCK = 200_000
 
 
 def noise_grid(noise_prior: Prior, scale: float, n: float) -> tuple[FloatArray, FloatArray]:
@@ -41,13 +40,11 @@ def marginal_over_noise(
     table = np.linspace(low, high, n_nodes)
     width = log_sigma[1] - log_sigma[0]
     values = np.empty(n_nodes)
-    length = max(1, _BLOCK // len(log_sigma))
-    for start in range(0, n_nodes, length):
-        some = table[start : start + length, None]
-        log_terms = log_weight - n * log_sigma - 0.5 * np.exp(some - 2 * log_sigma)
+    for block in blocks(n_nodes, len(log_sigma)):
+        log_terms = log_weight - n * log_sigma - 0.5 * np.exp(table[block, None] - 2 * log_sigma)
         peak = log_terms.max(axis=1)
         log_terms -= peak[:, None]
-        values[start : start + length] = peak + np.log(np.exp(log_terms).sum(axis=1) * width)
+        values[block] = peak + np.log(np.exp(log_terms).sum(axis=1) * width)
     # linear interpolation on even nodes, without the search of np.interp
     position = (log_squares - low) * ((len(table) - 1) / (high - low))
     index = np.minimum(position.astype(np.intp), len(table) - 2)

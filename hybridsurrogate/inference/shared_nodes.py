@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from hybridsurrogate.inference.blocks import blocks
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.priors import FloatArray, Prior
 
@@ -77,7 +78,7 @@ def squares_of_pairs(features: FloatArray, residual: FloatArray, draws: SharedDr
     centre, delta, products = draws.centre, draws.delta, draws.products
     first, second = draws.pairs
     total = np.empty((J, len(c)))
-    for block in _blocks(J, p**2):
+    for block in blocks(J, p**2, _BLOCK):
         rest = residual[block] - features[block] @ centre[:, None]
         transposed = np.swapaxes(features[block], 1, 2)
         squares = (transposed @ features[block])[:, first, second]
@@ -89,7 +90,7 @@ def squares_of_pairs(features: FloatArray, residual: FloatArray, draws: SharedDr
 
 def _row_by_row(features: FloatArray, residual: FloatArray, c: FloatArray) -> FloatArray:
     total = np.empty((len(features), len(c)))
-    for block in _blocks(len(features), features.shape[1] * len(c)):
+    for block in blocks(len(features), features.shape[1] * len(c), _BLOCK):
         rest = residual[block] - features[block] @ c.T
         total[block] = np.einsum("jns,jns->js", rest, rest)
     return total
@@ -113,7 +114,7 @@ def squares_of_factors(
     first, second = draws.pairs
     products = draws.products * (of_inputs.T @ of_inputs)[first, second][:, None]
     total = np.empty((len(of_parameters), len(draws.c)))
-    for block in _blocks(len(of_parameters), p**2):
+    for block in blocks(len(of_parameters), p**2, _BLOCK):
         part = of_parameters[block]
         rest = residual - (part * centre) @ of_inputs.T
         cross = part * (rest @ of_inputs)
@@ -136,17 +137,11 @@ def _squares_of_groups(
     beyond = residual - Q @ along
     members = [np.flatnonzero(group == k) for k in range(len(R.T))]
     total = np.empty((len(of_parameters), len(c)))
-    for block in _blocks(len(of_parameters), len(members) * len(c)):
+    for block in blocks(len(of_parameters), len(members) * len(c), _BLOCK):
         sums = np.stack([of_parameters[block][:, own] @ c[:, own].T for own in members])
         rest = along[:, None] - R @ sums.reshape(len(members), -1)
         total[block] = np.einsum("rm,rm->m", rest, rest).reshape(-1, len(c))
     return total + beyond @ beyond
-
-
-def _blocks(n: int, numbers: int) -> list[slice]:
-    """Cut n things of so many numbers into blocks that stay in the processor's cache."""
-    step = max(1, _BLOCK // max(numbers, 1))
-    return [slice(k, k + step) for k in range(0, n, step)]
 
 
 def node_shares(log_weight: FloatArray) -> FloatArray:

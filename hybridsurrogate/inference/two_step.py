@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hybridsurrogate.inference.blocks import blocks
 from hybridsurrogate.inference.cholesky import log_det_of
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.mixtures import mixture_log_density, mixture_points, moment_match
@@ -135,11 +136,8 @@ def _by_proposals(
 def _log_density(problem: MeasuredGiven, u: FloatArray, draws: SharedDraws) -> FloatArray:
     """Return the log density of proposals (J, d) given coefficient draws (S, p): (J, S)."""
     numbers = len(problem.y) * (len(draws.centre) + len(problem.model.column_sd) + 1)
-    length = max(1, _BLOCK // numbers)
-    pieces = [
-        _log_density_of_some(problem, u[k : k + length], draws) for k in range(0, len(u), length)
-    ]
-    return np.concatenate(pieces)
+    pieces = blocks(len(u), numbers, _BLOCK)
+    return np.concatenate([_log_density_of_some(problem, u[some], draws) for some in pieces])
 
 
 def _log_density_of_some(problem: MeasuredGiven, u: FloatArray, draws: SharedDraws) -> FloatArray:
@@ -193,10 +191,8 @@ def _draw_columns(
     noise = random_state.standard_normal((len(u), q, 1))
     if not q:
         return noise[..., 0]
-    length = max(1, _BLOCK // (len(problem.y) * (problem.c.shape[1] + q)))
     pieces = []
-    for start in range(0, len(u), length):
-        some = slice(start, start + length)
+    for some in blocks(len(u), len(problem.y) * (problem.c.shape[1] + q), _BLOCK):
         parts = model.parts(problem.X, model.values(u[some, :-1]))
         scaled = np.sqrt(problem.weights) / (parts.noise * np.exp(u[some, -1:]))
         fitted = (parts.features @ problem.c[some, :, None])[..., 0]

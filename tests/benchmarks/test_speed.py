@@ -115,3 +115,15 @@ def test_one_search_of_40_rows_without_folds(benchmark):
     )
     diagnosis = hs.DiscrepancyDiagnosis(exact, cv=None, random_state=0)
     benchmark.pedantic(lambda: diagnosis.fit(case.X, case.y), rounds=3)
+
+
+@pytest.mark.benchmark(group="rows of a search with an emulator")
+@pytest.mark.filterwarnings("ignore::hybridsurrogate.HybridSurrogateWarning")
+@pytest.mark.parametrize("n", [40, 1000])
+def test_one_search_with_an_emulator(benchmark, case, n):
+    rows = make_log_sin(n_measured=n, random_state=0)
+    emulated = hs.PowerScaledSurrogate(
+        case.simulation, surrogate=hs.PolynomialChaos(degree=5), n_draws=1000, random_state=0
+    )
+    diagnosis = hs.DiscrepancyDiagnosis(emulated, cv=None, random_state=0)
+    benchmark.pedantic(lambda: diagnosis.fit(rows.X, rows.y), rounds=1)

@@ -1,0 +1,44 @@
+"""Large batches cut into blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from hybridsurrogate.priors import FloatArray
+
+# numbers in one block: what is made on the way stays in the processor's cache, and its memory is
+# not asked of the system again and again
+BLOCK = 200_000
+
+
+def blocks(n: int, numbers: int, most: int = BLOCK) -> list[slice]:
+    """Cut n things of so many numbers each into blocks of at most ``most`` numbers.
+
+    Examples
+    --------
+    >>> blocks(5, 100, 250)
+    [slice(0, 2, None), slice(2, 4, None), slice(4, 5, None)]
+    """
+    length = max(1, most // max(numbers, 1))
+    return [slice(start, min(start + length, n)) for start in range(0, n, length)]
+
+
+def in_blocks(
+    run: Callable[[FloatArray], tuple[FloatArray, ...]], values: FloatArray, numbers: int
+) -> list[FloatArray]:
+    """Return what ``run`` returns for all draws (J, d), running some of them at a time.
+
+    ``numbers`` is how many numbers one draw makes.
+    """
+    first, *others = blocks(len(values), numbers) or [slice(0, 0)]
+    pieces = run(values[first])
+    if not others:
+        return list(pieces)
+    out = [np.empty((len(values), *piece.shape[1:])) for piece in pieces]
+    for block in (first, *others):
+        pieces = pieces if block is first else run(values[block])
+        for whole, piece in zip(out, pieces, strict=True):
+            whole[block] = piece
+    return out
