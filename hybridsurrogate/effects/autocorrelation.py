@@ -114,17 +114,14 @@ class Autocorrelation(OverColumn):
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return constant, cosines and sines times the root of the variance of each wave."""
-        assert self.span is not None
         # beyond the period's middle the waves would come back to the rows at the other end
         scaled = np.clip(self.scaled(X), -_EDGE, _EDGE)
-        order = np.arange(_PAIRS + 1)
-        frequency = 2 * np.pi * order / _PERIOD
-        rate = self.span / (2 * np.asarray(theta["length"]))
-        rate = np.broadcast_to(rate, scaled.shape)[:, None]
-        # Fourier coefficients of exp(-rate distance) over half a period
-        cut = 1 - (-1.0) ** order * np.exp(-rate * _PERIOD / 2)
-        variance = np.where(order, 4, 2) / _PERIOD * rate / (rate**2 + frequency**2) * cut
-        height = np.sqrt(variance) * np.reshape(theta["amplitude"], (-1, 1))
+        frequency = 2 * np.pi / _PERIOD * np.arange(_PAIRS + 1)
+        numbers = np.stack(np.broadcast_arrays(theta["length"], theta["amplitude"], scaled))[:2]
+        # the rows of a draw come together and share its numbers
+        begins = np.append(True, np.any(np.diff(numbers, axis=1), axis=0))
+        length, amplitude = numbers[:, begins]
+        height = self._heights(length, amplitude, frequency)[np.cumsum(begins) - 1]
         # powers of the first wave: cosine and sine of one angle a row give all of them
         first = np.exp(1j * scaled * frequency[1])
         waves = np.cumprod(np.broadcast_to(first[:, None], (len(first), _PAIRS)), axis=1)
@@ -133,6 +130,18 @@ class Autocorrelation(OverColumn):
         out[:, 1::2] = height[:, 1:] * waves.real
         out[:, 2::2] = height[:, 1:] * waves.imag
         return out
+
+    def _heights(
+        self, length: FloatArray, amplitude: FloatArray, frequency: FloatArray
+    ) -> FloatArray:
+        """Return the standard deviations of the waves for each length and amplitude."""
+        assert self.span is not None
+        order = np.arange(len(frequency))
+        rate = self.span / (2 * length)[:, None]
+        # Fourier coefficients of exp(-rate distance) over half a period
+        cut = 1 - (-1.0) ** order * np.exp(-rate * _PERIOD / 2)
+        variance = np.where(order, 4, 2) / _PERIOD * rate / (rate**2 + frequency**2) * cut
+        return np.sqrt(variance) * amplitude[:, None]
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the correlation length and the standard deviation of the correlated part."""
