@@ -13,7 +13,7 @@ from hybridsurrogate.inference.blocks import BLOCK, blocks, in_blocks
 from hybridsurrogate.inference.layout import layout
 from hybridsurrogate.inference.linearised import coefficient_belief, linearise
 from hybridsurrogate.inference.noise import NoiseTable
-from hybridsurrogate.inference.scan import scan
+from hybridsurrogate.inference.scan import _normal_equations, scan
 
 N = 3000
 
@@ -70,3 +70,55 @@ def test_nodes_are_weighed_alike_alone_and_together(cause, surrogate):
         # the emulator's uncertainty is taken at the first node
         alone = scan(replace(own, U=parts.U), responses, 0.1, noise, sizes)
         assert_allclose(alone[:, 0], together[:, node], rtol=1e-9)
+        # and the climb sees the same linear model there
+        (whole, factor), (single, _) = (*parts.by_noise(), *replace(own, U=parts.U).by_noise())
+        for one, other in zip(
+            _normal_equations(single, y / factor, 0.1),
+            _normal_equations(whole, y / factor, 0.1),
+            strict=True,
+        ):
+            other = other[[node]] if np.ndim(other) else other
+            assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.max(np.abs(other)))
+
+
+def test_nodes_that_change_nothing_share_the_simulation():
+    """At a size of zero a drift is the plain simulation at every node; elsewhere it is not."""
+    X = np.linspace(0, 10, 50)[:, None]
+    y = decay(X[:, 0], 0.3)
+    cause = hs.ParameterDrift("rate", "t", "step")
+    problem = make_problem(
+        SIMULATOR, hs.ExactSurrogate(), hs.Normal(), None, (cause,), ("t",), X, y
+    )
+    model = problem.model
+    belief, plan = coefficient_belief(model.basis, None), layout(model)
+    at_zero = linearise(model, X, belief, plan, plan.neutral)
+    assert len(at_zero.mean) == len(plan.grid)
+    shared = at_zero.simplified()
+    assert len(shared.mean) == len(shared.G) == 1
+    noise, sizes = NoiseTable(problem.noise_prior, problem.scale, len(y)), np.array([0.1])
+    responses = y + 0.1 * np.random.default_rng(2).standard_normal((3, 50))
+    one, other = (scan(parts, responses, 0.1, noise, sizes) for parts in (at_zero, shared))
+    assert_allclose(one, other, rtol=1e-9)
+    z = plan.neutral.copy()
+    z[plan.sizes] += 0.5
+    elsewhere = linearise(model, X, belief, plan, z)
+    assert elsewhere.simplified() is elsewhere
+
+
+@pytest.mark.parametrize(
+    "cause", [hs.Autocorrelation("t"), hs.GaussianProcessDiscrepancy(), hs.Periodic("t")], ids=str
+)
+def test_the_columns_of_a_draw_are_its_own(cause):
+    X = np.linspace(0, 10, 20)[:, None]
+    y = decay(X[:, 0], 0.3)
+    problem = make_problem(
+        SIMULATOR, hs.ExactSurrogate(), hs.Normal(), None, (cause,), ("t",), X, y
+    )
+    model = problem.model
+    z = np.random.default_rng(5).standard_normal((4, model.n_unknowns))
+    z[2] = z[1]  # neighbours may agree
+    z[3, 1] = z[2, 1]  # or differ in some numbers only
+    values = model.values(z)
+    together = model.added(X, values)
+    for j in range(4):
+        assert_allclose(together[j], model.added(X, values[[j]])[0], rtol=1e-12)

@@ -9,8 +9,6 @@ import hybridsurrogate as hs
 from hybridsurrogate.estimators.problem import make_problem
 from hybridsurrogate.inference.collapsed import CollapsedPosterior
 from hybridsurrogate.inference.powers import powers_of
-from hybridsurrogate.inference.shared_nodes import SharedDraws, squares_of_factors, squares_of_pairs
-from hybridsurrogate.inference.two_step import second_step
 
 NOISE = 0.5
 # a noise prior that leaves nothing to learn about sigma
@@ -232,116 +230,6 @@ def test_samplers_agree(drifting):
             sd = a.std(axis=0)
             assert np.max(np.abs(a.mean(axis=0) - b.mean(axis=0)) / sd) < 0.15
             np.testing.assert_allclose(b.std(axis=0), sd, rtol=0.1)
-
-
-# -------------------------------------------------------------------------------------- step 2
-
-
-def parabola(t, **parameters):
-    """A polynomial in t whose coefficients are the parameters."""
-    return sum(parameters[name] * t**k for k, name in enumerate("abc") if name in parameters)
-
-
-@pytest.mark.parametrize(
-    ("n", "columns"),
-    [(7, range(5)), (7, [0, 1, 0, 1, 2, 1, 0, 2, 2]), (3, range(8)), (40, range(8))],
-)
-def test_squares_of_factors_are_those_of_their_products(n, columns):
-    """Whether features share their factor of the inputs or not, of few rows and of many."""
-    rng = np.random.default_rng(0)
-    of_inputs = rng.standard_normal((n, max(columns) + 1))[:, list(columns)]
-    of_parameters = rng.standard_normal((300, len(columns)))
-    residual, c = rng.standard_normal(n), 100 + rng.standard_normal((11, len(columns)))
-    features = of_inputs * of_parameters[:, None]
-    expected = np.sum((residual[:, None] - features @ c.T) ** 2, axis=1)
-    draws = SharedDraws(c)
-    told = squares_of_factors(of_inputs, of_parameters, residual, draws)
-    np.testing.assert_allclose(told, expected, rtol=1e-8)
-    rest = np.broadcast_to(residual[:, None], (300, n, 1))
-    np.testing.assert_allclose(squares_of_pairs(features, rest, draws), expected, rtol=1e-8)
-
-
-@pytest.mark.parametrize("names", ["a", "ab", "abc"])
-def test_second_step_draws_from_the_exact_conditional(names):
-    """Given coefficients that make the surrogate a parabola, step 2 is a linear regression.
-
-    Every draw has its own intercept, so each has its own conditional; all are checked at once by
-    where the draws lie in their exact distributions.
-    """
-    priors = {
-        name: stats.norm(mean, 1.0) for name, mean in zip(names, (1, -0.5, 0.3), strict=False)
-    }
-    simulator = hs.Simulator(parabola, {"t": (-1, 1)}, priors)
-    rng = np.random.default_rng(8)
-    X = np.linspace(-1, 1, 10)[:, None]
-    y = 1.4 - 0.7 * X[:, 0] * ("b" in names) + 0.5 * X[:, 0] ** 2 * ("c" in names)
-    y += rng.normal(0, 0.3, 10)
-    noise_prior = stats.halfnorm(scale=0.5)
-    degree = {"a": 1, "ab": 2, "abc": 3}[names]
-    problem = make_problem(
-        simulator.run(256, random_state=0),
-        hs.PolynomialChaos(degree, stats.norm(0, 10)),
-        hs.Normal(),
-        noise_prior,
-        (),
-        ("t",),
-        X,
-        y,
-    )
-    runs = problem.simulation
-    c = np.linalg.solve(runs.ff, runs.fy)
-    # the emulator is exact
-    assert runs.yy - c @ runs.fy < 1e-6
-
-    S = 3000
-    shift = rng.normal(0, 0.3, S)
-    coefficients = np.tile(c, (S, 1))
-    coefficients[:, 0] += shift
-    powers = np.column_stack([X[:, 0] ** k for k in range(len(names))])
-    mean0 = np.array([prior.mean() for prior in priors.values()])
-    # rough draws, as from a first step that knows less
-    rough = np.column_stack(
-        [rng.normal(0.3, 0.6, (S, len(names))), rng.normal(np.log(0.3), 0.3, S)]
-    )
-    drawn = second_step(
-        problem.model,
-        X,
-        y,
-        problem.weights,
-        coefficients,
-        noise_prior,
-        problem.scale,
-        rough,
-        np.random.RandomState(0),
-    )
-    values = problem.model.values(drawn.z)
-
-    # where each parameter lies given sigma: standard normal after whitening
-    whitened = np.empty_like(values)
-    log_sigma = np.linspace(np.log(0.05), np.log(3), 400)
-    below = np.empty(S)
-    for s in range(S):
-        precision = powers.T @ powers / drawn.sigma[s] ** 2 + np.eye(len(names))
-        right = powers.T @ (y - shift[s]) / drawn.sigma[s] ** 2 + mean0
-        root = np.linalg.cholesky(precision)
-        whitened[s] = root.T @ (values[s] - np.linalg.solve(precision, right))
-    # and sigma with the parameters integrated out, by quadrature
-    size, axes = np.linalg.eigh(powers @ powers.T)
-    along = ((y - powers @ mean0)[:, None] - shift).T @ axes
-    variance = np.maximum(size, 0) + np.exp(2 * log_sigma)[:, None]
-    log_density = -0.5 * (along[:, None] ** 2 / variance).sum(axis=2)
-    log_density += -0.5 * np.log(variance).sum(axis=1)
-    log_density += noise_prior.logpdf(np.exp(log_sigma)) + log_sigma
-    cumulative = np.cumsum(np.exp(log_density - log_density.max(axis=1, keepdims=True)), axis=1)
-    cumulative /= cumulative[:, -1:]
-    for s in range(S):
-        below[s] = np.interp(np.log(drawn.sigma[s]), log_sigma, cumulative[s])
-
-    assert stats.kstest(below, "uniform").statistic < 0.04
-    for column in whitened.T:
-        assert stats.kstest(column, "norm").statistic < 0.04
-    np.testing.assert_allclose(np.cov(whitened.T), np.eye(len(names)), atol=0.1)
-    assert np.isnan(drawn.effective_draws) == (len(names) < 3)
 
 
 # -------------------------------------------------------------------------------------- causes

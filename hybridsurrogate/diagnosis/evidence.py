@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
-from hybridsurrogate.diagnosis.fits import Fitted, best_null, effect_sizes
+from hybridsurrogate.diagnosis.fits import Fitted, best_null, effect_sizes, node_evidence
 from hybridsurrogate.diagnosis.held import nothing_further
 from hybridsurrogate.diagnosis.interruption import InterruptedSearch
 from hybridsurrogate.diagnosis.peaks import best_peaks
@@ -143,9 +143,7 @@ def _weigh(
     weighed = []
     for cause, fit, evidence in zip([None, *causes], peaks, known, strict=False):
         if np.isnan(evidence):
-            parts = linearise(fit.model, problem.X, belief, fit.plan, fit.peak.z)
-            nodes = scan(parts, problem.y[None], fit.sigma, noise, sizes)[0]
-            evidence = special.logsumexp(nodes)
+            evidence = special.logsumexp(node_evidence(problem, belief, noise, fit, sizes))
         weighed.append(Weighed(cause, *fit, float(evidence), -np.inf))
     probability, remainder = probabilities(weighed)
     quick = Search(problem, belief, weighed, probability, remainder, sizes, noise)

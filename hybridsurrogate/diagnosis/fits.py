@@ -70,6 +70,14 @@ def highest(
     return min(peaks, key=lambda found: found.objective, default=nowhere)
 
 
+def node_evidence(
+    problem: Problem, belief: Belief, noise: NoiseTable, fit: Fitted, sizes: FloatArray
+) -> FloatArray:
+    """Return the log evidence of every node of a fit, (T,)."""
+    parts = linearise(fit.model, problem.X, belief, fit.plan, fit.peak.z)
+    return scan(parts, problem.y[None], fit.sigma, noise, sizes)[0]
+
+
 def settled(problem: Problem, belief: Belief, noise: NoiseTable, fit: Fitted) -> Fitted:
     """Climb on with the noise that the fit suggests, and a finer grid where the evidence is."""
     model, plan, peak, sigma = fit
@@ -80,8 +88,8 @@ def settled(problem: Problem, belief: Belief, noise: NoiseTable, fit: Fitted) ->
         sigma = sigma_of(problem, peak, sigma)
         finer = plan
         if len(plan.nodes):
-            parts = linearise(model, problem.X, belief, plan, peak.z)
-            nodes = scan(parts, problem.y[None], sigma, noise, np.array([largest]))[0]
+            here = Fitted(model, plan, peak, sigma)
+            nodes = node_evidence(problem, belief, noise, here, np.array([largest]))
             finer = refine(model, plan, nodes)
         unchanged = finer is plan and round_ > 0
         plan = finer

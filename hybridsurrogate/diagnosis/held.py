@@ -6,14 +6,20 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hybridsurrogate.diagnosis.fits import LARGEST_SIZE, Fitted, highest, settled, sigma_of
+from hybridsurrogate.diagnosis.fits import (
+    LARGEST_SIZE,
+    Fitted,
+    highest,
+    node_evidence,
+    settled,
+    sigma_of,
+)
 from hybridsurrogate.effects.nothing import Nothing
 from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.inference.layout import at_cells, layout
-from hybridsurrogate.inference.linearised import Belief, linearise
+from hybridsurrogate.inference.linearised import Belief
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.noise import NoiseTable
-from hybridsurrogate.inference.scan import scan
 from hybridsurrogate.priors import FloatArray, to_normal
 
 # cells to either side of the best node that belong to the same peak
@@ -70,9 +76,8 @@ def _mean_node(problem: Problem, accepted: Fitted, belief: Belief, noise: NoiseT
     A node is only as near as its cell is small, and what it misses would look like another cause.
     """
     plan = accepted.plan
-    parts = linearise(accepted.model, problem.X, belief, plan, accepted.peak.z)
     sizes = np.array([LARGEST_SIZE * problem.scale])
-    log_evidence = scan(parts, problem.y[None], accepted.sigma, noise, sizes)[0]
+    log_evidence = node_evidence(problem, belief, noise, accepted, sizes)
     best = int(np.argmax(log_evidence))
     reach = _NEIGHBOURS * np.diff(plan.edges[best], axis=1)[:, 0]
     near = np.all(np.abs(plan.grid - plan.grid[best]) <= reach, axis=1)

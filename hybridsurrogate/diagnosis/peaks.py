@@ -8,16 +8,23 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
-from hybridsurrogate.diagnosis.fits import Fitted, effect_sizes, highest, settled, sigma_of
+from hybridsurrogate.diagnosis.fits import (
+    Fitted,
+    effect_sizes,
+    highest,
+    node_evidence,
+    settled,
+    sigma_of,
+)
 from hybridsurrogate.diagnosis.interruption import InterruptedSearch
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.inference.layout import Layout, at_cells, layout, refine
-from hybridsurrogate.inference.linearised import Belief, linearise
+from hybridsurrogate.inference.linearised import Belief
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.multistart import best_of_many, is_followed
 from hybridsurrogate.inference.noise import NoiseTable
-from hybridsurrogate.inference.scan import Peak, climb, scan
+from hybridsurrogate.inference.scan import Peak, climb
 from hybridsurrogate.priors import FloatArray
 
 
@@ -150,7 +157,7 @@ def _far_behind(
     misses between its nodes: what a finer one reaches counts, too.
     """
     sizes = effect_sizes(problem, fits)
-    scans = [_nodes(problem, belief, noise, fit, sizes) for fit in fits]
+    scans = [node_evidence(problem, belief, noise, fit, sizes) for fit in fits]
     reached = np.array([special.logsumexp(nodes) for nodes in scans])
     # a curve of any shape reaches high at once: what has a name is compared with its like; what
     # could not be followed at all gets its other starting points, too
@@ -164,14 +171,6 @@ def _far_behind(
             missed = _between_nodes(problem, belief, noise, fits[k], scans[k], sizes)
             behind[k] = weight[k] + missed < enough
     return np.where(behind & np.isfinite(reached), reached, np.nan)[1:]
-
-
-def _nodes(
-    problem: Problem, belief: Belief, noise: NoiseTable, fit: Fitted, sizes: FloatArray
-) -> FloatArray:
-    """Return the log evidence of every node of a fit."""
-    parts = linearise(fit.model, problem.X, belief, fit.plan, fit.peak.z)
-    return scan(parts, problem.y[None], fit.sigma, noise, sizes)[0]
 
 
 def _between_nodes(
@@ -192,7 +191,7 @@ def _between_nodes(
         if finer is best:
             break
         fit = fit._replace(plan=finer)
-        density = _nodes(problem, belief, noise, fit, sizes) - finer.log_weight
+        density = node_evidence(problem, belief, noise, fit, sizes) - finer.log_weight
     return max(float(density.max()) - coarse, 0.0)
 
 

@@ -12,13 +12,11 @@ import numpy as np
 from scipy import special
 
 from hybridsurrogate.diagnosis.evidence import Search, Weighed, probabilities
-from hybridsurrogate.diagnosis.fits import Fitted
+from hybridsurrogate.diagnosis.fits import Fitted, node_evidence
 from hybridsurrogate.diagnosis.held import held, nothing_further, placed_anew
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.problem import Problem
-from hybridsurrogate.inference.linearised import linearise
 from hybridsurrogate.inference.multistart import is_followed
-from hybridsurrogate.inference.scan import scan
 from hybridsurrogate.priors import FloatArray
 
 # companions that are placed together with a first cause: what is this many nats behind the best
@@ -104,6 +102,5 @@ def _turned(found: Search, fit: Fitted, edges: FloatArray) -> Fitted:
 
 
 def _log_evidence(problem: Problem, search: Search, fit: Fitted) -> float:
-    parts = linearise(fit.model, problem.X, search.belief, fit.plan, fit.peak.z)
-    nodes = scan(parts, problem.y[None], fit.sigma, search.noise, search.sizes)[0]
+    nodes = node_evidence(problem, search.belief, search.noise, fit, search.sizes)
     return float(special.logsumexp(nodes))

@@ -7,7 +7,6 @@ import numpy as np
 from hybridsurrogate.inference.noise import marginal_over_noise, noise_grid
 from hybridsurrogate.inference.shared_nodes import (
     MeasuredGiven,
-    SharedDraws,
     node_shares,
     one_node_each,
     squares_of_factors,
@@ -91,10 +90,10 @@ def _sums_of_squares(problem: MeasuredGiven, z: FloatArray) -> FloatArray:
     if factors is not None:
         residual = (problem.y - factors.known) * root[:, 0]
         parts = factors.of_inputs * root, factors.of_parameters
-        return squares_of_factors(*parts, residual, SharedDraws(problem.c)) + rounding
+        return squares_of_factors(*parts, residual, problem.draws) + rounding
     rows = model.parts(problem.X, values)
     residual = (problem.y - rows.known)[..., None] * root
-    return squares_of_pairs(rows.features * root, residual, SharedDraws(problem.c)) + rounding
+    return squares_of_pairs(rows.features * root, residual, problem.draws) + rounding
 
 
 def _draw_noise(

@@ -20,23 +20,6 @@ _BLOCK = 500_000
 
 
 @dataclass(frozen=True)
-class MeasuredGiven:
-    """Measured rows, and the coefficient draws c (S, p) given which their world is inferred.
-
-    The rows are X (n, n_columns) and y (n,), on the scale of eta, with weights (n,); ``scale`` is
-    the spread of the output.
-    """
-
-    model: MeasuredModel
-    X: FloatArray
-    y: FloatArray
-    weights: FloatArray
-    c: FloatArray
-    noise_prior: Prior
-    scale: float
-
-
-@dataclass(frozen=True)
 class SharedDraws:
     """Draws c (S, p) of coefficients, with what sums of squares need of them."""
 
@@ -64,6 +47,28 @@ class SharedDraws:
         first, second = self.pairs
         twice = np.where(first == second, 1.0, 2.0)
         return (self.delta[:, first] * self.delta[:, second] * twice).T
+
+
+@dataclass(frozen=True)
+class MeasuredGiven:
+    """Measured rows, and the coefficient draws c (S, p) given which their world is inferred.
+
+    The rows are X (n, n_columns) and y (n,), on the scale of eta, with weights (n,); ``scale`` is
+    the spread of the output.
+    """
+
+    model: MeasuredModel
+    X: FloatArray
+    y: FloatArray
+    weights: FloatArray
+    c: FloatArray
+    noise_prior: Prior
+    scale: float
+
+    @cached_property
+    def draws(self) -> SharedDraws:
+        """The coefficient draws, with what all nodes share of them."""
+        return SharedDraws(self.c)
 
 
 def squares_of_pairs(features: FloatArray, residual: FloatArray, draws: SharedDraws) -> FloatArray:

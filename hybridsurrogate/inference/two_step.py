@@ -104,8 +104,7 @@ def _by_proposals(
     problem: MeasuredGiven, first_step: FloatArray, random_state: np.random.RandomState
 ) -> MeasuredDraws:
     """Weigh proposals that all coefficient draws share, moved to where the mass is."""
-    draws = SharedDraws(problem.c)
-    centre = SharedDraws(draws.centre[None])
+    centre = SharedDraws(problem.draws.centre[None])
 
     def at_centre(u: FloatArray) -> FloatArray:
         return _log_density(problem, u, centre)[:, 0]
@@ -119,7 +118,7 @@ def _by_proposals(
     for round_ in range(_N_ROUNDS):
         points = mixture_points(components, _N_PROPOSALS, random_state)
         log_proposal = mixture_log_density(components, points)
-        log_weight = _log_density(problem, points, draws) - log_proposal[:, None]
+        log_weight = _log_density(problem, points, problem.draws) - log_proposal[:, None]
         share = node_shares(log_weight)
         effective = float(np.median(1 / np.sum(share**2, axis=0)))
         khat = float(np.median([level_smooth(log_weight[:, s])[1] for s in some]))
@@ -135,7 +134,10 @@ def _by_proposals(
 
 def _log_density(problem: MeasuredGiven, u: FloatArray, draws: SharedDraws) -> FloatArray:
     """Return the log density of proposals (J, d) given coefficient draws (S, p): (J, S)."""
-    numbers = len(problem.y) * (len(draws.centre) + len(problem.model.column_sd) + 1)
+    model = problem.model
+    # rows whose features factorise are not formed for each proposal
+    width = 1 + len(model.column_sd) + (0 if model.factorises else len(draws.centre))
+    numbers = len(problem.y) * width
     pieces = blocks(len(u), numbers, _BLOCK)
     return np.concatenate([_log_density_of_some(problem, u[some], draws) for some in pieces])
 

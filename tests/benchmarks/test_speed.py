@@ -118,7 +118,6 @@ def test_one_search_of_40_rows_without_folds(benchmark):
 
 
 @pytest.mark.benchmark(group="rows of a search with an emulator")
-@pytest.mark.filterwarnings("ignore::hybridsurrogate.HybridSurrogateWarning")
 @pytest.mark.parametrize("n", [40, 1000])
 def test_one_search_with_an_emulator(benchmark, case, n):
     rows = make_log_sin(n_measured=n, random_state=0)
