@@ -262,7 +262,10 @@ def test_an_emulators_own_error_is_not_blamed_on_the_simulation():
     alarms = 0
     for _ in range(4):
         y = kinked(x, 1.0) + 0.3 * rng.standard_normal(40)
-        diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(x[:, None], y)
+        diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0)
+        with pytest.warns(hs.DiagnosisWarning, match=r"PolynomialChaos.* misses the simulation by"):
+            diagnosis.fit(x[:, None], y)
+        assert diagnosis.emulator_check_.missed > 2 > 1 > diagnosis.emulator_check_.left_open
         alarms += diagnosis.verdict_ != "adequate"
     assert alarms <= 1  # at 5 % two of four have a chance of 1.4 %
 

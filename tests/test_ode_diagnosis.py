@@ -149,6 +149,10 @@ def test_catalogue_says_why_the_dynamics_are_not_weighed():
         n_draws=100,
         random_state=0,
     )
-    diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, n_replicates=20, random_state=0).fit(t, y)
+    diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, n_replicates=20, random_state=0)
+    # few runs, and a polynomial that cannot follow them
+    with pytest.warns(hs.HybridSurrogateWarning) as told:
+        diagnosis.fit(t, y)
+    assert any("the runs leave the simulation open" in str(warning.message) for warning in told)
     notes = diagnosis.causes_.set_index("kind")["note"]
     assert "needs an OdeSimulator" in notes["missing-term"]

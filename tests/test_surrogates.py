@@ -6,9 +6,6 @@ from scipy import special, stats
 from shared_files import needs_reference, reference_values
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.emulator_error import correct_emulator
-from hybridsurrogate.inference.linearised import coefficient_belief
-from hybridsurrogate.inference.statistics import statistics
 from hybridsurrogate.surrogates import Basis, Domain, Surrogate
 from hybridsurrogate.surrogates.polynomial_chaos import legendre, multi_indices
 
@@ -120,31 +117,6 @@ def test_outer_is_features_of_all_pairs(surrogate):
     X, omega = points(6, seed=3)
     expected = basis.known(X, omega) + basis.features(X, omega) @ c
     np.testing.assert_allclose(basis.output(X, omega, c), expected)
-
-
-def test_a_corrected_emulator_is_the_same_for_pairs_and_for_rows():
-    """And close to the simulation, which the polynomial alone misses."""
-    priors = {"a": stats.uniform(10, 10)}
-    simulator = hs.Simulator(
-        lambda t, x, a: np.sin(2 * t) + 0.1 * a * x, {"t": (0, 4), "x": (-1, 1)}, priors
-    )
-    runs = simulator.run(256, random_state=0)
-    domain = Domain(DOMAIN.input_ranges, DOMAIN.parameter_ranges, 0.0, 1.0)
-    plain = hs.PolynomialChaos(degree=3).build(domain)
-    before = coefficient_belief(plain, statistics(plain.features(runs.X, runs.omega), runs.y, 1.0))
-    basis, belief = correct_emulator(plain, before, runs, runs.y)
-    X, _ = points(5)
-    _, omega = points(7, seed=1)
-    output = basis.outer_output(X, omega, belief.mean)
-    rows, repeated = np.tile(X, (7, 1)), np.repeat(omega, 5, axis=0)
-    close = {"rtol": 0, "atol": 1e-6}  # the weights of the process are large and cancel
-    np.testing.assert_allclose(output.ravel(), basis.output(rows, repeated, belief.mean), **close)
-    known, features = basis.outer(X, omega)
-    np.testing.assert_allclose(output, known + features @ belief.mean, **close)
-    np.testing.assert_allclose(known.ravel(), basis.known(rows, repeated), **close)
-    true = simulator(rows, repeated)
-    missed = np.sqrt(np.mean((plain.output(rows, repeated, before.mean) - true) ** 2))
-    assert np.sqrt(np.mean((output.ravel() - true) ** 2)) < 0.1 * missed
 
 
 def test_exact_surrogate_is_the_simulation_without_coefficients():

@@ -17,6 +17,7 @@ from sklearn.utils.validation import check_is_fitted
 from hybridsurrogate.diagnosis.averaging import averaged_over
 from hybridsurrogate.diagnosis.confounding import confounded, confounding, told
 from hybridsurrogate.diagnosis.discrepancy import estimate_discrepancy
+from hybridsurrogate.diagnosis.emulator import check_emulator
 from hybridsurrogate.diagnosis.finding import finding_of
 from hybridsurrogate.diagnosis.folds import folds_beyond, random_folds, rows_of
 from hybridsurrogate.diagnosis.forward import Step, forward_search
@@ -111,6 +112,10 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         Inputs at which one more measurement would best tell the rivals apart.
     next_information_ : float
         What it is expected to tell about which rival is true, in bits.
+    emulator_check_ : EmulatorCheck or None
+        What the runs leave open of the simulation at the measured rows, and what the surrogate
+        misses of it, in standard deviations of the noise; a `DiagnosisWarning` tells of more than
+        1 and 2. None where the simulation itself is run.
     search_ : Search
         All causes at their best, for plots.
 
@@ -201,6 +206,9 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         steps = forward_search(problem, prepared.causes, belief, most, rate, n, random_state)
         first = steps[0]
         self.search_, self.p_value_ = first.search, first.p_value
+        self.emulator_check_ = check_emulator(self.search_)
+        if self.emulator_check_ is not None:
+            self.emulator_check_.warn(self.estimator_._check_parameters()[0])
         self.causes_ = cause_table(self.search_, prepared.skipped)
         self.indistinguishable_ = credible_kinds(self.search_)
         self.verdict_ = verdict_on(first.chosen, self.search_)

@@ -109,12 +109,18 @@ class _Rows(NamedTuple):
     noise: FloatArray
 
 
-def _rows(found: Search, w: Weighed, X: FloatArray, node: int | None = None) -> _Rows:
-    parts = _at_node(found, w, X, w.peak.node if node is None else node)
+def _rows(found: Search, w: Weighed, X: FloatArray, node: int | None = None) -> tuple[_Rows, _Rows]:
+    """Return the measured rows and rows X; what an emulator leaves open they have in common."""
+    n = len(found.problem.X)
+    both = np.vstack([found.problem.X, X])
+    parts = _at_node(found, w, both, w.peak.node if node is None else node)
     H = parts.H[0] * parts.H_rms[0]
     design = np.hstack([parts.G[0], parts.U, H])
-    noise = np.ones(len(X)) if parts.noise is None else parts.noise[0]
-    return _Rows(parts.mean[0], design, design.shape[1] - H.shape[1], noise)
+    first = design.shape[1] - H.shape[1]
+    noise = np.ones(len(both)) if parts.noise is None else parts.noise[0]
+    pieces = slice(n), slice(n, None)
+    measured, others = (_Rows(parts.mean[0][k], design[k], first, noise[k]) for k in pieces)
+    return measured, others
 
 
 def _at_node(found: Search, w: Weighed, X: FloatArray, node: int) -> Linearised:
@@ -125,15 +131,16 @@ def _at_node(found: Search, w: Weighed, X: FloatArray, node: int) -> Linearised:
     return linearise(w.model, X, found.belief, plan, w.peak.z)
 
 
-def _posterior(found: Search, w: Weighed, size: float, node: int | None = None) -> _Local:
-    rows = _rows(found, w, found.problem.X, node)
+def _posterior(found: Search, w: Weighed, rows: _Rows, size: float) -> _Local:
     design, first = rows.design, rows.first
     H = design[:, first:]
     if w.cause is not None and w.cause.is_process:
         rms = np.full(H.shape[1], np.sqrt(np.mean(np.sum(H**2, axis=1))))
     else:
         rms = np.sqrt(np.mean(H**2, axis=0))
-    scale = np.concatenate([np.ones(first), size / np.maximum(rms, 1e-300)])
+    # what moves no measured row, as beyond the range of the runs, is not learned: any scale does
+    own = np.divide(size, rms, out=np.ones_like(rms), where=rms > 0)
+    scale = np.concatenate([np.ones(first), own])
     design = design / rows.noise[:, None]
     residual = (found.problem.y - rows.offset) / rows.noise
     precision = design.T @ design / w.sigma**2 + np.diag(scale**-2.0)
@@ -150,8 +157,8 @@ def predict_locally(
     Given what is not a size, such as a period, at one node of its grid; None: the best one.
     """
     noisy_path = w.cause is not None and w.cause.is_process and not w.cause.changes_output
-    local = _posterior(found, w, w.sigma if noisy_path else float(found.sizes[-1]), node)
-    rows = _rows(found, w, X, node)
+    measured, rows = _rows(found, w, X, node)
+    local = _posterior(found, w, measured, w.sigma if noisy_path else float(found.sizes[-1]))
     variance = np.einsum("nk,kl,nl->n", rows.design, local.covariance, rows.design)
     return rows.offset + rows.design @ local.mean, variance + (w.sigma * rows.noise) ** 2
 
@@ -171,13 +178,13 @@ def estimate_discrepancy(found: Search, cause: Cause | None, n_grid: int = 200) 
     # the size that the residuals themselves suggest, so that noise is not drawn as a curve
     residual = problem.y - _fitted(found)
     size = float(np.clip(np.std(residual), found.sizes[0], found.sizes[-1]))
-    local = _posterior(found, process, size)
-    rows = _rows(found, process, grid)
+    measured, rows = _rows(found, process, grid)
+    local = _posterior(found, process, measured, size)
     H = rows.design[:, rows.first :]
     mean = H @ local.mean[rows.first :]
     sd = np.sqrt(np.einsum("nk,kl,nl->n", H, local.covariance[rows.first :, rows.first :], H))
-    at_rows = _rows(found, process, problem.X)
-    simulated = at_rows.offset + at_rows.design[:, : at_rows.first] @ local.mean[: at_rows.first]
+    first = measured.first
+    simulated = measured.offset + measured.design[:, :first] @ local.mean[:first]
     band = mean - _Z90 * sd, mean + _Z90 * sd
     return Discrepancy(grid, column, mean, *band, problem.y - simulated)
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.diagnosis.emulator_error import correct_emulator
+from hybridsurrogate.diagnosis.kriging import krige
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.catalogue import Skipped, catalogue
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
@@ -114,15 +114,15 @@ def _lacks(cause: Cause, context: Context, problem: Problem) -> str | None:
 
 
 def trained_emulator(problem: Problem, fitted: PowerScaledSurrogate) -> tuple[Problem, Belief]:
-    """Return the problem with the surrogate as the runs alone tell it, its own error corrected."""
+    """Return the problem with the simulation as the runs alone tell it."""
     basis = problem.model.basis
     belief = coefficient_belief(basis, problem.simulation)
     runs = fitted.simulation
     if problem.simulation is None or not isinstance(runs, SimulationData):
         return problem, belief
     run_eta = problem.likelihood.working(runs.y)
-    corrected, belief = correct_emulator(basis, belief, runs, run_eta)
-    return with_basis(problem, corrected), belief
+    kriged, belief = krige(basis, belief, runs, run_eta)
+    return with_basis(problem, kriged), belief
 
 
 def with_basis(problem: Problem, basis: Basis) -> Problem:

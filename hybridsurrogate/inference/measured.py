@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -157,12 +157,10 @@ class MeasuredModel:
             return *self._unmoved(X, values, c), np.ones((len(values), 1))
         rows, omega, theta = self.rows(X, values)
         known, features = self._moved(X, values, c, rows, omega, theta)
-        for effect, own in zip(self.effects, theta, strict=True):
-            gain = np.asarray(effect.gain(rows, own))
-            if gain.ndim or gain != 1.0:
-                gain = np.broadcast_to(gain, known.size).reshape(known.shape)
-                known = known * gain
-                features = features * gain[..., None]
+        gain = self._gain(rows, theta)
+        if gain is not None:
+            gain = np.broadcast_to(gain, known.size).reshape(known.shape)
+            known, features = known * gain, features * gain[..., None]
         if any(effect.follows_mean for effect in self.effects):
             output = known if c is not None else known + features @ self._reference
             rows = {**rows, SIMULATED: output.ravel()}
@@ -190,13 +188,7 @@ class MeasuredModel:
         J, n, by_row = len(values), len(X), self.basis.known_depends_on_hyper
         if not by_row and not any(effect.moves_inputs for effect in self.effects):
             return self._unmoved(X, values, c)
-        for effect, own in zip(self.effects, theta, strict=True):
-            rows, omega = effect.inputs(rows, omega, own)
-        # column by column, as simulations take them
-        inputs = np.stack([rows[name] for name in self.columns[: self.n_inputs]]).T
-        points: FloatArray = np.empty((J * n, 0))
-        if omega:
-            points = np.stack([omega[k] for k in (*self.parameters, *self.constants)]).T
+        inputs, points = self._places(rows, omega, theta)
         if c is not None and not by_row:
             return self.basis.output(inputs, points, c).reshape(J, n), np.empty((J, n, 0))
         hyper = np.repeat(values[:, self.n_unknowns :], n, axis=0) if by_row else None
@@ -205,6 +197,39 @@ class MeasuredModel:
         if c is not None:
             known, features = known + features @ c, features[:, :0]
         return known.reshape(J, n), features.reshape(J, n, features.shape[1])
+
+    def _places(
+        self, rows: Rows, omega: Rows, theta: Sequence[Rows]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return inputs and parameters of every row of every draw as causes move them."""
+        n = len(rows[self.columns[0]])
+        for effect, own in zip(self.effects, theta, strict=True):
+            rows, omega = effect.inputs(rows, omega, own)
+        # column by column, as simulations take them
+        inputs = np.stack([rows[name] for name in self.columns[: self.n_inputs]]).T
+        points: FloatArray = np.empty((n, 0))
+        if omega:
+            points = np.stack([omega[k] for k in (*self.parameters, *self.constants)]).T
+        return inputs, points
+
+    def _gain(self, rows: Rows, theta: Sequence[Rows]) -> FloatArray | None:
+        """Return the factor on the simulation, None where no cause has one."""
+        gains = [np.asarray(e.gain(rows, own)) for e, own in zip(self.effects, theta, strict=True)]
+        gains = [gain for gain in gains if gain.ndim or gain != 1.0]
+        return np.asarray(reduce(np.multiply, gains)) if gains else None
+
+    def emulator_error(self, X: FloatArray, values: FloatArray, factor: FloatArray) -> FloatArray:
+        """Return U (n, r): what the emulator leaves open at one draw has covariance U U'.
+
+        ``factor`` (p, p) is that of the covariance of its coefficients.
+        """
+        rows, omega, theta = self.rows(X, values)
+        inputs, points = self._places(rows, omega, theta)
+        U = np.hstack(
+            [self.basis.features(inputs, points) @ factor, self.basis.error(inputs, points)]
+        )
+        gain = self._gain(rows, theta)
+        return U if gain is None else U * np.broadcast_to(gain, len(U))[:, None]
 
     @property
     def factorises(self) -> bool:

@@ -91,9 +91,9 @@ class _Residual:
     def __call__(self, z: FloatArray) -> FloatArray:
         """Return residuals (J, n) in units of the noise factor."""
         values = self.model.values(z)
-        parts = self.model.parts(self.X, values)
-        residual = (self.y - parts.known - parts.features @ self.belief.mean) / parts.noise
-        columns = parts.columns / parts.noise[..., None]
+        output, _, noise = self.model.simulated(self.X, values, self.belief.mean)
+        residual = (self.y - output) / noise
+        columns = self.model.added(self.X, values) / noise[..., None]
         if columns.shape[2]:
             columns = columns * self.model.column_sd
             normal = np.swapaxes(columns, 1, 2) @ columns

@@ -42,8 +42,10 @@ def pareto_smooth(log_weight: FloatArray) -> tuple[FloatArray, float]:
     shape, scale = pareto_fit(np.maximum(excess, 1e-300))
     if np.isfinite(shape):
         probability = (np.arange(n_tail) + 0.5) / n_tail
+        # of a tail this heavy the largest quantiles are no numbers
+        power = np.minimum(-shape * np.log1p(-probability), 600.0)
         quantile = (
-            scale * np.expm1(-shape * np.log1p(-probability)) / shape
+            scale * np.expm1(power) / shape
             if abs(shape) > 1e-9
             else -scale * np.log1p(-probability)
         )

@@ -127,6 +127,13 @@ class Basis(ABC):
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return phi for the same rows: (n, p)."""
 
+    def error(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return F (n, r): what the basis misses of the simulation has covariance F F'.
+
+        By default nothing is missed but what the coefficients leave open.
+        """
+        return np.empty((len(X), 0))
+
     known_depends_on_hyper = False
     # whether the known part is the simulation itself, which may fail for some parameters
     is_simulation = False

@@ -6,6 +6,7 @@ import math
 
 import pandas as pd
 
+from hybridsurrogate.diagnosis.emulator import MOST_MISSED, MOST_OPEN
 from hybridsurrogate.diagnosis.gain import COVERAGE_LEVEL, HALF, Gain
 from hybridsurrogate.diagnosis.report import digits
 from hybridsurrogate.diagnosis.report.view import View
@@ -125,12 +126,34 @@ def trust(view: View, scan: pd.DataFrame | None) -> list[str]:
     ]
 
 
+def emulator(view: View) -> list[str]:
+    """Say how well the runs, and the surrogate, tell the simulation."""
+    check = view.diagnosis.emulator_check_
+    if check is None:
+        return []
+    out = [
+        f"At the measured rows the runs leave the simulation open by {check.left_open:.2g} times "
+        "the noise, which is part of every comparison above"
+        + (
+            ": effects that are not larger cannot be found." if check.left_open > MOST_OPEN else "."
+        ),
+        f"The surrogate, trained on the runs alone, misses what they tell by {check.missed:.2g} "
+        "times the noise there. The comparisons do without it"
+        + (
+            ", but the predictions rest on it: try another degree, a Gaussian process or more runs."
+            if check.missed > MOST_MISSED
+            else "."
+        ),
+    ]
+    return out
+
+
 def draws(view: View) -> list[str]:
     """Say whether the numerical methods behind the numbers did their job."""
     models = [("before", view.diagnosis.estimator_)]
     if view.extended:
         models.append(("after", view.diagnosis.extended_estimator_))
-    out = []
+    out = emulator(view)
     for word, model in models:
         d = model.diagnostics_
         # several rounds of proposals may be worth more than the draws that are kept

@@ -70,6 +70,9 @@ def summary(
         "next_measurement": diagnosis.next_measurement_,
         "next_information": diagnosis.next_information_,
         "confounded": diagnosis.confounded_.to_dict("records"),
+        "emulator": None
+        if diagnosis.emulator_check_ is None
+        else diagnosis.emulator_check_._asdict(),
         "draws": {
             "before": asdict(diagnosis.estimator_.diagnostics_),
             "after": asdict(diagnosis.extended_estimator_.diagnostics_),

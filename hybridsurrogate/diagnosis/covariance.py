@@ -1,0 +1,168 @@
+"""The covariance of a simulation's outputs: the surrogate's terms and a process, learned from runs.
+
+Outputs of two runs are as alike as the surrogate's terms make them, their prior variances times one
+learned share, plus a Matern 5/2 process over inputs and parameters, plus what differs from run to
+run. The most likely numbers are taken (Rasmussen and Williams 2006, section 5.4.1, equations 5.8
+and 5.9), the variance of the process in closed form.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import cho_solve, cholesky
+from scipy.optimize import minimize
+
+from hybridsurrogate.priors import FloatArray
+
+# sd of the normal priors of each log length and each bend; the means are half the range, and none
+_LENGTH_SD, _BEND_SD = 2.0, 2.0
+_LENGTHS, _NUGGETS, _SHARES, _MOST_BENT = (0.05, 50.0), (1e-7, 10.0), (1e-3, 1e5), 8.0
+# logarithms of nugget and share to start from: smooth with some of the terms, rough with most
+_STARTS = ((-9.0, -2.0), (-4.0, 2.0), (-9.0, 6.0))
+_ROOT = np.sqrt(5.0)
+# a smaller bend is as good as none
+_STRAIGHT = 1e-6
+
+
+class Covariance(NamedTuple):
+    """Covariance of outputs in units of the process's variance.
+
+    Attributes
+    ----------
+    lengths : ndarray of shape (d,)
+        Of the process, where ranges go from -1 to 1.
+    bends : ndarray of shape (d,)
+        The simulation changes exp(-bend) times as fast at the end of a range as at its beginning.
+    nugget : float
+        Variance of what differs from run to run.
+    share : float
+        Variance of the terms on average over the runs; 0 where they are of no use.
+    """
+
+    lengths: FloatArray
+    bends: FloatArray
+    nugget: float
+    share: float
+
+
+def alike(squares: FloatArray) -> FloatArray:
+    """Return Matern 5/2 correlations of points whose squared distances in lengths are given."""
+    distance = _ROOT * np.sqrt(squares)
+    correlation = np.exp(-distance)
+    correlation *= 1 + distance * (1 + distance / 3)
+    return correlation
+
+
+class Apart(NamedTuple):
+    """Squared distances of points as one product of matrices, |a - b|^2 = left @ right'.
+
+    Attributes
+    ----------
+    left, right : ndarray of shape (n, d + 2)
+    """
+
+    left: FloatArray
+    right: FloatArray
+
+    @classmethod
+    def of(cls, points: FloatArray) -> Apart:
+        """Return the halves for points (n, d)."""
+        squares, one = np.sum(points**2, axis=1), np.ones(len(points))
+        left = np.column_stack([-2 * points, squares, one])
+        return cls(left, np.column_stack([points, one, squares]))
+
+    def squares(self, right: FloatArray) -> FloatArray:
+        """Return squared distances (n, m) to points given by their right halves."""
+        product: FloatArray = self.left @ right.T
+        return np.maximum(product, 0.0, out=product)
+
+
+def bent(points: FloatArray, bends: FloatArray) -> FloatArray:
+    """Return points (n, d) from 0 to 1 stretched where the simulation changes fast, -1 to 1.
+
+    The map is (exp(b u) - 1) / (exp(b) - 1) for each coordinate, as warped inputs (Snoek and others
+    2014, Proceedings of Machine Learning Research 32:1674) with one number each.
+    """
+    bends = np.where(np.abs(bends) < _STRAIGHT, _STRAIGHT, bends)
+    return 2 * np.expm1(bends * points) / np.expm1(bends) - 1
+
+
+def _bent_by(points: FloatArray, bends: FloatArray) -> FloatArray:
+    """Return the slopes of `bent` in the bends."""
+    bends = np.where(np.abs(bends) < _STRAIGHT, _STRAIGHT, bends)
+    whole = np.expm1(bends)
+    rise = points * np.exp(bends * points) * whole - np.expm1(bends * points) * np.exp(bends)
+    return 2 * rise / whole**2
+
+
+def learned(points: FloatArray, terms: FloatArray, residual: FloatArray) -> Covariance:
+    """Return the most likely covariance.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n, d)
+        Inputs and parameters of the runs, from 0 to 1.
+    terms : ndarray of shape (n, p)
+        The surrogate's features times the prior sd of their coefficients, p may be 0.
+    residual : ndarray of shape (n,)
+        Outputs less their prior mean.
+    """
+    d = points.shape[1]
+    gram = terms @ terms.T
+    gram /= max(float(np.trace(gram)) / len(gram), 1e-300)
+    ranges = [_LENGTHS] * d + [_NUGGETS, _SHARES]
+    limits = [(math.log(low), math.log(high)) for low, high in ranges]
+    limits += [(-_MOST_BENT, _MOST_BENT)] * d
+
+    def badness(z: FloatArray) -> tuple[float, FloatArray]:
+        return _badness(z, points, gram, residual)
+
+    starts = [np.array([*np.zeros(d), *start, *np.zeros(d)]) for start in _STARTS]
+    ends = [
+        minimize(badness, start, method="L-BFGS-B", jac=True, bounds=limits)
+        for start in (starts if terms.shape[1] else starts[:1])
+    ]
+    best = min(ends, key=lambda end: end.fun).x
+    lengths, (nugget, share) = np.exp(best[:d]), np.exp(best[d : d + 2])
+    useless = share < 2 * _SHARES[0] or not terms.shape[1]
+    return Covariance(lengths, best[d + 2 :], float(nugget), 0.0 if useless else float(share))
+
+
+def _badness(
+    z: FloatArray, points: FloatArray, gram: FloatArray, residual: FloatArray
+) -> tuple[float, FloatArray]:
+    """Return minus the log posterior density of logarithms and bends, and its slopes."""
+    n, d = points.shape
+    lengths, nugget, share = np.exp(z[:d]), np.exp(z[d]), np.exp(z[d + 1])
+    places = bent(points, z[d + 2 :]) / lengths
+    halves = Apart.of(places)
+    distance = _ROOT * np.sqrt(halves.squares(halves.right))
+    fading = np.exp(-distance)
+    process = (1 + distance * (1 + distance / 3)) * fading
+    try:
+        lower = cholesky(process + nugget * np.eye(n) + share * gram, lower=True)
+    except np.linalg.LinAlgError:
+        return 1e10, np.zeros_like(z)
+    inverse = cho_solve((lower, True), np.eye(n))
+    weights = inverse @ residual
+    variance = residual @ weights / n
+    value = 0.5 * n * np.log(variance) + np.sum(np.log(np.diagonal(lower)))
+    inner = inverse - np.outer(weights, weights) / variance
+    steep = inner * (1 + distance) * fading
+    apart = places.T[:, :, None] - places.T[:, None]
+    moves = (_bent_by(points, z[d + 2 :]) / lengths).T
+    moved = moves[:, :, None] - moves[:, None]
+    slope = np.concatenate(
+        [
+            5 / 6 * np.einsum("ij,dij->d", steep, apart**2),
+            [0.5 * nugget * np.trace(inner), 0.5 * share * np.sum(inner * gram)],
+            -5 / 6 * np.einsum("ij,dij->d", steep, apart * moved),
+        ]
+    )
+    precision = np.concatenate(
+        [np.full(d, _LENGTH_SD**-2.0), np.zeros(2), np.full(d, _BEND_SD**-2.0)]
+    )
+    return float(value + 0.5 * precision @ z**2), slope + precision * z

@@ -1,0 +1,155 @@
+"""The simulation as its runs tell it, in closed forms and on runs that it has not seen."""
+
+import numpy as np
+import pytest
+from hidden_effects.simulations import SIMULATIONS
+from scipy import stats
+from scipy.optimize import check_grad
+from sklearn.gaussian_process.kernels import Matern
+
+import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.covariance import Apart, Covariance, _badness, alike, bent
+from hybridsurrogate.diagnosis.kriging import KrigedBasis, krige
+from hybridsurrogate.inference.linearised import coefficient_belief
+from hybridsurrogate.inference.statistics import statistics
+from hybridsurrogate.surrogates import Domain
+
+
+def trained(simulator, n_runs, degree, prior=None):
+    """Return runs, the polynomial, what the runs say of its coefficients, and the kriged basis."""
+    runs = simulator.run(n_runs, random_state=0)
+    ranges = [np.array([*r.values()]) for r in (runs.input_ranges, runs.parameter_ranges)]
+    domain = Domain(*ranges, float(runs.y.mean()), float(runs.y.std()))
+    basis = hs.PolynomialChaos(degree, prior).build(domain)
+    rows = statistics(
+        basis.features(runs.X, runs.omega), runs.y - basis.known(runs.X, runs.omega), 1.0
+    )
+    belief = coefficient_belief(basis, rows)
+    return runs, basis, belief, krige(basis, belief, runs, runs.y)[0]
+
+
+def wave(t, x, a):
+    return np.sin(2 * t) + 0.1 * a * x
+
+
+INPUTS, PARAMETERS = {"t": (0, 4), "x": (-1, 1)}, {"a": stats.uniform(10, 10)}
+
+
+@pytest.fixture(scope="module")
+def simulator():
+    return hs.Simulator(wave, INPUTS, PARAMETERS)
+
+
+def test_correlations_are_those_of_scikit_learn():
+    rng = np.random.default_rng(0)
+    a, b, lengths = rng.uniform(size=(5, 3)), rng.uniform(size=(4, 3)), np.array([0.3, 1.0, 5.0])
+    ours = alike(Apart.of(a / lengths).squares(Apart.of(b / lengths).right))
+    np.testing.assert_allclose(ours, Matern(lengths, nu=2.5)(a, b), rtol=1e-7)
+
+
+def test_a_bend_keeps_the_ends_and_none_is_straight():
+    x = np.linspace(0, 1, 5)[:, None]
+    np.testing.assert_allclose(bent(x, np.zeros(1)), 2 * x - 1, atol=1e-6)
+    for bend in (-7.0, 3.0):
+        np.testing.assert_allclose(bent(x, np.full(1, bend))[[0, -1], 0], [-1, 1], atol=1e-12)
+    # a logarithm from 1 to 100 is steepest at its beginning, which a negative bend stretches
+    assert bent(np.full((1, 1), 0.1), np.full(1, -4.0)).item() > -0.5
+
+
+@pytest.mark.parametrize("bends", [[0.5, -2.0], [2e-6, 1e-3]])
+def test_slopes_of_the_likelihood(bends):
+    rng = np.random.default_rng(0)
+    given = rng.uniform(size=(20, 2)), np.eye(20), rng.standard_normal(20)
+    z = np.array([0.3, -0.5, -3.0, 0.2, *bends])
+
+    def value(at):
+        return _badness(at, *given)[0]
+
+    def slopes(at):
+        return _badness(at, *given)[1]
+
+    assert check_grad(value, slopes, z, epsilon=1e-6) < 2e-3 * np.linalg.norm(slopes(z))
+
+
+@pytest.mark.parametrize("degree", [1, 5])
+def test_output_and_error_are_those_of_dense_gaussians(simulator, degree):
+    # 40 runs, and 4 or 56 terms
+    runs, basis, _, kriged = trained(simulator, 40, degree)
+    rng = np.random.default_rng(1)
+    X, omega = rng.uniform([0, -1], [4, 1], (12, 2)), np.full((12, 1), 13.0)
+    told = kriged.covariance
+    points = np.vstack([np.hstack([runs.X, runs.omega]), np.hstack([X, omega])])
+    unit = (points - [0, -1, 10]) / [4, 2, 10]
+    prior = Matern(told.lengths, nu=2.5)(bent(unit, told.bends))
+    if len(kriged.c):
+        features = np.vstack([basis.features(runs.X, runs.omega), basis.features(X, omega)])
+        terms = features * basis.coefficient_sd
+        prior += told.share * terms @ terms.T / np.mean(np.sum(terms[:40] ** 2, axis=1))
+    noisy = prior[:40, :40] + told.nugget * np.eye(40)
+    gain = np.linalg.solve(noisy, prior[:40, 40:]).T
+    known = basis.known(runs.X, runs.omega)
+    mean = basis.known(X, omega) + gain @ (runs.y - known)
+    output = kriged.output(X, omega, np.empty(0))
+    np.testing.assert_allclose(output, mean, atol=1e-4 * np.std(runs.y))
+    expected = kriged.sd**2 * (prior[40:, 40:] - gain @ prior[:40, 40:])
+    factor = kriged.error(X, omega)
+    spread = np.max(np.diagonal(expected))
+    np.testing.assert_allclose(factor @ factor.T, expected, atol=3e-4 * spread)
+
+
+def test_pairs_are_rows(simulator):
+    for degree in (1, 5):
+        *_, kriged = trained(simulator, 60, degree)
+        X, omega = np.array([[0.5, 0.2], [3.0, -0.8], [9.0, 0.0]]), np.array([[11.0], [19.0]])
+        rows, points = np.tile(X, (2, 1)), np.repeat(omega, 3, axis=0)
+        pairs = kriged.outer_output(X, omega, np.empty(0))
+        close = {"rtol": 0, "atol": 1e-8}
+        np.testing.assert_allclose(pairs.ravel(), kriged.known(rows, points), **close)
+        known, features = kriged.outer(X, omega)
+        np.testing.assert_allclose(known, pairs, **close)
+        assert features.shape == (2, 3, 0)
+
+
+@pytest.mark.parametrize("name", sorted(SIMULATIONS))
+def test_new_runs_are_met_within_the_error(name):
+    # up to 252 terms: more than runs, so that the polynomial alone says anything between them
+    simulator = SIMULATIONS[name]
+    _, basis, belief, kriged = trained(simulator, 150, 5)
+    new = simulator.run(300, random_state=1)
+    missed = kriged.output(new.X, new.omega, np.empty(0)) - new.y
+    alone = basis.output(new.X, new.omega, belief.mean) - new.y
+    assert np.sqrt(np.mean(missed**2)) < 0.4 * np.sqrt(np.mean(alone**2))
+    sd = np.sqrt(np.sum(kriged.error(new.X, new.omega) ** 2, axis=1))
+    # an error told too small is blamed on the simulation, one too large hides effects
+    assert 0.4 < np.sqrt(np.mean((missed / sd) ** 2)) < 2.0
+
+
+def test_runs_that_the_terms_follow_are_left_to_them():
+    simulator = hs.Simulator(
+        lambda t, a: 3 + a * t**2, {"t": (0, 2)}, {"a": hs.truncated_normal(1, 0.5, 0, 2)}
+    )
+    _, basis, _, kriged = trained(simulator, 30, 3)
+    assert kriged is basis
+    # ten terms meet ten runs whatever the simulation is
+    *_, kriged = trained(hs.Simulator(wave, INPUTS, PARAMETERS), 10, 2)
+    assert isinstance(kriged, KrigedBasis)
+
+
+def test_a_prior_mean_of_the_coefficients_counts(simulator):
+    near, far = (trained(simulator, 30, 2, stats.norm(mean, 1.0))[-1] for mean in (0.0, 2.0))
+    X, omega = np.array([[1.0, 0.3]]), np.array([[14.0]])
+    outputs = [basis.output(X, omega, np.empty(0)).item() for basis in (near, far)]
+    assert outputs == pytest.approx([wave(1.0, 0.3, 14.0)] * 2, abs=0.1)
+
+
+def test_runs_that_scatter_are_smoothed(simulator):
+    runs = simulator.run(100, random_state=0)
+    noisy = runs.y + 0.2 * np.random.default_rng(0).standard_normal(100)
+    domain = Domain(np.array([[0, 4], [-1, 1]]), np.array([[10, 20]]), noisy.mean(), noisy.std())
+    basis = hs.PolynomialChaos(1).build(domain)
+    belief = coefficient_belief(basis, None)
+    kriged, _ = krige(basis, belief, runs, noisy)
+    told: Covariance = kriged.covariance
+    assert kriged.sd * np.sqrt(told.nugget) == pytest.approx(0.2, rel=0.3)
+    missed = kriged.output(runs.X, runs.omega, np.empty(0)) - runs.y
+    assert np.sqrt(np.mean(missed**2)) < 0.15
