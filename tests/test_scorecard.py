@@ -14,7 +14,7 @@ from scorecard.__main__ import main
 from scorecard.run import Result, Task
 
 
-def row(kind, found, *, size=2.0, rows=40, seed=0, **given):
+def row(kind, found, *, size=2.0, rows=40, seed=0, runs=0, **given):
     """One row of results, as a run would write it."""
     told = {
         "simulation": "cooling",
@@ -27,7 +27,7 @@ def row(kind, found, *, size=2.0, rows=40, seed=0, **given):
         "several": found,
         "ratio": 0.5,
     }
-    return asdict(Task(kind, size, rows, seed)) | asdict(Result(**(told | given)))
+    return asdict(Task(kind, size, rows, seed, runs)) | asdict(Result(**(told | given)))
 
 
 def table(*rows):
@@ -268,6 +268,20 @@ def test_the_page_tells_one_command_for_each_number_of_seeds():
         start + "--kinds step --sizes 8 --rows 40 --seeds 1 --nulls 0 --pairs 0 --first-seed 7",
         start + "--sizes --rows 120 --seeds 0 --nulls 1 --pairs 0 --first-seed 7",
     ]
+
+
+def test_a_page_of_emulated_simulations_says_so(tmp_path):
+    found = table(row("step", "step", runs=100, left_open=0.5), row("none", "none", runs=100))
+    assert page.commands(found)[0].endswith("--pairs 0 --runs 100 --first-seed 0")
+    page.write_page(found, tmp_path / "emulated.md", "card.csv", [])
+    text = (tmp_path / "emulated.md").read_text()
+    assert "it gets 100 runs each" in text
+    assert "runs leave open" in text
+    page.write_page(table(row("step", "step")), tmp_path / "card.md", "card.csv", [])
+    text = (tmp_path / "card.md").read_text()
+    assert "The simulations are run directly" in text
+    assert "runs leave open" not in text
+    assert "one of {trend, ramp" in text
 
 
 def test_a_diagnosis_that_fails_is_a_row(monkeypatch):

@@ -24,6 +24,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--nulls", type=int, default=100, help="cases in which nothing is hidden")
     made.add_argument("--pairs", type=int, default=5, help="cases of every pair of effects")
     made.add_argument("--first-seed", type=int, default=20_000)
+    made.add_argument("--runs", type=int, default=0, help="of an emulated simulation")
     made.add_argument("--jobs", type=int, default=1)
     made.add_argument("--out", type=Path, default=Path("scorecard.csv"), help="is carried on")
     made.add_argument("--from-csv", type=Path, help="only print the tables of this file")
@@ -47,6 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             range(first, first + given.nulls),
             range(first, first + given.pairs),
             PAIR_NAMES,
+            given.runs,
         )
         try:
             for k, row in enumerate(run_into(source, todo, given.jobs), start=1):

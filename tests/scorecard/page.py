@@ -20,6 +20,7 @@ _NAMES = {
     "covered": "90 % set covers",
     "set_size": "kinds in a set",
     "ratio": "out-of-range error",
+    "left_open": "runs leave open",
     "elpd_plain": "score: simulation as it is",
     "elpd_named": "with the named cause",
     "elpd_averaged": "averaged",
@@ -162,6 +163,7 @@ def commands(table: pd.DataFrame) -> list[str]:
             words = ["python -m tests.scorecard", *_kinds_option(list(kinds))]
             words += ["--sizes", *(f"{size:g}" for size in sizes), f"--rows {rows}"]
             words.append(f"--seeds {n_seeds} --nulls {n_nulls} --pairs {n_pairs}")
+            words += [f"--runs {n_runs}" for n_runs in table["runs"].unique() if n_runs]
             found.append(" ".join(words) + f" --first-seed {table['seed'].min()}")
             n_nulls = n_pairs = 0  # they are said once
     return found
@@ -177,12 +179,12 @@ _HOW = """Effects are hidden in eight simulations and the diagnosis, which weigh
 catalogue, has to find them. Size is the root mean square of what is left of the effect after the
 parameters have been fitted to the noise-free truth, in noise standard deviations. For `noise` the
 standard deviation at one end is 1 + size times that at the other; for its other forms see
-`tests/hidden_effects/noises.py`. The simulations are run directly, without an emulator.
+`tests/hidden_effects/noises.py`. {simulated}
 
 How often the name is right is counted three times, each time with more counted as right:
 
 1. Right kind first: the verdict names the kind that is hidden, whatever its form and target.
-2. Near copies counted: also another one of {trend, ramp, saturation, decay}.
+2. Near copies counted: also another one of {{trend, ramp, saturation, decay}}.
 3. Not told apart counted: also a kind that draws the truth. All causes of the kind that was found
    are fitted, with the parameters, to the noise-free truth at the measured inputs. What the best of
    them misses, squared and summed in noise standard deviations, is a chi-square. Below 1 the data
@@ -197,6 +199,22 @@ count as not detected. Every case has draws of its own, so that limits for indep
 apply."""
 
 
+_DIRECTLY = """The simulations are run directly, without an
+emulator; [with one](scorecard_emulator.md) there is a page of its own."""
+_EMULATED = """The diagnosis does not run the
+simulations: it gets {runs:.0f} runs each, all parameters and inputs over their ranges, and the
+default surrogate, a polynomial of degree 3. The cases are those of [the scorecard](scorecard.md)
+with the same seeds. "Runs leave open" is the median of what the runs do not tell of the simulation
+at the measured rows, in noise standard deviations (`emulator_check_`): where it is above 1, effects
+of size 1 cannot be seen by anyone who has only the runs."""
+
+
+def _how(table: pd.DataFrame) -> str:
+    """Return what was done."""
+    runs = table["runs"].max()
+    return _HOW.format(simulated=_EMULATED.format(runs=runs) if runs else _DIRECTLY)
+
+
 def write_page(table: pd.DataFrame, path: Path, source: str, pictures: list[Path]) -> None:
     """Write the page of the documentation."""
     shown = "\n".join(f"![{p.stem}]({_relative(p, path)})" for p in pictures)
@@ -206,7 +224,7 @@ def write_page(table: pd.DataFrame, path: Path, source: str, pictures: list[Path
         count += " That is few: a rate of 80 % over 100 cases is known to 8 points only."
     text = f"""# Scorecard
 
-{_HOW}
+{_how(table)}
 
 {count} Made by these commands; a run that was stopped early has fewer cases than its command.
 

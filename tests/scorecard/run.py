@@ -65,6 +65,7 @@ class Task:
     size: float
     rows: int
     seed: int
+    runs: int = 0  # of the simulation, that an emulator is trained on; 0: the simulation itself
 
 
 @dataclass(frozen=True)
@@ -90,6 +91,7 @@ class Result:
     inside_plain: float = float("nan")  # share of these rows in the 90 % interval
     inside_named: float = float("nan")
     inside_averaged: float = float("nan")
+    left_open: float = float("nan")  # by the runs, at the measured rows, in noise sd
     estimates: str = "{}"  # name: [true, low, high]
     seconds: float = float("nan")
     trouble: str = ""  # the exception, if there was one
@@ -112,7 +114,7 @@ def score(task: Task) -> dict[str, Any]:
         diagnosis = _diagnose(case, task)
         seconds = time.perf_counter() - start
         result = replace(
-            _judge(case, diagnosis),
+            _judge(case, diagnosis, task),
             seconds=round(seconds, 3),
             **foreseen(case, diagnosis, task.seed),
         )
@@ -133,8 +135,12 @@ def _make(task: Task) -> Case:
 
 
 def _diagnose(case: Case, task: Task) -> hs.DiscrepancyDiagnosis:
+    simulation = case.simulator.run(task.runs, random_state=task.seed) if task.runs else None
     model = hs.PowerScaledSurrogate(
-        case.simulator, surrogate=hs.ExactSurrogate(), n_draws=_DRAWS, random_state=task.seed
+        simulation or case.simulator,
+        surrogate=None if task.runs else hs.ExactSurrogate(),
+        n_draws=_DRAWS,
+        random_state=task.seed,
     )
     n_causes = 2 if "+" in task.kind else 1
     diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, max_causes=n_causes, random_state=task.seed)
@@ -145,7 +151,7 @@ def _diagnose(case: Case, task: Task) -> hs.DiscrepancyDiagnosis:
         return diagnosis.fit(case.X, case.y)
 
 
-def _judge(case: Case, diagnosis: hs.DiscrepancyDiagnosis) -> Result:
+def _judge(case: Case, diagnosis: hs.DiscrepancyDiagnosis, task: Task) -> Result:
     best = diagnosis.best_cause_
     shares = kind_probabilities(diagnosis)
     p_none = shares.pop("none", 0.0)
@@ -168,6 +174,7 @@ def _judge(case: Case, diagnosis: hs.DiscrepancyDiagnosis) -> Result:
         distance=distance(case, diagnosis),
         several="|".join(found.kind for found in diagnosis.found_causes_),
         ratio=extended / plain,
+        left_open=diagnosis.emulator_check_.left_open if task.runs else float("nan"),
         estimates=json.dumps(_estimates(case, best.estimates) if on_target else {}),
     )
 
@@ -215,16 +222,17 @@ def tasks(
     nulls: range,
     pair_seeds: range = range(0),
     pairs: Sequence[str] = (),
+    runs: int = 0,
 ) -> list[Task]:
     """List the cases by seed, so that an interrupted run has some of everything."""
     found: list[Task] = []
     for seed in sorted({*seeds, *nulls, *pair_seeds}):
         if seed in seeds:
-            found += [Task(k, float(s), n, seed) for k in kinds for s in sizes for n in rows]
+            found += [Task(k, float(s), n, seed, runs) for k in kinds for s in sizes for n in rows]
         if seed in pair_seeds:
-            found += [Task(pair, 2.0, 80, seed) for pair in pairs]
+            found += [Task(pair, 2.0, 80, seed, runs) for pair in pairs]
         if seed in nulls:
-            found += [Task("none", 0.0, n, seed) for n in rows]
+            found += [Task("none", 0.0, n, seed, runs) for n in rows]
     return found
 
 
@@ -250,7 +258,8 @@ def done(path: Path) -> set[Task]:
 
 
 def _task_of(row: dict[str, str]) -> Task:
-    return Task(row["kind"], float(row["size"]), int(row["rows"]), int(row["seed"]))
+    numbers = int(row["rows"]), int(row["seed"]), int(row["runs"])
+    return Task(row["kind"], float(row["size"]), *numbers)
 
 
 def run_into(path: Path, todo: Sequence[Task], jobs: int = 1) -> Iterator[dict[str, Any]]:

@@ -31,12 +31,14 @@ _NUMBERS = (
     "size",
     "rows",
     "seed",
+    "runs",
     "noise_share",
     "p_value",
     "p_none",
     "leader_share",
     "distance",
     "ratio",
+    "left_open",
     *(word for pair in WORDS.values() for word in pair),
     "seconds",
 )
@@ -118,6 +120,8 @@ def rates(table: pd.DataFrame, by: str | Sequence[str]) -> pd.DataFrame:
     )
     curves = found[~found["word"].isin(_NO_CURVE)].groupby(by, observed=True)["ratio"]
     out.insert(7, "ratio", curves.median().reindex(out.index))
+    if found["runs"].any():
+        out.insert(8, "left_open", groups["left_open"].median())
     return out
 
 
