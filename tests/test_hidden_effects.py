@@ -114,3 +114,27 @@ def test_effects_are_found_through_runs_alone():
     ]
     # the scorecard has nine of ten for the simulation itself
     assert sum(named) >= 3
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_jump_between_two_rows_that_are_close(seed):
+    """Places on either side look alike over many nodes of a grid, and miss a row each."""
+    rng = np.random.default_rng(seed)
+    t = np.sort(rng.uniform(0, 20, 40))
+    low, high = t[22], t[22] + 0.05
+    t[23] = high
+    t = np.sort(t)
+    y = 4 + 0.3 * t + 2.0 * (t >= high) + 0.05 * rng.standard_normal(40)
+    simulator = hs.Simulator(
+        lambda t, start, rate: start + rate * t,
+        {"t": (0, 20)},
+        {"start": hs.truncated_normal(4, 2, 0, 10), "rate": hs.truncated_normal(0.3, 0.2, -1, 1)},
+    )
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), n_draws=100, random_state=seed
+    )
+    diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, n_replicates=50, random_state=seed)
+    best = diagnosis.fit(t[:, None], y).best_cause_
+    assert best.kind == "step"
+    assert low < best.estimates["location"][0] <= high
+    assert best.estimates["amplitude"][0] == pytest.approx(2.0, abs=0.1)

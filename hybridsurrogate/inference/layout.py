@@ -150,8 +150,9 @@ def refine(model: MeasuredModel, plan: Layout, log_evidence: FloatArray) -> Layo
     if not len(plan.nodes):
         return plan
     density = log_evidence - plan.log_weight
-    near = np.sum(density > density.max() - 2.0)
-    if near >= _ENOUGH_NODES ** len(plan.nodes):
+    # places of a jump between the same two rows are one: there may be a better one further on
+    near = np.unique(np.round(density[density > density.max() - 2.0], 6))
+    if len(near) >= _ENOUGH_NODES ** len(plan.nodes):
         return plan
     split = density > density.max() - 30.0
     split &= np.argsort(np.argsort(-density)) < _MOST_SPLIT
