@@ -1,11 +1,16 @@
 """A cause of every kind is recovered from data, and the extended simulator has it."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from scipy import stats
 from tide import CASES, FRAME, NOISE, SIMULATOR, problem_of
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.extension import extend_simulator
+from hybridsurrogate.diagnosis.fits import badness
+from hybridsurrogate.inference.scan import Peak
 
 
 @pytest.fixture(scope="module")
@@ -71,3 +76,24 @@ def test_the_extended_simulator_is_simulator_and_effect(fits, name):
         np.testing.assert_allclose(run, eta[draw], rtol=1e-10)
     # and the fitted one follows the noise-free truth
     assert np.sqrt(np.mean((model.predict(frame) - np.asarray(CASES[name][1](FRAME))) ** 2)) < 0.06
+
+
+def test_of_two_peaks_the_better_with_noise_of_its_own_is_taken():
+    n, sigma = 40, 3.9
+    rng = np.random.default_rng(0)
+    fits = [(0.4 * rng.standard_normal(n), 1.6), (0.5 * rng.standard_normal(n), 0.1)]
+    problem = SimpleNamespace(y=np.zeros(n), scale=1.0)
+    found, expected, at_sigma = [], [], []
+    for residual, away in fits:
+        squares = residual @ residual
+        peak = Peak(np.array([away]), squares, squares / sigma**2 + away**2, 0)
+        found.append(badness(problem, peak, sigma))
+        at_sigma.append(peak.objective)
+        own = np.sqrt(squares / n)
+        density = stats.norm.logpdf(residual, 0, own).sum() + stats.norm.logpdf(away)
+        expected.append(-2 * density)
+    assert found[0] - found[1] == pytest.approx(expected[0] - expected[1])
+    assert found[0] < found[1]
+    assert at_sigma[0] > at_sigma[1]  # at the noise of a fit without the cause
+    nowhere = Peak(np.zeros(1), np.inf, np.inf, 0)
+    assert badness(problem, nowhere, sigma) == np.inf

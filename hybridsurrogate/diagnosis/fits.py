@@ -67,7 +67,19 @@ def highest(
     largest = LARGEST_SIZE * problem.scale
     peaks = [climb(model, problem.X, problem.y, belief, plan, z, sigma, largest) for z in starts]
     nowhere = Peak(plan.neutral, np.inf, np.inf, 0)
-    return min(peaks, key=lambda found: found.objective, default=nowhere)
+    return min(peaks, key=lambda found: badness(problem, found, sigma), default=nowhere)
+
+
+def badness(problem: Problem, peak: Peak, sigma: float) -> float:
+    """Return minus twice the log posterior density at a peak, with the noise that suits it best.
+
+    Climbs share the noise of a fit without the cause, ``sigma``. At that much noise a fit to the
+    data counts for little against the priors, and the wrong one of two peaks would win.
+    """
+    if not np.isfinite(peak.objective):
+        return np.inf
+    squares = max(peak.squares, len(problem.y) * (_FLOOR * problem.scale) ** 2)
+    return float(len(problem.y) * np.log(squares) + peak.objective - peak.squares / sigma**2)
 
 
 def node_evidence(

@@ -10,6 +10,7 @@ from scipy import special
 
 from hybridsurrogate.diagnosis.fits import (
     Fitted,
+    badness,
     effect_sizes,
     highest,
     node_evidence,
@@ -92,7 +93,7 @@ def best_peaks(
                 sigma = null.sigma
                 others = _starts(model, plan, null)[1:]
                 other = highest(problem, belief, model, plan, others, sigma)
-                peak = min(peak, other, key=lambda found: found.objective)
+                peak = min(peak, other, key=lambda found: badness(problem, found, null.sigma))
             fits[k] = settled(problem, belief, noise, Fitted(model, plan, peak, sigma))
     except KeyboardInterrupt as stop:
         raise InterruptedSearch(fits) from stop
