@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 import warnings
 from collections.abc import Sequence
@@ -18,8 +19,10 @@ from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
 from hybridsurrogate.estimators import PowerScaledSurrogate
 from hybridsurrogate.exceptions import HybridSurrogateWarning
 from hybridsurrogate.priors import Prior, truncated_normal
-from hybridsurrogate.simulation import read_simulation
+from hybridsurrogate.simulation import SimulationData, read_simulation
 from hybridsurrogate.surrogates import ExactSurrogate, PolynomialChaos
+
+_MOST_DEGREE = 5
 
 
 class Demo(NamedTuple):
@@ -112,7 +115,11 @@ def _parser() -> argparse.ArgumentParser:
         help="normal prior of a parameter, cut off at the range of the runs; else uniform",
     )
     own.add_argument("--likelihood", default="normal", choices=("normal", "lognormal"))
-    own.add_argument("--degree", type=int, default=5, help="degree of the polynomial (5)")
+    own.add_argument(
+        "--degree",
+        type=int,
+        help="degree of the polynomial (at most 5 and two runs for each of its terms)",
+    )
     own.add_argument("--beta", type=float, default=0.5, help="weight of the simulation (0.5)")
     own.set_defaults(run=_diagnose)
     for command in (demo, own):
@@ -157,7 +164,7 @@ def _diagnose(given: argparse.Namespace) -> int:
     simulation = read_simulation(given.simulation, given.inputs, _priors(given, runs), given.output)
     model = PowerScaledSurrogate(
         simulation,
-        surrogate=PolynomialChaos(degree=given.degree),
+        surrogate=PolynomialChaos(_degree(simulation) if given.degree is None else given.degree),
         beta=given.beta,
         likelihood=given.likelihood,
         random_state=given.seed,
@@ -165,6 +172,13 @@ def _diagnose(given: argparse.Namespace) -> int:
     y = measured.pop(given.output).to_numpy(dtype=float)
     _finish(model, measured.select_dtypes("number"), y, None, given)
     return 0
+
+
+def _degree(simulation: SimulationData) -> int:
+    """Return the largest degree that leaves two runs for each term."""
+    n_runs, d = len(simulation.y), simulation.X.shape[1] + simulation.omega.shape[1]
+    fitting = [k for k in range(2, _MOST_DEGREE + 1) if 2 * math.comb(d + k, k) <= n_runs]
+    return max(fitting, default=1)
 
 
 def _priors(given: argparse.Namespace, runs: pd.DataFrame) -> dict[str, Prior]:

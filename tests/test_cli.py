@@ -7,8 +7,10 @@ import sys
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 
-from hybridsurrogate.cli import main
+import hybridsurrogate as hs
+from hybridsurrogate.cli import _degree, main
 
 
 @pytest.fixture
@@ -34,6 +36,23 @@ def arguments(folder, *more):
         *("--report", str(folder / "report.html")),
         *more,
     ]
+
+
+@pytest.mark.parametrize(
+    ("n_runs", "n_parameters", "degree"), [(8, 0, 3), (12, 0, 5), (69, 3, 2), (70, 3, 3), (5, 4, 1)]
+)
+def test_the_degree_leaves_two_runs_for_each_term(n_runs, n_parameters, degree):
+    # 35 terms of degree three in four dimensions
+    names = [f"p{k}" for k in range(n_parameters)]
+    rng = np.random.default_rng(0)
+    runs = hs.SimulationData(
+        rng.uniform(size=(n_runs, 1)),
+        rng.uniform(size=(n_runs, n_parameters)),
+        rng.uniform(size=n_runs),
+        inputs=["t"],
+        parameters={name: stats.uniform(0, 1) for name in names},
+    )
+    assert _degree(runs) == degree
 
 
 def test_the_list_of_demonstrations(capsys):

@@ -167,3 +167,20 @@ def test_rows_that_factorise_or_not_weigh_the_same(monkeypatch):
     by_factors = _log_density(given, u, given.draws)
     monkeypatch.setattr(MeasuredModel, "factorises", False)
     np.testing.assert_allclose(by_factors, _log_density(given, u, given.draws), rtol=1e-9)
+
+
+def test_proposals_with_next_to_no_noise_count_for_nothing():
+    """More columns of a cause than rows, so that rounding may make their covariance indefinite."""
+    rng = np.random.default_rng(5)
+    runs = hs.Simulator(parabola, {"t": (-1, 1)}, {"a": stats.norm(0, 1)}).run(64, random_state=0)
+    X, y = np.linspace(-1, 1, 20)[:, None], rng.standard_normal(20)
+    prior = stats.halfnorm(scale=0.5)
+    effects = (hs.GaussianProcessDiscrepancy(),)
+    problem = make_problem(runs, hs.PolynomialChaos(3), hs.Normal(), prior, effects, ("t",), X, y)
+    c = rng.standard_normal((6, len(problem.model.basis.coefficient_mean)))
+    given = MeasuredGiven(problem.model, X, y, np.ones(20), c, prior, problem.scale)
+    z = rng.standard_normal((30, problem.model.n_unknowns))
+    u = np.column_stack([z, np.repeat([-1.0, -12.0, -25.0], 10)])
+    log_density = _log_density(given, u, given.draws)
+    assert np.isfinite(log_density[:10]).all()
+    assert log_density[10:].max() < log_density[:10].min() - 50

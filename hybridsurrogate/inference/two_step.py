@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hybridsurrogate.inference.blocks import blocks
-from hybridsurrogate.inference.cholesky import log_det_of
+from hybridsurrogate.inference.cholesky import log_det_of, nudged_cholesky
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.mixtures import mixture_log_density, mixture_points, moment_match
 from hybridsurrogate.inference.modes import Gaussian, find_modes
@@ -171,7 +171,7 @@ def _log_density_of_some(problem: MeasuredGiven, u: FloatArray, draws: SharedDra
         right[..., :-1] *= factors.of_parameters[:, None]
         right /= scale[..., None]
     inner = np.eye(columns.shape[2]) + np.swapaxes(columns, 1, 2) @ columns
-    factor = np.linalg.cholesky(inner)
+    factor = nudged_cholesky(inner)
     if columns.shape[2]:
         # |r|^2 - |F^-1 H' r|^2 with F F' = I + H'H, linear in c
         projected = np.linalg.solve(factor, right)
@@ -201,7 +201,7 @@ def _draw_columns(
         residual = (problem.y - parts.known - fitted) * scaled
         columns = parts.columns * model.column_sd * scaled[..., None]
         transposed = np.swapaxes(columns, 1, 2)
-        factor = np.linalg.cholesky(np.eye(q) + transposed @ columns)
+        factor = nudged_cholesky(np.eye(q) + transposed @ columns)
         half = np.linalg.solve(factor, transposed @ residual[..., None]) + noise[some]
         pieces.append(np.linalg.solve(np.swapaxes(factor, 1, 2), half)[..., 0])
     return np.concatenate(pieces) * model.column_sd

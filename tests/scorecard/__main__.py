@@ -28,7 +28,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--jobs", type=int, default=1)
     made.add_argument("--out", type=Path, default=Path("scorecard.csv"), help="is carried on")
     made.add_argument("--from-csv", type=Path, help="only print the tables of this file")
-    made.add_argument("--plots", type=Path, metavar="FOLDER", help="write scorecard-*.png there")
+    made.add_argument("--plots", type=Path, metavar="FOLDER", help="write the pictures there")
     made.add_argument("--page", type=Path, help="write this markdown page, and plots beside it")
     return made
 
@@ -62,7 +62,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         return
     print(page.report(table, page.as_text, "#"))
     folder = given.plots or (given.page.parent if given.page else None)
-    pictures = plots.write_plots(table, folder) if folder else []
+    name = given.page.stem if given.page else "scorecard"
+    pictures = plots.write_plots(table, folder, name) if folder else []
     if given.page:
         page.write_page(table, given.page, source.name, pictures)
 

@@ -199,8 +199,8 @@ count as not detected. Every case has draws of its own, so that limits for indep
 apply."""
 
 
-_DIRECTLY = """The simulations are run directly, without an
-emulator; [with one](scorecard_emulator.md) there is a page of its own."""
+_DIRECTLY = """The simulations are run directly; those
+of which [only runs are known](scorecard_emulator.md) have a page of their own."""
 _EMULATED = """The diagnosis does not run the
 simulations: it gets {runs:.0f} runs each, all parameters and inputs over their ranges, and the
 default surrogate, a polynomial of degree 3. The cases are those of [the scorecard](scorecard.md)
@@ -222,7 +222,8 @@ def write_page(table: pd.DataFrame, path: Path, source: str, pictures: list[Path
     count = f"It rests on {len(table)} cases."
     if len(table) < 2000:
         count += " That is few: a rate of 80 % over 100 cases is known to 8 points only."
-    text = f"""# Scorecard
+    title = "Scorecard of emulated simulations" if table["runs"].any() else "Scorecard"
+    text = f"""# {title}
 
 {_how(table)}
 

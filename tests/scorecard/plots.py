@@ -66,8 +66,8 @@ PLOTS: dict[str, Callable[[pd.DataFrame, Axes], None]] = {
 }
 
 
-def write_plots(table: pd.DataFrame, folder: Path) -> list[Path]:
-    """Write every picture as scorecard-*.png into a folder."""
+def write_plots(table: pd.DataFrame, folder: Path, page: str = "scorecard") -> list[Path]:
+    """Write every picture into a folder, by the name of the page that shows it."""
     folder.mkdir(parents=True, exist_ok=True)
     if tables.single(table).empty:
         return []
@@ -75,6 +75,6 @@ def write_plots(table: pd.DataFrame, folder: Path) -> list[Path]:
     for name, plot in PLOTS.items():
         figure = Figure(figsize=(6, 4.5), layout="constrained")
         plot(table, figure.add_subplot())
-        paths.append(folder / f"scorecard-{name}.png")
+        paths.append(folder / f"{page}-{name}.png")
         figure.savefig(paths[-1], dpi=110)
     return paths
