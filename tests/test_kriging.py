@@ -153,3 +153,15 @@ def test_runs_that_scatter_are_smoothed(simulator):
     assert kriged.sd * np.sqrt(told.nugget) == pytest.approx(0.2, rel=0.3)
     missed = kriged.output(runs.X, runs.omega, np.empty(0)) - runs.y
     assert np.sqrt(np.mean(missed**2)) < 0.15
+
+
+def test_the_error_of_many_rows_needs_few_columns(simulator):
+    *_, kriged = trained(simulator, 60, 1)
+    X = np.column_stack([np.linspace(0, 4, 3000), np.zeros(3000)])
+    factor = kriged.error(X, np.full((3000, 1), 14.0))
+    assert factor.shape[1] < 150
+    # as for the same rows among a few
+    few = kriged.error(X[::300], np.full((10, 1), 14.0))
+    expected = few @ few.T
+    told = factor[::300] @ factor[::300].T
+    np.testing.assert_allclose(told, expected, atol=1e-3 * expected.max())

@@ -135,14 +135,16 @@ def _factor(diagonal: FloatArray, column: Callable[[int], FloatArray]) -> FloatA
     """
     left = diagonal.copy()
     least = _NEGLIGIBLE * float(np.max(diagonal, initial=0.0))
-    factor = np.empty((len(left), len(left)))
+    columns = np.empty((min(len(left), 32), len(left)))
     for r in range(len(left)):
         k = int(np.argmax(left))
         if left[k] <= least:
-            return factor[:, :r].copy()
-        factor[:, r] = (column(k) - factor[:, :r] @ factor[k, :r]) / np.sqrt(left[k])
-        left -= factor[:, r] ** 2
-    return factor
+            return columns[:r].T.copy()
+        if r == len(columns):  # many rows of a smooth curve need no square of their number
+            columns = np.concatenate([columns, np.empty_like(columns)])
+        columns[r] = (column(k) - columns[:r, k] @ columns[:r]) / np.sqrt(left[k])
+        left -= columns[r] ** 2
+    return columns[: len(left)].T.copy()
 
 
 def krige(
