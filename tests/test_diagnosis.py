@@ -268,6 +268,19 @@ def test_an_emulators_own_error_is_not_blamed_on_the_simulation():
         assert diagnosis.emulator_check_.missed > 2 > 1 > diagnosis.emulator_check_.left_open
         alarms += diagnosis.verdict_ != "adequate"
     assert alarms <= 1  # at 5 % two of four have a chance of 1.4 %
+    report = diagnosis.report()
+    said = " ".join(str(report).split())
+    assert "misses what they tell by" in said
+    assert "try another degree, a Gaussian process or more runs" in said
+    assert report.to_dict()["emulator"] == diagnosis.emulator_check_._asdict()
+
+
+def test_a_simulation_that_is_run_has_no_emulator_to_check(simulator):
+    X, y = measure(lambda t: 0 * t)
+    diagnosis = hs.DiscrepancyDiagnosis(exact(simulator), cv=None, random_state=0).fit(X, y)
+    assert diagnosis.emulator_check_ is None
+    assert diagnosis.report().to_dict()["emulator"] is None
+    assert "leave the simulation open" not in str(diagnosis.report())
 
 
 @pytest.mark.parametrize(
