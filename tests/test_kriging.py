@@ -71,27 +71,38 @@ def test_slopes_of_the_likelihood(bends):
     assert check_grad(value, slopes, z, epsilon=1e-6) < 2e-3 * np.linalg.norm(slopes(z))
 
 
-@pytest.mark.parametrize("degree", [1, 5])
-def test_output_and_error_are_those_of_dense_gaussians(simulator, degree):
+@pytest.mark.parametrize(
+    ("degree", "coefficients"), [(1, None), (5, None), (1, stats.norm(2, 1)), (5, stats.norm(2, 1))]
+)
+def test_output_and_error_are_those_of_dense_gaussians(simulator, degree, coefficients):
     # 40 runs, and 4 or 56 terms
-    runs, basis, _, kriged = trained(simulator, 40, degree)
+    runs, basis, _, kriged = trained(simulator, 40, degree, coefficients)
     rng = np.random.default_rng(1)
     X, omega = rng.uniform([0, -1], [4, 1], (12, 2)), np.full((12, 1), 13.0)
     told = kriged.covariance
     points = np.vstack([np.hstack([runs.X, runs.omega]), np.hstack([X, omega])])
     unit = (points - [0, -1, 10]) / [4, 2, 10]
     prior = Matern(told.lengths, nu=2.5)(bent(unit, told.bends))
-    if len(kriged.c):
-        features = np.vstack([basis.features(runs.X, runs.omega), basis.features(X, omega)])
+    features = np.vstack([basis.features(runs.X, runs.omega), basis.features(X, omega)])
+    if told.share:
         terms = features * basis.coefficient_sd
         prior += told.share * terms @ terms.T / np.mean(np.sum(terms[:40] ** 2, axis=1))
     noisy = prior[:40, :40] + told.nugget * np.eye(40)
     gain = np.linalg.solve(noisy, prior[:40, 40:]).T
-    known = basis.known(runs.X, runs.omega)
-    mean = basis.known(X, omega) + gain @ (runs.y - known)
+    known = np.append(basis.known(runs.X, runs.omega), basis.known(X, omega))
+    known += features @ basis.coefficient_mean
+    mean = known[40:] + gain @ (runs.y - known[:40])
     output = kriged.output(X, omega, np.empty(0))
     np.testing.assert_allclose(output, mean, atol=1e-4 * np.std(runs.y))
-    expected = kriged.sd**2 * (prior[40:, 40:] - gain @ prior[:40, 40:])
+    rest, misfits = runs.y - known[:40], []
+    for k in range(40):  # each run foreseen from the others, in units of its own sd
+        others = np.arange(40) != k
+        weight = np.linalg.solve(noisy[np.ix_(others, others)], noisy[others, k])
+        spread = noisy[k, k] - weight @ noisy[others, k]
+        misfits.append((rest[k] - weight @ rest[others]) ** 2 / spread)
+    variance = max(np.mean(misfits), rest @ np.linalg.solve(noisy, rest) / 40)
+    assert kriged.sd**2 == pytest.approx(variance, rel=1e-3)
+    expected = variance * (prior[40:, 40:] - gain @ prior[:40, 40:])
     factor = kriged.error(X, omega)
     spread = np.max(np.diagonal(expected))
     np.testing.assert_allclose(factor @ factor.T, expected, atol=3e-4 * spread)
@@ -135,13 +146,6 @@ def test_runs_that_the_terms_follow_are_left_to_them():
     assert isinstance(kriged, KrigedBasis)
 
 
-def test_a_prior_mean_of_the_coefficients_counts(simulator):
-    near, far = (trained(simulator, 30, 2, stats.norm(mean, 1.0))[-1] for mean in (0.0, 2.0))
-    X, omega = np.array([[1.0, 0.3]]), np.array([[14.0]])
-    outputs = [basis.output(X, omega, np.empty(0)).item() for basis in (near, far)]
-    assert outputs == pytest.approx([wave(1.0, 0.3, 14.0)] * 2, abs=0.1)
-
-
 def test_runs_that_scatter_are_smoothed(simulator):
     runs = simulator.run(100, random_state=0)
     noisy = runs.y + 0.2 * np.random.default_rng(0).standard_normal(100)
@@ -165,3 +169,18 @@ def test_the_error_of_many_rows_needs_few_columns(simulator):
     expected = few @ few.T
     told = factor[::300] @ factor[::300].T
     np.testing.assert_allclose(told, expected, atol=1e-3 * expected.max())
+
+
+def test_of_many_runs_in_order_some_of_everywhere_are_used(simulator):
+    runs = simulator.run(900, random_state=0)
+    order = np.argsort(runs.X[:, 0])
+    runs = hs.SimulationData(
+        runs.X[order], runs.omega[order], runs.y[order], inputs=INPUTS, parameters=PARAMETERS
+    )
+    domain = Domain(np.array([[0, 4], [-1, 1]]), np.array([[10, 20]]), runs.y.mean(), runs.y.std())
+    basis = hs.PolynomialChaos(2).build(domain)
+    kriged, _ = krige(basis, coefficient_belief(basis, None), runs, runs.y)
+    assert len(kriged.weights) == 500
+    new = simulator.run(200, random_state=1)
+    missed = kriged.output(new.X, new.omega, np.empty(0)) - new.y
+    assert np.sqrt(np.mean(missed**2)) < 0.01 * np.std(new.y)

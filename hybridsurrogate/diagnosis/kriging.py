@@ -14,10 +14,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import solve_triangular
 
 from hybridsurrogate.diagnosis.covariance import Apart, Covariance, alike, bent, learned
 from hybridsurrogate.inference.blocks import blocks
+from hybridsurrogate.inference.cholesky import nudged_cholesky
 from hybridsurrogate.inference.linearised import Belief
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation import SimulationData
@@ -188,8 +189,9 @@ def krige(
     terms = relative * terms[:, used]
     halves = Apart.of(bent(runs, covariance.bends) / covariance.lengths)
     matrix = alike(halves.squares(halves.right)) + terms @ terms.T
-    matrix += covariance.nugget * np.eye(len(runs))
-    whiten = _inverse_factor(matrix)
+    matrix += covariance.nugget * np.eye(n)
+    lower = nudged_cholesky(matrix[None])[0]
+    whiten: FloatArray = solve_triangular(lower, np.eye(n), lower=True)
     weights = whiten.T @ (whiten @ residual)
     # leave-one-out errors in units of their sd (Rasmussen and Williams 5.12): 1 on average where
     # the covariance is right
@@ -210,16 +212,3 @@ def krige(
         float(np.sqrt(variance)),
     )
     return kriged, Belief(np.empty(0), np.empty((0, 0)))
-
-
-def _inverse_factor(matrix: FloatArray) -> FloatArray:
-    """Return the inverse of the lower Cholesky factor, with as much added as that takes."""
-    added = 0.0
-    while True:
-        try:
-            lower = cholesky(matrix + added * np.eye(len(matrix)), lower=True)
-        except np.linalg.LinAlgError:
-            added = max(10 * added, 1e-12 * float(np.max(np.diagonal(matrix))))
-            continue
-        inverse: FloatArray = solve_triangular(lower, np.eye(len(matrix)), lower=True)
-        return inverse

@@ -131,7 +131,7 @@ def emulator(view: View) -> list[str]:
     check = view.diagnosis.emulator_check_
     if check is None:
         return []
-    out = [
+    return [
         f"At the measured rows the runs leave the simulation open by {check.left_open:.2g} times "
         "the noise, which is part of every comparison above"
         + (
@@ -145,7 +145,6 @@ def emulator(view: View) -> list[str]:
             else "."
         ),
     ]
-    return out
 
 
 def draws(view: View) -> list[str]:
