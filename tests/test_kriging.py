@@ -8,11 +8,11 @@ from scipy.optimize import check_grad
 from sklearn.gaussian_process.kernels import Matern
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.covariance import Apart, Covariance, _badness, alike, bent
 from hybridsurrogate.diagnosis.kriging import KrigedBasis, krige
 from hybridsurrogate.inference.linearised import coefficient_belief
 from hybridsurrogate.inference.statistics import statistics
 from hybridsurrogate.surrogates import Domain
+from hybridsurrogate.surrogates.covariance import Apart, Covariance, _badness, alike, bent
 
 
 def trained(simulator, n_runs, degree, prior=None):
@@ -79,7 +79,7 @@ def test_output_and_error_are_those_of_dense_gaussians(simulator, degree, coeffi
     runs, basis, _, kriged = trained(simulator, 40, degree, coefficients)
     rng = np.random.default_rng(1)
     X, omega = rng.uniform([0, -1], [4, 1], (12, 2)), np.full((12, 1), 13.0)
-    told = kriged.covariance
+    told = kriged.process.covariance
     points = np.vstack([np.hstack([runs.X, runs.omega]), np.hstack([X, omega])])
     unit = (points - [0, -1, 10]) / [4, 2, 10]
     prior = Matern(told.lengths, nu=2.5)(bent(unit, told.bends))
@@ -153,7 +153,7 @@ def test_runs_that_scatter_are_smoothed(simulator):
     basis = hs.PolynomialChaos(1).build(domain)
     belief = coefficient_belief(basis, None)
     kriged, _ = krige(basis, belief, runs, noisy)
-    told: Covariance = kriged.covariance
+    told: Covariance = kriged.process.covariance
     assert kriged.sd * np.sqrt(told.nugget) == pytest.approx(0.2, rel=0.3)
     missed = kriged.output(runs.X, runs.omega, np.empty(0)) - runs.y
     assert np.sqrt(np.mean(missed**2)) < 0.15

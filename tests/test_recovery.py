@@ -35,8 +35,9 @@ def line_features(x, low, high):
 def conjugate(features, y, noise_variance, mean, sd):
     """Posterior mean and covariance of Bayesian linear regression with independent noise."""
     weighted = features / np.asarray(noise_variance)[:, None]
-    covariance = np.linalg.inv(features.T @ weighted + np.eye(features.shape[1]) / sd**2)
-    return covariance @ (weighted.T @ y + np.full(features.shape[1], mean / sd**2)), covariance
+    precision = np.full(features.shape[1], 1.0) / np.square(sd)
+    covariance = np.linalg.inv(features.T @ weighted + np.diag(precision))
+    return covariance @ (weighted.T @ y + mean * precision), covariance
 
 
 @pytest.fixture(scope="module")
@@ -93,11 +94,13 @@ def drifting():
     return runs, X, 0.4 + np.sin(3 * X[:, 0])
 
 
+@pytest.mark.parametrize("n", [8, 3], ids=["many rows", "few rows"])
 @pytest.mark.parametrize("effects", [(), (hs.Offset(), hs.Periodic("x"))], ids=["plain", "causes"])
 @pytest.mark.parametrize("beta", [0.0, 0.2, 0.5, 0.8, 1.0])
-def test_collapsed_density_is_the_dense_gaussian(drifting, beta, effects):
+def test_collapsed_density_is_the_dense_gaussian(drifting, beta, effects, n):
     """Integrating coefficients out by hand: rows are Gaussian with a dense covariance."""
     runs, X, y = drifting
+    X, y = X[:n], y[:n]
     noise_prior = stats.halfnorm(scale=0.7)
     problem = make_problem(
         runs,
@@ -144,6 +147,30 @@ def test_collapsed_density_is_the_dense_gaussian(drifting, beta, effects):
             - 0.5 * np.dot(z, z)
         )
     np.testing.assert_allclose(target.log_density(u), expected, rtol=1e-6, atol=1e-4)
+
+
+def test_coefficients_given_few_rows_and_runs_are_the_conjugate_ones(drifting):
+    runs, X, y = drifting
+    X, y = X[:3], y[:3]
+    surrogate = hs.PolynomialChaos(2, stats.norm(0.1, 3))
+    problem = make_problem(runs, surrogate, hs.Normal(), None, (hs.Offset(),), ("x",), X, y)
+    model, weights = problem.model, np.array([1.0, 2.0, 0.5])
+    powers, sigma = (0.7, 0.4), 0.3
+    target = CollapsedPosterior(
+        model, X, y, weights, problem.simulation, *powers, problem.noise_prior, problem.scale
+    )
+    u = np.tile([0.4, np.log(sigma)], (20_000, 1))
+    draws = np.hstack(target.draw_coefficients(u, np.random.RandomState(0)))
+    omega = model.values(u[:1, :-1])[0, 0]
+    run_rows = np.hstack([_two_features(runs.X[:, 0], runs.omega[:, 0]), np.zeros((20, 1))])
+    rows = np.hstack([_two_features(X[:, 0], omega), np.ones((3, 1))])
+    variance = sigma**2 / np.append(np.full(20, 0.7), 0.4 * weights)
+    sd = np.append(np.full(6, 3.0), model.column_sd)
+    features, out = np.vstack([run_rows, rows]), np.append(runs.y, y)
+    # the prior mean of the cause's coefficient is zero
+    mean = np.append(np.full(6, 0.1), 0.0)
+    expected, covariance = conjugate(features, out - features @ mean, variance, 0.0, sd)
+    assert_gaussian(draws, mean + expected, covariance)
 
 
 def _two_features(x, omega):

@@ -206,7 +206,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         steps = forward_search(problem, prepared.causes, belief, most, rate, n, random_state)
         first = steps[0]
         self.search_, self.p_value_ = first.search, first.p_value
-        self.emulator_check_ = check_emulator(self.search_)
+        self.emulator_check_ = check_emulator(self.search_, prepared.problem.model.basis)
         if self.emulator_check_ is not None:
             self.emulator_check_.warn(self.estimator_._check_parameters()[0])
         self.causes_ = cause_table(self.search_, prepared.skipped)

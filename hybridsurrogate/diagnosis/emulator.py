@@ -12,7 +12,7 @@ from hybridsurrogate.diagnosis.evidence import Search
 from hybridsurrogate.diagnosis.kriging import KrigedBasis
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.inference.linearised import coefficient_belief
-from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.surrogates.base import Basis, Surrogate
 
 # more than the noise hides, in its standard deviations; measured rows mend some of what is missed
 MOST_OPEN, MOST_MISSED = 1.0, 2.0
@@ -54,8 +54,8 @@ class EmulatorCheck(NamedTuple):
             )
 
 
-def check_emulator(found: Search) -> EmulatorCheck | None:
-    """Return how well the emulator tells the simulation at the best fit of all.
+def check_emulator(found: Search, surrogate: Basis) -> EmulatorCheck | None:
+    """Return how well the surrogate's basis tells the simulation at the best fit of all.
 
     None where the simulation itself is run, or its runs leave nothing open.
     """
@@ -68,8 +68,8 @@ def check_emulator(found: Search) -> EmulatorCheck | None:
         values[:, w.plan.nodes] = w.plan.grid[w.peak.node]
     U = w.model.emulator_error(problem.X, values, found.belief.factor)
     told, _, _ = w.model.simulated(problem.X, values, found.belief.mean)
-    own = coefficient_belief(basis.basis, problem.simulation).mean
-    alone = replace(w.model, basis=basis.basis, reference=own)
+    own = coefficient_belief(surrogate, problem.simulation).mean
+    alone = replace(w.model, basis=surrogate, reference=own)
     missed = alone.simulated(problem.X, values, own)[0] - told
     rms = np.sqrt([np.mean(np.sum(U**2, axis=1)), np.mean(missed**2)]) / w.sigma
     return EmulatorCheck(*rms.tolist())

@@ -2,31 +2,31 @@
 
 A polynomial that misses the simulation by a curve would otherwise have that curve blamed on the
 simulation, and one with more terms than runs says anything between them. So a search takes the
-surrogate's terms as the trend of a Gaussian process, as in polynomial-chaos Kriging (Schoebi,
-Sudret and Wiart 2015, International Journal for Uncertainty Quantification 5:171), and learns from
-the runs how much of each it takes. What is still unknown between the runs is part of the
-covariance of the measured rows.
+surrogate's terms as the trend of a Gaussian process (`Kriging`), or the process itself where it is
+the surrogate. What is still unknown between the runs is part of the covariance of the measured
+rows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
-from hybridsurrogate.diagnosis.covariance import Apart, Covariance, alike, bent, learned
+from hybridsurrogate.cholesky import pivoted_cholesky
 from hybridsurrogate.inference.blocks import blocks
-from hybridsurrogate.inference.cholesky import nudged_cholesky
 from hybridsurrogate.inference.linearised import Belief
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation import SimulationData
 from hybridsurrogate.surrogates.base import Basis
+from hybridsurrogate.surrogates.kriging import (
+    KrigingBasis,
+    Places,
+    Process,
+    conditioned,
+    process_through,
+)
 
-# the covariance is learned from at most this many runs; as many as the second limit are used,
-# drawn at random, as files of runs are often in order
-_LEARN, _RUNS = 200, 500
 # what is left of a variance when its factor has enough columns, in shares of the largest
 _NEGLIGIBLE = 1e-4
 
@@ -37,34 +37,22 @@ class KrigedBasis(Basis):
 
     Attributes
     ----------
-    basis : Basis
-        The surrogate's.
+    process : Process
     c : ndarray of shape (p,)
-        Coefficients of its terms; p is 0 where the runs have no use for them.
-    ranges : ndarray of shape (n_inputs + n_parameters, 2)
-        Of the runs.
-    runs : ndarray of shape (n_runs, n_inputs + n_parameters + 2)
-        Right halves of their distances.
-    terms : ndarray of shape (n_runs, p)
-        Times ``term_sd``.
-    term_sd : ndarray of shape (p,)
-        Prior sd of the coefficients in units of the process's.
-    covariance : Covariance
+        Coefficients of the trend's terms; p is 0 where the runs have no use for them.
+    runs : Places
+        The runs.
     weights : ndarray of shape (n_runs,)
-        Of the process.
+        Of the runs.
     whiten : ndarray of shape (n_runs, n_runs)
         Inverse of the lower factor of the runs' covariance in units of the process's variance.
     sd : float
         Of the process.
     """
 
-    basis: Basis
+    process: Process
     c: FloatArray
-    ranges: FloatArray
-    runs: FloatArray
-    terms: FloatArray
-    term_sd: FloatArray
-    covariance: Covariance
+    runs: Places
     weights: FloatArray
     whiten: FloatArray
     sd: float
@@ -73,9 +61,9 @@ class KrigedBasis(Basis):
         self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
     ) -> FloatArray:
         """Return the terms plus the process."""
-        if len(self.c):
-            return self.basis.output(X, omega, self.c) + self._process(X, omega)
-        return self.basis.known(X, omega) + self._process(X, omega)
+        trend = self.process.trend
+        terms = trend.output(X, omega, self.c) if len(self.c) else trend.known(X, omega)
+        return terms + self._through_runs(X, omega)
 
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return no features."""
@@ -88,64 +76,33 @@ class KrigedBasis(Basis):
     def outer_output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
         """Return the output of all inputs for all parameters."""
         rows, points = np.tile(X.T, (1, len(omega))).T, np.repeat(omega.T, len(X), axis=1).T
-        process = self._process(rows, points).reshape(len(omega), len(X))
+        told = self._through_runs(rows, points).reshape(len(omega), len(X))
+        trend = self.process.trend
         if len(self.c):
-            return self.basis.outer_output(X, omega, self.c) + process
-        return self.basis.known(rows, points).reshape(process.shape) + process
+            return trend.outer_output(X, omega, self.c) + told
+        return trend.known(rows, points).reshape(told.shape) + told
 
     def error(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return F (n, r): the covariance of what is unknown of the simulation is F F'."""
-        points, terms = self._halves(X, omega), self._terms(X, omega)
-        white = (alike(points.squares(self.runs)) + terms @ self.terms.T) @ self.whiten.T
+        places = self.process.places(X, omega)
+        white = places.alike(self.runs) @ self.whiten.T
 
         def column(k: int) -> FloatArray:
-            own = alike(points.squares(points.right[k]))
-            return own + terms @ terms[k] - white @ white[k]
+            return places.alike(places.of(np.array([k])))[:, 0] - white @ white[k]
 
-        diagonal = 1 + np.sum(terms**2, axis=1) - np.sum(white**2, axis=1)
-        return self.sd * _factor(np.maximum(diagonal, 0.0), column)
+        diagonal = np.maximum(places.variances() - np.sum(white**2, axis=1), 0.0)
+        least = _NEGLIGIBLE * float(np.max(diagonal, initial=0.0))
+        factor, _ = pivoted_cholesky(diagonal, column, least, len(diagonal))
+        return self.sd * factor
 
-    def _process(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+    def _through_runs(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return what the process adds to the terms."""
+        process = replace(self.process, term_sd=np.empty(0))
+        runs = self.runs._replace(terms=np.empty((len(self.weights), 0)))
+        pieces = blocks(len(X), len(self.weights))
         return np.concatenate(
-            [
-                alike(self._halves(X[k], omega[k]).squares(self.runs)) @ self.weights
-                for k in blocks(len(X), len(self.runs))
-            ]
+            [process.places(X[k], omega[k]).alike(runs) @ self.weights for k in pieces]
         )
-
-    def _terms(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        if not len(self.c):
-            return np.empty((len(X), 0))
-        return self.basis.features(X, omega) * self.term_sd
-
-    def _halves(self, X: FloatArray, omega: FloatArray) -> Apart:
-        points = _between(np.hstack([X, omega]), *self.ranges.T)
-        return Apart.of(bent(points, self.covariance.bends) / self.covariance.lengths)
-
-
-def _between(points: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Map ranges to [0, 1]: beyond the runs nothing is known, the process is held at the edge."""
-    return (np.clip(points, low, high) - low) / (high - low)
-
-
-def _factor(diagonal: FloatArray, column: Callable[[int], FloatArray]) -> FloatArray:
-    """Return F (n, r) with F F' the covariance: Cholesky's, largest variance first, cut short.
-
-    Covariances of smooth curves need few columns, and only these are asked for (Harbrecht, Peters
-    and Schneider 2012, Applied Numerical Mathematics 62:428).
-    """
-    left = diagonal.copy()
-    least = _NEGLIGIBLE * float(np.max(diagonal, initial=0.0))
-    columns = np.empty((min(len(left), 32), len(left)))
-    for r in range(len(left)):
-        k = int(np.argmax(left))
-        if left[k] <= least:
-            return columns[:r].T.copy()
-        if r == len(columns):  # many rows of a smooth curve need no square of their number
-            columns = np.concatenate([columns, np.empty_like(columns)])
-        columns[r] = (column(k) - columns[:r, k] @ columns[:r]) / np.sqrt(left[k])
-        left -= columns[r] ** 2
-    return columns[: len(left)].T.copy()
 
 
 def krige(
@@ -167,48 +124,25 @@ def krige(
     -------
     KrigedBasis and the belief about no coefficients; what was given where that fits all runs.
     """
-    features = basis.features(simulation.X, simulation.omega)
-    residual = run_eta - basis.known(simulation.X, simulation.omega)
-    missed = float(np.sqrt(np.mean((residual - features @ belief.mean) ** 2)))
-    # exact to rounding; with as many terms as runs that says nothing
-    if missed < 1e-6 * np.std(run_eta) and len(run_eta) > features.shape[1]:
-        return basis, belief
-    chosen = np.random.default_rng(0).permutation(len(residual))[:_RUNS]
-    residual, features = (residual - features @ basis.coefficient_mean)[chosen], features[chosen]
-    n = len(residual)
-    ranges = np.array(
-        [*simulation.input_ranges.values(), *simulation.parameter_ranges.values()], dtype=float
-    )
-    runs = _between(np.hstack([simulation.X, simulation.omega])[chosen], *ranges.T)
-    terms = features * basis.coefficient_sd
-    covariance = learned(runs[:_LEARN], terms[:_LEARN], residual[:_LEARN])
-    size = float(np.mean(np.sum(terms[:_LEARN] ** 2, axis=1)))
-    relative = np.sqrt(covariance.share / max(size, 1e-300))
-    used = slice(None if covariance.share or np.any(basis.coefficient_mean) else 0)
-    c, term_sd = basis.coefficient_mean[used], relative * basis.coefficient_sd[used]
-    terms = relative * terms[:, used]
-    halves = Apart.of(bent(runs, covariance.bends) / covariance.lengths)
-    matrix = alike(halves.squares(halves.right)) + terms @ terms.T
-    matrix += covariance.nugget * np.eye(n)
-    lower = nudged_cholesky(matrix[None])[0]
-    whiten: FloatArray = solve_triangular(lower, np.eye(n), lower=True)
-    weights = whiten.T @ (whiten @ residual)
-    # leave-one-out errors in units of their sd (Rasmussen and Williams 5.12): 1 on average where
-    # the covariance is right
-    deviation = weights**2 / np.sum(whiten**2, axis=0)
-    variance = max(float(residual @ weights), float(np.sum(deviation))) / n
-    kriged = KrigedBasis(
-        np.empty(0),
-        np.empty(0),
-        basis,
-        c + term_sd * (terms.T @ weights),
-        ranges,
-        halves.right,
-        terms,
-        term_sd,
-        covariance,
-        weights,
-        whiten,
-        float(np.sqrt(variance)),
-    )
-    return kriged, Belief(np.empty(0), np.empty((0, 0)))
+    X, omega = simulation.X, simulation.omega
+    if isinstance(basis, KrigingBasis):
+        process = basis.process
+    else:
+        missed = run_eta - basis.output(X, omega, belief.mean)
+        # exact to rounding; with as many terms as runs that says nothing
+        exact = float(np.sqrt(np.mean(missed**2))) < 1e-6 * np.std(run_eta)
+        if exact and len(run_eta) > len(basis.coefficient_mean):
+            return basis, belief
+        ranges = [*simulation.input_ranges.values(), *simulation.parameter_ranges.values()]
+        process = process_through(basis, np.array(ranges, dtype=float), X, omega, run_eta)
+    runs = process.some(X, omega, run_eta)
+    matrix = runs.places.among_themselves()
+    weights, whiten, sd = conditioned(matrix, process.covariance.nugget, runs.residual)
+    prior = process.trend.coefficient_mean
+    used = slice(None if len(process.term_sd) or np.any(prior) else 0)
+    c = prior[used].copy()
+    if len(process.term_sd):
+        c += process.term_sd * (runs.places.terms.T @ weights)
+    none = np.empty(0)
+    kriged = KrigedBasis(none, none, process, c, runs.places, weights, whiten, sd)
+    return kriged, Belief(none, np.empty((0, 0)))

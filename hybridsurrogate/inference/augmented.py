@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hybridsurrogate.inference.cholesky import nudged_cholesky
+from hybridsurrogate.cholesky import nudged_cholesky
 from hybridsurrogate.priors import FloatArray
 
 

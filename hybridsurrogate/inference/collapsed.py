@@ -23,6 +23,10 @@ _LOG_2PI = float(np.log(2 * np.pi))
 
 _NO_NOISE = 1e-20
 
+# with runs, measured rows are few where there are this many coefficients for each: then their
+# covariance is cheaper than that of the coefficients
+_MANY_FOR_EACH = 1.5
+
 # numbers in one block of matrices, and of measured rows, on which many small steps work: larger
 # batches are cut so that memory stays bounded, and rows in the processor's cache
 _BLOCK, _ROWS_BLOCK = 8_000_000, 250_000
@@ -144,7 +148,7 @@ class CollapsedPosterior:
         mean, precision = self._prior
         sd = precision**-0.5
         u = np.zeros((1, self.n_dimensions))
-        if self._few:
+        if self._few and not self._with_runs:
             rows, log_noise = self._measured_rows(u)
             rows = np.sqrt(self.measured_power) * rows[0]
             rounding = self.measured_power * self._rounding
@@ -153,18 +157,36 @@ class CollapsedPosterior:
         return fixed_rows(gram[0], mean, sd, float(log_noise[0]))
 
     @property
+    def _with_runs(self) -> bool:
+        return self.simulation is not None and bool(self.simulation_power)
+
+    @property
     def _few(self) -> bool:
-        """Whether measured rows alone count, and are fewer than the coefficients."""
-        with_runs = self.simulation is not None and bool(self.simulation_power)
-        return not with_runs and not self.model.n_hyper and len(self._prior[0]) > len(self.y)
+        """Whether measured rows count, and are fewer than the coefficients."""
+        if self.model.n_hyper or not self.measured_power:
+            return False
+        most = len(self._prior[0]) / (_MANY_FOR_EACH if self._with_runs else 1)
+        return len(self.y) < most
+
+    @cached_property
+    def _runs_alone(self) -> FixedRows:
+        """What the runs say of the coefficients at any noise scale."""
+        mean, precision = self._prior
+        return fixed_rows(self.simulation_power * self._runs, mean, precision**-0.5, 0.0)
 
     def _few_rows(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return rows times prior sd (J, n, p), residuals of the prior mean, and log noise."""
+        """Return rows times the sd before them (J, n, p), their residuals, and log noise."""
         mean, precision = self._prior
         rows, log_noise = self._measured_rows(u)
         rows *= np.sqrt(self.measured_power)
-        residual = rows[..., -1] - rows[..., :-1] @ mean
-        return rows[..., :-1] * precision**-0.5, residual, log_noise
+        features, residual = rows[..., :-1], rows[..., -1] - rows[..., :-1] @ mean
+        if not self._with_runs:
+            return features * precision**-0.5, residual, log_noise
+        features = features @ self._runs_alone.axes
+        centre, sd = self._runs_alone.given(np.exp(2 * u[:, -1]))
+        residual -= (features @ centre[..., None])[..., 0]
+        features *= sd[:, None]
+        return features, residual, log_noise
 
     def _marginal_of_few(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """As `_marginal`, by the covariance of the rows instead of that of the coefficients."""
@@ -174,6 +196,9 @@ class CollapsedPosterior:
             variance = np.exp(2 * block[:, -1])
             log_det, squares = marginal_of_rows(rows, residual, variance)
             rest = squares + self.measured_power * self._rounding / variance
+            if self._with_runs:
+                of_runs = self._runs_alone.marginal(variance)
+                log_det, rest = log_det + of_runs[0], rest + of_runs[1]
             pieces.append(np.stack([log_det, rest, log_noise]))
         log_det, rest, log_noise = np.concatenate(pieces, axis=1)
         return log_det, rest, log_noise
@@ -184,8 +209,13 @@ class CollapsedPosterior:
         for block in self._blocks(u):
             rows, residual, _ = self._few_rows(block)
             variance = np.exp(2 * block[:, -1])
-            pieces.append(draws_given_rows(rows, residual, variance, random_state))
-        return mean + np.concatenate(pieces) * precision**-0.5
+            v = draws_given_rows(rows, residual, variance, random_state)
+            if self._with_runs:
+                centre, sd = self._runs_alone.given(variance)
+                pieces.append((centre + sd * v) @ self._runs_alone.axes.T)
+            else:
+                pieces.append(v * precision**-0.5)
+        return mean + np.concatenate(pieces)
 
     @property
     def _rounding(self) -> float:
@@ -218,7 +248,7 @@ class CollapsedPosterior:
 
     def _gram(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return [[G, g], [g', yy]] of all rows at sigma = 1, and the log noise factors."""
-        size, p = len(self._prior[0]), len(self.model.basis.coefficient_mean)
+        size = len(self._prior[0])
         out = np.zeros((len(u), size + 1, size + 1))
         log_noise: FloatArray = np.zeros(len(u))
         if self.measured_power:
@@ -229,17 +259,20 @@ class CollapsedPosterior:
                 np.matmul(np.swapaxes(rows, 1, 2), rows, out=out)
             out[:, -1, -1] += self._rounding
             out *= self.measured_power
-        if self.simulation is not None and self.simulation_power:
-            index = np.r_[:p, size]
-            runs = np.zeros((size + 1, size + 1))
-            runs[np.ix_(index, index)] = np.block(
-                [
-                    [self.simulation.ff, self.simulation.fy[:, None]],
-                    [self.simulation.fy[None, :], np.array([[self.simulation.yy]])],
-                ]
-            )
-            out += self.simulation_power * runs
+        if self._with_runs:
+            out += self.simulation_power * self._runs
         return out, log_noise
+
+    @cached_property
+    def _runs(self) -> FloatArray:
+        """Gram matrix of [features, columns, y] of the runs, which know no columns."""
+        size, p = len(self._prior[0]), len(self.model.basis.coefficient_mean)
+        out = np.zeros((size + 1, size + 1))
+        if self.simulation is not None:
+            index = np.r_[:p, size]
+            ff, fy, yy = self.simulation.ff, self.simulation.fy, self.simulation.yy
+            out[np.ix_(index, index)] = np.block([[ff, fy[:, None]], [fy, np.array([yy])]])
+        return out
 
     @property
     def _factorises(self) -> bool:

@@ -34,12 +34,17 @@ class FixedRows:
         left = self.rest / variance + (self.along**2 / total).sum(axis=1)
         return log_det, left, np.full(len(variance), self.log_noise)
 
+    def given(self, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return mean and sd (J, k) of v for noise variances (J,)."""
+        total = variance[:, None] + self.size
+        return np.sqrt(self.size) * self.along / total, np.sqrt(variance[:, None] / total)
+
     def draws(self, variance: FloatArray, noise: FloatArray) -> FloatArray:
         """Return coefficients for noise variances (J,) and standard normal numbers (J, p)."""
-        total = variance[:, None] + self.size
         whole = self.axes.shape[0] == self.axes.shape[1]
         told = noise if whole else noise @ (self.axes / self.sd[:, None])
-        v = np.sqrt(self.size) * self.along / total + np.sqrt(variance[:, None] / total) * told
+        centre, sd = self.given(variance)
+        v = centre + sd * told
         if whole:
             return self.mean + v @ self.axes.T
         return self.mean + self.sd * noise + (v - told) @ self.axes.T

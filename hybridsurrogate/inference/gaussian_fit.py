@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hybridsurrogate.inference.cholesky import log_det_of, nudged_cholesky
+from hybridsurrogate.cholesky import log_det_of, nudged_cholesky
 from hybridsurrogate.inference.linear_rows import Design
 from hybridsurrogate.inference.unknowns import prior_log_density
 from hybridsurrogate.priors import FloatArray

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hybridsurrogate.inference.blocks import blocks
 from hybridsurrogate.inference.noise import marginal_over_noise, noise_grid
 from hybridsurrogate.inference.shared_nodes import (
     MeasuredGiven,
@@ -91,9 +92,12 @@ def _sums_of_squares(problem: MeasuredGiven, z: FloatArray) -> FloatArray:
         residual = (problem.y - factors.known) * root[:, 0]
         parts = factors.of_inputs * root, factors.of_parameters
         return squares_of_factors(*parts, residual, problem.draws) + rounding
-    rows = model.parts(problem.X, values)
-    residual = (problem.y - rows.known)[..., None] * root
-    return squares_of_pairs(rows.features * root, residual, problem.draws) + rounding
+    squares = np.empty((len(z), len(problem.c)))
+    for block in blocks(len(z), len(problem.y) * (1 + problem.c.shape[1])):
+        rows = model.parts(problem.X, values[block])
+        residual = (problem.y - rows.known)[..., None] * root
+        squares[block] = squares_of_pairs(rows.features * root, residual, problem.draws)
+    return squares + rounding
 
 
 def _draw_noise(

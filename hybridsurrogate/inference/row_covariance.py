@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hybridsurrogate.inference.cholesky import log_det_of, nudged_cholesky
+from hybridsurrogate.cholesky import log_det_of, nudged_cholesky
 from hybridsurrogate.priors import FloatArray
 
 

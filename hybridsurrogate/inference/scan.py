@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.inference.cholesky import log_det_of
+from hybridsurrogate.cholesky import log_det_of
 from hybridsurrogate.inference.heavy_tails import heavy_fit, heavy_scan
 from hybridsurrogate.inference.layout import Layout
 from hybridsurrogate.inference.linearised import Belief, Linearised, columns_at_nodes, linearise

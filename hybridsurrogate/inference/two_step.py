@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hybridsurrogate.cholesky import log_det_of, nudged_cholesky
 from hybridsurrogate.inference.blocks import blocks
-from hybridsurrogate.inference.cholesky import log_det_of, nudged_cholesky
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.mixtures import mixture_log_density, mixture_points, moment_match
 from hybridsurrogate.inference.modes import Gaussian, find_modes

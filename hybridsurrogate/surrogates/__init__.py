@@ -4,6 +4,7 @@ from hybridsurrogate.surrogates.base import Basis, Domain, Factors, Surrogate
 from hybridsurrogate.surrogates.exact import ExactSurrogate
 from hybridsurrogate.surrogates.feature import FeatureSurrogate
 from hybridsurrogate.surrogates.gaussian_process import GaussianProcess
+from hybridsurrogate.surrogates.kriging import Kriging
 from hybridsurrogate.surrogates.network import NetworkSurrogate
 from hybridsurrogate.surrogates.parametric import ParametricSurrogate
 from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
@@ -15,6 +16,7 @@ __all__ = [
     "Factors",
     "FeatureSurrogate",
     "GaussianProcess",
+    "Kriging",
     "NetworkSurrogate",
     "ParametricSurrogate",
     "PolynomialChaos",

@@ -138,7 +138,7 @@ def _diagnose(case: Case, task: Task) -> hs.DiscrepancyDiagnosis:
     simulation = case.simulator.run(task.runs, random_state=task.seed) if task.runs else None
     model = hs.PowerScaledSurrogate(
         simulation or case.simulator,
-        surrogate=None if task.runs else hs.ExactSurrogate(),
+        surrogate=hs.Kriging() if task.runs else hs.ExactSurrogate(),
         n_draws=_DRAWS,
         random_state=task.seed,
     )

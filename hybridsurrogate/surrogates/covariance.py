@@ -80,6 +80,12 @@ class Apart(NamedTuple):
         return np.maximum(product, 0.0, out=product)
 
 
+def between(points: FloatArray, ranges: FloatArray) -> FloatArray:
+    """Map ranges (d, 2) to [0, 1]; points beyond, where nothing is known, are held at the edge."""
+    low, high = ranges.T
+    return (np.clip(points, low, high) - low) / (high - low)
+
+
 def bent(points: FloatArray, bends: FloatArray) -> FloatArray:
     """Return points (n, d) from 0 to 1 stretched where the simulation changes fast, -1 to 1.
 
@@ -111,6 +117,8 @@ def learned(points: FloatArray, terms: FloatArray, residual: FloatArray) -> Cova
         Outputs less their prior mean.
     """
     d = points.shape[1]
+    if not residual.any():  # nothing to learn from
+        return Covariance(np.ones(d), np.zeros(d), _NUGGETS[0], 0.0)
     gram = terms @ terms.T
     gram /= max(float(np.trace(gram)) / len(gram), 1e-300)
     ranges = [_LENGTHS] * d + [_NUGGETS, _SHARES]
