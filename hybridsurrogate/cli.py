@@ -20,9 +20,10 @@ from hybridsurrogate.estimators import PowerScaledSurrogate
 from hybridsurrogate.exceptions import HybridSurrogateWarning
 from hybridsurrogate.priors import Prior, truncated_normal
 from hybridsurrogate.simulation import SimulationData, read_simulation
-from hybridsurrogate.surrogates import ExactSurrogate, PolynomialChaos
+from hybridsurrogate.surrogates import ExactSurrogate, Kriging, PolynomialChaos, Surrogate
 
-_MOST_DEGREE = 5
+# of measurements, beyond which kriging takes too long; of the polynomial that then takes its place
+_MOST_ROWS, _MOST_DEGREE = 200, 5
 
 
 class Demo(NamedTuple):
@@ -118,7 +119,8 @@ def _parser() -> argparse.ArgumentParser:
     own.add_argument(
         "--degree",
         type=int,
-        help="degree of the polynomial (at most 5 and two runs for each of its terms)",
+        help="emulate the simulation by a polynomial of this degree (default: by a Gaussian "
+        "process through the runs; beyond 200 rows by a polynomial of at most degree 5)",
     )
     own.add_argument("--beta", type=float, default=0.5, help="weight of the simulation (0.5)")
     own.set_defaults(run=_diagnose)
@@ -164,7 +166,7 @@ def _diagnose(given: argparse.Namespace) -> int:
     simulation = read_simulation(given.simulation, given.inputs, _priors(given, runs), given.output)
     model = PowerScaledSurrogate(
         simulation,
-        surrogate=PolynomialChaos(_degree(simulation) if given.degree is None else given.degree),
+        surrogate=_surrogate(given.degree, simulation, len(measured)),
         beta=given.beta,
         likelihood=given.likelihood,
         random_state=given.seed,
@@ -172,6 +174,12 @@ def _diagnose(given: argparse.Namespace) -> int:
     y = measured.pop(given.output).to_numpy(dtype=float)
     _finish(model, measured.select_dtypes("number"), y, None, given)
     return 0
+
+
+def _surrogate(degree: int | None, simulation: SimulationData, n_rows: int) -> Surrogate:
+    if degree is None and n_rows <= _MOST_ROWS:
+        return Kriging()
+    return PolynomialChaos(_degree(simulation) if degree is None else degree)
 
 
 def _degree(simulation: SimulationData) -> int:

@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.cli import _degree, main
+from hybridsurrogate.cli import _degree, _surrogate, main
 
 
 @pytest.fixture
@@ -53,6 +53,9 @@ def test_the_degree_leaves_two_runs_for_each_term(n_runs, n_parameters, degree):
         parameters={name: stats.uniform(0, 1) for name in names},
     )
     assert _degree(runs) == degree
+    assert _surrogate(None, runs, 201).degree == degree
+    assert _surrogate(7, runs, 201).degree == _surrogate(7, runs, 40).degree == 7
+    assert isinstance(_surrogate(None, runs, 200), hs.Kriging)
 
 
 def test_the_list_of_demonstrations(capsys):

@@ -16,6 +16,7 @@ from hybridsurrogate.surrogates.base import Basis, Surrogate
 
 # more than the noise hides, in its standard deviations; measured rows mend some of what is missed
 MOST_OPEN, MOST_MISSED = 1.0, 2.0
+BETTER = "try surrogate=Kriging() or more runs"
 
 
 class EmulatorCheck(NamedTuple):
@@ -47,8 +48,7 @@ class EmulatorCheck(NamedTuple):
             warnings.warn(
                 f"At the measured rows {type(surrogate).__name__}, trained on the runs alone, "
                 f"misses the simulation by {self.missed:.1f} times the noise. The search does "
-                "without it, but what is predicted rests on it: try another degree, "
-                "GaussianProcess or more runs.",
+                f"without it, but what is predicted rests on it: {BETTER}.",
                 DiagnosisWarning,
                 stacklevel=4,
             )

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from hybridsurrogate.inference.blocks import blocks
+from hybridsurrogate.inference.main_directions import main_directions
 from hybridsurrogate.inference.noise import marginal_over_noise, noise_grid
 from hybridsurrogate.inference.shared_nodes import (
     MeasuredGiven,
@@ -26,7 +29,7 @@ _REFINEMENT = {1: 10, 2: 3}
 
 
 def grid_draws(
-    problem: MeasuredGiven, random_state: np.random.RandomState
+    problem: MeasuredGiven, sigma: float, random_state: np.random.RandomState
 ) -> tuple[FloatArray, FloatArray]:
     """Draw z (S, d) and sigma (S,), one for each coefficient draw.
 
@@ -35,14 +38,22 @@ def grid_draws(
     d = problem.model.n_unknowns
     low, high = np.full(d, -_Z_RANGE), np.full(d, _Z_RANGE)
     noise = noise_grid(problem.noise_prior, problem.scale, problem.weights.sum())
-    nodes, width, squares, share = _weighed_grid(problem, low, high, GRID_NODES[d], noise)
+
+    def weighed(nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
+        squares = _sums_of_squares(main_directions(problem, nodes, sigma), nodes)
+        marginal = marginal_over_noise(squares, problem.weights.sum(), *noise)
+        return squares, node_shares(marginal + prior_log_density(nodes)[:, None])
+
+    nodes, width = _grid(low, high, GRID_NODES[d])
+    squares, share = weighed(nodes)
     if d:
         low, high = _occupied(nodes, share.mean(axis=1), width)
-        nodes, width, squares, share = _weighed_grid(problem, low, high, GRID_NODES[d], noise)
+        nodes, width = _grid(low, high, GRID_NODES[d])
+        squares, share = weighed(nodes)
     # far from the simulation's guidance every draw has a narrow posterior at a place of its own
     if d and np.median(1 / np.sum(share**2, axis=0)) < _FEW_NODES[d]:
-        n = GRID_NODES[d] * _REFINEMENT[d]
-        nodes, width, squares, share = _weighed_grid(problem, low, high, n, noise)
+        nodes, width = _finer(nodes, share.mean(axis=1), width, _REFINEMENT[d])
+        squares, share = weighed(nodes)
     pick = one_node_each(share, random_state)
     S = len(problem.c)
     z = nodes[pick] + width * (random_state.uniform(size=(S, d)) - 0.5)
@@ -59,27 +70,32 @@ def _grid(low: FloatArray, high: FloatArray, n: int) -> tuple[FloatArray, FloatA
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)), width
 
 
-def _weighed_grid(
-    problem: MeasuredGiven,
-    low: FloatArray,
-    high: FloatArray,
-    n: int,
-    noise: tuple[FloatArray, FloatArray],
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return nodes (J, d), their width, sums of squares (J, S) and posterior shares (J, S)."""
-    nodes, width = _grid(low, high, n)
-    squares = _sums_of_squares(problem, nodes)
-    marginal = marginal_over_noise(squares, problem.weights.sum(), *noise)
-    return nodes, width, squares, node_shares(marginal + prior_log_density(nodes)[:, None])
-
-
 def _occupied(
     nodes: FloatArray, share: FloatArray, width: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the box around the nodes that hold all but a millionth of the mass."""
-    order = np.argsort(share)
-    keep = order[np.cumsum(share[order]) > 1e-6]
+    keep = _holds_mass(share)
     return nodes[keep].min(axis=0) - width / 2, nodes[keep].max(axis=0) + width / 2
+
+
+def _holds_mass(share: FloatArray) -> NDArray[np.bool_]:
+    """Return which nodes hold all but a millionth of the mass."""
+    order = np.argsort(share)
+    keep = np.empty(len(share), dtype=bool)
+    keep[order] = np.cumsum(share[order]) > 1e-6
+    return keep
+
+
+def _finer(
+    nodes: FloatArray, share: FloatArray, width: FloatArray, times: int
+) -> tuple[FloatArray, FloatArray]:
+    """Cut the cells of a grid that hold mass, and those beside them, so many times a side."""
+    d = nodes.shape[1]
+    side = round(len(nodes) ** (1 / d))
+    beside = np.ones((3,) * d)
+    kept = binary_dilation(_holds_mass(share).reshape((side,) * d), beside).ravel()
+    offsets, _ = _grid(-width / 2, width / 2, times)
+    return (nodes[kept][:, None] + offsets).reshape(-1, d), width / times
 
 
 def _sums_of_squares(problem: MeasuredGiven, z: FloatArray) -> FloatArray:

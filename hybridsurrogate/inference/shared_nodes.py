@@ -15,8 +15,8 @@ from hybridsurrogate.inference.blocks import blocks
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.priors import FloatArray, Prior
 
-# numbers in one block of matrices
-_BLOCK = 500_000
+# numbers in one block of matrices, and the fewest nodes
+_BLOCK, _NODES = 500_000, 50
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,8 @@ def squares_of_pairs(features: FloatArray, residual: FloatArray, draws: SharedDr
     centre, delta, products = draws.centre, draws.delta, draws.products
     first, second = draws.pairs
     total = np.empty((J, len(c)))
-    for block in blocks(J, p**2, _BLOCK):
+    # the products are read once for each block: not for a handful of nodes
+    for block in blocks(J, p**2, max(_BLOCK, _NODES * p**2)):
         rest = residual[block] - features[block] @ centre[:, None]
         transposed = np.swapaxes(features[block], 1, 2)
         squares = (transposed @ features[block])[:, first, second]
@@ -119,7 +120,7 @@ def squares_of_factors(
     first, second = draws.pairs
     products = draws.products * (of_inputs.T @ of_inputs)[first, second][:, None]
     total = np.empty((len(of_parameters), len(draws.c)))
-    for block in blocks(len(of_parameters), p**2, _BLOCK):
+    for block in blocks(len(of_parameters), p**2, max(_BLOCK, _NODES * p**2)):
         part = of_parameters[block]
         rest = residual - (part * centre) @ of_inputs.T
         cross = part * (rest @ of_inputs)

@@ -13,6 +13,7 @@ import numpy as np
 
 from hybridsurrogate.cholesky import log_det_of, nudged_cholesky
 from hybridsurrogate.inference.blocks import blocks
+from hybridsurrogate.inference.main_directions import main_directions
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.mixtures import mixture_log_density, mixture_points, moment_match
 from hybridsurrogate.inference.modes import Gaussian, find_modes
@@ -95,9 +96,13 @@ def second_step(
     """
     problem = MeasuredGiven(model, X, y, weights, coefficients, noise_prior, scale)
     if model.n_unknowns in GRID_NODES and not model.effects:
-        z, sigma = grid_draws(problem, random_state)
+        z, sigma = grid_draws(problem, _noise_of(first_step), random_state)
         return MeasuredDraws(z, sigma, np.empty((len(z), 0)), -np.inf, np.nan, "grid")
     return _by_proposals(problem, first_step, random_state)
+
+
+def _noise_of(first_step: FloatArray) -> float:
+    return float(np.exp(np.median(first_step[:, -1])))
 
 
 def _by_proposals(
@@ -110,7 +115,7 @@ def _by_proposals(
         return _log_density(problem, u, centre)[:, 0]
 
     modes = find_modes(at_centre, first_step[np.argsort(-at_centre(first_step[:200]))[:2]])
-    n = len(first_step)
+    n, sigma = len(first_step), _noise_of(first_step)
     spread = Gaussian(first_step[0], np.eye(first_step.shape[1]), modes[0].log_mass)
     first = moment_match(first_step, np.full(n, 1 / n), spread)
     components = [first, modes[0]]
@@ -118,7 +123,8 @@ def _by_proposals(
     for round_ in range(_N_ROUNDS):
         points = mixture_points(components, _N_PROPOSALS, random_state)
         log_proposal = mixture_log_density(components, points)
-        log_weight = _log_density(problem, points, problem.draws) - log_proposal[:, None]
+        given = main_directions(problem, points[:, :-1], sigma)
+        log_weight = _log_density(given, points, given.draws) - log_proposal[:, None]
         share = node_shares(log_weight)
         effective = float(np.median(1 / np.sum(share**2, axis=0)))
         khat = float(np.median([level_smooth(log_weight[:, s])[1] for s in some]))

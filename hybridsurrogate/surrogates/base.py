@@ -134,6 +134,11 @@ class Basis(ABC):
         """
         return np.empty((len(X), 0))
 
+    def along(self, directions: FloatArray) -> Basis:
+        """Return the basis with features along directions (p, r) of the coefficients."""
+        r = directions.shape[1]
+        return _BasisAlong(np.zeros(r), np.ones(r), self, directions)
+
     known_depends_on_hyper = False
     # whether the known part is the simulation itself, which may fail for some parameters
     is_simulation = False
@@ -207,6 +212,22 @@ class _GivenBasis(Basis):
         features = self.basis.features(X, omega)
         factor = self.basis.factor(self.hyper[None])
         return features if factor is None else features @ factor[0]
+
+
+@dataclass(frozen=True)
+class _BasisAlong(Basis):
+    """Another basis along some directions of its coefficients; their prior is not asked for."""
+
+    basis: Basis
+    directions: FloatArray
+
+    def known(
+        self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
+    ) -> FloatArray:
+        return self.basis.known(X, omega, hyper)
+
+    def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        return self.basis.features(X, omega) @ self.directions
 
 
 class Surrogate(BaseEstimator, ABC):

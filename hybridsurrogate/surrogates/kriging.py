@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -288,7 +288,7 @@ class KrigingBasis(Basis):
     process : Process
     stands : Places
         What the features stand on.
-    whiten : ndarray of shape (p, p)
+    whiten : ndarray of shape (n_stands, p)
     """
 
     process: Process
@@ -304,3 +304,9 @@ class KrigingBasis(Basis):
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the whitened covariances, (n, p)."""
         return self.process.places(X, omega).alike(self.stands) @ self.whiten
+
+    def along(self, directions: FloatArray) -> KrigingBasis:
+        """Return the basis with features along directions (p, r) of the coefficients."""
+        r = directions.shape[1]
+        whiten = self.whiten @ directions
+        return replace(self, coefficient_mean=np.zeros(r), coefficient_sd=np.ones(r), whiten=whiten)

@@ -17,8 +17,12 @@ MODELS = ("plain", "named", "averaged")
 WORDS = {model: (f"elpd_{model}", f"inside_{model}") for model in MODELS}
 
 
-def foreseen(case: Case, diagnosis: hs.DiscrepancyDiagnosis, seed: int) -> dict[str, float]:
+def foreseen(
+    case: Case, diagnosis: hs.DiscrepancyDiagnosis, seed: int, emulated: bool = False
+) -> dict[str, float]:
     """Return log density a row and coverage of the plain, the named and the averaged model.
+
+    Not of the averaged one of an emulated simulation, whose many fits take minutes.
 
     The measurements out of range are made here: the truth and noise of the case's size. None where
     the hidden effect is in the noise or there is none.
@@ -31,12 +35,14 @@ def foreseen(case: Case, diagnosis: hs.DiscrepancyDiagnosis, seed: int) -> dict[
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", hs.HybridSurrogateWarning)
         warnings.simplefilter("ignore", RuntimeWarning)
-        models: tuple[Any, ...] = (
-            diagnosis.estimator_,
-            diagnosis.extended_estimator_,
-            diagnosis.averaged_estimator_,
-        )
-        for (score, inside), model in zip(WORDS.values(), models, strict=True):
+        models: dict[str, Any] = {
+            "plain": diagnosis.estimator_,
+            "named": diagnosis.extended_estimator_,
+        }
+        if not emulated:
+            models["averaged"] = diagnosis.averaged_estimator_
+        for name, model in models.items():
+            score, inside = WORDS[name]
             out[score] = model.score(case.X_out, y)
             out[inside] = float(np.mean(model._inside(case.X_out, y, (LEVEL,))[0]))
     return out
@@ -45,7 +51,8 @@ def foreseen(case: Case, diagnosis: hs.DiscrepancyDiagnosis, seed: int) -> dict[
 def beyond(found: pd.DataFrame) -> pd.DataFrame:
     """Return mean scores and coverage out of range, by size and whether the name was right."""
     words = [word for pair in zip(*WORDS.values(), strict=True) for word in pair]
-    scored = found[found["rows"].isin(found["rows"].mode()[:1])].dropna(subset=words)
+    needed = [*WORDS["plain"], *WORDS["named"]]
+    scored = found[found["rows"].isin(found["rows"].mode()[:1])].dropna(subset=needed)
     if scored.empty:
         return scored
     right = scored["exact"].map({True: "right", False: "wrong"})
@@ -56,4 +63,5 @@ def beyond(found: pd.DataFrame) -> pd.DataFrame:
             error = gain.std() / np.sqrt(len(mine))
             rows.append((name, size, len(mine), *mine[words].mean(), gain.mean(), error))
     columns = ["name", "size", "cases", *words, "averaging gains", "its error"]
-    return pd.DataFrame(rows, columns=columns).set_index(["name", "size"]).sort_index()
+    table = pd.DataFrame(rows, columns=columns).set_index(["name", "size"]).sort_index()
+    return table.dropna(axis=1, how="all")

@@ -82,7 +82,8 @@ def sections(table: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
         "Beyond the measured range",
         "Log predictive density a row (ELPD) and share of rows in 90 % intervals, of new "
         "measurements out of range: for the simulation as it is, extended by the cause that was "
-        "named, and averaged over the causes by their probabilities (`averaged_estimator_`). "
+        "named, and (where the simulation is run) averaged over the causes by their probabilities "
+        "(`averaged_estimator_`). "
         "Effects in the noise are left out.",
         beyond(tables.single(table)),
     )
@@ -203,7 +204,7 @@ _DIRECTLY = """The simulations are run directly; those
 of which [only runs are known](scorecard_emulator.md) have a page of their own."""
 _EMULATED = """The diagnosis does not run the
 simulations: it gets {runs:.0f} runs each, all parameters and inputs over their ranges, and the
-default surrogate, a polynomial of degree 3. The cases are those of [the scorecard](scorecard.md)
+surrogate `Kriging()`. The cases are those of [the scorecard](scorecard.md)
 with the same seeds. "Runs leave open" is the median of what the runs do not tell of the simulation
 at the measured rows, in noise standard deviations (`emulator_check_`): where it is above 1, effects
 of size 1 cannot be seen by anyone who has only the runs."""

@@ -116,7 +116,7 @@ def score(task: Task) -> dict[str, Any]:
         result = replace(
             _judge(case, diagnosis, task),
             seconds=round(seconds, 3),
-            **foreseen(case, diagnosis, task.seed),
+            **foreseen(case, diagnosis, task.seed, task.runs > 0),
         )
     except Exception as error:  # a diagnosis that fails is a result, and the others go on
         share = case.truth["noise_sd"] / np.ptp(case.truth["mu"])
