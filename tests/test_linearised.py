@@ -1,0 +1,44 @@
+"""Slopes of the simulation, against the derivative."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.kriging import krige
+from hybridsurrogate.estimators.problem import make_problem
+from hybridsurrogate.inference.layout import layout
+from hybridsurrogate.inference.linearised import coefficient_belief, linearise
+
+SIMULATOR = hs.Simulator(
+    lambda t, rate: np.exp(-rate * t), {"t": (0, 10)}, {"rate": stats.uniform(0.1, 0.5)}
+)
+
+
+@pytest.mark.parametrize("kriged", [False, True], ids=["the simulation", "its runs"])
+def test_slopes_are_the_derivative(kriged):
+    """Two-sided where the simulation is run, one-sided where it is known from runs."""
+    t, runs = np.linspace(0, 10, 20), SIMULATOR.run(64, random_state=0)
+    surrogate = hs.PolynomialChaos(4) if kriged else hs.ExactSurrogate()
+    y = np.exp(-0.3 * t)
+    simulation = runs if kriged else SIMULATOR
+    problem = make_problem(
+        simulation, surrogate, hs.Normal(), None, (hs.Offset(),), ("t",), t[:, None], y
+    )
+    model, belief = problem.model, coefficient_belief(problem.model.basis, problem.simulation)
+    if kriged:
+        basis, belief = krige(model.basis, belief, runs, runs.y)
+        model = replace(model, basis=basis)
+    z = layout(model).neutral + 0.3
+    around = linearise(model, t[:, None], belief, layout(model), z)
+    rate = 0.1 + 0.5 * stats.norm.cdf(z[0] + np.array([-1e-3, 0.0, 1e-3]))
+    low, here, high = model.basis.outer_output(t[:, None], rate[:, None], belief.mean)
+    error = around.G[0, :, 0] - (high - low) / 2e-3
+    assert np.abs(error).max() < 1e-3 * np.abs(around.G).max()
+    np.testing.assert_allclose(around.mean[0] + around.G[0, :, 0] * z[0], here, atol=1e-9)
+    # the runs tell the simulation to a few hundredths of its slope
+    slope = -t * np.exp(-rate[1] * t) * 0.5 * stats.norm.pdf(z[0])
+    tolerance = 0.05 if kriged else 1e-4
+    np.testing.assert_allclose(around.G[0, :, 0], slope, atol=tolerance * np.abs(slope).max())
