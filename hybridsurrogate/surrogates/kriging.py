@@ -54,7 +54,15 @@ class Kriging(Surrogate):
     -----
     `GaussianProcess` infers its length scales together with everything else, which takes many times
     as long from four dimensions on. Here they are held at their most likely values.
-    Inputs and parameters beyond the runs are held at the ends, for the process.
+    Inputs and parameters beyond the runs are held at the ends, for the process. The covariance is
+    learned from 200 runs and features stand on some of 500, drawn at random where there are more;
+    all runs train the coefficients. Under likelihoods that are not normal or log-normal hundreds of
+    features take minutes to fit: a polynomial has fewer.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When an estimator is fitted: for a trend that is no surrogate, or not linear.
 
     Examples
     --------
