@@ -19,13 +19,8 @@ from hybridsurrogate.inference.linearised import Belief
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation import SimulationData
 from hybridsurrogate.surrogates.base import Basis
-from hybridsurrogate.surrogates.kriging import (
-    KrigingBasis,
-    Places,
-    Process,
-    conditioned,
-    process_through,
-)
+from hybridsurrogate.surrogates.kriging import KrigingBasis
+from hybridsurrogate.surrogates.process import Places, Process, conditioned, process_through
 
 # what is left of a variance when its factor has enough columns, in shares of the largest
 _NEGLIGIBLE = 1e-4

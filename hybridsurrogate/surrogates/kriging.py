@@ -3,30 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from hybridsurrogate.cholesky import nudged_cholesky, pivoted_cholesky
 from hybridsurrogate.design import draw_design
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.surrogates.base import Basis, Domain, Surrogate
-from hybridsurrogate.surrogates.covariance import (
-    Apart,
-    Covariance,
-    alike,
-    bent,
-    between,
-    learned,
-)
 from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
+from hybridsurrogate.surrogates.process import Places, Process, conditioned, process_through
 
-# the covariance is learned from at most this many runs; as many as the second limit are used,
-# drawn at random, as files of runs are often in order
-_LEARN, _RUNS = 200, 500
 # runs, and places between them, on which the features stand: at most so many, fewer where all
 # others are as good as known, to these shares of the variance of the outputs
 _RUN_FEATURES, _RUNS_KNOWN, _MORE_FEATURES, _KNOWN = 200, 1e-5, 100, 3e-4
@@ -129,162 +116,6 @@ def _stands(
 
     _, more = pivoted_cholesky(left, column, _KNOWN * spread, _MORE_FEATURES)
     return stands.beside(between_runs.of(more))
-
-
-class Places(NamedTuple):
-    """Points as a process sees them.
-
-    Attributes
-    ----------
-    halves : Apart
-        Of squared distances in lengths.
-    terms : ndarray of shape (n, p)
-        Times their sd; p is 0 where the runs have no use for them.
-    """
-
-    halves: Apart
-    terms: FloatArray
-
-    def alike(self, others: Places) -> FloatArray:
-        """Return covariances (n, m) in units of the process's variance."""
-        return alike(self.halves.squares(others.halves.right)) + self.terms @ others.terms.T
-
-    def among_themselves(self) -> FloatArray:
-        """Return covariances (n, n)."""
-        return self.alike(self)
-
-    def variances(self) -> FloatArray:
-        """Return variances (n,)."""
-        return 1 + np.sum(self.terms**2, axis=1)
-
-    def of(self, chosen: NDArray[np.intp]) -> Places:
-        """Return some of the points."""
-        left, right = self.halves
-        return Places(Apart(left[chosen], right[chosen]), self.terms[chosen])
-
-    def beside(self, others: Places) -> Places:
-        """Return both."""
-        halves = (np.concatenate(pair) for pair in zip(self.halves, others.halves, strict=True))
-        return Places(Apart(*halves), np.concatenate([self.terms, others.terms]))
-
-
-class Runs(NamedTuple):
-    """Runs that a process is conditioned on: their places, and outputs less their prior mean."""
-
-    places: Places
-    residual: FloatArray
-
-
-@dataclass(frozen=True)
-class Process:
-    """Covariance of a simulation's outputs at inputs and parameters.
-
-    Attributes
-    ----------
-    trend : Basis
-    ranges : ndarray of shape (n_inputs + n_parameters, 2)
-        Of the runs.
-    covariance : Covariance
-    term_sd : ndarray of shape (p,)
-        Prior sd of the trend's coefficients in units of the process's; p is 0 where the runs have
-        no use for its terms.
-    """
-
-    trend: Basis
-    ranges: FloatArray
-    covariance: Covariance
-    term_sd: FloatArray
-
-    def places(self, X: FloatArray, omega: FloatArray) -> Places:
-        """Return rows of inputs and parameters as the process sees them."""
-        points = bent(between(np.hstack([X, omega]), self.ranges), self.covariance.bends)
-        terms = np.empty((len(X), 0))
-        if len(self.term_sd):
-            terms = self.trend.features(X, omega) * self.term_sd
-        return Places(Apart.of(points / self.covariance.lengths), terms)
-
-    def prior_mean(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return the trend at its prior mean, (n,)."""
-        known = self.trend.known(X, omega)
-        if np.any(self.trend.coefficient_mean):
-            known = known + self.trend.features(X, omega) @ self.trend.coefficient_mean
-        return known
-
-    def some(self, X: FloatArray, omega: FloatArray, eta: FloatArray) -> Runs:
-        """Return the runs that are used, of runs with outputs eta (n,)."""
-        chosen = _used(len(eta))
-        X, omega = X[chosen], omega[chosen]
-        return Runs(self.places(X, omega), eta[chosen] - self.prior_mean(X, omega))
-
-
-def _used(n: int) -> NDArray[np.intp]:
-    return np.random.default_rng(0).permutation(n)[:_RUNS]
-
-
-def process_through(
-    trend: Basis, ranges: FloatArray, X: FloatArray, omega: FloatArray, eta: FloatArray
-) -> Process:
-    """Return the most likely covariance of outputs.
-
-    Parameters
-    ----------
-    trend : Basis
-        Without hyperparameters.
-    ranges : ndarray of shape (n_inputs + n_parameters, 2)
-        Of the runs.
-    X, omega, eta : ndarray of shape (n, n_inputs), (n, n_parameters), (n,)
-        Runs.
-    """
-    chosen = _used(len(eta))[:_LEARN]
-    X, omega = X[chosen], omega[chosen]
-    features = trend.features(X, omega)
-    residual = eta[chosen] - trend.known(X, omega) - features @ trend.coefficient_mean
-    terms = features * trend.coefficient_sd
-    arrays = between(np.hstack([X, omega]), ranges), terms, residual
-    covariance = _learned(*(array.tobytes() for array in arrays), len(chosen))
-    size = float(np.mean(np.sum(terms**2, axis=1)))
-    used = slice(None if covariance.share else 0)
-    term_sd = np.sqrt(covariance.share / max(size, 1e-300)) * trend.coefficient_sd[used]
-    return Process(trend, ranges, covariance, term_sd)
-
-
-@lru_cache(maxsize=8)
-def _learned(points: bytes, terms: bytes, residual: bytes, n: int) -> Covariance:
-    """Return `learned`: folds and grids over beta ask for the same runs again and again."""
-    arrays = (np.frombuffer(array).reshape(n, -1) for array in (points, terms, residual))
-    places, features, outputs = arrays
-    return learned(places, features, outputs[:, 0])
-
-
-class Conditioned(NamedTuple):
-    """A process given its runs.
-
-    Attributes
-    ----------
-    weights : ndarray of shape (n,)
-        Of the runs.
-    whiten : ndarray of shape (n, n)
-        Inverse of the lower factor of their covariance in units of the process's variance.
-    sd : float
-        Of the process.
-    """
-
-    weights: FloatArray
-    whiten: FloatArray
-    sd: float
-
-
-def conditioned(matrix: FloatArray, nugget: float, residual: FloatArray) -> Conditioned:
-    """Return a process given runs with covariance (n, n) and outputs (n,) less their mean."""
-    n = len(residual)
-    lower = nudged_cholesky((matrix + nugget * np.eye(n))[None])[0]
-    whiten: FloatArray = solve_triangular(lower, np.eye(n), lower=True)
-    weights = whiten.T @ (whiten @ residual)
-    # leave-one-out errors in units of their sd (Rasmussen and Williams 5.12): 1 on average where
-    # the covariance is right
-    deviation = weights**2 / np.sum(whiten**2, axis=0)
-    variance = max(float(residual @ weights), float(np.sum(deviation))) / n
-    return Conditioned(weights, whiten, float(np.sqrt(variance)))
 
 
 @dataclass(frozen=True)
