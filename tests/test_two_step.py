@@ -7,6 +7,7 @@ from scipy import stats
 import hybridsurrogate as hs
 from hybridsurrogate.estimators.problem import make_problem
 from hybridsurrogate.inference.measured import MeasuredModel
+from hybridsurrogate.inference.parameter_grid import _finer, _grid
 from hybridsurrogate.inference.shared_nodes import (
     MeasuredGiven,
     SharedDraws,
@@ -184,3 +185,17 @@ def test_proposals_with_next_to_no_noise_count_for_nothing():
     log_density = _log_density(given, u, given.draws)
     assert np.isfinite(log_density[:10]).all()
     assert log_density[10:].max() < log_density[:10].min() - 50
+
+
+def test_only_cells_that_hold_mass_and_their_neighbours_are_cut():
+    low, high = np.array([0.0, 10.0]), np.array([5.0, 20.0])
+    nodes, width = _grid(low, high, 5)
+    share = np.full(25, 1e-9)
+    share[7] = 1.0  # x in 1..2, y in 14..16
+    finer, cell = _finer(nodes, share, width, 3)
+    np.testing.assert_allclose(cell, width / 3)
+    assert len(finer) == 9 * 9
+    np.testing.assert_allclose(finer.min(axis=0) - cell / 2, [0.0, 12.0], atol=1e-9)
+    np.testing.assert_allclose(finer.max(axis=0) + cell / 2, [3.0, 18.0])
+    # each cell once
+    assert len(np.unique(np.round(finer, 9), axis=0)) == 81
