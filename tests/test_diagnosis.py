@@ -271,7 +271,7 @@ def test_an_emulators_own_error_is_not_blamed_on_the_simulation():
     report = diagnosis.report()
     said = " ".join(str(report).split())
     assert "misses what they tell by" in said
-    assert "the predictions rest on it: try surrogate=Kriging() or more runs." in said
+    assert "the predictions rest on it: try Kriging() or more runs." in said
     assert report.to_dict()["emulator"] == diagnosis.emulator_check_._asdict()
 
 

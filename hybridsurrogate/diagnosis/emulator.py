@@ -12,11 +12,16 @@ from hybridsurrogate.diagnosis.evidence import Search
 from hybridsurrogate.diagnosis.kriging import KrigedBasis
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.inference.linearised import coefficient_belief
+from hybridsurrogate.surrogates import Kriging
 from hybridsurrogate.surrogates.base import Basis, Surrogate
 
 # more than the noise hides, in its standard deviations; measured rows mend some of what is missed
 MOST_OPEN, MOST_MISSED = 1.0, 2.0
-BETTER = "try surrogate=Kriging() or more runs"
+
+
+def advice(surrogate: Surrogate | None) -> str:
+    """Return what to do about a surrogate that misses the simulation."""
+    return "give more runs" if isinstance(surrogate, Kriging) else "try Kriging() or more runs"
 
 
 class EmulatorCheck(NamedTuple):
@@ -48,7 +53,7 @@ class EmulatorCheck(NamedTuple):
             warnings.warn(
                 f"At the measured rows {type(surrogate).__name__}, trained on the runs alone, "
                 f"misses the simulation by {self.missed:.1f} times the noise. The search does "
-                f"without it, but what is predicted rests on it: {BETTER}.",
+                f"without it, but what is predicted rests on it: {advice(surrogate)}.",
                 DiagnosisWarning,
                 stacklevel=4,
             )

@@ -83,7 +83,7 @@ class KrigedBasis(Basis):
         white = places.alike(self.runs) @ self.whiten.T
 
         def column(k: int) -> FloatArray:
-            return places.alike(places.of(np.array([k])))[:, 0] - white @ white[k]
+            return places.alike(places.of(slice(k, k + 1)))[:, 0] - white @ white[k]
 
         diagonal = np.maximum(places.variances() - np.sum(white**2, axis=1), 0.0)
         least = _NEGLIGIBLE * float(np.max(diagonal, initial=0.0))
@@ -131,7 +131,7 @@ def krige(
         ranges = [*simulation.input_ranges.values(), *simulation.parameter_ranges.values()]
         process = process_through(basis, np.array(ranges, dtype=float), X, omega, run_eta)
     runs = process.some(X, omega, run_eta)
-    matrix = runs.places.among_themselves()
+    matrix = runs.places.alike(runs.places)
     weights, whiten, sd = conditioned(matrix, process.covariance.nugget, runs.residual)
     prior = process.trend.coefficient_mean
     used = slice(None if len(process.term_sd) or np.any(prior) else 0)

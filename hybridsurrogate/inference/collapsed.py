@@ -169,24 +169,17 @@ class CollapsedPosterior:
         return len(self.y) < most
 
     @cached_property
-    def _runs_alone(self) -> FixedRows:
-        """What the runs say of the coefficients at any noise scale."""
+    def _before(self) -> FixedRows:
+        """The coefficients before the measured rows: their prior, and what the runs say."""
         mean, precision = self._prior
-        return fixed_rows(self.simulation_power * self._runs, mean, precision**-0.5, 0.0)
+        return fixed_rows(self._runs, mean, precision**-0.5, 0.0)
 
     def _few_rows(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return rows times the sd before them (J, n, p), their residuals, and log noise."""
-        mean, precision = self._prior
+        """Return rows (J, n, p), residuals of the prior mean (J, n), and log noise."""
         rows, log_noise = self._measured_rows(u)
         rows *= np.sqrt(self.measured_power)
-        features, residual = rows[..., :-1], rows[..., -1] - rows[..., :-1] @ mean
-        if not self._with_runs:
-            return features * precision**-0.5, residual, log_noise
-        features = features @ self._runs_alone.axes
-        centre, sd = self._runs_alone.given(np.exp(2 * u[:, -1]))
-        residual -= (features @ centre[..., None])[..., 0]
-        features *= sd[:, None]
-        return features, residual, log_noise
+        features = rows[..., :-1]
+        return features, rows[..., -1] - features @ self._prior[0], log_noise
 
     def _marginal_of_few(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """As `_marginal`, by the covariance of the rows instead of that of the coefficients."""
@@ -194,28 +187,19 @@ class CollapsedPosterior:
         for block in self._blocks(u):
             rows, residual, log_noise = self._few_rows(block)
             variance = np.exp(2 * block[:, -1])
-            log_det, squares = marginal_of_rows(rows, residual, variance)
-            rest = squares + self.measured_power * self._rounding / variance
-            if self._with_runs:
-                of_runs = self._runs_alone.marginal(variance)
-                log_det, rest = log_det + of_runs[0], rest + of_runs[1]
+            log_det, rest = marginal_of_rows(rows, residual, variance, self._before)
+            rest = rest + self.measured_power * self._rounding / variance
             pieces.append(np.stack([log_det, rest, log_noise]))
         log_det, rest, log_noise = np.concatenate(pieces, axis=1)
         return log_det, rest, log_noise
 
     def _draws_of_few(self, u: FloatArray, random_state: np.random.RandomState) -> FloatArray:
-        mean, precision = self._prior
         pieces: list[FloatArray] = []
         for block in self._blocks(u):
             rows, residual, _ = self._few_rows(block)
             variance = np.exp(2 * block[:, -1])
-            v = draws_given_rows(rows, residual, variance, random_state)
-            if self._with_runs:
-                centre, sd = self._runs_alone.given(variance)
-                pieces.append((centre + sd * v) @ self._runs_alone.axes.T)
-            else:
-                pieces.append(v * precision**-0.5)
-        return mean + np.concatenate(pieces)
+            pieces.append(draws_given_rows(rows, residual, variance, self._before, random_state))
+        return np.concatenate(pieces)
 
     @property
     def _rounding(self) -> float:
@@ -260,18 +244,19 @@ class CollapsedPosterior:
             out[:, -1, -1] += self._rounding
             out *= self.measured_power
         if self._with_runs:
-            out += self.simulation_power * self._runs
+            out += self._runs
         return out, log_noise
 
     @cached_property
     def _runs(self) -> FloatArray:
-        """Gram matrix of [features, columns, y] of the runs, which know no columns."""
+        """Gram matrix of [features, columns, y] of the runs, which know no columns, powered."""
         size, p = len(self._prior[0]), len(self.model.basis.coefficient_mean)
         out = np.zeros((size + 1, size + 1))
         if self.simulation is not None:
             index = np.r_[:p, size]
             ff, fy, yy = self.simulation.ff, self.simulation.fy, self.simulation.yy
-            out[np.ix_(index, index)] = np.block([[ff, fy[:, None]], [fy, np.array([yy])]])
+            gram = np.block([[ff, fy[:, None]], [fy, np.array([yy])]])
+            out[np.ix_(index, index)] = self.simulation_power * gram
         return out
 
     @property

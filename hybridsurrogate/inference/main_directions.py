@@ -44,13 +44,9 @@ def main_directions(problem: MeasuredGiven, z: FloatArray, sigma: float) -> Meas
     some = np.unique(np.linspace(0, len(z) - 1, asked).astype(int))
     features = model.parts(problem.X, model.values(z[some])).features.reshape(-1, c.shape[1])
     features = features[np.isfinite(features).all(axis=1)]
-    # draws in coordinates of spread one: c = left @ axes' * sqrt(S)
-    left, size, right = np.linalg.svd(c, full_matrices=False)
-    told = size > 1e-12 * size[0]
-    axes = right[told].T * size[told] / np.sqrt(len(c))
-    gram = axes.T @ (features.T @ features) @ axes
-    seen, turn = np.linalg.eigh(gram)
+    v, axes = problem.draws.principal
+    seen, turn = np.linalg.eigh(axes.T @ (features.T @ features) @ axes)
     left_out = np.sqrt(np.cumsum(np.maximum(seen, 0.0)) / max(len(features), 1))
     turned = turn[:, left_out > _NEGLIGIBLE * sigma]
     model = replace(model, basis=model.basis.along(axes @ turned))
-    return replace(problem, model=model, c=np.sqrt(len(c)) * left[:, told] @ turned)
+    return replace(problem, model=model, c=v @ turned)

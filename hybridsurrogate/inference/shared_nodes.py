@@ -36,6 +36,14 @@ class SharedDraws:
         return self.c - self.centre
 
     @cached_property
+    def principal(self) -> tuple[FloatArray, FloatArray]:
+        """The draws as v @ axes' with v (S, k) of mean square one: v, and axes (p, k)."""
+        left, size, right = np.linalg.svd(self.c, full_matrices=False)
+        told = size > 1e-12 * size[0]
+        root = np.sqrt(len(self.c))
+        return root * left[:, told], right[told].T * size[told] / root
+
+    @cached_property
     def pairs(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Both coefficients of every pair."""
         first, second = np.triu_indices(self.c.shape[1])

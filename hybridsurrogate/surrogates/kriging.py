@@ -79,13 +79,13 @@ class Kriging(Surrogate):
         ranges = np.vstack([domain.input_ranges, domain.parameter_ranges])
         process = process_through(trend, ranges, domain.X, domain.omega, domain.eta)
         runs = process.some(domain.X, domain.omega, domain.eta)
-        matrix = runs.places.among_themselves()
+        matrix = runs.places.alike(runs.places)
         sd = conditioned(matrix, process.covariance.nugget, runs.residual).sd
         # outputs that are all the same would leave nothing to learn
         sd = max(sd, 1e-6 * domain.scale)
         spread = float(np.var(domain.eta)) / sd**2
         stands = _stands(process, runs.places, matrix, spread, len(domain.input_ranges))
-        lower = nudged_cholesky(stands.among_themselves()[None])[0]
+        lower = nudged_cholesky(stands.alike(stands)[None])[0]
         p = len(lower)
         whiten = solve_triangular(lower, np.eye(p), lower=True).T
         return KrigingBasis(np.zeros(p), np.full(p, sd), process, stands, whiten)
@@ -111,8 +111,7 @@ def _stands(
     left = np.maximum(between_runs.variances() - np.sum(white**2, axis=1), 0.0)
 
     def column(k: int) -> FloatArray:
-        one = between_runs.of(np.array([k]))
-        return between_runs.alike(one)[:, 0] - white @ white[k]
+        return between_runs.alike(between_runs.of(slice(k, k + 1)))[:, 0] - white @ white[k]
 
     _, more = pivoted_cholesky(left, column, _KNOWN * spread, _MORE_FEATURES)
     return stands.beside(between_runs.of(more))

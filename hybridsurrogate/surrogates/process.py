@@ -36,17 +36,16 @@ class Places(NamedTuple):
 
     def alike(self, others: Places) -> FloatArray:
         """Return covariances (n, m) in units of the process's variance."""
-        return alike(self.halves.squares(others.halves.right)) + self.terms @ others.terms.T
-
-    def among_themselves(self) -> FloatArray:
-        """Return covariances (n, n)."""
-        return self.alike(self)
+        out = alike(self.halves.squares(others.halves.right))
+        if self.terms.shape[1]:
+            out += self.terms @ others.terms.T
+        return out
 
     def variances(self) -> FloatArray:
         """Return variances (n,)."""
         return 1 + np.sum(self.terms**2, axis=1)
 
-    def of(self, chosen: NDArray[np.intp]) -> Places:
+    def of(self, chosen: NDArray[np.intp] | slice) -> Places:
         """Return some of the points."""
         left, right = self.halves
         return Places(Apart(left[chosen], right[chosen]), self.terms[chosen])

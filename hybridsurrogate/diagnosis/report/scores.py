@@ -6,7 +6,7 @@ import math
 
 import pandas as pd
 
-from hybridsurrogate.diagnosis.emulator import BETTER, MOST_MISSED, MOST_OPEN
+from hybridsurrogate.diagnosis.emulator import MOST_MISSED, MOST_OPEN, advice
 from hybridsurrogate.diagnosis.gain import COVERAGE_LEVEL, HALF, Gain
 from hybridsurrogate.diagnosis.report import digits
 from hybridsurrogate.diagnosis.report.view import View
@@ -139,7 +139,11 @@ def emulator(view: View) -> list[str]:
         ),
         f"The surrogate, trained on the runs alone, misses what they tell by {check.missed:.2g} "
         "times the noise there. The comparisons do without it"
-        + (f", but the predictions rest on it: {BETTER}." if check.missed > MOST_MISSED else "."),
+        + (
+            f", but the predictions rest on it: {advice(view.diagnosis.estimator_.surrogate)}."
+            if check.missed > MOST_MISSED
+            else "."
+        ),
     ]
 
 
