@@ -42,8 +42,9 @@ def by_hand(basis, runs, X, omega):
     prior = Matern(told.lengths, nu=2.5)(bent(unit, told.bends))
     features = np.vstack([trend.features(runs.X, runs.omega), trend.features(X, omega)])
     if told.share:
-        terms = features * process.term_sd
-        prior += terms @ terms.T
+        # a share of one is the process's variance, on average over the runs
+        terms = features * trend.coefficient_sd
+        prior += told.share * terms @ terms.T / np.mean(np.sum(terms[: len(runs.y)] ** 2, axis=1))
     prior *= basis.coefficient_sd[0] ** 2
     n = len(runs.y)
     gain = np.linalg.solve(prior[:n, :n] + NOISE**2 * np.eye(n), prior[:n, n:]).T
@@ -65,29 +66,34 @@ def test_trained_on_runs_it_is_the_process_given_them(simulator, degree):
     omega = np.full((6, 1), 13.0)
     draws = basis.known(X, omega) + model.first_step_.coefficients @ basis.features(X, omega).T
     mean, variance = by_hand(basis, runs, X, omega)
-    # in units of the standard deviation: Monte Carlo error of 20000 draws
-    assert np.abs((draws.mean(axis=0) - mean) / np.sqrt(variance)).max() < 0.05
-    # what is left out of the variance between the runs is a small share of it
-    ratio = draws.var(axis=0) / variance
-    assert (ratio < 1.05).all()
-    assert np.mean(ratio) > 0.8
+    # 20000 draws have errors of 0.007 sd in the mean and of 1 % in the variance: five of each
+    assert np.abs((draws.mean(axis=0) - mean) / np.sqrt(variance)).max() < 0.035
+    lacks = variance - draws.var(axis=0)
+    assert (lacks > -0.05 * variance).all()
+    # the features may leave out 3e-4 of the variance of the outputs at any place
+    assert (lacks < 3e-4 * np.var(runs.y) + 0.05 * variance).all()
 
 
-@pytest.mark.parametrize("name", sorted(SIMULATIONS))
-def test_new_runs_are_met_far_better_than_by_the_polynomial(name):
-    simulator = SIMULATIONS[name]
-    runs, new = simulator.run(200, random_state=0), simulator.run(300, random_state=1)
-    missed = []
-    for surrogate in (hs.Kriging(), hs.PolynomialChaos()):
-        basis = surrogate.build(domain_of(runs))
-        features = basis.features(runs.X, runs.omega) * basis.coefficient_sd
-        rest = runs.y - basis.known(runs.X, runs.omega)
-        small = (1e-3 * np.std(runs.y)) ** 2
-        v = np.linalg.solve(features.T @ features + small * np.eye(features.shape[1]), features.T)
-        told = basis.known(new.X, new.omega)
-        told = told + basis.features(new.X, new.omega) * basis.coefficient_sd @ v @ rest
-        missed.append(np.sqrt(np.mean((told - new.y) ** 2)))
-    assert missed[0] < 0.9 * missed[1]
+def error_at(new, runs, surrogate):
+    """Return the root mean square error at new runs, with a noise of 0.1 % of the outputs' sd."""
+    basis = surrogate.build(domain_of(runs))
+    features = basis.features(runs.X, runs.omega) * basis.coefficient_sd
+    rest = runs.y - basis.known(runs.X, runs.omega)
+    small = (1e-3 * np.std(runs.y)) ** 2
+    v = np.linalg.solve(features.T @ features + small * np.eye(features.shape[1]), features.T)
+    told = basis.known(new.X, new.omega)
+    told = told + basis.features(new.X, new.omega) * basis.coefficient_sd @ v @ rest
+    return np.sqrt(np.mean((told - new.y) ** 2))
+
+
+def test_new_runs_are_met_better_than_by_the_polynomial():
+    better_by = []
+    for simulator in SIMULATIONS.values():
+        runs, new = simulator.run(200, random_state=0), simulator.run(300, random_state=1)
+        missed = [error_at(new, runs, each) for each in (hs.Kriging(), hs.PolynomialChaos())]
+        better_by.append(missed[1] / missed[0])
+    assert min(better_by) > 1.25
+    assert stats.gmean(better_by) > 3
 
 
 def test_a_polynomial_is_left_to_the_trend():
@@ -109,17 +115,21 @@ def test_features_are_bounded_however_many_the_runs(simulator):
     assert len(hs.Kriging().build(domain_of(runs)).coefficient_sd) == 300
 
 
-def test_runs_that_repeat_and_runs_that_are_all_the_same(simulator):
+def test_runs_that_repeat_are_stood_on_once(simulator):
     runs = simulator.run(30, random_state=0)
     twice = hs.SimulationData(
         *(np.concatenate([values, values]) for values in (runs.X, runs.omega, runs.y)),
         inputs=INPUTS,
         parameters=PARAMETERS,
     )
+    stands = hs.Kriging().build(domain_of(twice)).stands.halves.right
+    assert len(np.unique(stands.round(9), axis=0)) == len(stands)
     new = simulator.run(50, random_state=1)
-    once, doubled = (hs.Kriging().build(domain_of(r)) for r in (runs, twice))
-    assert np.isfinite(doubled.features(new.X, new.omega)).all()
-    assert len(doubled.coefficient_sd) <= len(once.coefficient_sd) + 100
+    assert error_at(new, twice, hs.Kriging()) < 1.2 * error_at(new, runs, hs.Kriging())
+
+
+def test_runs_that_are_all_the_same_predict_it(simulator):
+    runs = simulator.run(30, random_state=0)
     X, y = np.array([[1.0, 0.0], [2.0, 0.5], [3.0, -0.5]]), np.array([5.0, 5.1, 4.9])
     flat = hs.SimulationData(
         runs.X, runs.omega, np.full(30, 5.0), inputs=INPUTS, parameters=PARAMETERS
@@ -158,10 +168,12 @@ def test_a_trend_that_is_not_linear_is_refused(simulator, trend, error):
         model.fit(np.array([[1.0, 0.0], [2.0, 0.5]]), np.zeros(2))
 
 
-# draws of which the estimators say that they are doubtful count, too
-@pytest.mark.filterwarnings("ignore::hybridsurrogate.SamplingWarning")
+# pendulums warn that the weights of step 2 are uneven (k-hat); they count like the others
+@pytest.mark.filterwarnings(
+    "ignore:The posterior draws are doubtful:hybridsurrogate.SamplingWarning"
+)
 def test_intervals_of_causes_hold_the_truth_where_only_runs_are_known():
-    """Nine in ten are meant to; with a polynomial of degree three five or six in ten did."""
+    """Nine in ten are meant to, and to be narrower than those with a polynomial, which misses."""
     makers = {"offset": lambda name: hs.Offset(), "step": hs.Step, "trend": hs.Trend}
     words = [
         ("offset", "amplitude", "value"),
@@ -169,16 +181,21 @@ def test_intervals_of_causes_hold_the_truth_where_only_runs_are_known():
         ("step", "amplitude", "value"),
         ("trend", "slope", "slope"),
     ]
-    inside = []
+    inside, widths = [], []
     for seed in range(12):
         kind, word, key = words[seed % 4]
         case = make_case(kind, 2.0, 700 + seed, 40)
         cause = makers[kind](case.truth.get("target", case.simulator.input_names[0]))
         runs = case.simulator.run(100, random_state=seed)
-        model = hs.PowerScaledSurrogate(
-            runs, hs.Kriging(), effects=[cause], n_draws=200, random_state=0
-        ).fit(case.X, case.y)
-        low, high = np.quantile(model.posterior_.estimates(0)[word], [0.05, 0.95])
-        inside.append(low <= case.truth[key] <= high)
-    # 7 or fewer of 12 in one of 250 such tests
+        ends = []
+        for surrogate in (hs.Kriging(), hs.PolynomialChaos()):
+            model = hs.PowerScaledSurrogate(
+                runs, surrogate, effects=[cause], n_draws=200, random_state=0
+            ).fit(case.X, case.y)
+            ends.append(np.quantile(model.posterior_.estimates(0)[word], [0.05, 0.95]))
+        inside.append(ends[0][0] <= case.truth[key] <= ends[0][1])
+        widths.append(np.diff(ends, axis=1).ravel())
+    # 7 or fewer of 12 in one of 230 such tests
     assert sum(inside) >= 8
+    krigings, polynomials = np.transpose(widths)
+    assert np.median(krigings / polynomials) < 0.5

@@ -134,6 +134,13 @@ def test_scores_beyond_the_measured_range():
     assert found.loc[("all", 2.0), "its error"] == pytest.approx(6.1 / 3)
 
 
+def test_scores_beyond_the_measured_range_where_nothing_is_averaged():
+    scores = {"elpd_plain": -3.0, "inside_plain": 0.1, "elpd_named": -1.0, "inside_named": 0.9}
+    found = beyond.beyond(table(row("step", "step", **scores), row("bump", "step", **scores)))
+    assert found.loc[("all", 2.0), ["cases", "elpd_named"]].tolist() == [2, -1.0]
+    assert not any("averag" in column for column in found.columns)
+
+
 def test_first_kinds_and_later_forms():
     kinds = ["step", "trend", "trend: quadratic", "parameter-drift: step"]
     kinds += ["noise", "noise: mean", "noise: tails", "noise: autocorrelation"]
