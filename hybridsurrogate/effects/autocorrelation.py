@@ -112,24 +112,18 @@ class Autocorrelation(OverColumn):
         assert self.length is not None
         return {"length": np.asarray(self.length.ppf((np.arange(5) + 0.5) / 5))}
 
-    def columns(self, X: Rows, theta: Rows) -> FloatArray:
-        """Return constant, cosines and sines times the root of the variance of each wave."""
+    def factors(self, X: Rows, theta: Rows) -> tuple[FloatArray, FloatArray]:
+        """Return constant, cosines and sines, and the root of the variance of each wave."""
         # beyond the period's middle the waves would come back to the rows at the other end
         scaled = np.clip(self.scaled(X), -_EDGE, _EDGE)
         frequency = 2 * np.pi / _PERIOD * np.arange(_PAIRS + 1)
-        numbers = np.stack(np.broadcast_arrays(theta["length"], theta["amplitude"], scaled))[:2]
-        # the rows of a draw come together and share its numbers
-        begins = np.append(True, np.any(np.diff(numbers, axis=1), axis=0))
-        length, amplitude = numbers[:, begins]
-        height = self._heights(length, amplitude, frequency)[np.cumsum(begins) - 1]
         # powers of the first wave: cosine and sine of one angle a row give all of them
         first = np.exp(1j * scaled * frequency[1])
         waves = np.cumprod(np.broadcast_to(first[:, None], (len(first), _PAIRS)), axis=1)
-        out = np.empty((len(first), 1 + 2 * _PAIRS))
-        out[:, 0] = height[:, 0]
-        out[:, 1::2] = height[:, 1:] * waves.real
-        out[:, 2::2] = height[:, 1:] * waves.imag
-        return out
+        of_rows = np.empty((len(first), 1 + 2 * _PAIRS))
+        of_rows[:, 0], of_rows[:, 1::2], of_rows[:, 2::2] = 1.0, waves.real, waves.imag
+        height = self._heights(theta["length"], theta["amplitude"], frequency)
+        return of_rows, np.hstack([height[:, :1], np.repeat(height[:, 1:], 2, axis=1)])
 
     def _heights(
         self, length: FloatArray, amplitude: FloatArray, frequency: FloatArray
@@ -137,11 +131,11 @@ class Autocorrelation(OverColumn):
         """Return the standard deviations of the waves for each length and amplitude."""
         assert self.span is not None
         order = np.arange(len(frequency))
-        rate = self.span / (2 * length)[:, None]
+        rate = self.span / (2 * np.reshape(length, (-1, 1)))
         # Fourier coefficients of exp(-rate distance) over half a period
         cut = 1 - (-1.0) ** order * np.exp(-rate * _PERIOD / 2)
         variance = np.where(order, 4, 2) / _PERIOD * rate / (rate**2 + frequency**2) * cut
-        return np.sqrt(variance) * amplitude[:, None]
+        return np.sqrt(variance) * np.reshape(amplitude, (-1, 1))
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the correlation length and the standard deviation of the correlated part."""

@@ -151,6 +151,15 @@ class Cause(BaseEstimator):
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray | None:
         """Return the added columns, (n, q) with q coefficients."""
+        factors = self.factors(X, theta)
+        return None if factors is None else factors[0] * factors[1]
+
+    def factors(self, X: Rows, theta: Rows) -> tuple[FloatArray, FloatArray] | None:
+        """Return the columns' parts of n rows (n, q) and of J draws of theta (J, q).
+
+        A cause whose columns are products of such parts gives them instead of ``columns``, for
+        speed.
+        """
         return None
 
     def noise(self, X: Rows, theta: Rows) -> FloatArray | float:
@@ -222,6 +231,11 @@ class Cause(BaseEstimator):
     def touches_simulation(self) -> bool:
         """Whether the cause changes the simulation's output itself and does not only add to it."""
         return self.moves_inputs or type(self).gain is not Cause.gain
+
+    @property
+    def factorises(self) -> bool:
+        """Whether the columns are given by `factors`."""
+        return type(self).columns is Cause.columns and type(self).factors is not Cause.factors
 
     @property
     def changes_output(self) -> bool:

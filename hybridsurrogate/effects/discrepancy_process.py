@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
@@ -94,41 +93,18 @@ class GaussianProcessDiscrepancy(Cause):
             return {"length_scale": nodes}
         return {"length_scale": nodes, "amplitude": self.amplitude.ppf([0.1, 0.3, 0.5, 0.7, 0.9])}
 
-    def columns(self, X: Rows, theta: Rows) -> FloatArray:
-        """Return basis functions times the root of the spectral density."""
+    def factors(self, X: Rows, theta: Rows) -> tuple[FloatArray, FloatArray]:
+        """Return the basis functions, and the root of the spectral density of each."""
         assert self.ranges is not None
-        # rows of many draws repeat few inputs and few lengths, and sine and root are what costs
-        length, which = np.unique(theta["length_scale"], return_inverse=True)
-        waves = [
-            self._waves(X[name], limits, length, which) for name, limits in self.ranges.items()
-        ]
-        if len(waves) == 2:
-            out = np.einsum("rj,rk->rjk", *waves).reshape(len(which), -1)
-        else:
-            out = np.hstack(waves)
-        if self.amplitude is not None:
-            out *= np.reshape(theta["amplitude"], (-1, 1))
-        return out
-
-    def _waves(
-        self,
-        x: FloatArray,
-        limits: tuple[float, float],
-        length: FloatArray,
-        which: NDArray[np.intp],
-    ) -> FloatArray:
-        """Return the basis over one input, (n, orders), of the length scales ``length[which]``."""
-        low, high = limits
-        x, row = np.unique(x, return_inverse=True)
-        scaled = (2 * x - low - high) / ((high - low) or 1.0)
-        # the basis is periodic beyond its boundary: hold the process at its edge there
-        scaled = np.clip(scaled, -_BOUNDARY, _BOUNDARY)
         root = np.pi * np.arange(1, self._n_waves + 1) / (2 * _BOUNDARY)
-        wave = np.sin(root * (scaled[:, None] + _BOUNDARY)) / np.sqrt(_BOUNDARY)
-        rate = (length[:, None] * root) ** 2
-        density = np.sqrt(2 * np.pi) * length[:, None] * np.exp(-0.5 * rate)
-        out: FloatArray = wave[row] * np.sqrt(density)[which]
-        return out
+        length = np.reshape(theta["length_scale"], (-1, 1))
+        density = np.sqrt(2 * np.pi) * length * np.exp(-0.5 * (length * root) ** 2)
+        waves = [_waves(X[name], limits, root) for name, limits in self.ranges.items()]
+        heights = [np.sqrt(density)] * len(waves)
+        of_rows, of_draws = (_joined(each) for each in (waves, heights))
+        if self.amplitude is not None:
+            of_draws = of_draws * np.reshape(theta["amplitude"], (-1, 1))
+        return of_rows, of_draws
 
     @property
     def _n_waves(self) -> int:
@@ -146,3 +122,19 @@ class GaussianProcessDiscrepancy(Cause):
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""
         return rf"{SIMULATION} + \delta, \quad \delta \text{{ smooth, of unknown shape}}"
+
+
+def _waves(x: FloatArray, limits: tuple[float, float], root: FloatArray) -> FloatArray:
+    """Return the basis over one input, (n, orders)."""
+    low, high = limits
+    scaled = (2 * x - low - high) / ((high - low) or 1.0)
+    # the basis is periodic beyond its boundary: hold the process at its edge there
+    scaled = np.clip(scaled, -_BOUNDARY, _BOUNDARY)
+    return np.asarray(np.sin(root * (scaled[:, None] + _BOUNDARY)) / np.sqrt(_BOUNDARY))
+
+
+def _joined(factors: Sequence[FloatArray]) -> FloatArray:
+    """Return the factors of a tensor product of two inputs, or of a sum over inputs."""
+    if len(factors) == 2:
+        return np.einsum("rj,rk->rjk", *factors).reshape(len(factors[0]), -1)
+    return np.hstack(factors)

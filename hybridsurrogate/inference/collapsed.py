@@ -10,8 +10,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybridsurrogate.inference.augmented import posterior_factor, whitened
+from hybridsurrogate.inference.factored_rows import are_products, factored_rows
 from hybridsurrogate.inference.fixed_rows import FixedRows, few_rows, fixed_rows
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.row_covariance import draws_given_rows, marginal_of_rows
@@ -224,23 +226,30 @@ class CollapsedPosterior:
         size, n = len(self._prior[0]) + 1, len(self.y) if self.measured_power else 0
         length = _BLOCK // (size * n if self._few else size**2)
         if n:
-            # rows whose features factorise are not formed for each draw
-            width = 1 + len(self.model.column_sd) if self._factorises else size
-            length = min(length, _ROWS_BLOCK // (width * n))
+            # rows of products are not formed for each draw
+            formed = size if self._few else size - int(np.count_nonzero(self._products))
+            length = min(length, _ROWS_BLOCK // (formed * n))
         length = max(1, length)
         return [u[k : k + length] for k in range(0, max(len(u), 1), length)]
+
+    @cached_property
+    def _products(self) -> NDArray[np.bool_]:
+        return are_products(self.model)
 
     def _gram(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return [[G, g], [g', yy]] of all rows at sigma = 1, and the log noise factors."""
         size = len(self._prior[0])
-        out = np.zeros((len(u), size + 1, size + 1))
+        out: FloatArray = np.zeros((len(u), size + 1, size + 1))
         log_noise: FloatArray = np.zeros(len(u))
         if self.measured_power:
-            if self._factorises:
-                self._fill_measured(u, out)
+            if self._products.any():
+                values, root = self.model.values(u[:, :-1]), np.sqrt(self.weights)[:, None]
+                rows = factored_rows(self.model, self.X, self.y, values)
+                rows = rows._replace(formed=rows.formed * root, of_rows=rows.of_rows * root)
+                out = rows.gram(self._products)
             else:
-                rows, log_noise = self._measured_rows(u)
-                np.matmul(np.swapaxes(rows, 1, 2), rows, out=out)
+                formed, log_noise = self._measured_rows(u)
+                np.matmul(np.swapaxes(formed, 1, 2), formed, out=out)
             out[:, -1, -1] += self._rounding
             out *= self.measured_power
         if self._with_runs:
@@ -258,32 +267,6 @@ class CollapsedPosterior:
             gram = np.block([[ff, fy[:, None]], [fy, np.array([yy])]])
             out[np.ix_(index, index)] = self.simulation_power * gram
         return out
-
-    @property
-    def _factorises(self) -> bool:
-        return self.model.factorises and not self._few
-
-    def _fill_measured(self, u: FloatArray, out: FloatArray) -> None:
-        """Write the Gram matrices of [features, columns, y] (J, p + q + 1, p + q + 1)."""
-        values = self.model.values(u[:, :-1])
-        factors = self.model.factors(self.X, values)
-        assert factors is not None
-        known, of_inputs, of_parameters = factors
-        root = np.sqrt(self.weights)
-        of_inputs, rest = of_inputs * root[:, None], (self.y - known) * root
-        columns = self.model.added(self.X, values) * root[:, None]
-        # columns and y beside the features, whose share of the parameters is a factor
-        added = np.concatenate(
-            [columns, np.broadcast_to(rest[:, None], (len(u), len(rest), 1))], axis=2
-        )
-        transposed = np.swapaxes(added, 1, 2)
-        p = of_inputs.shape[1]
-        out[:, :p, :p] = of_inputs.T @ of_inputs
-        out[:, :p, :p] *= of_parameters[:, :, None]
-        out[:, :p, :p] *= of_parameters[:, None, :]
-        out[:, p:, :p] = (transposed @ of_inputs) * of_parameters[:, None]
-        out[:, :p, p:] = np.swapaxes(out[:, p:, :p], 1, 2)
-        out[:, p:, p:] = transposed @ added
 
     def _augmented_factor(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return `posterior_factor` of all rows, and the log noise factors."""

@@ -180,12 +180,10 @@ class Columns(NamedTuple):
 
 def columns_at_nodes(model: MeasuredModel, X: FloatArray, plan: Layout, z: FloatArray) -> Columns:
     """Return the columns of all causes at every node."""
-    added = model.added(X, _values_at_nodes(model, plan, z))
-    last = np.array(
-        [owner == len(model.effects) - 1 for owner, _ in model.column_names], dtype=bool
-    )
-    earlier = added[0][:, ~last] * model.column_sd[~last]
-    own = np.swapaxes(added if last.all() else added[:, :, last], 1, 2)
+    before, values = range(len(model.effects) - 1), _values_at_nodes(model, plan, z)
+    earlier = model.added_by(before, X, values[:1])[0]
+    earlier *= model.column_sd[: earlier.shape[1]]
+    own = np.swapaxes(model.added_by(range(len(before), len(model.effects)), X, values), 1, 2)
     rms = _rms(own)
     if model.effects and model.effects[-1].is_process:
         # the basis of a process is one object: its prior variance per row, not per column
@@ -213,7 +211,7 @@ def _noise_at_nodes(
 
     Where noise follows the simulation's output, it is that at z, ``simulated`` (n,).
     """
-    if not any(effect.touches_noise for effect in model.effects):
+    if not model.touches_noise:
         return None
     values = _values_at_nodes(model, plan, z)
     values = values if model.effects[-1].touches_noise else values[:1]

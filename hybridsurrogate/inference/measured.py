@@ -237,8 +237,14 @@ class MeasuredModel:
         return (
             type(self.basis).factors is not Basis.factors
             and not self.basis.known_depends_on_hyper
-            and not any(e.touches_simulation or e.touches_noise for e in self.effects)
+            and not any(effect.touches_simulation for effect in self.effects)
+            and not self.touches_noise
         )
+
+    @property
+    def touches_noise(self) -> bool:
+        """Whether a cause changes the noise of single rows."""
+        return any(effect.touches_noise for effect in self.effects)
 
     def factors(self, X: FloatArray, values: FloatArray) -> Factors | None:
         """Return the surrogate's `Factors` of rows X and draws of `values`."""
@@ -260,7 +266,7 @@ class MeasuredModel:
         ``simulated`` (n,) is the simulation's output, for noise that follows it.
         """
         J = len(values)
-        if not any(effect.touches_noise for effect in self.effects):
+        if not self.touches_noise:
             return np.ones((J, 1))
         rows, _, theta = self.rows(X, values)
         return self._noise({**rows, SIMULATED: np.tile(simulated, J)}, theta, J, len(X))
@@ -278,7 +284,7 @@ class MeasuredModel:
         if not any(effect.has_outliers for effect in self.effects):
             return None
         rest = np.ones(len(values))
-        for effect, own in zip(self.effects, self._theta(values), strict=True):
+        for effect, own in zip(self.effects, self.theta(values), strict=True):
             rest = rest * (1 - np.asarray(effect.outliers(own)))
         return 1 - rest
 
@@ -292,22 +298,26 @@ class MeasuredModel:
 
     def added(self, X: FloatArray, values: FloatArray) -> FloatArray:
         """Return the columns that causes add, (J, n, q); the simulation is not run."""
-        if not self.column_names:
+        return self.added_by(range(len(self.effects)), X, values)
+
+    def added_by(self, chosen: Sequence[int], X: FloatArray, values: FloatArray) -> FloatArray:
+        """As `added`, of some of the causes, by position."""
+        adding = [k for k in chosen if self.effects[k].coefficients]
+        q = sum(len(self.effects[k].coefficients) for k in adding)
+        if not q:
             return np.empty((len(values), len(X), 0))
-        (added,) = in_blocks(
-            lambda block: (self._added(X, block),), values, len(X) * len(self.column_names)
-        )
+        (added,) = in_blocks(lambda block: (self._added(adding, X, block),), values, len(X) * q)
         return added
 
-    def _added(self, X: FloatArray, values: FloatArray) -> FloatArray:
-        J, n = len(values), len(X)
+    def _added(self, adding: Sequence[int], X: FloatArray, values: FloatArray) -> FloatArray:
+        shape = len(values), len(X), -1
+        added: list[FloatArray] = []
         rows, _, theta = self.rows(X, values)
-        added = [
-            np.asarray(effect.columns(rows, own))
-            for effect, own in zip(self.effects, theta, strict=True)
-            if effect.coefficients
-        ]
-        return np.hstack(added).reshape(J, n, len(self.column_names))
+        for k in adding:
+            columns = self.effects[k].columns(rows, theta[k])
+            assert columns is not None
+            added.append(np.reshape(columns, shape))
+        return added[0] if len(added) == 1 else np.concatenate(added, axis=2)
 
     def rows(self, X: FloatArray, values: FloatArray) -> tuple[Rows, Rows, list[Rows]]:
         """Return columns, omega and each cause's theta, every row of every draw after another."""
@@ -318,10 +328,10 @@ class MeasuredModel:
             **{name: repeated[:, k] for k, name in enumerate(self.parameters)},
             **{name: np.full(J * n, value) for name, value in self.constants.items()},
         }
-        return rows, omega, self._theta(repeated)
+        return rows, omega, self.theta(repeated)
 
-    def _theta(self, values: FloatArray) -> list[Rows]:
-        """Return each cause's own parameters by name."""
+    def theta(self, values: FloatArray) -> list[Rows]:
+        """Return each cause's own parameters by name, for draws of `values`."""
         theta: list[Rows] = [{} for _ in self.effects]
         for column, (k, name) in enumerate(self.theta_names, start=self.n_parameters):
             theta[k] = {**theta[k], name: values[:, column]}

@@ -1,0 +1,70 @@
+"""Gram matrices by factors, against those of rows that are formed for each draw."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import hybridsurrogate as hs
+from hybridsurrogate.estimators.problem import make_problem
+from hybridsurrogate.inference.factored_rows import are_products, factored_rows
+
+SIMULATOR = hs.Simulator(
+    lambda t, rate: np.exp(-rate * t), {"t": (0, 10)}, {"rate": stats.uniform(0.1, 0.5)}
+)
+MIXED = (hs.Offset(), hs.Autocorrelation("t"), hs.Periodic("t"), hs.GaussianProcessDiscrepancy())
+
+
+@pytest.mark.parametrize(
+    ("surrogate", "effects", "n_products"),
+    [
+        (hs.PolynomialChaos(2), (), 6),
+        (hs.PolynomialChaos(2), MIXED, 6 + 61 + 24),
+        (hs.PolynomialChaos(2), (hs.Gain(), *MIXED), 61 + 24),
+        (hs.ExactSurrogate(), MIXED, 61 + 24),
+        (hs.ExactSurrogate(), (hs.Delay("t"), hs.Autocorrelation("t")), 61),
+        (hs.PolynomialChaos(2), (hs.Noise("t"), hs.Autocorrelation("t")), 0),
+    ],
+    ids=["terms", "terms and causes", "causes", "simulation", "delay", "noise"],
+)
+def test_gram_matrices_are_those_of_the_rows(surrogate, effects, n_products):
+    t = np.linspace(0, 10, 50)
+    X, y = t[:, None], np.exp(-0.3 * t)
+    simulation = (
+        SIMULATOR if isinstance(surrogate, hs.ExactSurrogate) else SIMULATOR.run(40, random_state=0)
+    )
+    model = make_problem(simulation, surrogate, hs.Normal(), None, effects, ("t",), X, y).model
+    products = are_products(model)
+    assert np.count_nonzero(products) == n_products
+    if not n_products:
+        return
+    z = np.random.default_rng(0).standard_normal((7, model.n_unknowns))
+    values = model.values(z)
+    parts = model.parts(X, values)
+    rows = np.concatenate([parts.features, parts.columns, (y - parts.known)[..., None]], axis=2)
+    expected = np.swapaxes(rows, 1, 2) @ rows
+    factored = factored_rows(model, X, y, values)
+    assert factored.of_rows.shape[1] == n_products
+    np.testing.assert_allclose(
+        factored.gram(products), expected, rtol=1e-9, atol=1e-12 * expected.max()
+    )
+
+
+class Louder(hs.Autocorrelation):
+    """A cause of one's own that changes the columns of one that has factors."""
+
+    def columns(self, X, theta):
+        return 2 * super().columns(X, theta)
+
+
+def test_columns_of_ones_own_are_used_instead_of_inherited_factors():
+    t = np.linspace(0, 10, 50)
+    added = []
+    for cause in (hs.Autocorrelation("t"), Louder("t")):
+        model = make_problem(
+            SIMULATOR, hs.ExactSurrogate(), hs.Normal(), None, (cause,), ("t",), t[:, None], t
+        ).model
+        values = model.values(np.zeros((1, model.n_unknowns)))
+        factored = factored_rows(model, t[:, None], t, values)
+        formed = factored.formed[0, :, :-1]
+        added.append(np.hstack([factored.of_rows * factored.of_draws, formed]))
+    np.testing.assert_allclose(added[1], 2 * added[0])
