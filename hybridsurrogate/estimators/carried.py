@@ -8,7 +8,7 @@ from sklearn.base import clone
 from sklearn.utils import check_random_state
 
 from hybridsurrogate.estimators.first_step import FirstStep, of_importance
-from hybridsurrogate.estimators.fitting import Fit, finish, make_target
+from hybridsurrogate.estimators.fitting import Fit, finish, make_target, powers_used
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.inference.importance import Proposals
@@ -44,7 +44,8 @@ def carried(
     """
     if proposals is None:
         return None
-    target = make_target(problem, *powers if problem.runs is not None else (0.0, 1.0))
+    powers = powers_used(problem, powers)
+    target = make_target(problem, *powers)
     sampled = matched_draws(
         target.extended_log_density,
         _thinned(proposals, n_proposals),
@@ -56,7 +57,7 @@ def carried(
         return None
     drawn = target.resolved(sampled.draws, random_state)
     step = FirstStep(*drawn, of_importance(sampled, 1), sampled.proposals)
-    return finish(problem, step, random_state)
+    return finish(problem, powers, step, random_state)
 
 
 def fitted_near(

@@ -87,12 +87,25 @@ def fit_problem(
     powers : (alpha_S, alpha_R)
         alpha_R may be an array with one power for each measured row.
     """
-    target = make_target(problem, *powers if problem.runs is not None else (0.0, 1.0))
-    return finish(problem, first_step(target, sampler, n_draws, random_state), random_state)
+    powers = powers_used(problem, powers)
+    drawn = first_step(make_target(problem, *powers), sampler, n_draws, random_state)
+    return finish(problem, powers, drawn, random_state)
 
 
-def finish(problem: Problem, drawn: FirstStep, random_state: np.random.RandomState) -> Fit:
-    """Run step 2 on the draws of step 1."""
+def powers_used(
+    problem: Problem, powers: tuple[float, float | FloatArray]
+) -> tuple[float, float | FloatArray]:
+    """Return (alpha_S, alpha_R), which without runs are those of measured rows alone."""
+    return powers if problem.runs is not None else (0.0, 1.0)
+
+
+def finish(
+    problem: Problem,
+    powers: tuple[float, float | FloatArray],
+    drawn: FirstStep,
+    random_state: np.random.RandomState,
+) -> Fit:
+    """Run step 2 on the draws of step 1 at `powers_used`."""
     model = problem.model
     first = Posterior(
         model,
@@ -102,7 +115,7 @@ def finish(problem: Problem, drawn: FirstStep, random_state: np.random.RandomSta
         drawn.c,
         drawn.a,
     )
-    if problem.runs is None:
+    if powers[0] == 0 and np.all(powers[1] == 1):
         # measured rows alone were used, at full power: step 2 would repeat step 1
         return Fit(first, first, drawn.u, drawn.diagnostics, drawn.proposals)
     again = measured_draws(problem, drawn.u, drawn.c, drawn.a, random_state)

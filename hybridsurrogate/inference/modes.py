@@ -9,10 +9,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybridsurrogate.priors import FloatArray
 
 LogDensity = Callable[[FloatArray], FloatArray]
+# log density of points (K, d) for the draws (K,) of something else that they are given
+PairLogDensity = Callable[[FloatArray, NDArray[np.intp]], FloatArray]
 
 
 @dataclass(frozen=True)
@@ -52,24 +55,41 @@ def find_modes(
             "The log density is minus infinity at every starting point: the priors and the data "
             "contradict each other, or the simulation fails everywhere. Check priors and units."
         )
-    x, value = x[alive], value[alive]
+
+    def any_start(points: FloatArray, _: NDArray[np.intp]) -> FloatArray:
+        return log_density(points)
+
+    x, value, hessian = climb(any_start, x[alive], value[alive], step_share, max_iter, rivals=True)
+    return distinct(_approximations(x, value, hessian))
+
+
+def climb(
+    log_density: PairLogDensity,
+    x: FloatArray,
+    value: FloatArray,
+    step_share: float,
+    max_iter: int,
+    rivals: bool,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Climb from every start x (S, d) at once; return ends, their log densities and Hessians.
+
+    With ``rivals`` all starts climb the same density, and those that trail by far stay behind.
+    """
+    x, value = x.copy(), value.copy()
     step = np.full(x.shape, 1e-4)
     damping = np.full(len(x), 1e-3)
     active = np.ones(len(x), dtype=bool)
-    hessian = np.zeros((*x.shape, x.shape[1]))
     for iteration in range(max_iter):
-        if iteration >= 4:  # starts that trail by far will not matter
+        if rivals and iteration >= 4:  # starts that trail by far will not matter
             active &= value > value.max() - 25.0
         if not active.any():
             break
-        gradient, curvature = _differences(log_density, x[active], value[active], step[active])
-        hessian[active] = curvature
-        move = _newton_move(gradient, curvature, damping[active])
-        trial = x[active] + move
-        trial_value = log_density(trial)
-        better = trial_value > value[active]
-        gain = np.where(better, trial_value - value[active], np.inf)
         index = np.flatnonzero(active)
+        gradient, curvature = _differences(log_density, index, x[index], value[index], step[index])
+        trial = x[index] + _newton_move(gradient, curvature, damping[index])
+        trial_value = log_density(trial, index)
+        better = trial_value > value[index]
+        gain = np.where(better, trial_value - value[index], np.inf)
         x[index[better]] = trial[better]
         value[index[better]] = trial_value[better]
         damping[index] = np.clip(np.where(better, 0.1, 8.0) * damping[index], 1e-9, 1e9)
@@ -77,12 +97,16 @@ def find_modes(
         step[index] = step_share * np.clip(1 / np.sqrt(np.maximum(diagonal, 1e-8)), 1e-7, 0.5)
         done = (better & (gain < 1e-3)) | (damping[index] > 1e4)
         active[index[done]] = False
-    _, hessian = _differences(log_density, x, value, step)
-    return distinct(_approximations(x, value, hessian))
+    _, hessian = _differences(log_density, np.arange(len(x)), x, value, step)
+    return x, value, hessian
 
 
 def _differences(
-    log_density: LogDensity, x: FloatArray, value: FloatArray, step: FloatArray
+    log_density: PairLogDensity,
+    index: NDArray[np.intp],
+    x: FloatArray,
+    value: FloatArray,
+    step: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Return gradients (S, d) and Hessians (S, d, d) by central differences."""
     S, d = x.shape
@@ -94,7 +118,7 @@ def _differences(
         + [-unit[i] - unit[j] for i, j in pairs]
     )
     points = x[:, None, :] + offsets * step[:, None, :]
-    values = log_density(points.reshape(-1, d)).reshape(S, -1)
+    values = log_density(points.reshape(-1, d), np.repeat(index, len(offsets))).reshape(S, -1)
     values = np.where(np.isfinite(values), values, value[:, None] - 1e6)
     plus, minus = values[:, :d], values[:, d : 2 * d]
     gradient = (plus - minus) / (2 * step)
@@ -121,14 +145,19 @@ def _newton_move(gradient: FloatArray, hessian: FloatArray, damping: FloatArray)
 
 
 def _approximations(x: FloatArray, value: FloatArray, hessian: FloatArray) -> list[Gaussian]:
+    factor = factors(hessian)
+    log_det = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
+    log_mass = value + log_det + 0.5 * x.shape[1] * np.log(2 * np.pi)
+    order = np.argsort(-value)
+    return [Gaussian(x[k].copy(), factor[k], float(log_mass[k])) for k in order]
+
+
+def factors(hessian: FloatArray) -> FloatArray:
+    """Return lower factors (S, d, d) of the covariances that Hessians (S, d, d) stand for."""
     # saddles and rounding: no direction is wider than a few of the prior's deviations
     eigenvalue, vector = np.linalg.eigh(-hessian)
     eigenvalue = np.clip(eigenvalue, 0.05, 1e10)
-    covariance = (vector / eigenvalue[:, None, :]) @ np.swapaxes(vector, 1, 2)
-    factor = np.linalg.cholesky(covariance)
-    log_mass = value - 0.5 * np.log(eigenvalue).sum(axis=1) + 0.5 * x.shape[1] * np.log(2 * np.pi)
-    order = np.argsort(-value)
-    return [Gaussian(x[k].copy(), factor[k], float(log_mass[k])) for k in order]
+    return np.linalg.cholesky((vector / eigenvalue[:, None, :]) @ np.swapaxes(vector, 1, 2))
 
 
 def distinct(found: list[Gaussian]) -> list[Gaussian]:

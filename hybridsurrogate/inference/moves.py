@@ -8,16 +8,12 @@ each update leaves the product of all conditional posteriors invariant.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hybridsurrogate.inference.modes import PairLogDensity
 from hybridsurrogate.priors import FloatArray
-
-# log density of points (K, d) under chains (K,): what is inferred given which coefficient draw
-PairLogDensity = Callable[[FloatArray, NDArray[np.intp]], FloatArray]
 
 _POOL = 60
 _STEPS = 160

@@ -9,6 +9,7 @@ from scipy.ndimage import binary_dilation
 from hybridsurrogate.inference.blocks import blocks
 from hybridsurrogate.inference.main_directions import main_directions
 from hybridsurrogate.inference.noise import marginal_over_noise, noise_grid
+from hybridsurrogate.inference.own_proposals import log_density_of_pairs
 from hybridsurrogate.inference.shared_nodes import (
     MeasuredGiven,
     node_shares,
@@ -26,14 +27,18 @@ _Z_RANGE = 7.0
 # a posterior on fewer nodes than this gets a grid this many times finer
 _FEW_NODES = {1: 8.0, 2: 50.0}
 _REFINEMENT = {1: 10, 2: 3}
+# of the log density from a node to a point in its cell; where cells are as wide as two standard
+# deviations of the posterior
+_MOST_CHANGE = 0.5
 
 
 def grid_draws(
     problem: MeasuredGiven, sigma: float, random_state: np.random.RandomState
-) -> tuple[FloatArray, FloatArray]:
-    """Draw z (S, d) and sigma (S,), one for each coefficient draw.
+) -> tuple[FloatArray, bool]:
+    """Draw u = [z, log sigma] (S, d + 1), one for each coefficient draw.
 
-    The grid spans first the whole prior, then the place where the posterior lies.
+    The grid spans first the whole prior, then the place where the posterior lies. The second value
+    is whether its cells are smaller than the posterior of most draws.
     """
     d = problem.model.n_unknowns
     low, high = np.full(d, -_Z_RANGE), np.full(d, _Z_RANGE)
@@ -58,8 +63,13 @@ def grid_draws(
     S = len(problem.c)
     z = nodes[pick] + width * (random_state.uniform(size=(S, d)) - 0.5)
     # sigma at the node, not at the jittered point: the jitter is below the posterior's width
-    chosen = squares[pick, np.arange(S)]
-    return z, _draw_noise(chosen, problem.weights.sum(), *noise, random_state)
+    log_sigma = _draw_noise(
+        squares[pick, np.arange(S)], problem.weights.sum(), *noise, random_state
+    )[:, None]
+    u, at_node = np.hstack([z, log_sigma]), np.hstack([nodes[pick], log_sigma])
+    every = np.arange(S)
+    change = log_density_of_pairs(problem, u, every) - log_density_of_pairs(problem, at_node, every)
+    return u, bool(np.median(np.abs(change)) < _MOST_CHANGE)
 
 
 def _grid(low: FloatArray, high: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
@@ -123,7 +133,7 @@ def _draw_noise(
     log_weight: FloatArray,
     random_state: np.random.RandomState,
 ) -> FloatArray:
-    """Draw sigma given each sum of squares, by inversion on a grid around its own mode."""
+    """Draw log sigma given each sum of squares, by inversion on a grid around its own mode."""
     # the likelihood alone has its mode at sqrt(SS / n) and a spread of 1 / sqrt(2 n) in log sigma
     spread = 8 / np.sqrt(2 * n) + 0.05
     centre = 0.5 * np.log(squares / n)
@@ -144,4 +154,7 @@ def _draw_noise(
     pick = one_node_each(density.T, random_state)
     row = np.arange(len(squares))
     width = nodes[:, 1] - nodes[:, 0]
-    return np.exp(nodes[row, pick] + width * (random_state.uniform(size=len(row)) - 0.5))
+    drawn = nodes[row, pick] + width * (random_state.uniform(size=len(row)) - 0.5)
+    # half of the cell of a node at an end lies beyond it
+    drawn = nodes[:, 0] + np.abs(drawn - nodes[:, 0])
+    return nodes[:, -1] - np.abs(nodes[:, -1] - drawn)

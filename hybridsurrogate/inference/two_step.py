@@ -17,6 +17,7 @@ from hybridsurrogate.inference.main_directions import main_directions
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.mixtures import mixture_log_density, mixture_points, moment_match
 from hybridsurrogate.inference.modes import Gaussian, find_modes
+from hybridsurrogate.inference.own_proposals import OwnDraws, own_draws
 from hybridsurrogate.inference.parameter_grid import GRID_NODES, grid_draws
 from hybridsurrogate.inference.pareto import KHAT_LIMIT, level_smooth
 from hybridsurrogate.inference.shared_nodes import (
@@ -96,8 +97,12 @@ def second_step(
     """
     problem = MeasuredGiven(model, X, y, weights, coefficients, noise_prior, scale)
     if model.n_unknowns in GRID_NODES and not model.effects:
-        z, sigma = grid_draws(problem, _noise_of(first_step), random_state)
-        return MeasuredDraws(z, sigma, np.empty((len(z), 0)), -np.inf, np.nan, "grid")
+        u, resolved = grid_draws(problem, _noise_of(first_step), random_state)
+        if resolved:
+            return _drawn(problem, u, -np.inf, np.nan, "grid", random_state)
+        # far from the simulation's guidance every draw has a narrow posterior of its own
+        own = own_draws(problem, np.stack([u, first_step]), random_state)
+        return _drawn(problem, *own, "importance", random_state)
     return _by_proposals(problem, first_step, random_state)
 
 
@@ -132,10 +137,24 @@ def _by_proposals(
         if enough or round_ == _N_ROUNDS - 1:
             break
         components = [moment_match(points, share.mean(axis=1), first), modes[0]]
-    pick = one_node_each(share, random_state)
-    u = points[pick]
-    coefficients = _draw_columns(problem, u, random_state)
-    return MeasuredDraws(u[:, :-1], np.exp(u[:, -1]), coefficients, khat, effective, "importance")
+    drawn = OwnDraws(points[one_node_each(share, random_state)], khat, effective)
+    if not enough:
+        best = points[np.argmax(log_weight + log_proposal[:, None], axis=0)]
+        own = own_draws(problem, np.stack([best, first_step]), random_state)
+        drawn = own if own.khat < max(khat, KHAT_LIMIT) else drawn
+    return _drawn(problem, *drawn, "importance", random_state)
+
+
+def _drawn(
+    problem: MeasuredGiven,
+    u: FloatArray,
+    khat: float,
+    effective: float,
+    method: str,
+    random_state: np.random.RandomState,
+) -> MeasuredDraws:
+    columns = _draw_columns(problem, u, random_state)
+    return MeasuredDraws(u[:, :-1], np.exp(u[:, -1]), columns, khat, effective, method)
 
 
 def _log_density(problem: MeasuredGiven, u: FloatArray, draws: SharedDraws) -> FloatArray:
