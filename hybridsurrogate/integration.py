@@ -115,14 +115,18 @@ def adaptive(
     if not later.any() or not np.isfinite(state).all():
         return out
     span = (start, float(times[later].max()))
-    settings: dict[str, Any] = {
-        "method": method,
-        "rtol": 1e-8,
-        "atol": 1e-10 * (1 + np.abs(state)),
-        "max_step": max_step,
-    }
-    found = solve_ivp(slope, span, state, dense_output=True, **settings)
-    # what was reached before a failure is not kept: a solution that breaks down is no solution
-    if found.success and found.sol is not None and np.isfinite(found.y).all():
-        out[:, later] = found.sol(times[later])
+    settings: dict[str, Any] = {"method": method, "rtol": 1e-8, "max_step": max_step}
+    size = 1 + np.abs(state)
+    while True:
+        found = solve_ivp(slope, span, state, dense_output=True, atol=1e-10 * size, **settings)
+        # what was reached before a failure is not kept: a solution that breaks down is no solution
+        if not (found.success and found.sol is not None and np.isfinite(found.y).all()):
+            return out
+        # states in units that make them small need as many digits
+        reached = np.max(np.abs(found.y), axis=1)
+        coarse = (0 < reached) & (reached < 0.01 * size)
+        if not coarse.any():
+            break
+        size = np.where(coarse, reached, size)
+    out[:, later] = found.sol(times[later])
     return out

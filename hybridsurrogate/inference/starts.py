@@ -12,7 +12,7 @@ from hybridsurrogate.inference.laplace import LaplacePosterior
 from hybridsurrogate.inference.layout import layout
 from hybridsurrogate.inference.linearised import coefficient_belief
 from hybridsurrogate.inference.scan import climb
-from hybridsurrogate.inference.statistics import Statistics, statistics
+from hybridsurrogate.inference.statistics import ROUNDING, Statistics, statistics
 from hybridsurrogate.priors import FloatArray, to_normal
 
 _MAX_STARTS = 5
@@ -49,7 +49,7 @@ def starting_points(
         if len(plan.nodes):
             priors = [partial.priors[k] for k in plan.nodes]
             z[plan.nodes] = to_normal(priors, plan.grid[peak.node])
-        sigma = float(np.sqrt(max(peak.squares, 1e-12) / len(target.y)))
+        sigma = max(float(np.sqrt(peak.squares / len(target.y))), ROUNDING * target.scale)
     return np.array([[*z, *z_hyper, np.log(sigma * factor)] for factor in (1.0, 2.0)])
 
 

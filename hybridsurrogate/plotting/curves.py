@@ -263,5 +263,5 @@ def _view(draws: Mapping[str, Sequence[ArrayLike]], scene: Scene | None) -> tupl
         room = 0.5 * float(np.ptp(known))
         low = max(min(low, known.min()), known.min() - room)
         high = min(max(high, known.max()), known.max() + room)
-    margin = 0.04 * (high - low) + 1e-12
+    margin = 0.04 * (high - low) or 1.0
     return float(low - margin), float(high + margin)

@@ -115,7 +115,7 @@ def share_range(axes: Sequence[Axes], values: FloatArray) -> None:
     """Give Axes one range, wide enough for the data but not for a runaway extrapolation."""
     values = values[np.isfinite(values)]
     low, high = float(np.min(values)), float(np.max(values))
-    room = 0.5 * (high - low) + 1e-12
+    room = 0.5 * (high - low) or 1.0
     bottom = max(min(float(ax.get_ylim()[0]) for ax in axes), low - room)
     top = min(max(float(ax.get_ylim()[1]) for ax in axes), high + room)
     if axes[0].get_yscale() == "log":
