@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.stats import halfnorm, norm
+from scipy.stats import halfnorm, norm, uniform
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 
@@ -73,22 +73,56 @@ def test_an_interrupted_search_keeps_the_causes_already_weighed():
         diagnosis.predict(T[:, None])
 
 
-def test_an_interrupt_after_the_search_keeps_the_verdict(monkeypatch):
+def test_an_interrupt_in_the_folds_keeps_everything_but_the_gain(monkeypatch):
     def stop(*arguments):
         raise KeyboardInterrupt
 
-    diagnosis = diagnosis_of().fit(T[:, None], Y).set_params(cv=2)
-    monkeypatch.setattr("hybridsurrogate.diagnosis.diagnosis.proof", stop)
-    with (
-        pytest.warns(hs.DiagnosisWarning, match=r"(\d+) of \1 causes had been weighed"),
-        pytest.raises(KeyboardInterrupt),
-    ):
-        diagnosis.fit(T[:, None], Y)
+    diagnosis = diagnosis_of().set_params(cv=2)
+    with monkeypatch.context() as patched:
+        patched.setattr("hybridsurrogate.diagnosis.diagnosis.proof", stop)
+        with (
+            pytest.warns(hs.DiagnosisWarning, match="folds .* were interrupted: there is no gain"),
+            pytest.raises(KeyboardInterrupt),
+        ):
+            diagnosis.fit(T[:, None], Y)
     assert diagnosis.verdict_ in ("named", "ambiguous")
     assert diagnosis.causes_["kind"].iloc[0] == diagnosis.best_cause_.kind
-    # nothing is left of the fit before
-    assert not hasattr(diagnosis, "n_features_in_")
-    assert diagnosis.gain_ is None
+    assert diagnosis.gain_ is diagnosis.gain_out_of_range_ is None
+    assert "Verdict" in str(diagnosis.report())
+
+
+@pytest.mark.parametrize("share", [0.3, 0.35, 0.4, 0.5, 0.7, 0.9])
+def test_an_interrupt_at_any_moment_leaves_what_belongs_together(share):
+    """Whatever is there afterwards is about all rows, and about one search.
+
+    The share is of the calls of the simulation, of which the first are for the fit before it.
+    """
+    calls, last = 0, np.inf
+
+    def fading(t, level):
+        nonlocal calls
+        calls += 1
+        if calls > last:
+            raise KeyboardInterrupt
+        return level * np.exp(-t / 5)
+
+    simulator = hs.Simulator(fading, {"t": (0, 10)}, {"level": uniform(1, 3)})
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), n_draws=100, random_state=0
+    )
+    y = 2 * np.exp(-T / 5) + 0.5 * (T > 6) + 0.1 * np.random.default_rng(0).standard_normal(len(T))
+    diagnosis = hs.DiscrepancyDiagnosis(model, n_replicates=20, cv=2, random_state=0)
+    whole = diagnosis.fit(T[:, None], y).causes_
+    calls, last = 0, share * calls
+    with pytest.warns(hs.DiagnosisWarning, match="interrupted"), pytest.raises(KeyboardInterrupt):
+        diagnosis.fit(T[:, None], y)
+    calls, last = 0, np.inf
+    table = diagnosis.causes_
+    assert len(diagnosis.search_.problem.y) == len(T)
+    assert len(table) == len(whole)
+    assert table["probability"].sum() == pytest.approx(1)
+    if hasattr(diagnosis, "verdict_"):
+        assert table["probability"].tolist() == whole["probability"].tolist()
 
 
 class Flat(Own):

@@ -123,7 +123,8 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
     -----
     An interrupted ``fit`` (KeyboardInterrupt) keeps what it has: ``search_`` and ``causes_`` hold
     the causes that were weighed by then, a `DiagnosisWarning` says so, and the interrupt goes on
-    its way. The diagnosis does not count as fitted.
+    its way. The diagnosis does not count as fitted, unless only the folds were left: then all is
+    there but the gain.
 
     Examples
     --------
@@ -183,13 +184,16 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         try:
             steps = self._search(prepared, random)
             self._extend(steps, X, y)
-            self._prove(X, np.asarray(y, dtype=float), random)
         except KeyboardInterrupt as stop:
             self._keep(prepared, stop)
             raise
         self.n_features_in_ = self.estimator_.n_features_in_
         if hasattr(self.estimator_, "feature_names_in_"):
             self.feature_names_in_ = self.estimator_.feature_names_in_
+        self.gain_: Gain | None = None
+        self.gain_out_of_range_: Gain | None = None
+        if self.cv is not None:
+            self._prove(X, np.asarray(y, dtype=float), random)
         return self
 
     def _forget(self) -> None:
@@ -234,9 +238,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
             warnings.warn(sentence, ConfoundingWarning, stacklevel=3)
 
     def _prove(self, X: ArrayLike, y: FloatArray, random_state: np.random.RandomState) -> None:
-        self.gain_ = self.gain_out_of_range_ = None
-        if self.cv is None:
-            return
+        assert self.cv is not None
         rehearse = Rehearsal(
             clone(self.estimator),
             tuple(self.causes),
@@ -248,12 +250,23 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         )
         within = random_folds(len(y), int(self.cv), random_state)
         beyond = folds_beyond(self.estimator_.simulation, self.estimator_._measured[0])
-        self.gain_, self.gain_out_of_range_ = proof(rehearse, within, beyond, X, y, self.n_jobs)
+        try:
+            gains = proof(rehearse, within, beyond, X, y, self.n_jobs)
+        except KeyboardInterrupt:
+            warnings.warn(
+                "The folds of the diagnosis were interrupted: there is no gain. All else is kept, "
+                "as with cv=None.",
+                DiagnosisWarning,
+                stacklevel=3,
+            )
+            raise
+        self.gain_, self.gain_out_of_range_ = gains
 
     def _keep(self, prepared: Prepared, stop: KeyboardInterrupt) -> None:
         """Keep what an interrupted search had weighed, and say so."""
-        if isinstance(stop, InterruptedSearch) and stop.kept is not None:
+        if not hasattr(self, "search_") and isinstance(stop, InterruptedSearch) and stop.kept:
             self.search_ = stop.kept
+        if hasattr(self, "search_") and not hasattr(self, "causes_"):
             left = not_reached(self.search_, prepared.causes)
             self.causes_ = cause_table(self.search_, [*left, *prepared.skipped])
         n = len(self.search_.weighed) - 1 if hasattr(self, "search_") else 0

@@ -116,14 +116,16 @@ def search(
         null = nothing_further(problem, Fitted(*accepted[1:5]), belief, noise)
     ends = _ends_of(nearby, causes)
     odds = prior_odds(["none", *(cause.kind for cause in causes)])
+    fits: Sequence[Fitted] = []
     try:
         fits, behind = best_peaks(problem, causes, belief, noise, null, np.log(odds), ends)
-    except InterruptedSearch as stop:
-        kept = [null, *stop.kept]
-        stop.kept = _weigh(problem, causes, belief, noise, kept, np.full(len(kept), np.nan), False)
-        raise
-    known = np.append(np.nan, behind)
-    return _weigh(problem, causes, belief, noise, [null, *fits], known, with_remainder)
+        known = np.append(np.nan, behind)
+        return _weigh(problem, causes, belief, noise, [null, *fits], known, with_remainder)
+    except KeyboardInterrupt as stop:
+        kept = [null, *(stop.kept if isinstance(stop, InterruptedSearch) else fits)]
+        unknown = np.full(len(kept), np.nan)
+        weighed = _weigh(problem, causes, belief, noise, kept, unknown, False)
+        raise InterruptedSearch(weighed) from stop
 
 
 def _weigh(

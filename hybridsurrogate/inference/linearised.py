@@ -258,7 +258,9 @@ def _slopes(
         runs = np.tile(values, (piece.stop - piece.start, 1, 1))
         if in_simulation:
             runs[:, :, plan.nodes] = plan.grid[piece, None, :]
-        response, _, _ = model.simulated(X, runs.reshape(-1, len(z)), belief.mean)
+        response, _, _ = model.simulated(
+            X, runs.reshape(len(runs) * len(points), len(z)), belief.mean
+        )
         # a simulation may fail far out: NaN marks the place and is never better than another one
         response[~(np.abs(response) < _ABSURD)] = np.nan
         response = response.reshape(len(runs), len(points), len(X))
