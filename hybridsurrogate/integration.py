@@ -124,7 +124,7 @@ def adaptive(
             return out
         # states in units that make them small need as many digits
         reached = np.max(np.abs(found.y), axis=1)
-        coarse = (0 < reached) & (reached < 0.01 * size)
+        coarse = (reached > 0) & (reached < 0.01 * size)
         if not coarse.any():
             break
         size = np.where(coarse, reached, size)

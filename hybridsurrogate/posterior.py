@@ -6,7 +6,7 @@ The only file that knows ArviZ.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -161,14 +161,18 @@ class Posterior:
         return eta, np.broadcast_to(parts.noise * self.sigma[:, None], eta.shape)
 
     def named(self) -> dict[str, FloatArray]:
-        """Return draws by name: omega, theta, sigma, coefficients, effect coefficients."""
+        """Return draws by name: omega, theta, sigma, coefficients, effect coefficients.
+
+        Where a parameter of the simulation has one of these names, it keeps it, and the other is
+        called ``noise_sigma``, ``surrogate_coefficients`` or ``linear_effect_coefficients``.
+        """
         out = dict(zip(_names_of(self.model), self.values.T, strict=True))
         if self.likelihood.has_scale:
-            out["sigma"] = self.sigma
+            out[_free("sigma", "noise", out)] = self.sigma
         if self.coefficients.shape[1]:
-            out["coefficients"] = self.coefficients
+            out[_free("coefficients", "surrogate", out)] = self.coefficients
         if self.effect_coefficients.shape[1]:
-            out["effect_coefficients"] = self.effect_coefficients
+            out[_free("effect_coefficients", "linear", out)] = self.effect_coefficients
         return out
 
     def estimates(self, effect: int) -> dict[str, FloatArray]:
@@ -188,14 +192,20 @@ class Posterior:
 
 
 def _names_of(model: MeasuredModel) -> list[str]:
-    """Return readable names of all unknowns, those of causes prefixed where they clash."""
+    """Return readable names of all unknowns, those that clash with a parameter's prefixed."""
     own = [name for _, name in model.theta_names]
     taken = [*model.parameters, *own]
     readable = [
         name if taken.count(name) == 1 else f"{model.effects[k].kind}_{k}_{name}"
         for k, name in model.theta_names
     ]
-    return [*model.parameters, *readable, *model.basis.hyperpriors]
+    names = [*model.parameters, *readable]
+    return [*names, *(_free(name, "surrogate", names) for name in model.basis.hyperpriors)]
+
+
+def _free(name: str, prefix: str, taken: Collection[str]) -> str:
+    """Return a name, prefixed where something has it already."""
+    return f"{prefix}_{name}" if name in taken else name
 
 
 def _possible(eta: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -231,9 +241,12 @@ def arviz_of(
     It has what the posteriors have in common: posterior, log likelihood, posterior predictive and
     observed data.
     """
-    pieces = zip(*(p.eta(X) for p in posteriors), strict=True)
-    eta, sigma = (np.concatenate(piece) for piece in pieces)
-    likelihood = posteriors[0].likelihood
+    told: list[FloatArray] = []
+    drawn: list[FloatArray] = []
+    for p in posteriors:
+        eta, sigma = p.eta(X)
+        told.append(p.likelihood.log_density(y, eta, sigma))
+        drawn.append(p.likelihood.sample(eta, sigma, random))
     named = [p.named() for p in posteriors]
     shared = [k for k in named[0] if all(k in other for other in named)]
     posterior = {
@@ -244,8 +257,8 @@ def arviz_of(
     return arviz_groups(
         {
             "posterior": posterior,
-            "log_likelihood": {"y": likelihood.log_density(y, eta, sigma)},
-            "posterior_predictive": {"y": likelihood.sample(eta, sigma, random)},
+            "log_likelihood": {"y": np.concatenate(told)},
+            "posterior_predictive": {"y": np.concatenate(drawn)},
             "observed_data": {"y": y},
         }
     )

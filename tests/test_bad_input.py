@@ -8,6 +8,7 @@ from scipy import stats
 from sklearn.exceptions import NotFittedError
 
 import hybridsurrogate as hs
+from hybridsurrogate.surrogates import Surrogate
 
 
 def power_scaled(simulation, **parameters):
@@ -214,6 +215,52 @@ class Faulty(hs.Cause):
 
     def inputs(self, X, omega, theta):
         return (self.value, omega) if self.method == "inputs" else (X, omega)
+
+
+class Asking(hs.Cause):
+    coefficients = ("amplitude",)
+
+    def columns(self, X, theta):
+        return X["depth"][:, None]
+
+
+class Unfrozen(Faulty):
+    parameters = {"width": 3}
+
+
+class Nothing(Surrogate):
+    def build(self, domain):
+        return None
+
+
+@pytest.mark.parametrize(
+    ("parameters", "error", "match"),
+    [
+        ({"effects": [Asking()]}, ValueError, r"asks for 'depth'; there are \['t', 'gravity'\]"),
+        ({"effects": [Unfrozen()]}, TypeError, "prior of 'width of the cause faulty' must be"),
+        ({"surrogate": Nothing()}, TypeError, "Nothing.build must return a Basis, got None"),
+    ],
+)
+def test_causes_and_surrogates_of_ones_own_that_are_incomplete(
+    simulation, measured, parameters, error, match
+):
+    with pytest.raises(error, match=match):
+        power_scaled(simulation, **parameters).fit(*measured)
+
+
+@pytest.mark.parametrize(
+    ("weights", "match"),
+    [
+        (lambda n: np.ones(n - 1), "sample_weight must have shape"),
+        (lambda n: -np.ones(n), "sample_weight must be finite and not negative"),
+        (lambda n: np.full(n, np.nan), "sample_weight must be finite and not negative"),
+        (np.zeros, "sample_weight sums to zero"),
+    ],
+)
+def test_weights_of_a_score(fitted, measured, weights, match):
+    X, y = measured
+    with pytest.raises(ValueError, match=match):
+        fitted.score(X, y, sample_weight=weights(len(y)))
 
 
 @pytest.mark.parametrize(

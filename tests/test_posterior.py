@@ -140,3 +140,26 @@ def test_groups_of_both_generations_of_arviz(arviz):
     assert type(data).__name__ == expected
     assert group(data, "posterior")["a"].shape == (1, 4)
     assert group(data, "observed_data")["y"].shape == (2,)
+
+
+def test_parameters_keep_their_names():
+    """The noise and the coefficients give way to parameters of the simulation called so."""
+    simulator = hs.Simulator(
+        lambda t, sigma, coefficients: sigma * t + coefficients,
+        {"t": (0, 10)},
+        {
+            "sigma": hs.truncated_normal(3, 1, 0, 6),
+            "coefficients": hs.truncated_normal(0, 1, -3, 3),
+        },
+    )
+    t = np.linspace(0, 10, 20)[:, None]
+    y = 2 * t[:, 0] + 0.1 * np.random.default_rng(0).standard_normal(20)
+    model = hs.PowerScaledSurrogate(
+        simulator.run(60, random_state=0), hs.PolynomialChaos(2), n_draws=300, random_state=0
+    ).fit(t, y)
+    named = model.posterior_.named()
+    assert np.median(named["sigma"]) == pytest.approx(2, abs=0.1)
+    assert np.median(named["coefficients"]) == pytest.approx(0, abs=0.3)
+    np.testing.assert_array_equal(named["noise_sigma"], model.posterior_.sigma)
+    np.testing.assert_array_equal(named["surrogate_coefficients"], model.posterior_.coefficients)
+    assert {"sigma", "noise_sigma"} <= set(model.to_arviz().posterior.data_vars)

@@ -180,7 +180,8 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         self.estimator_ = clone(self.estimator).fit(X, y)
         prepared = prepare(self.estimator_, tuple(self.causes), tuple(self.exclude))
         prepared.warn()
-        check_rows(len(prepared.problem.y))
+        model = prepared.problem.model
+        check_rows(len(prepared.problem.y), model.columns, [*model.parameters, *model.constants])
         try:
             steps = self._search(prepared, random)
             self._extend(steps, X, y)

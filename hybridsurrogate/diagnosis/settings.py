@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from sklearn.utils import check_scalar
 
 from hybridsurrogate.effects.catalogue import KINDS
-from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
 from hybridsurrogate.likelihoods import TransformedNormal, as_likelihood
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ def check_settings(diagnosis: DiscrepancyDiagnosis) -> None:
         check_scalar(diagnosis.n_jobs, "n_jobs", Integral)
         if not diagnosis.n_jobs:
             raise ValueError("n_jobs must be a number of processes, -1 for all cores, or None.")
+    as_causes(diagnosis.causes, "causes")
     exclude = diagnosis.exclude
     listed = isinstance(exclude, Collection) and not isinstance(exclude, str)
     if not listed or any(kind not in KINDS for kind in exclude):
@@ -44,10 +45,25 @@ def check_settings(diagnosis: DiscrepancyDiagnosis) -> None:
         )
 
 
-def check_rows(n: int) -> None:
-    """Raise ValueError for fewer measured rows than a diagnosis can work with."""
+def check_rows(n: int, columns: Collection[str], numbers: Collection[str]) -> None:
+    """Raise ValueError for measured rows that a diagnosis cannot work with.
+
+    Parameters
+    ----------
+    n : int
+    columns : collection of str
+        Measured columns.
+    numbers : collection of str
+        Parameters and assumed constants of the simulation.
+    """
     if n < _MIN_ROWS:
         raise ValueError(f"A diagnosis needs at least {_MIN_ROWS} measured rows, got {n}.")
+    twice = [name for name in columns if name in numbers]
+    if twice:
+        raise ValueError(
+            f"The measured columns {twice} are called like parameters or constants of the "
+            "simulation: rename them, as an extended simulation may need both."
+        )
 
 
 def _check_estimator(estimator: PowerScaledSurrogate | None) -> None:

@@ -234,8 +234,9 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
             Weights of the rows in the mean.
         """
         values = self.log_predictive_density(X, y)
-        weights = None if sample_weight is None else np.asarray(sample_weight, dtype=float)
-        return float(np.average(values, weights=weights))
+        if sample_weight is None:
+            return float(np.mean(values))
+        return float(np.average(values, weights=check_weights(sample_weight, len(values))))
 
     def loo(self) -> Loo:
         """Return the leave-one-out score: the density of each measured row given the others.
@@ -265,7 +266,8 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         Returns
         -------
         InferenceData (ArviZ 0.x) or DataTree (ArviZ 1.x)
-            Variables: parameters by name, ``sigma``, ``coefficients``, ``y``; one chain.
+            Variables: parameters by name, ``sigma``, ``coefficients``, ``y``; one chain. Where a
+            parameter is called so itself: ``noise_sigma``, ``surrogate_coefficients``.
         """
         check_is_fitted(self)
         X, y = self._measured

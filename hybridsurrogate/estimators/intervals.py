@@ -26,9 +26,9 @@ def central_interval(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the ends of an interval for a new y at each row, two arrays (n,)."""
     mixture = mixture_at(X)
-    likelihood = mixture[0][1].likelihood
+    likelihood = _normal_likelihood(mixture)
     tail = (1 - level) / 2
-    if not isinstance(likelihood, TransformedNormal):
+    if likelihood is None:
         random = np.random.RandomState(0)
         ends = []
         for k in range(0, len(X), _N_ROWS):
@@ -46,13 +46,21 @@ def inside_intervals(
 ) -> list[FloatArray]:
     """Return whether each row lies in the central interval of each level, as 0 and 1."""
     mixture = mixture_at(X)
-    likelihood = mixture[0][1].likelihood
-    if isinstance(likelihood, TransformedNormal):
+    likelihood = _normal_likelihood(mixture)
+    if likelihood is not None:
         # one look at the distribution function instead of many for each quantile
         off = np.abs(_below(_normals(mixture, X), likelihood.working(y)) - 0.5)
         return [(off <= level / 2).astype(float) for level in levels]
     ends = [central_interval(mixture_at, X, level) for level in levels]
     return [((y >= lower) & (y <= upper)).astype(float) for lower, upper in ends]
+
+
+def _normal_likelihood(mixture: Mixture) -> TransformedNormal | None:
+    """Return the likelihood where it is normal in all parts: some may have outliers."""
+    likelihoods = [posterior.likelihood for _, posterior in mixture]
+    first = likelihoods[0]
+    everywhere = all(isinstance(each, TransformedNormal) for each in likelihoods)
+    return first if isinstance(first, TransformedNormal) and everywhere else None
 
 
 def _normals(mixture: Mixture, X: FloatArray) -> Normals:

@@ -179,7 +179,7 @@ class PowerScaledSurrogate(SurrogateEstimator):
         return [(1.0, self.posterior_)]
 
 
-def as_causes(effects: Any) -> tuple[Cause, ...]:
+def as_causes(effects: Any, argument: str = "effects") -> tuple[Cause, ...]:
     """Return effects as a tuple of causes; raise TypeError when they are something else."""
     try:
         causes = tuple(effects)
@@ -187,6 +187,7 @@ def as_causes(effects: Any) -> tuple[Cause, ...]:
         causes = (None,)
     if not all(isinstance(cause, Cause) for cause in causes):
         raise TypeError(
-            f"effects must be a sequence of causes such as [Trend('t'), Offset()], got {effects!r}."
+            f"{argument} must be a sequence of causes such as [Trend('t'), Offset()], "
+            f"got {effects!r}."
         )
     return causes

@@ -129,6 +129,8 @@ def make_problem(
         tuple(ranges),
     )
     basis = surrogate.build(domain)
+    if not isinstance(basis, Basis):
+        raise TypeError(f"{type(surrogate).__name__}.build must return a Basis, got {basis!r}.")
     _check_basis(basis, domain)
     location = float(np.average(eta, weights=weights))
     context = make_context(world, columns, n_inputs, X, scale, likelihood, basis, location)
@@ -147,7 +149,11 @@ def make_problem(
         (),
         3 * scale,
     ).with_effects([effect.prepare(context) for effect in effects])
-    check_effects(model, X)
+    try:
+        check_effects(model, X)
+    except KeyError as error:
+        there = [*columns, *model.parameters, *model.constants]
+        raise ValueError(f"A cause asks for {error}; there are {there}.") from error
     if any(effect.has_outliers for effect in effects):
         _check_outliers(likelihood)
     if any(effect.follows_mean for effect in effects):

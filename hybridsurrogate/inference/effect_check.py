@@ -8,7 +8,7 @@ import numpy as np
 
 from hybridsurrogate.effects.base import SIMULATED, Cause
 from hybridsurrogate.inference.measured import MeasuredModel
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.priors import FloatArray, check_prior
 
 
 def check_effects(model: MeasuredModel, X: FloatArray) -> None:
@@ -17,6 +17,9 @@ def check_effects(model: MeasuredModel, X: FloatArray) -> None:
     At the middle of every prior, for two draws at once: enough to see a wrong shape or NaN
     before it disappears in algebra.
     """
+    for effect in model.effects:
+        for name, prior in effect.parameters.items():
+            check_prior(prior, f"{name} of the cause {effect.name}")
     rows, omega, theta = model.rows(X, model.values(np.zeros((2, model.n_unknowns))))
     of_noise = {**rows, SIMULATED: np.linspace(-1.0, 1.0, 2 * len(X)) * model.default_sd}
     n = 2 * len(X)

@@ -93,6 +93,18 @@ def _statistics(
     return statistics(basis.features(runs.X, runs.omega), eta, target.scale, runs.weights)
 
 
+def _noise_levels(target: CollapsedPosterior | LaplacePosterior) -> FloatArray:
+    """Return log noise scales to start from, spread over what data may have and the prior allows.
+
+    A prior that knows the noise may have no mass at any of a few shares of the spread.
+    """
+    sigma = target.scale * np.array([1e-3, 0.03, 0.1, 0.3, 1.0])
+    low, high = target.noise_prior.ppf([1e-3, 1 - 1e-3])
+    if not ((low < sigma) & (sigma < high)).any():
+        sigma = target.noise_prior.ppf([0.05, 0.25, 0.5, 0.75, 0.95])
+    return np.log(np.maximum(sigma, 1e-300))
+
+
 def _best_prior_points(
     target: CollapsedPosterior | LaplacePosterior, random_state: np.random.RandomState
 ) -> FloatArray:
@@ -106,7 +118,7 @@ def _best_prior_points(
     else:
         z = random_state.standard_normal((1 + 40 * d, d))
         z[0], z[1::2] = 0.0, 2.5 * z[1::2]
-    log_sigma = np.log(target.scale) + np.log([1e-3, 0.03, 0.1, 0.3, 1.0])
+    log_sigma = _noise_levels(target)
     grid = np.concatenate(
         [np.repeat(z, len(log_sigma), axis=0), np.tile(log_sigma, len(z))[:, None]], axis=1
     )

@@ -60,7 +60,8 @@ def parameter_intervals(view: View) -> dict[str, dict[str, Interval]]:
     models = (view.diagnosis.estimator_, view.diagnosis.extended_estimator_)
     for word, model in zip(("before", "after"), models, strict=True):
         draws = model.posterior_.named()
-        for name in (*view.diagnosis.estimator_.simulation.parameter_names, "sigma"):
+        names = view.diagnosis.estimator_.simulation.parameter_names
+        for name in (*names, "noise_sigma" if "sigma" in names else "sigma"):
             if name in draws:
                 out.setdefault(name, {})[word] = _interval(draws[name])
     return out
