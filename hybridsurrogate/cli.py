@@ -18,6 +18,7 @@ from hybridsurrogate.datasets import load_mauna_loa_co2, load_nile, make_log_sin
 from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
 from hybridsurrogate.estimators import PowerScaledSurrogate
 from hybridsurrogate.exceptions import HybridSurrogateWarning
+from hybridsurrogate.measured_table import numbers_of, with_levels
 from hybridsurrogate.priors import Prior, truncated_normal
 from hybridsurrogate.simulation import SimulationData, read_simulation
 from hybridsurrogate.surrogates import ExactSurrogate, Kriging, PolynomialChaos, Surrogate
@@ -163,6 +164,11 @@ def _diagnose(given: argparse.Namespace) -> int:
         raise ValueError(
             f"{given.measured} has no columns {missing}; its columns are {list(measured)}."
         )
+    for name in {*given.inputs, given.output, *measured.select_dtypes("number")}:
+        measured[name] = numbers_of(measured[name], given.measured)
+    for name in (*given.inputs, *given.parameters, given.output):
+        if name in runs:
+            numbers_of(runs[name], given.simulation)
     simulation = read_simulation(given.simulation, given.inputs, _priors(given, runs), given.output)
     model = PowerScaledSurrogate(
         simulation,
@@ -172,7 +178,7 @@ def _diagnose(given: argparse.Namespace) -> int:
         random_state=given.seed,
     )
     y = measured.pop(given.output).to_numpy(dtype=float)
-    _finish(model, measured.select_dtypes("number"), y, None, given)
+    _finish(model, with_levels(measured), y, None, given)
     return 0
 
 

@@ -7,6 +7,7 @@ from tide import FRAME, NOISE, SIMULATOR, context_of, plain
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.verdict import form_of
+from hybridsurrogate.effects.base import Context
 from hybridsurrogate.effects.catalogue import KINDS, catalogue
 
 
@@ -67,6 +68,8 @@ def test_the_whole_catalogue():
     }
     # a continuous column has no levels, and this simulation has no dynamics
     assert {(s.kind, s.target) for s in skipped} == {
+        ("step", "wind"),
+        ("periodic", "wind"),
         ("missing-input", "wind"),
         ("missing-term", None),
     }
@@ -74,6 +77,7 @@ def test_the_whole_catalogue():
         "categorical",
         "level",
         "inside the dynamics",
+        "over inputs only",
     }
     assert [cause.level for cause in levels] == [1, 2, 3, 4]
     assert [cause.target for cause in causes if cause.kind == "interaction"] == ["t * dose"]
@@ -117,3 +121,17 @@ def test_a_diagnosis_weighs_the_whole_catalogue():
     # and "none"
     assert len(found.search_.weighed) == 1 + len(causes)
     assert len(found.causes_) == 1 + len(causes) + len(skipped)
+
+
+def test_what_could_happen_along_an_extra_column_is_told():
+    """Nobody says that its order means something, but a step along it is not silently left out."""
+    n = 20
+    frame = {"t": np.linspace(0, 10, n), "day": np.arange(n) * 1.0, "batch": np.arange(n) % 3 * 1.0}
+    context = Context(frame, 1, {}, {}, 1.0)
+    told = {(one.kind, one.target): one.reason for one in catalogue(context)[1]}
+    assert "pass causes=[Step(column='day')]" in told["step", "day"]
+    assert ("periodic", "day") in told
+    assert ("step", "batch") not in told
+    causes, skipped = catalogue(context, [hs.Step("day")])
+    assert ("step", "day") in [(cause.kind, cause.target) for cause in causes]
+    assert ("step", "day") not in [(one.kind, one.target) for one in skipped]

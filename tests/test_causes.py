@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.axes import Axes
+from scipy import stats
 from sklearn.base import clone
 from tide import CASES, FRAME, SIMULATOR, context_of, plain, prepared, problem_of
 
@@ -238,3 +239,30 @@ def test_a_diagnosis_whose_cause_reads_an_extra_extends_with_it():
     assert extended.input_ranges["wind"] == pytest.approx((wind.min(), wind.max()))
     row = np.array([[np.pi / 2, 0.0, drift.center + 1]])
     assert extended(row, [[3.0, 0.5, 0.25]])[0] == pytest.approx(10 + 3.25)
+
+
+@pytest.mark.parametrize("harmonics", [1, 2])
+def test_the_formula_of_a_wave_is_its_curve(harmonics):
+    """With numbers for everything in it, so that it can be drawn."""
+    cause = hs.Periodic(
+        "t", period=stats.uniform(1, 9), harmonics=harmonics, center=50.0, span=30.0
+    )
+    rng = np.random.default_rng(0)
+    coefficients = {name: np.array([rng.standard_normal()]) for name in cause.coefficients}
+    t, theta = np.linspace(35, 65, 40), {"period": np.array([4.3])}
+    columns = cause.columns({"t": t}, {"period": np.full(40, 4.3)})
+    told = {name: value[0] for name, value in cause.estimates(theta, coefficients).items()}
+    text = cause.formula(told).replace("2 pi", "2 * np.pi *").replace("cos", "* np.cos")
+    curve = eval(text, {"simulation": 0.0, "t": t, "np": np})
+    expected = columns @ np.concatenate(list(coefficients.values()))
+    np.testing.assert_allclose(curve, expected, atol=2e-3 * np.abs(expected).max())
+
+
+def test_one_peak_is_told_in_all_draws():
+    """Where draws lie on both sides of the seam half a period from the middle."""
+    cause = hs.Periodic("t", period=stats.uniform(1, 9), center=50.0, span=30.0)
+    angle = np.pi + np.array([-0.1, 0.1, -0.05, 0.05])
+    pair = {"sine": np.sin(angle), "cosine": np.cos(angle)}
+    peak = cause.estimates({"period": np.full(4, 4.0)}, pair)["peak"]
+    assert np.ptp(peak) == pytest.approx(0.2 * 4 / (2 * np.pi))
+    assert abs(abs(peak.mean() - 50.0) - 2.0) < 1e-6

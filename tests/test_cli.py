@@ -116,3 +116,32 @@ def test_an_unknown_demonstration(capsys):
     with pytest.raises(SystemExit, match="2"):
         main(["demo", "moon"])
     assert "invalid choice: 'moon'" in capsys.readouterr().err
+
+
+def test_names_are_levels_and_other_text_is_left_out_with_a_word(files, capsys):
+    measured = pd.read_csv(files / "measured.csv").drop(columns="wind")
+    rng = np.random.default_rng(1)
+    measured["operator"] = rng.choice(["ann", "bo"], len(measured))
+    measured["day"] = [f"2026-11-{k + 1:02d}" for k in range(len(measured))]
+    measured["distance"] = 2 * measured["t"] + 1.5 * (measured["operator"] == "bo")
+    measured["distance"] += 0.2 * rng.standard_normal(len(measured))
+    measured.to_csv(files / "measured.csv", index=False)
+    assert main(arguments(files, "--json", str(files / "report.json"))) == 0
+    told = capsys.readouterr()
+    assert "Levels of operator: ann is 0, bo is 1." in told.out
+    assert "The column 'day' is left out" in told.err
+    verdict = json.loads((files / "report.json").read_text())
+    assert "missing-input in operator" in told.out
+    assert verdict["verdict"] in ("named", "ambiguous")
+
+
+@pytest.mark.parametrize("column", ["distance", "t", "wind"])
+def test_a_cell_that_is_no_number_is_found(files, capsys, column):
+    measured = pd.read_csv(files / "measured.csv")
+    measured[column] = measured[column].astype(object)
+    measured.loc[4, column] = None if column == "wind" else "n.d."
+    measured.to_csv(files / "measured.csv", index=False)
+    assert main(arguments(files)) == 2
+    error = capsys.readouterr().err
+    assert f"1 of 30 values of '{column}' are no numbers, the first" in error
+    assert "in row 5 of the data" in error

@@ -60,7 +60,7 @@ def test_every_attribute_of_a_named_cause(periodic):
     assert low < mean < high
     assert best.estimates["amplitude"][0] == pytest.approx(2, abs=0.3)
     assert best.probability > 0.9
-    assert "sin" in best.formula
+    assert "cos" in best.formula
     assert periodic.indistinguishable_ == ["periodic"]
     assert periodic.causes_["kind"].iloc[0] == "periodic"
     assert periodic.causes_["probability"].is_monotonic_decreasing

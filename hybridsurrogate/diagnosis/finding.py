@@ -50,7 +50,7 @@ def finding_of(step: Step, position: int, posterior: Posterior) -> CauseFinding:
     """
     chosen, found = step.chosen, step.search
     alike = [kind_of(w) == kind_of(chosen) for w in found.weighed]
-    probability = float(found.probability[alike].sum())
+    probability = min(float(found.probability[alike].sum()), 1.0)
     cause = chosen.cause
     if cause is None:
         return CauseFinding("none", None, "the simulation as it is", probability, {})

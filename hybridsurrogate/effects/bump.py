@@ -8,7 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import FloatArray, Rows
-from hybridsurrogate.effects.notation import SIMULATION, minus, number, signed
+from hybridsurrogate.effects.notation import SIMULATION, minus, number, plus, signed
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.priors import Prior, frozen
 
@@ -65,7 +65,7 @@ class Bump(Located):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         return (
-            f"simulation {values['amplitude']:+.4g} exp(-({self.column} - "
+            f"simulation {plus(values['amplitude'])} exp(-({self.column} - "
             f"{values['location']:.5g})^2 / (2 * {values['width']:.4g}^2))"
         )
 

@@ -98,7 +98,12 @@ def catalogue(
             skipped.append(Skipped(cause.kind, cause.target, _with_form(form, reason)))
         else:
             causes.append(cause.prepare(context))
-    impossible = [one for one in _impossible(context) if one.kind not in excluded]
+    own = [(cause.kind, cause.target) for cause in extra]
+    impossible = [
+        one
+        for one in (*_impossible(context), *_beside_the_inputs(context))
+        if one.kind not in excluded and (one.kind, one.target) not in own
+    ]
     return causes, [*skipped, *impossible]
 
 
@@ -214,3 +219,15 @@ def _impossible(context: Context) -> Iterator[Skipped]:
         trouble = _trouble_with_categories(context.X[column], column)
         if trouble:
             yield Skipped("missing-input", column, f"level: {trouble}")
+
+
+def _beside_the_inputs(context: Context) -> Iterator[Skipped]:
+    """Yield the kinds that an ordered column, such as a time, could have and is not asked for.
+
+    Of a column that the simulation ignores nobody says that its order means something.
+    """
+    for column in context.extras:
+        for form, cause in (("step", Step(column)), ("periodic", Periodic(column))):
+            if len(np.unique(context.X[column])) >= _MIN_DISTINCT[form]:
+                reason = f"over inputs only: if its order means something, pass causes=[{cause!r}]"
+                yield Skipped(form, column, reason)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.effects.notation import SIMULATION, minus, number, signed
+from hybridsurrogate.effects.notation import SIMULATION, minus, number, plus, signed
 from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
 from hybridsurrogate.priors import Prior, frozen
 
@@ -65,7 +65,7 @@ class Decay(FromOrigin):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         return (
-            f"simulation {values['amplitude']:+.4g} "
+            f"simulation {plus(values['amplitude'])} "
             f"exp(-({self.column} - {self.origin:.5g}) / {values['scale']:.4g})"
         )
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, Rows
-from hybridsurrogate.effects.notation import SIMULATION, minus
+from hybridsurrogate.effects.notation import SIMULATION, minus, plus
 from hybridsurrogate.effects.over_column import span_and_spacing
 from hybridsurrogate.priors import Prior, frozen
 
@@ -75,7 +75,7 @@ class Delay(Cause):
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
-        return f"simulation run at {self.column} {-values['lag']:+.4g}"
+        return f"simulation run at {self.column} {plus(-values['lag'])}"
 
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.effects.notation import SIMULATION, minus, signed
+from hybridsurrogate.effects.notation import SIMULATION, minus, plus, signed
 
 
 class Interaction(Cause):
@@ -91,7 +91,7 @@ class Interaction(Cause):
             f"({name} - {center:.5g})"
             for name, center in zip(self.reads, self.centers, strict=True)
         )
-        return f"simulation {values['slope']:+.4g} {' '.join(factors)}"
+        return f"simulation {plus(values['slope'])} {' '.join(factors)}"
 
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.effects.notation import SIMULATION, minus, signed, where
+from hybridsurrogate.effects.notation import SIMULATION, minus, plus, signed, where
 from hybridsurrogate.effects.over_column import OverColumn
 
 _SHAPES = ("linear", "quadratic", "categorical")
@@ -152,9 +152,9 @@ class MissingInput(OverColumn):
                 for name, (value, _) in zip(self.coefficients, self.levels, strict=True)
             )
             return f"simulation, and {told}"
-        text = f"simulation {values['slope']:+.4g} ({self.column} - {self.center:.5g})"
+        text = f"simulation {plus(values['slope'])} ({self.column} - {self.center:.5g})"
         if self.shape == "quadratic":
-            text += f" {values['curvature']:+.4g} ({self.column} - {self.center:.5g})^2"
+            text += f" {plus(values['curvature'])} ({self.column} - {self.center:.5g})^2"
         return text
 
     def latex(self, values: Mapping[str, float]) -> str:

@@ -55,6 +55,19 @@ def signed(value: float, digits: int = 4) -> str:
     return f"{sign} {number(abs(value), digits)}"
 
 
+def plus(value: float) -> str:
+    """Return a number as a term of a sum in plain text.
+
+    Examples
+    --------
+    >>> from hybridsurrogate.effects.notation import plus
+    >>> plus(-0.02)
+    '- 0.02'
+    """
+    sign = "-" if math.copysign(1.0, value) < 0 else "+"
+    return f"{sign} {abs(value):.4g}"
+
+
 def minus(column: str, value: float, digits: int = 5) -> str:
     r"""Return how far a column is beyond a value, in brackets.
 

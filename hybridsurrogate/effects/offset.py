@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, FloatArray, Rows
-from hybridsurrogate.effects.notation import SIMULATION, signed
+from hybridsurrogate.effects.notation import SIMULATION, plus, signed
 
 
 class Offset(Cause):
@@ -32,7 +32,7 @@ class Offset(Cause):
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
-        return f"simulation {values['amplitude']:+.4g}"
+        return f"simulation {plus(values['amplitude'])}"
 
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""

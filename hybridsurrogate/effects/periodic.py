@@ -8,7 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.effects.notation import SIMULATION, number, word
+from hybridsurrogate.effects.notation import SIMULATION, minus, number
 from hybridsurrogate.effects.over_column import LONGEST_PERIOD, OverColumn
 from hybridsurrogate.priors import Prior, frozen
 
@@ -107,33 +107,45 @@ class Periodic(OverColumn):
         return np.stack(waves, axis=-1)
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
-        """Return period, amplitude, and the amplitude of the overtone."""
-        amplitude = np.hypot(coefficients["sine"], coefficients["cosine"])
-        out = {"period": np.asarray(theta["period"]), "amplitude": amplitude}
+        """Return period, amplitude and a peak, and the last two of the overtone."""
+        period = np.asarray(theta["period"])
+        first = self._crest(coefficients["sine"], coefficients["cosine"], period)
+        out = {"period": period, "amplitude": first[0], "peak": first[1]}
         if self.harmonics == 2:
-            pair = (coefficients["overtone_sine"], coefficients["overtone_cosine"])
-            out["overtone"] = np.hypot(*pair)
+            pair = coefficients["overtone_sine"], coefficients["overtone_cosine"]
+            out["overtone"], out["overtone_peak"] = self._crest(*pair, period / 2)
         return out
+
+    def _crest(
+        self, sine: FloatArray, cosine: FloatArray, period: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return a wave's amplitude, and where it peaks next to the middle of the rows."""
+        assert self.center is not None
+        turn = np.asarray(cosine + 1j * np.asarray(sine))
+        # one and the same peak in all draws
+        typical = np.angle(np.mean(turn / np.maximum(np.abs(turn), 1e-300)))
+        angle = typical + np.angle(turn * np.exp(-1j * typical))
+        return np.abs(turn), self.center + period * angle / (2 * np.pi)
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
-        text = (
-            f"simulation + {values['amplitude']:.4g} "
-            f"sin(2 pi {self.column} / {values['period']:.5g} + phase)"
+        return "simulation" + "".join(
+            f" + {values[size]:.4g} cos(2 pi ({self.column} - {values[peak]:.6g}) / {period:.5g})"
+            for size, peak, period in self._waves(values)
         )
-        if "overtone" in values:
-            half = values["period"] / 2
-            text += f" + {values['overtone']:.4g} sin(2 pi {self.column} / {half:.5g} + phase_2)"
-        return text
 
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""
-        period = values["period"]
-        text = SIMULATION + self._wave(values["amplitude"], period, r"\varphi")
-        if "overtone" in values:
-            text += self._wave(values["overtone"], period / 2, r"\varphi_{2}")
+        text = SIMULATION
+        for size, peak, period in self._waves(values):
+            distance = minus(self.column, values[peak], 6)
+            angle = rf"\frac{{2 \pi \, {distance}}}{{{number(period, 5)}}}"
+            text += rf" + {number(values[size])} \cos\left({angle}\right)"
         return text
 
-    def _wave(self, amplitude: float, period: float, phase: str) -> str:
-        angle = rf"\frac{{2 \pi \, {word(self.column)}}}{{{number(period, 5)}}} + {phase}"
-        return rf" + {number(amplitude)} \sin\left({angle}\right)"
+    def _waves(self, values: Mapping[str, float]) -> list[tuple[str, str, float]]:
+        """Return the names of amplitude and peak of each wave, and its period."""
+        waves = [("amplitude", "peak", values["period"])]
+        if "overtone" in values:
+            waves.append(("overtone", "overtone_peak", values["period"] / 2))
+        return waves

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.effects.notation import SIMULATION, minus, signed
+from hybridsurrogate.effects.notation import SIMULATION, minus, plus, signed
 from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
 from hybridsurrogate.priors import Prior, frozen
 
@@ -70,7 +70,7 @@ class Saturation(FromOrigin):
         """Return the extended simulation in words."""
         assert self.origin is not None
         u, half = f"({self.column} - {self.origin:.5g})", values["half"] - self.origin
-        return f"simulation {values['amplitude']:+.4g} {u} / ({u} + {half:.4g})"
+        return f"simulation {plus(values['amplitude'])} {u} / ({u} + {half:.4g})"
 
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""

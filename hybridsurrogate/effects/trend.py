@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.effects.notation import SIMULATION, minus, signed
+from hybridsurrogate.effects.notation import SIMULATION, minus, plus, signed
 from hybridsurrogate.effects.over_column import OverColumn
 
 
@@ -85,11 +85,11 @@ class Trend(OverColumn):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         text = (
-            f"simulation {values['level']:+.4g} {values['slope']:+.4g} "
+            f"simulation {plus(values['level'])} {plus(values['slope'])} "
             f"({self.column} - {self.center:.5g})"
         )
         if "curvature" in values:
-            text += f" {values['curvature']:+.4g} ({self.column} - {self.center:.5g})^2"
+            text += f" {plus(values['curvature'])} ({self.column} - {self.center:.5g})^2"
         return text
 
     def latex(self, values: Mapping[str, float]) -> str:

@@ -109,7 +109,9 @@ class CollapsedPosterior:
         # far below the rounding of the data, where a square of sigma would underflow
         possible = np.isfinite(out) & (np.exp(u[:, -1]) > _NO_NOISE * self.scale)
         out[~possible] = -np.inf
-        out[possible] += self._log_likelihood(u[possible])
+        # where a cause makes the noise of some rows vanish, their squares are infinite
+        with np.errstate(over="ignore", invalid="ignore"):
+            out[possible] += self._log_likelihood(u[possible])
         return np.where(np.isfinite(out), out, -np.inf)
 
     def _log_likelihood(self, u: FloatArray) -> FloatArray:

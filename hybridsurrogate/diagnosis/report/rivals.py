@@ -14,6 +14,7 @@ from hybridsurrogate.diagnosis.verdict import NOT_WEIGHED, is_weighed
 _REMAINDER = 0.5
 # causes whose failing runs are told one by one; the table of causes has all of them
 _MOST_NOTES = 3
+_NOTED = ["kind", "target", "form", "note"]
 # expected information in bits below which one more measurement is hardly worth it
 _LITTLE_INFORMATION = 0.07
 _SETTLED = 0.95
@@ -31,9 +32,12 @@ def rivals(view: View) -> list[str]:
     table = d.causes_
     weighed = is_weighed(table)
     failing = table[weighed & (table["note"] != "")]
-    for kind, target, note in failing[["kind", "target", "note"]].head(_MOST_NOTES).to_numpy():
-        under = "As it is" if kind == "none" else f"With {label(kind, target)}"
+    for kind, target, form, note in failing[_NOTED].head(_MOST_NOTES).to_numpy():
+        variant = form.removeprefix(kind).removeprefix(": ")
+        under = "As it is" if kind == "none" else f"With {label(kind, target, variant)}"
         out.append(f"{under} {note}.")
+    if len(failing) > _MOST_NOTES:
+        out.append(f"The notes in causes_ tell of {len(failing) - _MOST_NOTES} more such causes.")
     left = table[~weighed]
     skipped = [
         f"{label(kind, target if isinstance(target, str) else None)} "
@@ -102,6 +106,7 @@ def _advice(view: View) -> str:
             "their probabilities, and is what to predict with beyond the data."
         )
     found = [label_of_cause(c) for f, c in view.found if f.kind != "unexplained"]
+    found += [label_of(w) for w in view.kindred()]
     check = (
         f"Check {digits.listing(found)} where the data come from: a cause that fits is not yet a "
         "cause that is true."
@@ -128,10 +133,12 @@ def _predict_with(view: View) -> str:
 
 def _alike(view: View) -> list[str]:
     """Say how far apart the leading cause and its rivals are, in units of the noise."""
-    candidates = [w for w in view.rivals() if w.cause is not None]
-    if len(candidates) < 2 or view.diagnosis.verdict_ == "named":
+    if view.diagnosis.verdict_ == "named":
         return []
-    first, *others = candidates
+    first = next(w for w in view.diagnosis.search_.weighed if w.cause is view.cause)
+    others = [w for w in view.rivals() if w.cause not in (None, view.cause)]
+    if not others:
+        return []
     told = []
     noise = float(np.mean(view.diagnosis.extended_estimator_.posterior_.sigma))
     working = view.diagnosis.search_.problem.likelihood.working

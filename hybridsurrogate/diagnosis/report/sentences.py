@@ -74,7 +74,7 @@ def verdict(view: View) -> list[str]:
             f"shape, which has {digits.probability(d.best_cause_.probability)} of the probability.",
             chance(view),
         ]
-    best, shares = d.best_cause_, kind_shares(d.search_)
+    shares = kind_shares(d.search_)
     finding, cause = view.found[0]
     found = f"{label_of_cause(cause)}{_with_estimates(view, finding, cause)}"
     if d.verdict_ == "named":
@@ -82,7 +82,7 @@ def verdict(view: View) -> list[str]:
             f"Named: {_lower(first)}",
             f"The cause: {found}.",
             *_meaning(view, finding, cause),
-            f"It has {digits.probability(best.probability)} of the probability{_runner_up(view)}.",
+            *_sureness(view),
             chance(view),
             *_further(view),
         ]
@@ -92,7 +92,7 @@ def verdict(view: View) -> list[str]:
         "The data do not single out one cause. Given that something is wrong, these together "
         f"have at least 90 % of the probability: {digits.listing(kinds)}.",
         f"The leading one: {found}.",
-        f"It has {digits.probability(best.probability)} of the probability.",
+        *_sureness(view),
         *_meaning(view, finding, cause),
         chance(view),
         *_further(view),
@@ -268,14 +268,24 @@ def _further(view: View) -> list[str]:
     return out
 
 
-def _runner_up(view: View) -> str:
-    found = view.diagnosis.search_
-    others = [
-        (float(p), w)
-        for p, w in zip(found.probability, found.weighed, strict=True)
-        if w.cause is not view.cause
-    ]
-    if not others:
-        return ""
-    p, w = max(others, key=lambda pair: pair[0])
-    return f", the nearest rival ({label_of(w)}) {digits.probability(p)}"
+def _sureness(view: View) -> list[str]:
+    """Say how probable the cause is, its kind and the nearest rival, and what it is confused with.
+
+    A kind may have several forms and places, and the data know the kind better.
+    """
+    own = digits.probability(view.own_probability)
+    kind = digits.probability(view.diagnosis.best_cause_.probability)
+    of_kind = f", its kind in all its forms {kind}" if kind != own else ""
+    rival = next((pair for pair in view.weighed if pair[0].cause is not view.cause), None)
+    nearest = (
+        f", the nearest rival ({label_of(rival[0])}) {digits.probability(rival[1])}"
+        if rival is not None
+        else ""
+    )
+    out = [f"It has {own} of the probability{of_kind}{nearest}."]
+    if view.kindred():
+        names = [label_of_cause(view.cause), *map(label_of, view.kindred())]
+        out.append(
+            f"The data tell the kind, but not which of these it is: {digits.listing(names)}."
+        )
+    return out

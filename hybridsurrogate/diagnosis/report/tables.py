@@ -86,6 +86,9 @@ def estimate_table(view: View) -> pd.DataFrame:
 _WORDS = ("before", "after")
 
 
+_ALONG = ("location", "period", "peak", "width", "duration", "scale", "half", "lag")
+
+
 def unit_of(view: View, cause: Cause, name: str) -> str:
     """Return the unit of an estimate of a cause, in the user's own names; "" if unknown."""
     column = getattr(cause, "column", None) or view.inputs[0]
@@ -104,7 +107,7 @@ def unit_of(view: View, cause: Cause, name: str) -> str:
     if name == "rate" and inside:
         of = target if getattr(cause, "form", "") == "constant" else "1"
         return f"{of} per {column}"
-    if name in ("location", "period", "width", "duration", "scale", "half", "lag"):
+    if name.removeprefix("overtone_") in _ALONG:
         return column
     return {
         "amplitude": moved,

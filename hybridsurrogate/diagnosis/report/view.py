@@ -11,7 +11,7 @@ import pandas as pd
 from scipy import special
 
 from hybridsurrogate.diagnosis.discrepancy import predict_locally
-from hybridsurrogate.diagnosis.evidence import Weighed
+from hybridsurrogate.diagnosis.evidence import Weighed, kind_of
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.plotting import Prediction
 from hybridsurrogate.priors import FloatArray
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 _MOST_RIVALS = 4
 _MOST_CAUSES = 8
 _WORTH_DRAWING = 0.005
+# a form of the same kind with more than this share of the cause's probability may be it as well
+_AS_PROBABLE = 0.25
 _N_BINS = 5
 _FEW_LEVELS = 12
 
@@ -165,8 +167,13 @@ class View:
     @property
     def most_probable(self) -> list[tuple[Weighed, float]]:
         """The first few of all causes that were weighed, with their probabilities."""
+        return self.weighed[:_MOST_CAUSES]
+
+    @property
+    def weighed(self) -> list[tuple[Weighed, float]]:
+        """All causes that were weighed, with their probabilities, most probable first."""
         found = self.diagnosis.search_
-        order = np.argsort(-found.probability, kind="stable")[:_MOST_CAUSES]
+        order = np.argsort(-found.probability, kind="stable")
         return [(found.weighed[k], float(found.probability[k])) for k in order]
 
     def rivals(self) -> list[Weighed]:
@@ -178,6 +185,22 @@ class View:
             for place, k in enumerate(order)
             if place < 2 or found.probability[k] > _WORTH_DRAWING
         ]
+
+    def kindred(self) -> list[Weighed]:
+        """Return other forms of the named kind that are about as probable as the cause."""
+        if self.cause is None:
+            return []
+        cause, own = self.cause, self.own_probability
+        return [
+            w
+            for w, p in self.weighed
+            if kind_of(w) == cause.kind and w.cause is not cause and p > _AS_PROBABLE * own
+        ]
+
+    @property
+    def own_probability(self) -> float:
+        """The probability of the first cause in its form."""
+        return next(p for w, p in self.weighed if w.cause is self.cause)
 
     def expected(self, rival: Weighed, X: FloatArray) -> FloatArray:
         """Return what an explanation predicts at rows, in units of the output."""

@@ -1,0 +1,48 @@
+"""Measurements from a file: numbers where there must be some, levels for names."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pandas as pd
+
+from hybridsurrogate.exceptions import DiagnosisWarning
+
+# names in a column of text that are taken as levels
+_MOST_LEVELS = 6
+
+
+def numbers_of(column: pd.Series, file: str) -> pd.Series:
+    """Return a column as numbers; raise ValueError that says where one is missing."""
+    numbers = pd.to_numeric(column, errors="coerce")
+    wrong = np.flatnonzero(~np.isfinite(numbers.to_numpy(dtype=float)))
+    if len(wrong):
+        row = int(wrong[0])
+        raise ValueError(
+            f"{file}: {len(wrong)} of {len(column)} values of {column.name!r} are no numbers, the "
+            f"first {column.iloc[row]!r} in row {row + 1} of the data. Correct it or leave the row "
+            "out."
+        )
+    return numbers
+
+
+def with_levels(measured: pd.DataFrame) -> pd.DataFrame:
+    """Return the columns of numbers, and those of a few names as levels 0, 1, 2, ..."""
+    out = measured.copy()
+    for name in measured.columns.difference(measured.select_dtypes("number").columns, sort=False):
+        known = sorted(measured[name].dropna().astype(str).unique())
+        if measured[name].isna().any() or not 2 <= len(known) <= _MOST_LEVELS:
+            warnings.warn(
+                f"The column {name!r} is left out: it holds neither numbers nor 2 to "
+                f"{_MOST_LEVELS} names, one in each row.",
+                DiagnosisWarning,
+                stacklevel=2,
+            )
+            out = out.drop(columns=name)
+            continue
+        codes = {level: code for code, level in enumerate(known)}
+        out[name] = measured[name].astype(str).map(codes).astype(float)
+        told = ", ".join(f"{level} is {code}" for level, code in codes.items())
+        print(f"Levels of {name}: {told}.", flush=True)
+    return out
