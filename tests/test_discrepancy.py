@@ -37,3 +37,11 @@ def test_stretches_in_which_the_band_excludes_zero():
     band = Discrepancy(x[:, None], "x", mean, mean - 1, mean + 1)
     assert band.stretches(x) == [(0.0, 1.0, -1), (3.0, 4.0, 1), (6.0, 6.0, 1)]
     assert band.share_outside == pytest.approx(5 / 7)
+
+
+def test_few_values_are_levels_not_thirds():
+    batch = np.array([0.0, 1, 2, 2, 0, 1])
+    found = shares_of_thirds(batch[:, None], np.array([0, 0, 3.0, 3, 0, 1]), ["batch"])
+    assert [(t.low, t.high) for t in found] == [(0, 0), (1, 1), (2, 2)]
+    assert [t.share for t in found] == pytest.approx([0, 1 / 19, 18 / 19])
+    assert [t.rows for t in found] == pytest.approx([1 / 3] * 3)

@@ -156,3 +156,30 @@ def test_catalogue_says_why_the_dynamics_are_not_weighed():
     assert any("the runs leave the simulation open" in str(warning.message) for warning in told)
     notes = diagnosis.causes_.set_index("kind")["note"]
     assert "needs an OdeSimulator" in notes["missing-term"]
+
+
+def test_one_curve_by_two_terms_is_told_as_such():
+    """A fall at constant acceleration: a loss of speed and one of the path are the same curve."""
+    drag, t = 0.25, np.linspace(0.05, 2, 25)
+    path = 9.81 / drag * t - 9.81 / drag**2 * (1 - np.exp(-drag * t))
+    simulator = hs.OdeSimulator(
+        lambda t, state, g: np.stack([state[1], g + 0 * state[1]]),
+        initial_state=[0.0, 0.0],
+        observe=lambda state: state[0],
+        inputs={"t": (0, 3)},
+        states=("fallen", "speed"),
+        parameters={"g": hs.truncated_normal(9.81, 0.05, 9.5, 10.1)},
+    )
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), n_draws=300, random_state=0
+    )
+    diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0)
+    with pytest.warns(hs.ConfoundingWarning):
+        diagnosis.fit(t[:, None], path + 0.05 * np.random.default_rng(6).standard_normal(25))
+    assert diagnosis.best_cause_.kind == "missing-term"
+    assert diagnosis.best_cause_.probability > 0.9
+    text = " ".join(str(diagnosis.report()).split())
+    assert "It has 50 % of the probability, its kind in all its forms 99" in text
+    both = ("missing-term of speed (proportional)", "missing-term of fallen (proportional)")
+    assert f"not which of these it is: {both[0]} and {both[1]}" in text
+    assert f"Check {both[0]} and {both[1]}" in text

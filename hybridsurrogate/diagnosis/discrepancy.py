@@ -15,6 +15,8 @@ from hybridsurrogate.inference.linearised import Linearised, linearise
 from hybridsurrogate.priors import FloatArray
 
 _Z90 = 1.6448536269514722
+# a column with as many values has levels instead of thirds
+_FEW_LEVELS = 6
 
 
 @dataclass(frozen=True)
@@ -69,13 +71,13 @@ class Discrepancy:
 
 
 class Third(NamedTuple):
-    """A third of the measured range of one column, and its part of the discrepancy.
+    """A third of the measured range of one column, or one of its few values, and what lies there.
 
     Attributes
     ----------
     column : str
     low, high : float
-        Its ends; rows at the upper end belong to the next third.
+        Its ends; rows at the upper end belong to the next third. A value is both ends.
     share : float
         Of the sum of squares of the discrepancy over all measured rows.
     rows : float
@@ -192,6 +194,8 @@ def estimate_discrepancy(found: Search, cause: Cause | None, n_grid: int = 200) 
 def shares_of_thirds(X: FloatArray, delta: FloatArray, columns: Sequence[str]) -> list[Third]:
     """Return which part of a discrepancy lies in each third of each column's measured range.
 
+    Of a column with a few values: at each of them.
+
     Parameters
     ----------
     X : ndarray of shape (n, n_columns)
@@ -215,12 +219,16 @@ def shares_of_thirds(X: FloatArray, delta: FloatArray, columns: Sequence[str]) -
     for name, values in zip(columns, X.T, strict=True):
         if np.ptp(values) == 0:
             continue
-        ends = np.linspace(values.min(), values.max(), 4)
-        part = np.digitize(values, ends[1:3])
-        for k in range(3):
+        levels = np.unique(values)
+        if len(levels) <= _FEW_LEVELS:
+            ends, part = np.repeat(levels, 2), np.searchsorted(levels, values)
+        else:
+            ends = np.repeat(np.linspace(levels[0], levels[-1], 4), 2)[1:-1]
+            part = np.digitize(values, ends[[2, 4]])
+        for k, (low, high) in enumerate(ends.reshape(-1, 2).tolist()):
             inside = part == k
             share, rows = float(square[inside].sum()), float(np.mean(inside))
-            out.append(Third(name, float(ends[k]), float(ends[k + 1]), share, rows))
+            out.append(Third(name, low, high, share, rows))
     return out
 
 

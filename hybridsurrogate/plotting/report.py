@@ -167,7 +167,8 @@ def plot_coverage(
     ax.set_yticks(places, labels=list(names))
     ax.set_ylim(-0.6, len(names) - 0.4)
     ax.set_xlim(right=min(float(ax.get_xlim()[1]), 102))
-    ax.set_xlabel(f"rows in the {100 * level:g} % interval, %")
+    # where names leave little room the label would run over the edge
+    ax.set_xlabel(f"rows in the {100 * level:g} % interval, %", loc="right")
     return ax
 
 

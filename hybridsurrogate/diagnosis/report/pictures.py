@@ -222,9 +222,12 @@ def _told_below(view: View) -> str:
     band = view.diagnosis.discrepancy_
     if band.column != view.name:
         return "measured minus simulated, and what the extended model makes of it."
+    part = (
+        "nowhere in" if not band.share_outside else f"over {digits.percent(band.share_outside)} of"
+    )
     return (
         "measured minus simulated with a smooth curve and its pointwise 90 % band, which excludes "
-        f"zero over {digits.percent(band.share_outside)} of the measured range. Here the "
+        f"zero {part} the measured range. Here the "
         "parameters are estimated beside the curve, so that they differ from those above."
     )
 

@@ -169,7 +169,7 @@ def _formulas(view: View) -> tuple[tuple[str, str], ...]:
 def _beta_scan(view: View) -> pd.DataFrame | None:
     """Return held-out scores at a few weights, None where it makes no sense or takes minutes."""
     diagnosis = view.diagnosis
-    if not view.has_weight or view.infers_surrogate:
+    if not view.has_weight or view.is_slow:
         return None
     return diagnosis.beta_scan(view.as_given(view.X), view.y, _BETAS)
 

@@ -91,8 +91,8 @@ def trust(view: View, scan: pd.DataFrame | None) -> list[str]:
     """Say how much the simulation should weigh against the data, before and after."""
     if scan is None and view.has_weight:
         return [
-            "How much weight the simulation deserves was not tried: this surrogate infers its "
-            "hyperparameters anew at every weight, which takes minutes. beta_scan(X, y) does it."
+            "How much weight the simulation deserves was not tried: this surrogate is fitted anew "
+            "at every weight, which takes minutes. beta_scan(X, y) does it."
         ]
     if scan is None:
         return [

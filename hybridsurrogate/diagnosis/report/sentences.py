@@ -146,10 +146,11 @@ def where(view: View) -> list[str]:
             f"it moves them most, at {place}."
         )
         part = max((t for t in thirds(view) if t.column == view.name), key=lambda t: t.share)
+        ends = [digits.number(end) for end in (part.low, part.high)]
+        span = ends[0] if part.low == part.high else f"between {ends[0]} and {ends[1]}"
         out.append(
             f"Of this (as a sum of squares) {digits.percent(part.share)} lies where {part.column} "
-            f"is between {digits.number(part.low)} and {digits.number(part.high)}, which holds "
-            f"{digits.percent(part.rows)} of the rows."
+            f"is {span}, which holds {digits.percent(part.rows)} of the rows."
         )
     if view.name not in view.inputs:
         # the smooth curve knows the inputs only, and would draw the scatter that the column makes

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 _MOST_RIVALS = 4
 _MOST_CAUSES = 8
 _WORTH_DRAWING = 0.005
+# of these a scan over beta takes minutes
+_MANY_COEFFICIENTS = 100
 # a form of the same kind with more than this share of the cause's probability may be it as well
 _AS_PROBABLE = 0.25
 _N_BINS = 5
@@ -76,9 +78,10 @@ class View:
         return bool(self.diagnosis.estimator_.posterior_.coefficients.shape[1])
 
     @property
-    def infers_surrogate(self) -> bool:
-        """Whether the surrogate has hyperparameters, to be inferred anew at every weight."""
-        return bool(self.diagnosis.estimator_.posterior_.model.n_hyper)
+    def is_slow(self) -> bool:
+        """Whether the surrogate takes long to fit: by hyperparameters or many coefficients."""
+        model = self.diagnosis.estimator_.posterior_.model
+        return bool(model.n_hyper) or len(model.basis.coefficient_mean) > _MANY_COEFFICIENTS
 
     @property
     def cause(self) -> Cause | None:
