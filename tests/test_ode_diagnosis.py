@@ -184,5 +184,7 @@ def test_one_curve_by_two_terms_is_told_as_such():
     assert "It has 50 % of the probability, its kind in all its forms 99" in text
     # of two that are equal either may come first
     one = r"missing-term of (speed|fallen) \(proportional\)"
-    assert re.search(rf"The data tell the kind, not which of these it is: {one} and {one}\.", text)
+    assert re.search(
+        rf"The data tell the kind, but not which of these it is: {one} and {one}\.", text
+    )
     assert re.search(rf"Check {one} and {one} where", text)
