@@ -28,13 +28,14 @@ _MOST_ROWS, _MOST_DEGREE = 200, 5
 
 
 class Demo(NamedTuple):
-    """A demonstration: what it is, its simulation and its data, rows held back."""
+    """A demonstration: what it is, its simulation and its data, rows held back, causes at most."""
 
     introduction: str
     simulator: Any
     X: Any
     y: Any
     test: tuple[Any, Any] | None
+    max_causes: int = 1
 
 
 def _co2() -> Demo:
@@ -47,6 +48,7 @@ def _co2() -> Demo:
         data.data[early],
         np.asarray(data.target)[early],
         (data.data[~early], np.asarray(data.target)[~early]),
+        max_causes=2,
     )
 
 
@@ -134,7 +136,10 @@ def _parser() -> argparse.ArgumentParser:
             help="kinds that cannot be the cause, such as delay noise",
         )
         command.add_argument(
-            "--max-causes", type=int, default=1, metavar="N", help="look for up to N causes (1)"
+            "--max-causes",
+            type=int,
+            metavar="N",
+            help=f"look for up to N causes ({'2 for co2, else 1' if command is demo else 1})",
         )
         command.add_argument("--report", default="report.html", help="file to write (report.html)")
         command.add_argument("--json", metavar="FILE", help="also write the numbers, for machines")
@@ -152,6 +157,7 @@ def _demo(given: argparse.Namespace) -> int:
     model = PowerScaledSurrogate(
         demo.simulator, surrogate=ExactSurrogate(), random_state=given.seed
     )
+    given.max_causes = demo.max_causes if given.max_causes is None else given.max_causes
     _finish(model, demo.X, demo.y, demo.test, given)
     return 0
 
@@ -221,8 +227,9 @@ def _priors(given: argparse.Namespace, runs: pd.DataFrame) -> dict[str, Prior]:
 def _finish(
     model: PowerScaledSurrogate, X: Any, y: Any, test: Any, given: argparse.Namespace
 ) -> None:
+    most = 1 if given.max_causes is None else given.max_causes
     diagnosis = DiscrepancyDiagnosis(
-        model, exclude=given.exclude, max_causes=given.max_causes, random_state=given.seed
+        model, exclude=given.exclude, max_causes=most, random_state=given.seed
     )
     diagnosis.fit(X, y)
     report = diagnosis.report(test=test)

@@ -75,7 +75,7 @@ def test_pages_are_for_the_gallery():
 )
 def test_pages_of_case_1(page, name):
     printed = page(f"{name}.py")
-    assert "sin(2 pi x /" in printed
+    assert "cos(2 pi (x - " in printed
     table = table_of(printed)
     assert len(table) == 4
     # better than every weight and than Kennedy and O'Hagan, by more than two errors
@@ -96,7 +96,7 @@ def test_page_of_sensitivity(page):
     printed = page("plot_sensitivity.py")
     sds = re.findall(r"case study 1, beta = (\S+): omega \S+ \(sd (\S+)\)", printed)
     assert len(sds) == 6
-    assert "sin(2 pi x /" in printed
+    assert "cos(2 pi (x - " in printed
 
 
 def test_page_of_italy(page):

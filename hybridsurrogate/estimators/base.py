@@ -22,6 +22,7 @@ from hybridsurrogate.estimators.mixture import (
     moments,
     noise_free,
     noisy,
+    row_blocks,
     samples,
 )
 from hybridsurrogate.estimators.rows import MeasuredRows, check_weights, merged_rows
@@ -145,13 +146,17 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
             Only with ``return_std=True``.
         """
         X = self._check_data(X)
-        mean, variance = moments(self._mixture(X), X, with_variance=return_std)
-        return mean if variance is None else (mean, np.sqrt(variance))
+        pieces = [
+            moments(self._mixture(X[some]), X[some], with_variance=return_std)
+            for some in row_blocks(self._mixture, X)
+        ]
+        mean, *variance = (np.concatenate(piece) for piece in zip(*pieces, strict=True))
+        return (mean, np.sqrt(variance[0])) if return_std else mean
 
     def predict_interval(self, X: ArrayLike, level: float = 0.9) -> tuple[FloatArray, FloatArray]:
         """Return a central interval that holds a new y with the given probability.
 
-        Quantiles of the mixture over draws, found by bisection: exact up to the draws. Under a
+        Quantiles of the mixture over draws, exact up to the draws. Under a
         likelihood that is not normal, quantiles of 20000 draws of y.
 
         Parameters
@@ -219,9 +224,13 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         rows, output = validate_data(self, X, y, reset=False, dtype=np.float64, y_numeric=True)
         rows, output = rows[:, self._column_order], np.asarray(output, dtype=float)
-        mixture = self._mixture(rows)
-        mixture[0][1].likelihood.check(output)
-        return log_density_of(mixture, rows, output)
+        self._mixture(rows[:1])[0][1].likelihood.check(output)
+        return np.concatenate(
+            [
+                log_density_of(self._mixture(rows[some]), rows[some], output[some])
+                for some in row_blocks(self._mixture, rows)
+            ]
+        )
 
     def score(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
         """Return the expected log predictive density: its mean over the rows.

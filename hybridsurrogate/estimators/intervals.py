@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy import special
 
-from hybridsurrogate.estimators.mixture import Mixture, MixtureAt, noisy, samples
+from hybridsurrogate.estimators.mixture import Mixture, MixtureAt, noisy, row_blocks, samples
 from hybridsurrogate.likelihoods import TransformedNormal
 from hybridsurrogate.priors import FloatArray
 
@@ -16,6 +16,8 @@ from hybridsurrogate.priors import FloatArray
 _N_DRAWS = 20_000
 # rows at a time, so that memory stays bounded
 _N_ROWS = 500
+# Newton steps as small, in units of what holds all draws, are the last; and steps at most
+_TINY, _MOST_STEPS = 1e-9, 60
 
 # on the scale of eta: weight, centres (S, n) and standard deviations (S, n)
 Normals = list[tuple[Any, FloatArray, FloatArray]]
@@ -25,8 +27,7 @@ def central_interval(
     mixture_at: MixtureAt, X: FloatArray, level: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the ends of an interval for a new y at each row, two arrays (n,)."""
-    mixture = mixture_at(X)
-    likelihood = _normal_likelihood(mixture)
+    likelihood = _normal_likelihood(mixture_at(X[:1]))
     tail = (1 - level) / 2
     if likelihood is None:
         random = np.random.RandomState(0)
@@ -36,8 +37,11 @@ def central_interval(
             ends.append(np.quantile(draws, [tail, 1 - tail], axis=0, method="inverted_cdf"))
         lower, upper = np.concatenate(ends, axis=1)
         return lower, upper
-    parts = _normals(mixture, X)
-    lower, upper = (_quantile(parts, probability) for probability in (tail, 1 - tail))
+    quantiles: list[list[FloatArray]] = []
+    for some in row_blocks(mixture_at, X):
+        parts = _normals(mixture_at(X[some]), X[some])
+        quantiles.append([_quantile(parts, probability) for probability in (tail, 1 - tail)])
+    lower, upper = np.concatenate(quantiles, axis=1)
     return likelihood.inverse(lower), likelihood.inverse(upper)
 
 
@@ -68,15 +72,33 @@ def _normals(mixture: Mixture, X: FloatArray) -> Normals:
 
 
 def _quantile(parts: Normals, probability: float) -> FloatArray:
-    """Return the quantile (n,) on the scale of eta, by bisection."""
+    """Return the quantile (n,) on the scale of eta, by Newton steps that bisection safeguards."""
     reach = 9 * np.concatenate([sigma for _, _, sigma in parts]).max(axis=0)
     low = np.concatenate([eta for _, eta, _ in parts]).min(axis=0) - reach
     high = np.concatenate([eta for _, eta, _ in parts]).max(axis=0) + reach
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        left = _below(parts, middle) < probability
-        low, high = np.where(left, middle, low), np.where(left, high, middle)
-    return 0.5 * (low + high)
+    tiny = _TINY * (high - low)
+    middle = 0.5 * (low + high)
+    for _ in range(_MOST_STEPS):
+        off = _below(parts, middle) - probability
+        low, high = np.where(off < 0, middle, low), np.where(off < 0, high, middle)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = middle - off / _density(parts, middle)
+        inside = (low < step) & (step < high)
+        moved = np.where(inside, step, 0.5 * (low + high))
+        settled = np.abs(moved - middle) <= tiny
+        middle = moved
+        if settled.all():
+            break
+    return middle
+
+
+def _density(parts: Normals, eta: FloatArray) -> FloatArray:
+    """Return the density of a mixture of normals at eta (n,)."""
+    terms = [
+        weight * (np.exp(-0.5 * ((eta - centre) / sigma) ** 2) / sigma).mean(axis=0)
+        for weight, centre, sigma in parts
+    ]
+    return np.sum(terms, axis=0) / np.sqrt(2 * np.pi)
 
 
 def _below(parts: Normals, eta: FloatArray) -> FloatArray:

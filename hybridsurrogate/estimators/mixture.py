@@ -10,6 +10,7 @@ import numpy as np
 from scipy import special
 from sklearn.utils import check_scalar
 
+from hybridsurrogate.inference.blocks import blocks
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray
 
@@ -18,10 +19,17 @@ Mixture = list[tuple[Any, Posterior]]
 MixtureAt = Callable[..., Mixture]
 Draw = Callable[[Posterior, FloatArray, np.random.RandomState], FloatArray]
 
+# numbers of all draws at some rows that are in memory at once
+_BLOCK = 10_000_000
 
-def moments(
-    mixture: Mixture, X: FloatArray, with_variance: bool
-) -> tuple[FloatArray, FloatArray | None]:
+
+def row_blocks(mixture_at: MixtureAt, X: FloatArray) -> list[slice]:
+    """Cut rows X (n, n_columns) into blocks, so that memory for all draws of them is bounded."""
+    draws = sum(posterior.n_draws for _, posterior in mixture_at(X[:1]))
+    return blocks(len(X), draws, _BLOCK)
+
+
+def moments(mixture: Mixture, X: FloatArray, with_variance: bool) -> list[FloatArray]:
     """Return mean and, where asked for, variance of y at rows X, noise included: arrays (n,).
 
     By the law of total variance around the mean, so that a large offset costs no digits.
@@ -30,7 +38,7 @@ def moments(
     means = [p.likelihood.mean(eta, sigma) for _, p, eta, sigma in parts]
     mean = np.sum([w * m.mean(axis=0) for (w, *_), m in zip(parts, means, strict=True)], axis=0)
     if not with_variance:
-        return mean, None
+        return [mean]
     # far outside the data a log-normal variance is infinite for practical purposes
     with np.errstate(over="ignore"):
         variance = np.sum(
@@ -40,7 +48,7 @@ def moments(
             ],
             axis=0,
         )
-    return mean, variance
+    return [mean, variance]
 
 
 def samples(
