@@ -80,7 +80,7 @@ def loo_of_fit(
     Importance sampling is replaced by a fit without the row where its k-hat exceeds 0.7.
     """
     X, y = problem.X, problem.observed
-    if problem.runs is None:
+    if fit.second is fit.first:  # there was no step 2
         first = _log_likelihood(fit.first, X, y)
         found = pointwise_loo(first, problem.weights, first[:, None], np.zeros(len(y)))
     else:

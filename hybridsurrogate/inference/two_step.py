@@ -2,7 +2,8 @@
 
 For every coefficient draw c_s the unknowns (omega, theta, sigma) and the causes' coefficients a
 are inferred anew from their original priors and the full likelihood of the measured rows. One
-or two parameters go on a grid; beyond, proposals are weighed.
+or two parameters go on a grid; beyond, proposals are weighed. Where the posteriors of the draws are
+too narrow for what all share, each draw has proposals of its own.
 """
 
 from __future__ import annotations
