@@ -16,6 +16,7 @@ from scipy import stats
 
 from hybridsurrogate.datasets import load_mauna_loa_co2, load_nile, make_log_sin
 from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
+from hybridsurrogate.diagnosis.report.report import ending_of
 from hybridsurrogate.estimators import PowerScaledSurrogate
 from hybridsurrogate.exceptions import HybridSurrogateWarning
 from hybridsurrogate.measured_table import numbers_of, with_levels
@@ -227,6 +228,7 @@ def _priors(given: argparse.Namespace, runs: pd.DataFrame) -> dict[str, Prior]:
 def _finish(
     model: PowerScaledSurrogate, X: Any, y: Any, test: Any, given: argparse.Namespace
 ) -> None:
+    ending_of(given.report)  # now, not after minutes
     most = 1 if given.max_causes is None else given.max_causes
     diagnosis = DiscrepancyDiagnosis(
         model, exclude=given.exclude, max_causes=most, random_state=given.seed

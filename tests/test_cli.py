@@ -112,6 +112,13 @@ def test_the_command_as_a_module(module):
     assert "nile" in run.stdout
 
 
+def test_a_report_that_cannot_be_written_is_told_at_once(files, capsys):
+    assert main([*arguments(files), "--report", str(files / "report.pdf")]) == 2
+    told = capsys.readouterr()
+    assert "to a file .html, .txt or .json" in told.err
+    assert "Verdict" not in told.out
+
+
 def test_an_unknown_demonstration(capsys):
     with pytest.raises(SystemExit, match="2"):
         main(["demo", "moon"])

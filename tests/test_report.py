@@ -203,6 +203,14 @@ def test_text_and_json_files(named, report, tmp_path):
     assert all(sentence in flat(report) for sentence in said)
 
 
+def test_no_other_kind_of_file_is_written(report, tmp_path):
+    with pytest.raises(
+        ValueError, match=r"to a file \.html, \.txt or \.json, not to .*report\.pdf"
+    ):
+        report.save(tmp_path / "report.pdf")
+    assert not list(tmp_path.iterdir())
+
+
 def test_the_dict_is_a_copy_and_nan_is_none(report):
     report.to_dict()["verdict"] = "changed"
     assert report.to_dict()["verdict"] == "named"

@@ -76,16 +76,29 @@ class Report:
         return copy.deepcopy(self.summary)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the report: text where the name ends in .txt, JSON for .json, else HTML."""
-        name = os.fspath(path)
-        if name.endswith(".txt"):
+        """Write the report: HTML, text where the name ends in .txt, JSON for .json.
+
+        Raises ValueError for another ending.
+        """
+        ending = ending_of(path)
+        if ending == ".txt":
             content = str(self) + "\n"
-        elif name.endswith(".json"):
+        elif ending == ".json":
             content = json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n"
         else:
             content = self.to_html()
-        with open(name, "w", encoding="utf-8") as file:
+        with open(path, "w", encoding="utf-8") as file:
             file.write(content)
+
+
+def ending_of(path: str | os.PathLike[str]) -> str:
+    """Return how a file name ends; raise ValueError where no report is written so."""
+    ending = os.path.splitext(os.fspath(path))[1].lower()
+    if ending not in (".html", ".htm", ".txt", ".json", ""):
+        raise ValueError(
+            f"A report is written to a file .html, .txt or .json, not to {os.fspath(path)!r}."
+        )
+    return ending
 
 
 def make_report(diagnosis: DiscrepancyDiagnosis, test: pictures.Test = None) -> Report:
