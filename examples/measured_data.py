@@ -149,6 +149,7 @@ def row(data: DataSet, frame: Frame, fast: bool) -> list[str]:
     estimates = ", ".join(
         f"{name} {mean:.4g} ({low:.4g} to {high:.4g})"
         for name, (mean, low, high) in best.estimates.items()
+        if "peak" not in name  # not documented
     )
     errors = (diagnosis.estimator_, diagnosis.extended_estimator_, models[1])
     errors = [f"{error(data, model, *test):.4g}" for model in errors]

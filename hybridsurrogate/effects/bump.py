@@ -65,8 +65,8 @@ class Bump(Located):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         return (
-            f"simulation {plus(values['amplitude'])} exp(-({self.column} - "
-            f"{values['location']:.5g})^2 / (2 * {values['width']:.4g}^2))"
+            f"simulation {plus(values['amplitude'])} exp(-({self.column} "
+            f"{plus(-values['location'], 5)})^2 / (2 * {values['width']:.4g}^2))"
         )
 
     def latex(self, values: Mapping[str, float]) -> str:

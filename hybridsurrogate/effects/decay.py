@@ -64,9 +64,10 @@ class Decay(FromOrigin):
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
+        assert self.origin is not None
         return (
             f"simulation {plus(values['amplitude'])} "
-            f"exp(-({self.column} - {self.origin:.5g}) / {values['scale']:.4g})"
+            f"exp(-({self.column} {plus(-self.origin, 5)}) / {values['scale']:.4g})"
         )
 
     def latex(self, values: Mapping[str, float]) -> str:

@@ -88,7 +88,7 @@ class Interaction(Cause):
         """Return the extended simulation in words."""
         assert self.centers is not None
         factors = (
-            f"({name} - {center:.5g})"
+            f"({name} {plus(-center, 5)})"
             for name, center in zip(self.reads, self.centers, strict=True)
         )
         return f"simulation {plus(values['slope'])} {' '.join(factors)}"

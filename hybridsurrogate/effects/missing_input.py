@@ -152,9 +152,10 @@ class MissingInput(OverColumn):
                 for name, (value, _) in zip(self.coefficients, self.levels, strict=True)
             )
             return f"simulation, and {told}"
-        text = f"simulation {plus(values['slope'])} ({self.column} - {self.center:.5g})"
+        assert self.center is not None
+        text = f"simulation {plus(values['slope'])} ({self.column} {plus(-self.center, 5)})"
         if self.shape == "quadratic":
-            text += f" {plus(values['curvature'])} ({self.column} - {self.center:.5g})^2"
+            text += f" {plus(values['curvature'])} ({self.column} {plus(-self.center, 5)})^2"
         return text
 
     def latex(self, values: Mapping[str, float]) -> str:

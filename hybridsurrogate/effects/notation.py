@@ -55,8 +55,8 @@ def signed(value: float, digits: int = 4) -> str:
     return f"{sign} {number(abs(value), digits)}"
 
 
-def plus(value: float) -> str:
-    """Return a number as a term of a sum in plain text.
+def plus(value: float, digits: int = 4) -> str:
+    """Return a number with so many digits as a term of a sum in plain text.
 
     Examples
     --------
@@ -65,7 +65,7 @@ def plus(value: float) -> str:
     '- 0.02'
     """
     sign = "-" if math.copysign(1.0, value) < 0 else "+"
-    return f"{sign} {abs(value):.4g}"
+    return f"{sign} {abs(value):.{digits}g}"
 
 
 def minus(column: str, value: float, digits: int = 5) -> str:

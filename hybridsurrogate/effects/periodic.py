@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.effects.notation import SIMULATION, minus, number
+from hybridsurrogate.effects.notation import SIMULATION, minus, number, plus
 from hybridsurrogate.effects.over_column import LONGEST_PERIOD, OverColumn
 from hybridsurrogate.priors import Prior, frozen
 
@@ -130,7 +131,8 @@ class Periodic(OverColumn):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         return "simulation" + "".join(
-            f" + {values[size]:.4g} cos(2 pi ({self.column} - {values[peak]:.6g}) / {period:.5g})"
+            f" + {values[size]:.4g} cos(2 pi ({self.column} "
+            f"{plus(-values[peak], _digits(values[peak], period))}) / {period:.5g})"
             for size, peak, period in self._waves(values)
         )
 
@@ -138,7 +140,7 @@ class Periodic(OverColumn):
         """Return the extended simulation in LaTeX."""
         text = SIMULATION
         for size, peak, period in self._waves(values):
-            distance = minus(self.column, values[peak], 6)
+            distance = minus(self.column, values[peak], _digits(values[peak], period))
             angle = rf"\frac{{2 \pi \, {distance}}}{{{number(period, 5)}}}"
             text += rf" + {number(values[size])} \cos\left({angle}\right)"
         return text
@@ -149,3 +151,8 @@ class Periodic(OverColumn):
         if "overtone" in values:
             waves.append(("overtone", "overtone_peak", values["period"] / 2))
         return waves
+
+
+def _digits(place: float, period: float) -> int:
+    """Return the significant digits that tell a place to a thousandth of a period."""
+    return max(4, 4 + math.floor(math.log10(max(abs(place), period) / period)))

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hybridsurrogate.effects.base import FloatArray, Rows
-from hybridsurrogate.effects.notation import SIMULATION, minus, signed
+from hybridsurrogate.effects.notation import SIMULATION, minus, plus, signed
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.priors import Prior
 
@@ -65,7 +65,7 @@ class Ramp(Located):
         """Return the extended simulation in words."""
         return (
             f"simulation, and from {self.column} = {values['location']:.5g} on "
-            f"{values['slope']:+.4g} ({self.column} - {values['location']:.5g})"
+            f"{values['slope']:+.4g} ({self.column} {plus(-values['location'], 5)})"
         )
 
     def latex(self, values: Mapping[str, float]) -> str:

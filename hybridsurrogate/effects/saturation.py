@@ -69,7 +69,7 @@ class Saturation(FromOrigin):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         assert self.origin is not None
-        u, half = f"({self.column} - {self.origin:.5g})", values["half"] - self.origin
+        u, half = f"({self.column} {plus(-self.origin, 5)})", values["half"] - self.origin
         return f"simulation {plus(values['amplitude'])} {u} / ({u} + {half:.4g})"
 
     def latex(self, values: Mapping[str, float]) -> str:

@@ -84,12 +84,13 @@ class Trend(OverColumn):
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
+        assert self.center is not None
         text = (
             f"simulation {plus(values['level'])} {plus(values['slope'])} "
-            f"({self.column} - {self.center:.5g})"
+            f"({self.column} {plus(-self.center, 5)})"
         )
         if "curvature" in values:
-            text += f" {plus(values['curvature'])} ({self.column} - {self.center:.5g})^2"
+            text += f" {plus(values['curvature'])} ({self.column} {plus(-self.center, 5)})^2"
         return text
 
     def latex(self, values: Mapping[str, float]) -> str:
