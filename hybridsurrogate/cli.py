@@ -171,7 +171,7 @@ def _diagnose(given: argparse.Namespace) -> int:
         raise ValueError(
             f"{given.measured} has no columns {missing}; its columns are {list(measured)}."
         )
-    for name in {*given.inputs, given.output, *measured.select_dtypes("number")}:
+    for name in dict.fromkeys([*given.inputs, given.output, *measured.select_dtypes("number")]):
         measured[name] = numbers_of(measured[name], given.measured)
     for name in (*given.inputs, *given.parameters, given.output):
         if name in runs:

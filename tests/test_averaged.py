@@ -154,8 +154,8 @@ def test_an_explanation_with_outliers_beside_one_without(outliers_first):
     told = model.to_arviz()
     density = told.log_likelihood["y"].to_numpy()[0]
     mean = special.logsumexp(density, axis=0) - np.log(len(density))
-    # shares of 400 draws by lot
-    np.testing.assert_allclose(mean, model.log_predictive_density(t, y), atol=0.4)
+    # 400 draws: a share of 0.3 is known to 8 %, an outlier's density to about as much
+    np.testing.assert_allclose(mean, model.log_predictive_density(t, y), atol=0.2)
     spread = np.quantile(told.posterior_predictive["y"].to_numpy()[0], [0.1, 0.9], axis=0)
     expected = np.quantile(draws, [0.1, 0.9], axis=0)
-    assert np.abs(np.mean(spread - expected, axis=1)).max() < 0.2
+    assert np.abs(np.mean(spread - expected, axis=1)).max() < 0.1

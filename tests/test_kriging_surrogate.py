@@ -168,7 +168,8 @@ def test_a_trend_that_is_not_linear_is_refused(simulator, trend, error):
         model.fit(np.array([[1.0, 0.0], [2.0, 0.5]]), np.zeros(2))
 
 
-# pendulums warn that the weights of step 2 are uneven (k-hat); they count like the others
+# the place of a step has no slope to climb: one case says that its step 2 rests on fewer than ten
+# proposals a draw, and counts like the others
 @pytest.mark.filterwarnings(
     "ignore:The posterior draws are doubtful:hybridsurrogate.SamplingWarning"
 )

@@ -312,11 +312,18 @@ class MeasuredModel:
     def _added(self, adding: Sequence[int], X: FloatArray, values: FloatArray) -> FloatArray:
         shape = len(values), len(X), -1
         added: list[FloatArray] = []
-        rows, _, theta = self.rows(X, values)
+        formed = [k for k in adding if not self.effects[k].factorises]
+        rows, _, theta = self.rows(X, values) if formed else ({}, {}, [])
+        once = {name: X[:, k] for k, name in enumerate(self.columns)}
         for k in adding:
-            columns = self.effects[k].columns(rows, theta[k])
-            assert columns is not None
-            added.append(np.reshape(columns, shape))
+            if k in formed:
+                columns = self.effects[k].columns(rows, theta[k])
+                assert columns is not None
+                added.append(np.reshape(columns, shape))
+            else:
+                factors = self.effects[k].factors(once, self.theta(values)[k])
+                assert factors is not None
+                added.append(factors[0] * factors[1][:, None])
         return added[0] if len(added) == 1 else np.concatenate(added, axis=2)
 
     def rows(self, X: FloatArray, values: FloatArray) -> tuple[Rows, Rows, list[Rows]]:

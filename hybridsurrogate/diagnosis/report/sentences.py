@@ -262,7 +262,7 @@ def _further(view: View) -> list[str]:
             continue
         known = f"{label_of_cause(cause)}{_with_estimates(view, finding, cause)}"
         out.append(
-            f"Beside it a further search found: {known}. There it has "
+            f"Beside it a further search found: {known}. There its kind has "
             f"{digits.probability(finding.probability)} of the probability."
         )
         out += _meaning(view, finding, cause)
@@ -286,7 +286,9 @@ def _sureness(view: View) -> list[str]:
     out = [f"It has {own} of the probability{of_kind}{nearest}."]
     if view.kindred():
         names = [label_of_cause(view.cause), *map(label_of, view.kindred())]
-        out.append(
-            f"The data tell the kind, but not which of these it is: {digits.listing(names)}."
-        )
+        if view.diagnosis.verdict_ == "named":
+            known = "The data tell the kind, but not which of these it is"
+        else:
+            known = "Of this kind it may be each of these"
+        out.append(f"{known}: {digits.listing(names)}.")
     return out
