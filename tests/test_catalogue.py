@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 from tide import FRAME, NOISE, SIMULATOR, context_of, plain
 
 import hybridsurrogate as hs
@@ -68,16 +69,18 @@ def test_the_whole_catalogue():
     }
     # a continuous column has no levels, and this simulation has no dynamics
     assert {(s.kind, s.target) for s in skipped} == {
-        ("step", "wind"),
-        ("periodic", "wind"),
         ("missing-input", "wind"),
+        # four batches are too few for either
+        ("step", "batch"),
+        ("periodic", "batch"),
         ("missing-term", None),
     }
     assert {s.reason.partition(":")[0] for s in skipped} == {
         "categorical",
         "level",
         "inside the dynamics",
-        "over inputs only",
+        "batch has 4 distinct values, 6 are needed",
+        "batch has 4 distinct values, 8 are needed",
     }
     assert [cause.level for cause in levels] == [1, 2, 3, 4]
     assert [cause.target for cause in causes if cause.kind == "interaction"] == ["t * dose"]
@@ -96,7 +99,8 @@ def test_what_is_left_out_comes_with_a_reason():
     assert reasons["wrong-constant"] == ["the simulation has no assumed constants"]
     assert reasons["parameter-drift"] == ["the simulation has no parameters"]
     assert reasons["delay"] == ["t has 4 distinct values, 5 are needed"]
-    assert reasons["step"] == ["t has 4 distinct values, 6 are needed"]
+    few = ["t has 4 distinct values, 6 are needed", "side has 2 distinct values, 6 are needed"]
+    assert reasons["step"] == few
     assert reasons["periodic"][1] == "overtone: t has 4 distinct values, 12 are needed"
     few = "6 rows are too few"
     assert sorted(reasons["noise"]) == [few] * 2 + [
@@ -123,15 +127,29 @@ def test_a_diagnosis_weighs_the_whole_catalogue():
     assert len(found.causes_) == 1 + len(causes) + len(skipped)
 
 
-def test_what_could_happen_along_an_extra_column_is_told():
-    """Nobody says that its order means something, but a step along it is not silently left out."""
+def test_a_jump_and_a_wave_along_an_extra_column():
+    """A time or a row number that the simulation ignores may order what happens."""
     n = 20
     frame = {"t": np.linspace(0, 10, n), "day": np.arange(n) * 1.0, "batch": np.arange(n) % 3 * 1.0}
-    context = Context(frame, 1, {}, {}, 1.0)
-    told = {(one.kind, one.target): one.reason for one in catalogue(context)[1]}
-    assert "pass causes=[Step(column='day')]" in told["step", "day"]
-    assert ("periodic", "day") in told
-    assert ("step", "batch") not in told
-    causes, skipped = catalogue(context, [hs.Step("day")])
-    assert ("step", "day") in [(cause.kind, cause.target) for cause in causes]
-    assert ("step", "day") not in [(one.kind, one.target) for one in skipped]
+    causes, skipped = catalogue(Context(frame, 1, {}, {}, 1.0))
+    weighed = {(cause.kind, cause.target) for cause in causes}
+    assert {("step", "day"), ("periodic", "day"), ("step", "t"), ("periodic", "t")} <= weighed
+    assert ("step", "batch") not in weighed
+    assert ("step", "batch") in {(one.kind, one.target) for one in skipped}
+
+
+def test_a_cause_of_ones_own_replaces_the_built_in_one():
+    """Weighed twice it would halve its probability."""
+    context = context_of()
+    location = stats.uniform(3, 2)
+    causes, skipped = catalogue(context, [hs.Step("t", location=location), hs.Periodic("wind")])
+    steps = [cause for cause in causes if (cause.kind, cause.target) == ("step", "t")]
+    assert [step.location for step in steps] == [location]
+    assert form_count(causes, "periodic", "wind") == 1
+    # another form of the same kind and target stays
+    assert form_count(causes, "periodic: overtone", "t") == 1
+    assert skipped == catalogue(context)[1]
+
+
+def form_count(causes, form, target):
+    return sum((form_of(cause), cause.target) == (form, target) for cause in causes)

@@ -51,7 +51,8 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
     estimator : PowerScaledSurrogate
         The model before, with its simulation; without effects.
     causes : sequence of Cause, default=()
-        Mechanisms of your own, weighed beside the catalogue.
+        Mechanisms of your own, weighed beside the catalogue; one replaces the catalogue's own of
+        the same form and target.
     exclude : sequence of str, default=()
         Kinds of the catalogue that cannot be the cause, such as "delay" where the clock is right.
         What is left shares their probability; ``causes_`` lists them as not weighed.
@@ -167,7 +168,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         ----------
         X : array-like of shape (n, n_columns)
             May carry columns that the simulation ignores: by name (DataFrame) or after its inputs
-            (array). They are weighed as missing inputs.
+            (array). They are weighed as missing inputs, and what may happen along them.
         y : array-like of shape (n,)
 
         Returns

@@ -85,26 +85,26 @@ def catalogue(
     ----------
     context : Context
     extra : sequence of Cause
-        The user's own mechanisms.
+        The user's own mechanisms; one replaces the built-in cause of its form and target.
     excluded : collection of str
         Kinds of which no built-in cause is weighed.
     """
     causes: list[Cause] = []
     skipped = [Skipped(kind, None, "you excluded it") for kind in excluded]
-    built_in = [pair for pair in _built_in(context) if pair[1].kind not in excluded]
+    own = {(cause.kind, cause.variant, cause.target) for cause in extra}
+    built_in = [
+        (form, cause)
+        for form, cause in _built_in(context)
+        if cause.kind not in excluded and (cause.kind, cause.variant, cause.target) not in own
+    ]
     for form, cause in (*built_in, *((cause.kind, cause) for cause in extra)):
         reason = _reason_to_skip(form, cause, context)
         if reason:
             skipped.append(Skipped(cause.kind, cause.target, _with_form(form, reason)))
         else:
             causes.append(cause.prepare(context))
-    own = [(cause.kind, cause.target) for cause in extra]
-    impossible = [
-        one
-        for one in (*_impossible(context), *_beside_the_inputs(context))
-        if one.kind not in excluded and (one.kind, one.target) not in own
-    ]
-    return causes, [*skipped, *impossible]
+    skipped += [one for one in _impossible(context) if one.kind not in excluded]
+    return causes, skipped
 
 
 def _built_in(context: Context) -> Iterator[tuple[str, Cause]]:
@@ -140,6 +140,9 @@ def _built_in(context: Context) -> Iterator[tuple[str, Cause]]:
     for first, second in combinations(context.inputs, 2):
         yield "interaction", Interaction(first, second)
     for column in context.extras:
+        # its order may mean something: a time, a row number
+        yield "step", Step(column)
+        yield "periodic", Periodic(column)
         yield "missing-input", MissingInput(column)
         yield "missing-input: quadratic", MissingInput(column, shape="quadratic")
         yield "missing-input: categorical", MissingInput(column, shape="categorical")
@@ -219,15 +222,3 @@ def _impossible(context: Context) -> Iterator[Skipped]:
         trouble = _trouble_with_categories(context.X[column], column)
         if trouble:
             yield Skipped("missing-input", column, f"level: {trouble}")
-
-
-def _beside_the_inputs(context: Context) -> Iterator[Skipped]:
-    """Yield the kinds that an ordered column, such as a time, could have and is not asked for.
-
-    Of a column that the simulation ignores nobody says that its order means something.
-    """
-    for column in context.extras:
-        for form, cause in (("step", Step(column)), ("periodic", Periodic(column))):
-            if len(np.unique(context.X[column])) >= _MIN_DISTINCT[form]:
-                reason = f"over inputs only: if its order means something, pass causes=[{cause!r}]"
-                yield Skipped(form, column, reason)
