@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybridsurrogate.priors import FloatArray
 
@@ -50,7 +51,7 @@ class Modification(ABC):
         return f"{self.label}_{name}"
 
     def factors(self, t: FloatArray, numbers: Numbers, step: float) -> dict[str, FloatArray]:
-        """Return factors on parameters at times t, which broadcast with the numbers."""
+        """Return factors (k, m) on parameters at times t (k, 1), m numbers each."""
         return {}
 
     def terms(self, state: Mapping[str, FloatArray], numbers: Numbers) -> dict[str, FloatArray]:
@@ -125,8 +126,18 @@ class TimeVaryingParameter(Modification):
 
     def factors(self, t: FloatArray, numbers: Numbers, step: float) -> dict[str, FloatArray]:
         """Return the factor on the parameter."""
-        course = _SHAPES[self.shape].course
-        return {self.parameter: 1.0 + course(t - self.center, t, numbers, step)}
+        shape = _SHAPES[self.shape]
+        # the dear part: solutions that differ in other numbers, as slopes need, share it
+        own, which = _distinct(np.stack([numbers[name] for name in shape.curved]))
+        curves = shape.curves(t - self.center, t, dict(zip(shape.curved, own, strict=True)), step)
+        factor = np.ones((len(t), len(which)))
+        for size, curve in zip(shape.sizes, curves, strict=True):
+            # unlike an index in brackets this keeps the order in memory in which times follow
+            moved = np.take(curve, which, axis=1)
+            if size not in shape.curved:
+                moved *= numbers[size]
+            factor += moved
+        return {self.parameter: factor}
 
 
 @dataclass(frozen=True)
@@ -182,41 +193,59 @@ class MissingTerm(Modification):
         return {self.state: rate if self.form == "constant" else rate * state[self.state]}
 
 
+def _distinct(numbers: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Return the distinct columns of numbers (k, m), and which of them each column is."""
+    distinct, which = np.unique(numbers, axis=1, return_inverse=True)
+    return distinct, which.ravel()
+
+
 @dataclass(frozen=True)
 class _Shape:
+    """A course of a factor: a curve times each size, or bent by a size that is in ``curved``."""
+
     sizes: tuple[str, ...]
     others: dict[str, float]
-    course: Callable[[FloatArray, FloatArray, Numbers, float], FloatArray]
+    curved: tuple[str, ...]
+    curves: Callable[[FloatArray, FloatArray, Numbers, float], tuple[FloatArray, ...]]
 
 
-def _step(_: FloatArray, t: FloatArray, numbers: Numbers, step: float) -> FloatArray:
-    return numbers["amount"] * 0.5 * (1 + np.tanh((t - numbers["location"]) / step))
+def _step(_: FloatArray, t: FloatArray, numbers: Numbers, step: float) -> tuple[FloatArray, ...]:
+    return (0.5 * (1 + np.tanh((t - numbers["location"]) / step)),)
 
 
-def _ramp(_: FloatArray, t: FloatArray, numbers: Numbers, step: float) -> FloatArray:
-    return numbers["amount"] * np.clip((t - numbers["location"]) / numbers["duration"], 0, 1)
+def _ramp(_: FloatArray, t: FloatArray, numbers: Numbers, step: float) -> tuple[FloatArray, ...]:
+    return (np.clip((t - numbers["location"]) / numbers["duration"], 0, 1),)
 
 
-def _logistic(_: FloatArray, t: FloatArray, numbers: Numbers, step: float) -> FloatArray:
+def _logistic(
+    _: FloatArray, t: FloatArray, numbers: Numbers, step: float
+) -> tuple[FloatArray, ...]:
     # tanh, unlike exp, does not overflow
-    rise = np.tanh((t - numbers["location"]) / (2 * numbers["width"]))
-    return numbers["amount"] * 0.5 * (1 + rise)
+    return (0.5 * (1 + np.tanh((t - numbers["location"]) / (2 * numbers["width"]))),)
 
 
-def _exponential(centred: FloatArray, _: FloatArray, numbers: Numbers, step: float) -> FloatArray:
+def _exponential(
+    centred: FloatArray, _: FloatArray, numbers: Numbers, step: float
+) -> tuple[FloatArray, ...]:
     # a factor of e^50 breaks any simulation; beyond there is overflow only
-    return np.expm1(np.clip(numbers["rate"] * centred, -50, 50))
+    return (np.expm1(np.clip(numbers["rate"] * centred, -50, 50)),)
 
 
-def _periodic(centred: FloatArray, _: FloatArray, numbers: Numbers, step: float) -> FloatArray:
+def _periodic(
+    centred: FloatArray, _: FloatArray, numbers: Numbers, step: float
+) -> tuple[FloatArray, ...]:
     angle = 2 * np.pi * centred / numbers["period"]
-    return numbers["sine"] * np.sin(angle) + numbers["cosine"] * np.cos(angle)
+    return np.sin(angle), np.cos(angle)
 
 
 _SHAPES = {
-    "step": _Shape(("amount",), {"location": 0.0}, _step),
-    "ramp": _Shape(("amount",), {"location": 0.0, "duration": 1.0}, _ramp),
-    "logistic": _Shape(("amount",), {"location": 0.0, "width": 1.0}, _logistic),
-    "exponential": _Shape(("rate",), {}, _exponential),
-    "periodic": _Shape(("sine", "cosine"), {"period": 1.0}, _periodic),
+    "step": _Shape(("amount",), {"location": 0.0}, ("location",), _step),
+    "ramp": _Shape(
+        ("amount",), {"location": 0.0, "duration": 1.0}, ("location", "duration"), _ramp
+    ),
+    "logistic": _Shape(
+        ("amount",), {"location": 0.0, "width": 1.0}, ("location", "width"), _logistic
+    ),
+    "exponential": _Shape(("rate",), {}, ("rate",), _exponential),
+    "periodic": _Shape(("sine", "cosine"), {"period": 1.0}, ("period",), _periodic),
 }
