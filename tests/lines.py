@@ -8,7 +8,7 @@ from hybridsurrogate.diagnosis.evidence import search
 from hybridsurrogate.diagnosis.verdict import form_of
 from hybridsurrogate.effects.catalogue import catalogue
 from hybridsurrogate.estimators.problem import make_context, make_problem
-from hybridsurrogate.inference.linearised import coefficient_belief
+from hybridsurrogate.inference.belief import coefficient_belief
 from hybridsurrogate.likelihoods import as_likelihood
 
 LINE = hs.Simulator(

@@ -9,9 +9,10 @@ from scipy import stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.estimators.problem import make_problem
+from hybridsurrogate.inference.belief import coefficient_belief
 from hybridsurrogate.inference.blocks import BLOCK, blocks, in_blocks
 from hybridsurrogate.inference.layout import layout
-from hybridsurrogate.inference.linearised import coefficient_belief, linearise
+from hybridsurrogate.inference.linearised import linearise
 from hybridsurrogate.inference.noise import NoiseTable
 from hybridsurrogate.inference.scan import _normal_equations, scan
 

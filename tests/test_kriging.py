@@ -9,7 +9,7 @@ from sklearn.gaussian_process.kernels import Matern
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.kriging import KrigedBasis, krige
-from hybridsurrogate.inference.linearised import coefficient_belief
+from hybridsurrogate.inference.belief import coefficient_belief
 from hybridsurrogate.inference.statistics import statistics
 from hybridsurrogate.surrogates import Domain
 from hybridsurrogate.surrogates.covariance import Apart, Covariance, _badness, alike, bent

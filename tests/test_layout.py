@@ -9,8 +9,8 @@ from scipy.special import logsumexp
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.evidence import search
 from hybridsurrogate.estimators.problem import make_context, make_problem
+from hybridsurrogate.inference.belief import coefficient_belief
 from hybridsurrogate.inference.layout import layout
-from hybridsurrogate.inference.linearised import coefficient_belief
 from hybridsurrogate.likelihoods import as_likelihood
 
 

@@ -9,8 +9,9 @@ from scipy import stats
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.kriging import krige
 from hybridsurrogate.estimators.problem import make_problem
+from hybridsurrogate.inference.belief import coefficient_belief
 from hybridsurrogate.inference.layout import layout
-from hybridsurrogate.inference.linearised import coefficient_belief, linearise
+from hybridsurrogate.inference.linearised import linearise
 
 SIMULATOR = hs.Simulator(
     lambda t, rate: np.exp(-rate * t), {"t": (0, 10)}, {"rate": stats.uniform(0.1, 0.5)}

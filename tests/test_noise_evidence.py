@@ -15,8 +15,9 @@ from hybridsurrogate.diagnosis.evidence import kind_of, search
 from hybridsurrogate.diagnosis.verdict import form_of
 from hybridsurrogate.effects.catalogue import catalogue
 from hybridsurrogate.estimators.problem import make_context
+from hybridsurrogate.inference.belief import coefficient_belief
 from hybridsurrogate.inference.layout import layout
-from hybridsurrogate.inference.linearised import coefficient_belief, linearise
+from hybridsurrogate.inference.linearised import linearise
 from hybridsurrogate.inference.scan import scan
 
 

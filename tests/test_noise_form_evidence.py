@@ -15,8 +15,9 @@ from hybridsurrogate.diagnosis.discrepancy import predict_locally
 from hybridsurrogate.diagnosis.evidence import search
 from hybridsurrogate.diagnosis.freed import freed
 from hybridsurrogate.diagnosis.null import _replicates, null_test
+from hybridsurrogate.inference.belief import coefficient_belief
 from hybridsurrogate.inference.layout import layout
-from hybridsurrogate.inference.linearised import coefficient_belief, linearise
+from hybridsurrogate.inference.linearised import linearise
 from hybridsurrogate.inference.noise import NoiseTable
 from hybridsurrogate.inference.scan import scan
 from hybridsurrogate.likelihoods.contaminated import log_shape

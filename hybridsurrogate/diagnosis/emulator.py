@@ -11,7 +11,7 @@ import numpy as np
 from hybridsurrogate.diagnosis.evidence import Search
 from hybridsurrogate.diagnosis.kriging import KrigedBasis
 from hybridsurrogate.exceptions import DiagnosisWarning
-from hybridsurrogate.inference.linearised import coefficient_belief
+from hybridsurrogate.inference.belief import coefficient_belief
 from hybridsurrogate.surrogates import Kriging
 from hybridsurrogate.surrogates.base import Basis, Surrogate
 

@@ -20,9 +20,10 @@ from hybridsurrogate.diagnosis.interruption import InterruptedSearch
 from hybridsurrogate.diagnosis.peaks import best_peaks
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.problem import Problem
+from hybridsurrogate.inference.belief import Belief
 from hybridsurrogate.inference.heavy_tails import settled
 from hybridsurrogate.inference.layout import Layout, layout
-from hybridsurrogate.inference.linearised import Belief, linearise
+from hybridsurrogate.inference.linearised import linearise
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.noise import NoiseTable
 from hybridsurrogate.inference.scan import Peak, scan

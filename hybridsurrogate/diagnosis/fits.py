@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from hybridsurrogate.estimators.problem import Problem
+from hybridsurrogate.inference.belief import Belief
 from hybridsurrogate.inference.layout import Layout, layout, refine
-from hybridsurrogate.inference.linearised import Belief, linearise
+from hybridsurrogate.inference.linearised import linearise
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.noise import NoiseTable
 from hybridsurrogate.inference.scan import Peak, climb, scan

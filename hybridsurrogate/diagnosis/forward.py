@@ -22,7 +22,7 @@ from hybridsurrogate.diagnosis.together import placed_together
 from hybridsurrogate.diagnosis.verdict import leader
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.problem import Problem
-from hybridsurrogate.inference.linearised import Belief
+from hybridsurrogate.inference.belief import Belief
 
 # first causes whose best companions are looked for
 _LOOKED_AHEAD = 4

@@ -16,8 +16,8 @@ from hybridsurrogate.diagnosis.fits import (
 )
 from hybridsurrogate.effects.nothing import Nothing
 from hybridsurrogate.estimators.problem import Problem
+from hybridsurrogate.inference.belief import Belief
 from hybridsurrogate.inference.layout import at_cells, layout
-from hybridsurrogate.inference.linearised import Belief
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.noise import NoiseTable
 from hybridsurrogate.priors import FloatArray, to_normal

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hybridsurrogate.cholesky import pivoted_cholesky
+from hybridsurrogate.inference.belief import Belief
 from hybridsurrogate.inference.blocks import blocks
-from hybridsurrogate.inference.linearised import Belief
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation import SimulationData
 from hybridsurrogate.surrogates.base import Basis

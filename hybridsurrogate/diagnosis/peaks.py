@@ -20,8 +20,8 @@ from hybridsurrogate.diagnosis.fits import (
 from hybridsurrogate.diagnosis.interruption import InterruptedSearch
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.problem import Problem
+from hybridsurrogate.inference.belief import Belief
 from hybridsurrogate.inference.layout import Layout, at_cells, layout, refine
-from hybridsurrogate.inference.linearised import Belief
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.multistart import best_of_many, is_followed
 from hybridsurrogate.inference.noise import NoiseTable

@@ -15,8 +15,8 @@ from hybridsurrogate.effects.catalogue import Skipped, catalogue
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.estimators.problem import Problem, make_context, make_problem
 from hybridsurrogate.exceptions import DiagnosisWarning
+from hybridsurrogate.inference.belief import Belief, coefficient_belief
 from hybridsurrogate.inference.effect_check import check_effects
-from hybridsurrogate.inference.linearised import Belief, coefficient_belief
 from hybridsurrogate.simulation import SimulationData
 from hybridsurrogate.surrogates.base import Basis
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from hybridsurrogate.dynamics import Modification
 from hybridsurrogate.effects.base import Cause, Context
+from hybridsurrogate.inference.belief import coefficient_belief
 from hybridsurrogate.inference.effect_check import check_effects
 from hybridsurrogate.inference.linear_rows import Runs
-from hybridsurrogate.inference.linearised import coefficient_belief
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.statistics import Statistics, statistics
 from hybridsurrogate.likelihoods import Likelihood, TransformedNormal

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.inference.belief import Belief
 from hybridsurrogate.inference.layout import Layout
-from hybridsurrogate.inference.linearised import Belief
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.priors import FloatArray, to_normal
 

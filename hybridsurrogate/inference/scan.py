@@ -16,9 +16,10 @@ from typing import NamedTuple
 import numpy as np
 
 from hybridsurrogate.cholesky import log_det_of
+from hybridsurrogate.inference.belief import Belief
 from hybridsurrogate.inference.heavy_tails import heavy_fit, heavy_scan
 from hybridsurrogate.inference.layout import Layout
-from hybridsurrogate.inference.linearised import Belief, Linearised, columns_at_nodes, linearise
+from hybridsurrogate.inference.linearised import Linearised, columns_at_nodes, linearise
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.noise import NoiseTable
 from hybridsurrogate.priors import FloatArray

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.inference.belief import coefficient_belief
 from hybridsurrogate.inference.collapsed import CollapsedPosterior
 from hybridsurrogate.inference.laplace import LaplacePosterior
 from hybridsurrogate.inference.layout import layout
-from hybridsurrogate.inference.linearised import coefficient_belief
 from hybridsurrogate.inference.scan import climb
 from hybridsurrogate.inference.statistics import ROUNDING, Statistics, statistics
 from hybridsurrogate.priors import FloatArray, to_normal
