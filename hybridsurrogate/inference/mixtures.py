@@ -32,10 +32,17 @@ def student_draws(
     approximation: Gaussian, n: int, random_state: np.random.RandomState
 ) -> FloatArray:
     """Draw n points from the Student-t proposal around a Gaussian approximation."""
-    d = len(approximation.mean)
-    normal = random_state.standard_normal((n, d))
-    chi2 = random_state.chisquare(DEGREES_OF_FREEDOM, size=(n, 1)) / DEGREES_OF_FREEDOM
-    return approximation.mean + PROPOSAL_SCALE * (normal / np.sqrt(chi2)) @ approximation.factor.T
+    drawn = standard_student_draws((n, len(approximation.mean)), random_state)
+    return approximation.mean + PROPOSAL_SCALE * drawn @ approximation.factor.T
+
+
+def standard_student_draws(
+    shape: tuple[int, ...], random_state: np.random.RandomState
+) -> FloatArray:
+    """Draw standard Student-t variables; the last axis of the shape holds those of one point."""
+    normal = random_state.standard_normal(shape)
+    chi2 = random_state.chisquare(DEGREES_OF_FREEDOM, size=(*shape[:-1], 1)) / DEGREES_OF_FREEDOM
+    return normal / np.sqrt(chi2)
 
 
 def student_log_density(approximations: Sequence[Gaussian], x: FloatArray) -> FloatArray:

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from hybridsurrogate.cholesky import log_det_of, nudged_cholesky
 from hybridsurrogate.inference.blocks import blocks
 from hybridsurrogate.inference.mixtures import (
-    DEGREES_OF_FREEDOM,
     PROPOSAL_SCALE,
     standard_student,
+    standard_student_draws,
 )
 from hybridsurrogate.inference.modes import climb, factors
 from hybridsurrogate.inference.pareto import level_smooth
@@ -71,9 +71,7 @@ def own_draws(
         log_density, starts[first], value, _STEP_SHARE, _MOST_STEPS, rivals=False
     )
     factor = PROPOSAL_SCALE * factors(hessian)
-    normal = random_state.standard_normal((_EACH, S, d))
-    chi2 = random_state.chisquare(DEGREES_OF_FREEDOM, size=(_EACH, S, 1)) / DEGREES_OF_FREEDOM
-    scaled = normal / np.sqrt(chi2)
+    scaled = standard_student_draws((_EACH, S, d), random_state)
     points = mode + np.einsum("sij,msj->msi", factor, scaled)
     log_weight = log_density(points.reshape(-1, d), np.tile(np.arange(S), _EACH))
     log_weight = log_weight.reshape(_EACH, S) - standard_student(np.sum(scaled**2, axis=2), d)
