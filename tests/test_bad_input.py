@@ -127,6 +127,29 @@ def test_columns_that_the_simulation_needs(simulation, measured, estimator):
         estimator(simulation, n_draws=100).fit(frame, y)
 
 
+@pytest.mark.parametrize(
+    "column",
+    [
+        pd.Series(["A", "B"] * 10),
+        pd.Series(["A", "B"] * 10, dtype="category"),
+        pd.Series(pd.date_range("2026-01-01", periods=20)),
+    ],
+    ids=["text", "category", "dates"],
+)
+@pytest.mark.parametrize("estimator", ESTIMATORS)
+def test_columns_that_hold_no_numbers(simulation, measured, column, estimator):
+    X, y = measured[0][:20], measured[1][:20]
+    frame = pd.DataFrame({"t": X[:, 0], "lab": column})
+    match = r"columns \['lab'\] hold no numbers.*pandas.factorize"
+    with pytest.raises(ValueError, match=match):
+        estimator(simulation, n_draws=100).fit(frame, y)
+    # numbers are taken however they are stored
+    stored = frame.assign(lab=pd.Series([1.0, 2.0] * 10).astype("category"), t=frame.t.astype(str))
+    fitted = estimator(simulation, n_draws=100, random_state=0).fit(stored, y)
+    with pytest.raises(ValueError, match=match):
+        fitted.predict(frame)
+
+
 def two_inputs(t, height, gravity):
     return height - gravity / 2 * t**2
 

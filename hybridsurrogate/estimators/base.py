@@ -13,7 +13,7 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_random_state, check_scalar
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from hybridsurrogate.estimators.columns import matched_columns, warn_outside
+from hybridsurrogate.estimators.columns import check_numbers, matched_columns, warn_outside
 from hybridsurrogate.estimators.intervals import central_interval, inside_intervals
 from hybridsurrogate.estimators.loo import Loo, loo_of_rows
 from hybridsurrogate.estimators.mixture import (
@@ -107,6 +107,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         likelihood: Likelihood,
         sample_weight: ArrayLike | None = None,
     ) -> MeasuredRows:
+        check_numbers(X)
         rows, output = validate_data(
             self, X, y, reset=True, dtype=np.float64, y_numeric=True, ensure_min_samples=2
         )
@@ -123,6 +124,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
 
     def _check_data(self, X: ArrayLike) -> FloatArray:
         check_is_fitted(self)
+        check_numbers(X)
         rows = validate_data(self, X, reset=False, dtype=np.float64)
         return rows[:, self._column_order]
 
@@ -222,6 +224,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         ndarray of shape (n,)
         """
         check_is_fitted(self)
+        check_numbers(X)
         rows, output = validate_data(self, X, y, reset=False, dtype=np.float64, y_numeric=True)
         rows, output = rows[:, self._column_order], np.asarray(output, dtype=float)
         self._mixture(rows[:1])[0][1].likelihood.check(output)

@@ -4,9 +4,38 @@ from __future__ import annotations
 
 import warnings
 
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
+
 from hybridsurrogate.exceptions import ExtrapolationWarning
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation import SimulationData, Simulator
+
+
+def check_numbers(X: ArrayLike) -> None:
+    """Raise ValueError that names the columns of a DataFrame which hold names or dates."""
+    if not isinstance(X, pd.DataFrame):
+        return
+    wrong = [name for name, column in X.items() if not _is_numeric(column)]
+    if wrong:
+        raise ValueError(
+            f"The columns {wrong} hold no numbers. Levels such as a batch can be numbered, "
+            "X[name] = pandas.factorize(X[name])[0]; dates can be counted, "
+            "X[name] = (X[name] - X[name].min()).dt.days; else leave them out."
+        )
+
+
+def _is_numeric(column: pd.Series) -> bool:
+    if pd.api.types.is_numeric_dtype(column):
+        return True
+    if pd.api.types.is_datetime64_any_dtype(column) or pd.api.types.is_timedelta64_dtype(column):
+        return False
+    try:  # numbers may be stored as objects, text or categories
+        np.asarray(column, dtype=float)
+    except (TypeError, ValueError):
+        return False
+    return True
 
 
 def matched_columns(
