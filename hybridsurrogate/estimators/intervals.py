@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -77,7 +77,10 @@ def _quantile(parts: Normals, probability: float) -> FloatArray:
     low = np.concatenate([eta for _, eta, _ in parts]).min(axis=0) - reach
     high = np.concatenate([eta for _, eta, _ in parts]).max(axis=0) + reach
     tiny = _TINY * (high - low)
-    middle = 0.5 * (low + high)
+    mean = _average(parts, lambda centre, _: centre)
+    variance = _average(parts, lambda centre, sigma: (centre - mean) ** 2 + sigma**2)
+    # the quantile of a normal with the same moments
+    middle = np.clip(mean + special.ndtri(probability) * np.sqrt(variance), low, high)
     for _ in range(_MOST_STEPS):
         off = _below(parts, middle) - probability
         low, high = np.where(off < 0, middle, low), np.where(off < 0, high, middle)
@@ -94,17 +97,16 @@ def _quantile(parts: Normals, probability: float) -> FloatArray:
 
 def _density(parts: Normals, eta: FloatArray) -> FloatArray:
     """Return the density of a mixture of normals at eta (n,)."""
-    terms = [
-        weight * (np.exp(-0.5 * ((eta - centre) / sigma) ** 2) / sigma).mean(axis=0)
-        for weight, centre, sigma in parts
-    ]
-    return np.sum(terms, axis=0) / np.sqrt(2 * np.pi)
+    heights = _average(parts, lambda c, sigma: np.exp(-0.5 * ((eta - c) / sigma) ** 2) / sigma)
+    return heights / np.sqrt(2 * np.pi)
 
 
 def _below(parts: Normals, eta: FloatArray) -> FloatArray:
     """Return the probability of a mixture of normals below eta (n,)."""
-    terms = [
-        weight * special.ndtr((eta - centre) / sigma).mean(axis=0)
-        for weight, centre, sigma in parts
-    ]
+    return _average(parts, lambda centre, sigma: special.ndtr((eta - centre) / sigma))
+
+
+def _average(parts: Normals, value: Callable[[FloatArray, FloatArray], FloatArray]) -> FloatArray:
+    """Return the average (n,) over draws of a function of centres and standard deviations."""
+    terms = [weight * value(centre, sigma).mean(axis=0) for weight, centre, sigma in parts]
     return np.sum(terms, axis=0)
