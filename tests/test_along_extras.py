@@ -64,8 +64,10 @@ def test_both_at_once():
     model = hs.PowerScaledSurrogate(
         SIMULATION, surrogate=hs.ExactSurrogate(), n_draws=300, random_state=0
     )
-    found = hs.DiscrepancyDiagnosis(model, cv=None, max_causes=2, random_state=0).fit(frame, y)
+    found = hs.DiscrepancyDiagnosis(model, cv=2, max_causes=2, random_state=0).fit(frame, y)
     assert {(cause.kind, cause.target) for cause in found.found_causes_} == {
         ("step", "day"),
         ("periodic", "day"),
     }
+    # and each fold tells all that it chose
+    assert found.gain_.kinds == ("periodic + step",) * 2

@@ -56,11 +56,9 @@ def test_what_a_difference_of_scores_amounts_to(difference, error, words):
     assert words in scores.judgement(gain_of(difference, error))
 
 
-def view_of(gain, beyond=None):
-    diagnosis = SimpleNamespace(
-        best_cause_=SimpleNamespace(kind="step"), gain_=gain, gain_out_of_range_=beyond
-    )
-    return SimpleNamespace(extended=True, diagnosis=diagnosis, inputs=("t",))
+def view_of(gain, beyond=None, kinds="step"):
+    diagnosis = SimpleNamespace(gain_=gain, gain_out_of_range_=beyond)
+    return SimpleNamespace(extended=True, diagnosis=diagnosis, inputs=("t",), kinds=kinds)
 
 
 def test_the_words_for_a_gain():
@@ -75,6 +73,10 @@ def test_the_words_for_a_gain():
     assert "it chose: step 1, bump 1" in split
     assert "Of these 2 searches 1 chose step" in split
     assert "too few: the uncertainty stated is too small" in split
+    pair = gain_of(0.5, 0.1, kinds=("periodic + step", "step"))
+    both = " ".join(scores.gains(view_of(pair, kinds="periodic + step"), None, None))
+    assert "it chose: periodic + step 1, step 1" in both
+    assert "Of these 2 searches 1 chose periodic + step" in both
     wide = " ".join(scores.gains(view_of(None), gain_of(0.5, 0.1, 1.0, ()), None))
     assert "On the rows held back (100 rows)" in wide
     assert "too many: the uncertainty stated is too large" in wide

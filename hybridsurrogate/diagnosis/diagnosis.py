@@ -21,7 +21,7 @@ from hybridsurrogate.diagnosis.emulator import check_emulator
 from hybridsurrogate.diagnosis.finding import finding_of
 from hybridsurrogate.diagnosis.folds import folds_beyond, random_folds, rows_of
 from hybridsurrogate.diagnosis.forward import Step, forward_search
-from hybridsurrogate.diagnosis.gain import Gain, gain_from, pointwise
+from hybridsurrogate.diagnosis.gain import Gain, gain_from, in_one_word, pointwise
 from hybridsurrogate.diagnosis.interruption import InterruptedSearch
 from hybridsurrogate.diagnosis.next_measurement import next_measurement
 from hybridsurrogate.diagnosis.preparation import Prepared, prepare, trained_emulator
@@ -241,12 +241,13 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
     def _prove(self, X: ArrayLike, y: FloatArray, random_state: np.random.RandomState) -> None:
         if self.cv is None:
             return
+        kinds = in_one_word([cause.kind for cause in self.found_causes_])
         rehearse = Rehearsal(
             clone(self.estimator),
             tuple(self.causes),
             tuple(self.exclude),
             self.search_,
-            Pair(self.estimator_, self.extended_estimator_, self.best_cause_.kind),
+            Pair(self.estimator_, self.extended_estimator_, kinds),
             int(self.max_causes),
             self.false_alarm_rate,
         )

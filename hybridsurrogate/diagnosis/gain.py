@@ -22,7 +22,7 @@ class FoldGain:
     Attributes
     ----------
     kind : str
-        What the fold's own search chose.
+        What the fold's own search chose: "none", a kind, or "kind + kind", sorted.
     n_rows : int
     elpd_before, elpd_after : float
         Mean log predictive density per row.
@@ -55,7 +55,7 @@ class Gain:
         Share of rows inside the 50 % predictive interval.
     n_rows : int
     kinds : tuple of str
-        What each fold's own search chose; empty for a test set.
+        What each fold's own search chose, as ``kind`` of its `FoldGain`; empty for a test set.
     folds : tuple of FoldGain
         The same fold by fold; empty for a test set.
     """
@@ -90,6 +90,17 @@ class Held(NamedTuple):
     before: Scores
     after: Scores
     kind: str
+
+
+def in_one_word(kinds: Sequence[str]) -> str:
+    """Return the kinds that a search chose, the same whichever of them came first.
+
+    Examples
+    --------
+    >>> in_one_word(["step", "periodic"])
+    'periodic + step'
+    """
+    return " + ".join(sorted(kinds))
 
 
 def pointwise(estimator: Any, X: ArrayLike, y: FloatArray) -> Scores:

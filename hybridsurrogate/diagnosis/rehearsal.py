@@ -14,6 +14,7 @@ from sklearn.base import clone
 from hybridsurrogate.diagnosis.evidence import Search, kind_of
 from hybridsurrogate.diagnosis.extension import extend_simulator
 from hybridsurrogate.diagnosis.forward import Step, forward_search
+from hybridsurrogate.diagnosis.gain import in_one_word
 from hybridsurrogate.diagnosis.preparation import prepare, with_basis
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.carried import fitted_near
@@ -28,7 +29,7 @@ FOLD_DRAWS = 400
 
 
 class Pair(NamedTuple):
-    """The models before and after, fitted to the same rows, and the kind that was chosen."""
+    """The models before and after, fitted to the same rows, and what the search chose."""
 
     before: PowerScaledSurrogate
     after: PowerScaledSurrogate
@@ -86,7 +87,7 @@ class Rehearsal:
             same = [c.name for c in causes] == [c.name for c in self.fitted.after.effects]
             near = self.fitted.after if same else None
             after = quickly_fitted(clone(plain).set_params(effects=causes), X, y, near)
-        return Pair(before, after, kind_of(steps[0].chosen))
+        return Pair(before, after, in_one_word([kind_of(step.chosen) for step in steps]))
 
 
 def quickly_fitted(

@@ -29,7 +29,7 @@ def gains(view: View, on_test: Gain | None, averaged: Gain | None) -> list[str]:
     if d.gain_ is not None:
         n = len(d.gain_.folds)
         rows = f"Within the measured range ({d.gain_.n_rows} rows, held out in {n} folds in turn)"
-        out += _with_search(d.gain_, d.best_cause_.kind, rows)
+        out += _with_search(d.gain_, view.kinds, rows)
         out += _out_of_range(view)
     if on_test is not None:
         if view.extended:
@@ -55,7 +55,7 @@ def _out_of_range(view: View) -> list[str]:
         f"Beyond what a model had seen (the last {gain.n_rows} rows along {name}, in {parts}, each "
         "foreseen from all rows before it)"
     )
-    best = view.diagnosis.best_cause_.kind
+    best = view.kinds
     out = _with_search(gain, best, rows)
     if gain.kinds.count(best) < blocks and view.extended:
         out.append("What shows in the last rows alone cannot be foreseen from those before them.")

@@ -12,6 +12,7 @@ from scipy import special
 
 from hybridsurrogate.diagnosis.discrepancy import predict_locally
 from hybridsurrogate.diagnosis.evidence import Weighed, kind_of
+from hybridsurrogate.diagnosis.gain import in_one_word
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.plotting import Prediction
 from hybridsurrogate.priors import FloatArray
@@ -95,6 +96,11 @@ class View:
             return []
         effects = self.diagnosis.extended_estimator_.effects
         return list(zip(self.diagnosis.found_causes_, effects, strict=True))
+
+    @property
+    def kinds(self) -> str:
+        """Every accepted kind, as folds tell what they chose."""
+        return in_one_word([cause.kind for cause in self.diagnosis.found_causes_])
 
     @cached_property
     def before(self) -> FloatArray:
