@@ -28,7 +28,7 @@ def test_a_constant_assumed_at_the_end_of_its_prior_is_found():
     X = t[:, None]
     problem = make_problem(simulator, hs.ExactSurrogate(), likelihood, None, (), ("t",), X, y)
     basis = problem.model.basis
-    context = make_context(simulator, ("t",), 1, X, problem.scale, likelihood, basis)
+    context = make_context(simulator, ("t",), 1, X, problem.scale, likelihood, basis, np.mean(y))
     wrong = hs.WrongConstant("share").prepare(context)
     model = problem.model.with_effects((wrong,))
     assert abs(layout(model).neutral).max() < 3

@@ -52,7 +52,7 @@ def test_best_fit_is_reached_from_a_simulation_far_from_the_data(epidemic, shape
     names = epidemic.input_names
     problem = make_problem(epidemic, hs.ExactSurrogate(), likelihood, None, (), names, day, y)
     basis = problem.model.basis
-    context = make_context(epidemic, names, 1, day, problem.scale, likelihood, basis)
+    context = make_context(epidemic, names, 1, day, problem.scale, likelihood, basis, 0.0)
     model = problem.model.with_effects((DynamicDrift("contact", shape).prepare(context),))
     plan = layout(model)
     z, sigma = best_of_many(
@@ -79,7 +79,8 @@ def test_what_is_known_well_is_not_expected_to_change_much():
     likelihood = as_likelihood("normal")
     y = 47 - 9.81 / 2 * t[:, 0] ** 2
     problem = make_problem(fall, hs.ExactSurrogate(), likelihood, None, (), ("t",), t, y)
-    context = make_context(fall, ("t",), 1, t, problem.scale, likelihood, problem.model.basis)
+    basis = problem.model.basis
+    context = make_context(fall, ("t",), 1, t, problem.scale, likelihood, basis, 0.0)
     known = DynamicDrift("gravity").prepare(context).parameters["amount"]
     guessed = DynamicDrift("drag").prepare(context).parameters["amount"]
     # gravity is known to 0.2 %: it may change by half a per cent, and not by two

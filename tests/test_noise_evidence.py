@@ -55,7 +55,8 @@ def test_evidence_equals_the_gaussian_marginal_likelihood(cause):
     y = line(t, 1.2, 1.8) + rng.normal(0, sigma, (3, n))
     problem = problem_of(pd.DataFrame({"t": t}), y[0], LINE)
     context = make_context(
-        LINE, ("t",), 1, t[:, None], problem.scale, problem.likelihood, problem.model.basis
+        *(LINE, ("t",), 1, t[:, None], problem.scale, problem.likelihood, problem.model.basis),
+        location=float(np.mean(problem.y)),
     )
     cause = cause.prepare(context)
     model = replace(problem.model, effects=(cause,))
@@ -95,7 +96,8 @@ def weigh_noise(growth, seed):
     y = line(t, 1.2, 1.8) + 0.3 * np.exp(growth * (t - 2)) * rng.standard_normal(60)
     problem = problem_of(pd.DataFrame({"t": t}), y, LINE)
     context = make_context(
-        LINE, ("t",), 1, t[:, None], problem.scale, problem.likelihood, problem.model.basis
+        *(LINE, ("t",), 1, t[:, None], problem.scale, problem.likelihood, problem.model.basis),
+        location=float(np.mean(problem.y)),
     )
     forms = ("noise", "trend", "bump", "unexplained")
     causes = [cause for cause in catalogue(context)[0] if form_of(cause) in forms]

@@ -85,3 +85,57 @@ def test_an_ode_in_other_units_of_its_state(method, unit):
     t = np.linspace(0, 10, 7)
     told = simulator(t[:, None], np.full((7, 1), 0.5))
     np.testing.assert_allclose(told, 3 * unit * np.exp(-0.5 * t), rtol=1e-5)
+
+
+def search_of(rng, unit, likelihood, exponent):
+    """Diagnose 60 rows with noise proportional to a power of the output, in some unit."""
+    simulator = hs.Simulator(
+        lambda t, a, r: unit * a * np.exp(-r * t) * (1.3 + np.sin(t)),
+        {"t": (0, 10)},
+        {"a": hs.truncated_normal(5, 1, 2, 8), "r": hs.truncated_normal(0.2, 0.05, 0.05, 0.4)},
+    )
+    t = rng.uniform(0, 10, 60)
+    mean = 5.2 * np.exp(-0.22 * t) * (1.3 + np.sin(t))
+    spread = 0.05 * mean**exponent * rng.standard_normal(60)
+    y = unit * (mean * np.exp(spread) if likelihood == "lognormal" else mean + spread)
+    model = hs.PowerScaledSurrogate(
+        simulator,
+        surrogate=hs.ExactSurrogate(),
+        likelihood=likelihood,
+        n_draws=300,
+        random_state=0,
+    )
+    settings = {"cv": None, "n_replicates": 40, "random_state": 0}
+    return hs.DiscrepancyDiagnosis(model, **settings).fit(t[:, None], y), y
+
+
+@pytest.mark.parametrize("likelihood", ["normal", "lognormal"])
+def test_a_diagnosis_in_other_units_of_the_output(likelihood):
+    found = [
+        search_of(np.random.default_rng(3), unit, likelihood, 1.5)[0] for unit in (1.0, 1e-3, 1e6)
+    ]
+    told = []
+    for one in found:
+        none, *causes = one.search_.weighed
+        told.append({w.cause.name: w.log_evidence - none.log_evidence for w in causes})
+    assert told[1] == pytest.approx(told[0], abs=0.01)
+    assert told[2] == pytest.approx(told[0], abs=0.01)
+
+
+def test_noise_that_follows_the_output_is_told_in_full():
+    """The factor between a large and a small output belongs to the exponent and the data."""
+    named = 0
+    for seed in range(4):
+        found, y = search_of(np.random.default_rng(seed), 1.0, "normal", 1.5)
+        numbers = found.best_cause_.estimates
+        if "exponent" not in numbers:
+            continue
+        named += 1
+        ends = y.mean() + np.array([-1, 1]) * y.std()
+        low, high = np.hypot(ends, np.sqrt(np.mean(y**2)) / 20)
+        factor = high / low
+        assert numbers["exponent"][0] == pytest.approx(1.5, abs=0.4)
+        assert numbers["ratio"][1:] == pytest.approx(
+            factor ** np.array(numbers["exponent"][1:]), rel=0.01
+        )
+    assert named >= 3

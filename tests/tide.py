@@ -169,7 +169,7 @@ def context_of(frame=FRAME, simulator=SIMULATOR, likelihood="normal"):
     X = frame.to_numpy(dtype=float)
     n_inputs = len(simulator.input_names)
     basis = ExactBasis(np.empty(0), np.empty(0), simulator)
-    return make_context(simulator, columns, n_inputs, X, 1.0, as_likelihood(likelihood), basis)
+    return make_context(simulator, columns, n_inputs, X, 1.0, as_likelihood(likelihood), basis, 0.0)
 
 
 def problem_of(frame, y, simulator=SIMULATOR):

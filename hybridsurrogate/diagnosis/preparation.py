@@ -87,6 +87,7 @@ def prepare(
         problem.scale,
         likelihood,
         problem.model.basis,
+        float(np.mean(problem.y)),
     )
     usable, unusable = [], []
     for cause in own:

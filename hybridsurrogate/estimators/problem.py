@@ -223,7 +223,7 @@ def make_context(
     scale: float,
     likelihood: Likelihood,
     basis: Basis,
-    location: float = 0.0,
+    location: float,
 ) -> Context:
     """Return what causes may know about the measured rows."""
     simulator = simulation.simulator if simulation is not None else None
