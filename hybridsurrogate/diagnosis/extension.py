@@ -74,7 +74,11 @@ def extend_simulator(simulator: Simulator, cause: Cause, problem: Problem) -> Si
     def public(name: str) -> str:
         if cause.replaces is not None:
             return cause.replaces
-        return name if name not in taken else f"{cause.kind.replace('-', '_')}_{name}"
+        free, k = name, 1
+        while free in taken:
+            longer = f"{cause.kind.replace('-', '_')}_{name}"
+            free, k = longer if k == 1 else f"{longer}_{k}", k + 1
+        return free
 
     theta_names = {name: public(name) for name in cause.parameters}
     coefficient_names = {name: public(name) for name in cause.coefficients}

@@ -132,13 +132,15 @@ def extended_simulator(
 
     None where there are only runs, or nothing to add.
     """
+    changes = [c for c in causes if c.kind != "unexplained" and c.changes_output]
+    inside = [c for c in changes if c.modification is not None]
+    moving = [c for c in changes if c.modification is None and c.moves_inputs]
+    outside = [c for c in changes if not c.moves_inputs]
     # a factor acts on the simulation alone, not on what other causes add to it
-    ordered = sorted(
-        causes, key=lambda cause: (cause.modification is None, not cause.touches_simulation)
-    )
-    changes = [c for c in ordered if c.kind != "unexplained" and c.changes_output]
+    outside.sort(key=lambda cause: not cause.touches_simulation)
     if simulator is None or not changes:
         return None
-    for cause in changes:
+    # each wraps those before it, and the first cause moves the rows first
+    for cause in [*inside, *reversed(moving), *outside]:
         simulator = extend_simulator(simulator, cause, problem)
     return simulator
