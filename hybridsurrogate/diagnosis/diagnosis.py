@@ -16,6 +16,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from hybridsurrogate.diagnosis.averaging import averaged_over
 from hybridsurrogate.diagnosis.confounding import confounded, confounding, told
+from hybridsurrogate.diagnosis.cost import warn_if_slow
 from hybridsurrogate.diagnosis.discrepancy import estimate_discrepancy
 from hybridsurrogate.diagnosis.emulator import check_emulator
 from hybridsurrogate.diagnosis.finding import finding_of
@@ -181,6 +182,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         self.estimator_ = clone(self.estimator).fit(X, y)
         prepared = prepare(self.estimator_, tuple(self.causes), tuple(self.exclude))
         prepared.warn()
+        warn_if_slow(prepared.problem)
         model = prepared.problem.model
         check_rows(len(prepared.problem.y), model.columns, [*model.parameters, *model.constants])
         try:
