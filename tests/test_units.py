@@ -1,11 +1,14 @@
 """Units do not matter: what is measured in other ones is told alike."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
 from scipy import stats
 
 import hybridsurrogate as hs
+from hybridsurrogate.effects.base import Context
 from hybridsurrogate.estimators.fitting import make_target
 from hybridsurrogate.estimators.problem import make_problem
 from hybridsurrogate.inference.starts import starting_points
@@ -139,3 +142,35 @@ def test_noise_that_follows_the_output_is_told_in_full():
             factor ** np.array(numbers["exponent"][1:]), rel=0.01
         )
     assert named >= 3
+
+
+@pytest.mark.parametrize(
+    ("cause", "numbers"),
+    [
+        (hs.Bump("t"), {"location": 63.73, "width": 3.0, "amplitude": 1.5}),
+        (hs.Ramp("t"), {"location": 42.78, "slope": 0.1}),
+        (hs.Step("t"), {"location": 64.21, "amplitude": 1.0}),
+        (hs.Trend("t"), {"level": 1.0, "slope": 0.1}),
+        (hs.Saturation("t"), {"amplitude": 1.0, "half": 12.25}),
+        (hs.Decay("t"), {"amplitude": 1.0, "scale": 12.25}),
+        (hs.MissingInput("t"), {"slope": 0.1}),
+        (hs.ParameterDrift("rate", "t", "step"), {"change": 0.1, "location": 42.78}),
+        (hs.ParameterDrift("rate", "t"), {"slope": 0.1}),
+    ],
+    ids=lambda value: getattr(value, "name", ""),
+)
+def test_formulas_tell_places_that_are_far_from_zero(cause, numbers):
+    """Days since the year one: five digits of them are 738060 for half a month."""
+    days, start = np.linspace(0.25, 100.25, 41), 738000.0
+    context = Context(
+        {"t": start + days}, 1, {"rate": stats.norm(1, 0.2)}, {}, scale=1.0, location=0.0
+    )
+    prepared = cause.prepare(context)
+    values = {k: v + start * (k in ("location", "half")) for k, v in numbers.items()}
+    place = start + numbers.get("location", days.mean())
+    if isinstance(cause, hs.Decay | hs.Saturation):
+        place = start + 0.25
+    for text in (prepared.formula(values), prepared.latex(values)):
+        told = [float(number) for number in re.findall(r"7380\d\d(?:\.\d+)?", text)]
+        assert told, text
+        assert told == pytest.approx([place] * len(told), abs=0.06, rel=0), text

@@ -20,7 +20,11 @@ from hybridsurrogate.priors import FloatArray
 _SMALLEST_SIZE, LARGEST_SIZE = 0.3, 3.0
 # prior scales of the effects' sizes
 _N_SIZES = 10
-_MAX_REFINEMENTS = 5
+# measurements that are precise to a millionth of the output know a wave as many times better than
+# its first grid
+_MAX_REFINEMENTS = 12
+# noise that a further climb lowers by less than this share has settled
+_SETTLED_NOISE = 0.1
 # noise below this share of the output's scale is rounding
 _FLOOR = 1e-6
 
@@ -50,9 +54,10 @@ def best_null(problem: Problem, belief: Belief, noise: NoiseTable) -> Fitted:
     output, _, factor = model.simulated(problem.X, model.values(z), belief.mean)
     squares = np.sum(((problem.y - output) / factor) ** 2, axis=1)
     squares = np.where(np.isfinite(squares), squares, np.inf)
-    starts = z[np.argsort(squares)[:2]]
+    # a parameter without a slope, such as the place of a jump, is not found by climbing
+    starts = [z[0], *z[np.argsort(squares)[:2]], *problem.good]
     sigma = 0.3 * problem.scale
-    peak = highest(problem, belief, model, plan, [z[0], *starts], sigma)
+    peak = highest(problem, belief, model, plan, starts, sigma)
     return settled(problem, belief, noise, Fitted(model, plan, peak, sigma))
 
 
@@ -98,15 +103,16 @@ def settled(problem: Problem, belief: Belief, noise: NoiseTable, fit: Fitted) ->
         return fit
     largest = LARGEST_SIZE * problem.scale
     for round_ in range(_MAX_REFINEMENTS):
-        sigma = sigma_of(problem, peak, sigma)
+        before, sigma = sigma, sigma_of(problem, peak, sigma)
+        steady = round_ > 0 and sigma > (1 - _SETTLED_NOISE) * before
         finer = plan
         if len(plan.nodes):
             here = Fitted(model, plan, peak, sigma)
             nodes = node_evidence(problem, belief, noise, here, np.array([largest]))
             finer = refine(model, plan, nodes)
-        unchanged = finer is plan and round_ > 0
+        unchanged = finer is plan
         plan = finer
-        if unchanged:
+        if unchanged and steady:
             break
         peak = climb(model, problem.X, problem.y, belief, plan, peak.z, sigma, largest)
     return Fitted(model, plan, peak, sigma)

@@ -47,6 +47,8 @@ _NEUTRAL_MOVES = (0.0, 0.7, -0.7)
 _DRIVEN_AWAY = 2.0
 # nodes of a coarse grid between which a cause that looks far behind may fit much better
 _LOOKED_BETWEEN, _LOOKS = 8, 5
+# a fit with less than this share of the noise that it was made with is made again
+_MUCH_CLOSER = 0.5
 
 
 def best_peaks(
@@ -141,7 +143,13 @@ def _once(
     driven_away = np.linalg.norm(null.peak.z[: model.n_parameters]) > _DRIVEN_AWAY
     starts = [start, anew] if driven_away else [start]
     peak = highest(problem, belief, model, plan, starts, sigma)
-    return Fitted(model, plan, peak, sigma_of(problem, peak, sigma))
+    for _ in range(_LOOKS):
+        before, sigma = sigma, sigma_of(problem, peak, sigma)
+        if not sigma < _MUCH_CLOSER * before:
+            break
+        # held to the priors by the noise of a poor fit, a climb ends short of a good one
+        peak = highest(problem, belief, model, plan, [peak.z], sigma)
+    return Fitted(model, plan, peak, sigma)
 
 
 def _far_behind(
@@ -170,7 +178,8 @@ def _far_behind(
     for k in map(int, np.flatnonzero(behind & np.isfinite(reached) & (weight > hopeless))):
         if len(fits[k].plan.nodes):
             missed = _between_nodes(problem, belief, noise, fits[k], scans[k], sizes)
-            behind[k] = weight[k] + missed < enough
+            # what gains so much without a climb may gain as much again by one
+            behind[k] = weight[k] + missed < enough and missed < margins.behind
     return np.where(behind & np.isfinite(reached), reached, np.nan)[1:]
 
 

@@ -17,8 +17,12 @@ from hybridsurrogate.estimators.problem import Problem, make_context, make_probl
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.inference.belief import Belief, coefficient_belief
 from hybridsurrogate.inference.effect_check import check_effects
+from hybridsurrogate.priors import FloatArray, to_normal
 from hybridsurrogate.simulation import SimulationData
 from hybridsurrogate.surrogates.base import Basis
+
+# draws of the posterior of which the best is taken
+_TRIED = 200
 
 
 class Prepared(NamedTuple):
@@ -79,6 +83,7 @@ def prepare(
     # a search over causes has no time to infer a surrogate's hyperparameters each time
     hyper = fitted.posterior_.values[:, fitted.posterior_.model.n_unknowns :]
     problem = problem.given(np.median(hyper, axis=0))
+    problem = replace(problem, good=_best_draw(fitted, problem))
     context = make_context(
         fitted.simulation,
         columns,
@@ -98,6 +103,19 @@ def prepare(
             unusable.append(Skipped(cause.kind, cause.target, reason))
     causes, skipped = catalogue(context, usable, excluded)
     return Prepared(problem, causes, [*unusable, *skipped], unusable)
+
+
+def _best_draw(fitted: PowerScaledSurrogate, problem: Problem) -> FloatArray:
+    """Return the parameters of that draw of the posterior that fits best, as z (1, n)."""
+    posterior = fitted.posterior_
+    n = posterior.n_draws
+    some = posterior.take(np.unique(np.linspace(0, n - 1, min(n, _TRIED)).astype(int)))
+    # a draw for which the simulation fails is far off
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = np.sum((problem.y - some.eta(problem.X)[0]) ** 2, axis=1)
+    best = int(np.argmin(np.where(np.isfinite(squares), squares, np.inf)))
+    priors = list(problem.model.parameters.values())
+    return to_normal(priors, some.values[best : best + 1, : len(priors)])
 
 
 def _lacks(cause: Cause, context: Context, problem: Problem) -> str | None:

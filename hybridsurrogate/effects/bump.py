@@ -8,7 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import FloatArray, Rows
-from hybridsurrogate.effects.notation import SIMULATION, minus, number, plus, signed
+from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, number, plus, signed
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.priors import Prior, frozen
 
@@ -64,14 +64,16 @@ class Bump(Located):
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
+        place, width = values["location"], values["width"]
         return (
             f"simulation {plus(values['amplitude'])} exp(-({self.column} "
-            f"{plus(-values['location'], 5)})^2 / (2 * {values['width']:.4g}^2))"
+            f"{plus(-place, digits_at(place, width))})^2 / (2 * {width:.4g}^2))"
         )
 
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""
-        square = rf"{minus(self.column, values['location'])}^{{2}}"
+        place = values["location"]
+        square = rf"{minus(self.column, place, digits_at(place, values['width']))}^{{2}}"
         return (
             rf"{SIMULATION} {signed(values['amplitude'])} "
             rf"\exp\left(-\frac{{{square}}}{{2 \cdot {number(values['width'])}^{{2}}}}\right)"

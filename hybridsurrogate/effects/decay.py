@@ -8,7 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.effects.notation import SIMULATION, minus, number, plus, signed
+from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, number, plus, signed
 from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
 from hybridsurrogate.priors import Prior, frozen
 
@@ -65,15 +65,13 @@ class Decay(FromOrigin):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         assert self.origin is not None
-        return (
-            f"simulation {plus(values['amplitude'])} "
-            f"exp(-({self.column} {plus(-self.origin, 5)}) / {values['scale']:.4g})"
-        )
+        distance = f"{self.column} {plus(-self.origin, digits_at(self.origin, values['scale']))}"
+        return f"simulation {plus(values['amplitude'])} exp(-({distance}) / {values['scale']:.4g})"
 
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""
         assert self.origin is not None
-        distance = minus(self.column, self.origin)
+        distance = minus(self.column, self.origin, digits_at(self.origin, values["scale"]))
         return (
             rf"{SIMULATION} {signed(values['amplitude'])} "
             rf"\exp\left(-\frac{{{distance}}}{{{number(values['scale'])}}}\right)"

@@ -10,7 +10,15 @@ from scipy import stats
 from hybridsurrogate.dynamics import TimeVaryingParameter
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.dynamic import NEEDS_ODE, Dynamic
-from hybridsurrogate.effects.notation import SIMULATION, minus, number, signed, where, word
+from hybridsurrogate.effects.notation import (
+    SIMULATION,
+    digits_at,
+    minus,
+    number,
+    signed,
+    where,
+    word,
+)
 from hybridsurrogate.effects.over_column import LONGEST_PERIOD
 from hybridsurrogate.priors import Prior, frozen, truncated_normal
 
@@ -203,15 +211,19 @@ class DynamicDrift(Dynamic):
         place = "from" if self.shape == "ramp" else "around"
         return (
             f"simulation with {self.parameter} {verb} by {100 * abs(values['amount']):.3g} % "
-            f"{place} {self.column} = {values['location']:.4g} "
+            f"{place} {self.column} = {values['location']:.{self._digits(values)}g} "
             f"({', '.join([self.shape, *extra])})"
         )
+
+    def _digits(self, values: Mapping[str, float]) -> int:
+        """Return the digits that tell the location among the measured times."""
+        return digits_at(values["location"], float(self.parameters["location"].std()), 4)
 
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""
         name, time = word(self.parameter), self.column or "time"
         if self.shape == "exponential":
-            distance = minus(time, self.center or 0.0, 4)
+            distance = minus(time, self.center or 0.0, 7)
             exponent = rf"{number(values['rate'], 3)} \left({distance}\right)"
             return rf"{SIMULATION}, \quad {name} \to {name} \exp\left({exponent}\right)"
         if self.shape == "periodic":
@@ -219,9 +231,9 @@ class DynamicDrift(Dynamic):
             share = f"+ {number(values['amplitude'], 3)}"
             course = rf"\sin\left({angle} + \varphi\right)"
         else:
-            distance = minus(time, values["location"], 4)
+            distance = minus(time, values["location"], self._digits(values))
             share = signed(values["amount"], 3)
-            course = where(time, r"\geq", values["location"], 4)
+            course = where(time, r"\geq", values["location"], self._digits(values))
             if self.shape == "logistic":
                 width = number(values["width"], 3)
                 course = rf"\frac{{1}}{{1 + \exp\left(-{distance} / {width}\right)}}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.effects.notation import SIMULATION, minus, plus, signed
+from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed
 
 
 class Interaction(Cause):
@@ -87,16 +87,19 @@ class Interaction(Cause):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         assert self.centers is not None
+        assert self.spans is not None
         factors = (
-            f"({name} {plus(-center, 5)})"
-            for name, center in zip(self.reads, self.centers, strict=True)
+            f"({name} {plus(-center, digits_at(center, span))})"
+            for name, center, span in zip(self.reads, self.centers, self.spans, strict=True)
         )
         return f"simulation {plus(values['slope'])} {' '.join(factors)}"
 
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""
         assert self.centers is not None
+        assert self.spans is not None
         factors = (
-            minus(name, center) for name, center in zip(self.reads, self.centers, strict=True)
+            minus(name, center, digits_at(center, span))
+            for name, center, span in zip(self.reads, self.centers, self.spans, strict=True)
         )
         return rf"{SIMULATION} {signed(values['slope'])} {' '.join(factors)}"

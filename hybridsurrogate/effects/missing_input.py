@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.effects.notation import SIMULATION, minus, plus, signed, where
+from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed, where
 from hybridsurrogate.effects.over_column import OverColumn
 
 _SHAPES = ("linear", "quadratic", "categorical")
@@ -153,9 +153,11 @@ class MissingInput(OverColumn):
             )
             return f"simulation, and {told}"
         assert self.center is not None
-        text = f"simulation {plus(values['slope'])} ({self.column} {plus(-self.center, 5)})"
+        assert self.span is not None
+        digits = digits_at(self.center, self.span)
+        text = f"simulation {plus(values['slope'])} ({self.column} {plus(-self.center, digits)})"
         if self.shape == "quadratic":
-            text += f" {plus(values['curvature'])} ({self.column} {plus(-self.center, 5)})^2"
+            text += f" {plus(values['curvature'])} ({self.column} {plus(-self.center, digits)})^2"
         return text
 
     def latex(self, values: Mapping[str, float]) -> str:
@@ -171,7 +173,8 @@ class MissingInput(OverColumn):
             )
             return f"{SIMULATION} {told}"
         assert self.center is not None
-        distance = minus(self.column, self.center)
+        assert self.span is not None
+        distance = minus(self.column, self.center, digits_at(self.center, self.span))
         text = f"{SIMULATION} {signed(values['slope'])} {distance}"
         if self.shape == "quadratic":
             text += f" {signed(values['curvature'])} {distance}^{{2}}"

@@ -55,6 +55,21 @@ def signed(value: float, digits: int = 4) -> str:
     return f"{sign} {number(abs(value), digits)}"
 
 
+def digits_at(place: float, scale: float, least: int = 5) -> int:
+    """Return the significant digits of a place that tell it to a share of a scale.
+
+    So many as ``least`` where the place is within the scale, more where it is far from zero, as
+    days are that are counted from the year one.
+
+    Examples
+    --------
+    >>> from hybridsurrogate.effects.notation import digits_at
+    >>> digits_at(31.2, 100.0), digits_at(738042.8, 100.0)
+    (5, 8)
+    """
+    return least + math.floor(math.log10(max(abs(place), scale) / scale))
+
+
 def plus(value: float, digits: int = 4) -> str:
     """Return a number with so many digits as a term of a sum in plain text.
 

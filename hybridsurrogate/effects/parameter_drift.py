@@ -9,7 +9,15 @@ import numpy as np
 from scipy import special, stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.effects.notation import SIMULATION, minus, number, signed, where, word
+from hybridsurrogate.effects.notation import (
+    SIMULATION,
+    digits_at,
+    minus,
+    number,
+    signed,
+    where,
+    word,
+)
 from hybridsurrogate.effects.over_column import LONGEST_PERIOD, span_and_spacing
 from hybridsurrogate.priors import Prior, frozen, prior_sd
 
@@ -46,13 +54,13 @@ _SHAPES = {
     "linear": _Shape(
         ("slope",),
         _linear,
-        "changing by {slope:+.4g} per unit of {column} around {column} = {center:.5g}",
+        "changing by {slope:+.4g} per unit of {column} around {column} = {center}",
     ),
-    "step": _Shape(("change",), _jump, "{change:+.4g} from {column} = {location:.5g} on"),
+    "step": _Shape(("change",), _jump, "{change:+.4g} from {column} = {location} on"),
     "logistic": _Shape(
         ("change",),
         _logistic,
-        "changing by {change:+.4g} around {column} = {location:.5g} within {width:.4g}",
+        "changing by {change:+.4g} around {column} = {location} within {width:.4g}",
     ),
     "periodic": _Shape(
         ("sine", "cosine"),
@@ -227,19 +235,27 @@ class ParameterDrift(Cause):
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
-        told = _SHAPES[self.shape].words.format(column=self.column, center=self.center, **values)
+        places = {name: f"{at:.{digits}g}" for name, (at, digits) in self._places(values).items()}
+        told = _SHAPES[self.shape].words.format(**{**values, **places, "column": self.column})
         return f"simulation with {self.parameter} {told}"
+
+    def _places(self, values: Mapping[str, float]) -> dict[str, tuple[float, int]]:
+        """Return centre and location, each with the digits that tell it."""
+        assert self.center is not None
+        assert self.span is not None
+        places = {"center": self.center, "location": values.get("location", self.center)}
+        return {name: (place, digits_at(place, self.span)) for name, place in places.items()}
 
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""
-        name, center = word(self.parameter), self.center or 0.0
+        name, places = word(self.parameter), self._places(values)
         if self.shape == "linear":
-            shift = f"{signed(values['slope'])} {minus(self.column, center)}"
+            shift = f"{signed(values['slope'])} {minus(self.column, *places['center'])}"
         elif self.shape == "step":
-            indicator = where(self.column, r"\geq", values["location"])
+            indicator = where(self.column, r"\geq", *places["location"])
             shift = rf"{signed(values['change'])} \, {indicator}"
         elif self.shape == "logistic":
-            distance = minus(self.column, values["location"])
+            distance = minus(self.column, *places["location"])
             width = number(values["width"])
             shift = rf"\frac{{{number(values['change'])}}}{{1 + \exp({distance} / {width})}}"
             shift = "+ " + shift.replace(r"\exp(", r"\exp(-")

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.effects.notation import SIMULATION, minus, number, plus
+from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, number, plus
 from hybridsurrogate.effects.over_column import LONGEST_PERIOD, OverColumn
 from hybridsurrogate.priors import Prior, frozen
 
@@ -132,7 +131,7 @@ class Periodic(OverColumn):
         """Return the extended simulation in words."""
         return "simulation" + "".join(
             f" + {values[size]:.4g} cos(2 pi ({self.column} "
-            f"{plus(-values[peak], _digits(values[peak], period))}) / {period:.5g})"
+            f"{plus(-values[peak], digits_at(values[peak], period, 4))}) / {period:.5g})"
             for size, peak, period in self._waves(values)
         )
 
@@ -140,7 +139,7 @@ class Periodic(OverColumn):
         """Return the extended simulation in LaTeX."""
         text = SIMULATION
         for size, peak, period in self._waves(values):
-            distance = minus(self.column, values[peak], _digits(values[peak], period))
+            distance = minus(self.column, values[peak], digits_at(values[peak], period, 4))
             angle = rf"\frac{{2 \pi \, {distance}}}{{{number(period, 5)}}}"
             text += rf" + {number(values[size])} \cos\left({angle}\right)"
         return text
@@ -151,8 +150,3 @@ class Periodic(OverColumn):
         if "overtone" in values:
             waves.append(("overtone", "overtone_peak", values["period"] / 2))
         return waves
-
-
-def _digits(place: float, period: float) -> int:
-    """Return the significant digits that tell a place to a thousandth of a period."""
-    return max(4, 4 + math.floor(math.log10(max(abs(place), period) / period)))

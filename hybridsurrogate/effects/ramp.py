@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hybridsurrogate.effects.base import FloatArray, Rows
-from hybridsurrogate.effects.notation import SIMULATION, minus, plus, signed
+from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.priors import Prior
 
@@ -63,12 +63,17 @@ class Ramp(Located):
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
+        assert self.span is not None
+        place = values["location"]
+        digits = digits_at(place, self.span)
         return (
-            f"simulation, and from {self.column} = {values['location']:.5g} on "
-            f"{values['slope']:+.4g} ({self.column} {plus(-values['location'], 5)})"
+            f"simulation, and from {self.column} = {place:.{digits}g} on "
+            f"{values['slope']:+.4g} ({self.column} {plus(-place, digits)})"
         )
 
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""
-        distance = minus(self.column, values["location"])
+        assert self.span is not None
+        place = values["location"]
+        distance = minus(self.column, place, digits_at(place, self.span))
         return rf"{SIMULATION} {signed(values['slope'])} \max\left(0, {distance}\right)"

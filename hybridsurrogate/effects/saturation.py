@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.effects.notation import SIMULATION, minus, plus, signed
+from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed
 from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
 from hybridsurrogate.priors import Prior, frozen
 
@@ -69,12 +69,15 @@ class Saturation(FromOrigin):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         assert self.origin is not None
-        u, half = f"({self.column} {plus(-self.origin, 5)})", values["half"] - self.origin
+        half = values["half"] - self.origin
+        u = f"({self.column} {plus(-self.origin, digits_at(self.origin, abs(half)))})"
         return f"simulation {plus(values['amplitude'])} {u} / ({u} + {half:.4g})"
 
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""
         assert self.origin is not None
-        distance, half = minus(self.column, self.origin), signed(values["half"] - self.origin)
+        beyond = values["half"] - self.origin
+        distance = minus(self.column, self.origin, digits_at(self.origin, abs(beyond)))
+        half = signed(beyond)
         ratio = rf"\frac{{{distance}}}{{{distance} {half}}}"
         return f"{SIMULATION} {signed(values['amplitude'])} {ratio}"

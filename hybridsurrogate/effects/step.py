@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from hybridsurrogate.effects.base import FloatArray, Rows
-from hybridsurrogate.effects.notation import SIMULATION, signed, where
+from hybridsurrogate.effects.notation import SIMULATION, digits_at, signed, where
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.priors import Prior
 
@@ -52,12 +52,16 @@ class Step(Located):
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
+        assert self.span is not None
+        place = values["location"]
         return (
-            f"simulation, and from {self.column} = {values['location']:.6g} on "
+            f"simulation, and from {self.column} = {place:.{digits_at(place, self.span, 6)}g} on "
             f"{values['amplitude']:+.4g}"
         )
 
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""
-        indicator = where(self.column, r"\geq", values["location"], 6)
+        assert self.span is not None
+        place = values["location"]
+        indicator = where(self.column, r"\geq", place, digits_at(place, self.span, 6))
         return rf"{SIMULATION} {signed(values['amplitude'])} \, {indicator}"

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.effects.notation import SIMULATION, minus, plus, signed
+from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed
 from hybridsurrogate.effects.over_column import OverColumn
 
 
@@ -85,18 +85,21 @@ class Trend(OverColumn):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         assert self.center is not None
+        assert self.span is not None
+        digits = digits_at(self.center, self.span)
         text = (
             f"simulation {plus(values['level'])} {plus(values['slope'])} "
-            f"({self.column} {plus(-self.center, 5)})"
+            f"({self.column} {plus(-self.center, digits)})"
         )
         if "curvature" in values:
-            text += f" {plus(values['curvature'])} ({self.column} {plus(-self.center, 5)})^2"
+            text += f" {plus(values['curvature'])} ({self.column} {plus(-self.center, digits)})^2"
         return text
 
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""
         assert self.center is not None
-        distance = minus(self.column, self.center)
+        assert self.span is not None
+        distance = minus(self.column, self.center, digits_at(self.center, self.span))
         text = f"{SIMULATION} {signed(values['level'])} {signed(values['slope'])} {distance}"
         if "curvature" in values:
             text += f" {signed(values['curvature'])} {distance}^{{2}}"

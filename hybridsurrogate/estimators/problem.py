@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -39,6 +39,8 @@ class Problem:
     noise_prior : prior of sigma
     scale : float
         Spread of the measured output on the scale of eta.
+    good: ndarray of shape (k, n_parameters)
+        Parameters, as standard normal z, that are known to fit well.
     """
 
     model: MeasuredModel
@@ -51,6 +53,7 @@ class Problem:
     runs: Runs | None
     noise_prior: Prior
     scale: float
+    good: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
     def collapses(self) -> bool:

@@ -28,7 +28,9 @@ def interval(mean: float, low: float, high: float) -> str:
     """Return a mean and its interval, two digits of half its width."""
     width = high - low
     size = max(abs(mean), abs(low), abs(high))
-    if not math.isfinite(width) or width <= 0 or not 1e-4 <= size < 1e7:
+    # far from zero, as times since 1970 are, only the width says how many digits count
+    small, large = size < 1e-4, size >= 1e7 and width > 1e-3 * size
+    if not math.isfinite(width) or width <= 0 or small or large:
         return f"{number(mean)} ({number(low)} to {number(high)})"
     decimals = 1 - math.floor(math.log10(width / 2))
     return f"{fixed(mean, decimals)} ({fixed(low, decimals)} to {fixed(high, decimals)})"

@@ -241,8 +241,9 @@ def _coverage(gain: Gain) -> str:
             (gain.half_before, gain.half_after),
         )
     )
+    when = "the last is " if "before" in outer else ""
     return (
-        f"The {100 * COVERAGE_LEVEL:g} % interval holds {outer} of these rows: {word}. The "
+        f"The {100 * COVERAGE_LEVEL:g} % interval holds {outer} of these rows: {when}{word}. The "
         f"{100 * HALF:g} % interval holds {inner}."
     )
 
