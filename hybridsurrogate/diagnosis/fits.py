@@ -52,7 +52,8 @@ def best_null(problem: Problem, belief: Belief, noise: NoiseTable) -> Fitted:
     # a fixed spread of starts: the search has no randomness of its own
     z = np.vstack([np.zeros(d), np.random.RandomState(0).standard_normal((16 * d, d))])
     output, _, factor = model.simulated(problem.X, model.values(z), belief.mean)
-    squares = np.sum(((problem.y - output) / factor) ** 2, axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = np.sum(((problem.y - output) / factor) ** 2, axis=1)
     squares = np.where(np.isfinite(squares), squares, np.inf)
     # a parameter without a slope, such as the place of a jump, is not found by climbing
     starts = [z[0], *z[np.argsort(squares)[:2]], *problem.good]

@@ -23,7 +23,9 @@ class Outliers(Cause):
 
     Rows are no longer Gaussian given the rest, so an estimator with this effect is fitted as one
     with a likelihood that is not normal. ``sigma`` is the noise of measurements that are not
-    outliers.
+    outliers. Under a log-normal likelihood far outliers have no useful mean and variance: `predict`
+    returns the mean of measurements that are none, and a standard deviation for which outliers are
+    normal on the logarithm; intervals, draws and scores are those of the model itself.
 
     Parameters
     ----------

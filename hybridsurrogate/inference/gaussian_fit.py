@@ -86,7 +86,8 @@ def _climb(
         best = values.argmax(axis=0)
         index = np.arange(len(best))
         better = values[best, index] > value[active]
-        gain = np.where(better, values[best, index] - value[active], 0.0)
+        gain = np.zeros(len(best))
+        gain[better] = values[best, index][better] - value[active][better]
         climber = np.flatnonzero(active)
         v[climber[better]] = trials[best, index][better]
         value[climber[better]] = values[best, index][better]

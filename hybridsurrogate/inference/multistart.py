@@ -117,7 +117,9 @@ class _Residual:
 
     def variance(self, residual: FloatArray) -> FloatArray:
         """Return the variance of the noise that suits residuals best, (J,)."""
-        return np.mean(residual**2, axis=-1) + self.floor**2
+        # a simulation may run away far from the data, and is infinitely bad there
+        with np.errstate(over="ignore"):
+            return np.mean(residual**2, axis=-1) + self.floor**2
 
 
 def _descend(residual: _Residual, z: FloatArray, place: NDArray[np.intp]) -> FloatArray:
