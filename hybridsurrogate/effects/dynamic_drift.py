@@ -217,7 +217,9 @@ class DynamicDrift(Dynamic):
 
     def _digits(self, values: Mapping[str, float]) -> int:
         """Return the digits that tell the location among the measured times."""
-        return digits_at(values["location"], float(self.parameters["location"].std()), 4)
+        prior = self.parameters.get("location")
+        scale = float(prior.std()) if prior is not None else values["location"]
+        return digits_at(values["location"], scale, 4)
 
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""

@@ -67,7 +67,10 @@ def digits_at(place: float, scale: float, least: int = 5) -> int:
     >>> digits_at(31.2, 100.0), digits_at(738042.8, 100.0)
     (5, 8)
     """
-    return least + math.floor(math.log10(max(abs(place), scale) / scale))
+    size = abs(scale)
+    if not 0 < size < math.inf or not math.isfinite(place):
+        return least
+    return least + math.floor(math.log10(max(abs(place) / size, 1.0)))
 
 
 def plus(value: float, digits: int = 4) -> str:
