@@ -51,6 +51,7 @@ NUMBERS = {
 _OTHER_WORDS = {
     "trend": {"level"},
     "trend: quadratic": {"level"},
+    "periodic": {"peak"},
     "noise": {"slope"},
     "noise: autocorrelation": {"amplitude"},
 }
