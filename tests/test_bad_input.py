@@ -140,7 +140,7 @@ def test_columns_that_the_simulation_needs(simulation, measured, estimator):
 def test_columns_that_hold_no_numbers(simulation, measured, column, estimator):
     X, y = measured[0][:20], measured[1][:20]
     frame = pd.DataFrame({"t": X[:, 0], "lab": column})
-    match = r"columns \['lab'\] hold no numbers.*pandas.factorize"
+    match = r"columns \['lab'\] hold no numbers.*map.*pandas.Timestamp"
     with pytest.raises(ValueError, match=match):
         estimator(simulation, n_draws=100).fit(frame, y)
     # numbers are taken however they are stored

@@ -1,6 +1,5 @@
 """A simulation that is too slow for a search is told before the search."""
 
-import time
 import warnings
 from dataclasses import replace
 
@@ -20,9 +19,29 @@ def line(t, slope):
     return slope * t
 
 
-def slow_line(t, slope):
-    time.sleep(0.001 * np.size(t))  # 10 ms for a set of parameters
-    return slope * t
+class Clock:
+    """Stands still, but for the simulations."""
+
+    now = 0.0
+
+    def __call__(self):
+        return self.now
+
+    def simulation(self, seconds, each):
+        """Return a line that takes some seconds a call and some a row."""
+
+        def timed_line(t, slope):
+            self.now += seconds + each * np.size(t)
+            return line(t, slope)
+
+        return timed_line
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    clock = Clock()
+    monkeypatch.setattr(cost, "perf_counter", clock)
+    return clock
 
 
 def timed(function):
@@ -30,28 +49,26 @@ def timed(function):
     return problem_of(FRAME, np.zeros(len(FRAME)), simulator)
 
 
-def test_a_slow_simulation_is_told(monkeypatch):
-    monkeypatch.setattr(cost, "_TIMED", (2, 3))
-    with pytest.warns(hs.DiagnosisWarning, match=r"ms for one set.*minutes.*surrogate=Kriging"):
-        cost.warn_if_slow(timed(slow_line))
+def test_a_slow_simulation_is_told(clock):
+    problem = timed(clock.simulation(0, 0.001))
+    # ten rows of a millisecond
+    assert cost.seconds_a_run(problem) == pytest.approx(0.01)
+    with pytest.warns(hs.DiagnosisWarning, match=r" 10 ms for one.* 5 minutes.*surrogate=Kriging"):
+        cost.warn_if_slow(problem)
 
 
-def test_a_fast_simulation_is_not():
+def test_a_fast_simulation_is_not(clock):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        cost.warn_if_slow(timed(line))
+        cost.warn_if_slow(timed(clock.simulation(0, 0.0004)))
 
 
-def test_what_costs_the_same_for_many_is_timed_with_many():
-    def overhead(t, slope):
-        time.sleep(0.02)
-        return slope * t
-
-    assert cost.seconds_a_run(timed(overhead)) < 0.01
+def test_what_costs_the_same_for_many_is_timed_with_many(clock):
+    assert cost.seconds_a_run(timed(clock.simulation(0.2, 0))) == pytest.approx(0.001)
 
 
 def test_an_emulator_costs_no_runs():
-    problem = timed(slow_line)
+    problem = timed(line)
     runs = hs.Simulator(line, {"t": (0, 1)}, SLOPE).run(20, random_state=0)
     model = hs.PowerScaledSurrogate(runs, hs.PolynomialChaos(2), n_draws=50, random_state=0)
     told = model.fit(FRAME, np.linspace(0, 1, 10) + 0.01 * np.cos(np.arange(10)))

@@ -174,3 +174,15 @@ def test_formulas_tell_places_that_are_far_from_zero(cause, numbers):
         told = [float(number) for number in re.findall(r"7380\d\d(?:\.\d+)?", text)]
         assert told, text
         assert told == pytest.approx([place] * len(told), abs=0.06, rel=0), text
+
+
+@pytest.mark.parametrize("level", [None, 20240117.0])
+def test_formulas_tell_levels_in_full(level):
+    """A batch may be called by its date."""
+    batches = np.repeat([20240116.0, 20240117.0, 20240118.0], 4)
+    cause = hs.MissingInput("batch", shape="categorical", level=level)
+    prepared = cause.prepare(Context({"t": np.arange(12.0), "batch": batches}, 1, {}, {}, 1.0))
+    values = dict.fromkeys(prepared.coefficients, 0.5)
+    assert "batch = 20240117" in prepared.formula(values)
+    assert "20240117" in prepared.latex(values)
+    assert level is None or "20240117" in prepared.name

@@ -182,9 +182,9 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         self.estimator_ = clone(self.estimator).fit(X, y)
         prepared = prepare(self.estimator_, tuple(self.causes), tuple(self.exclude))
         prepared.warn()
-        warn_if_slow(prepared.problem)
         model = prepared.problem.model
         check_rows(len(prepared.problem.y), model.columns, [*model.parameters, *model.constants])
+        warn_if_slow(prepared.problem)
         try:
             steps = self._search(prepared, random)
             self._extend(steps, X, y)

@@ -225,7 +225,8 @@ class DynamicDrift(Dynamic):
         """Return the extended simulation in LaTeX."""
         name, time = word(self.parameter), self.column or "time"
         if self.shape == "exponential":
-            distance = minus(time, self.center or 0.0, 7)
+            center, rate = self.center or 0.0, values["rate"]
+            distance = minus(time, center, digits_at(center, 1 / rate if rate else 0.0, 4))
             exponent = rf"{number(values['rate'], 3)} \left({distance}\right)"
             return rf"{SIMULATION}, \quad {name} \to {name} \exp\left({exponent}\right)"
         if self.shape == "periodic":

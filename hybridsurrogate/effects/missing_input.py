@@ -68,14 +68,14 @@ class MissingInput(OverColumn):
     @property
     def name(self) -> str:
         """The kind and the column, and the level where one is meant."""
-        level = "" if self.level is None else f" = {self.level:g}"
+        level = "" if self.level is None else f" = {self.level:.12g}"
         return f"{self.kind}({self.column}{level})"
 
     @property
     def variant(self) -> str:
         """The shape, or the one level; a straight line is the plain form."""
         if self.level is not None:
-            return f"level {self.level:g}"
+            return f"level {self.level:.12g}"
         return "" if self.shape == "linear" else self.shape
 
     @property
@@ -143,12 +143,12 @@ class MissingInput(OverColumn):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         if self.level is not None:
-            where = f"{self.column} = {self.level:.5g}"
+            where = f"{self.column} = {self.level:.12g}"
             return f"simulation, and {values['amplitude']:+.4g} where {where}"
         if self.shape == "categorical":
             assert self.levels is not None
             told = ", ".join(
-                f"{values[name]:+.4g} where {self.column} = {value:.5g}"
+                f"{values[name]:+.4g} where {self.column} = {value:.12g}"
                 for name, (value, _) in zip(self.coefficients, self.levels, strict=True)
             )
             return f"simulation, and {told}"
@@ -163,12 +163,12 @@ class MissingInput(OverColumn):
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""
         if self.level is not None:
-            indicator = where(self.column, "=", self.level)
+            indicator = where(self.column, "=", self.level, 12)
             return rf"{SIMULATION} {signed(values['amplitude'])} \, {indicator}"
         if self.shape == "categorical":
             assert self.levels is not None
             told = " ".join(
-                rf"{signed(values[name])} \, {where(self.column, '=', value)}"
+                rf"{signed(values[name])} \, {where(self.column, '=', value, 12)}"
                 for name, (value, _) in zip(self.coefficients, self.levels, strict=True)
             )
             return f"{SIMULATION} {told}"

@@ -20,9 +20,10 @@ def check_numbers(X: ArrayLike) -> None:
     wrong = [name for name, column in X.items() if not _is_numeric(column)]
     if wrong:
         raise ValueError(
-            f"The columns {wrong} hold no numbers. Levels such as a batch can be numbered, "
-            "X[name] = pandas.factorize(X[name])[0]; dates can be counted, "
-            "X[name] = (X[name] - X[name].min()).dt.days; else leave them out."
+            f"The columns {wrong} hold no numbers. Number levels such as a batch, "
+            "X[name].map({'A': 0, 'B': 1}); count dates from a fixed day, "
+            "(X[name] - pandas.Timestamp('2020-01-01')) / pandas.Timedelta('1D'); or leave them "
+            "out."
         )
 
 

@@ -39,7 +39,7 @@ class Problem:
     noise_prior : prior of sigma
     scale : float
         Spread of the measured output on the scale of eta.
-    good: ndarray of shape (k, n_parameters)
+    good : ndarray of shape (k, n_parameters)
         Parameters, as standard normal z, that are known to fit well.
     """
 
