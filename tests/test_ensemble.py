@@ -128,6 +128,22 @@ def test_ensemble_draws_of_a_gaussian_in_four_dimensions():
     assert_gaussian(found.draws, mean, covariance, error=5 * np.sqrt(4000 / found.effective_draws))
 
 
+def test_a_ridge_of_any_narrowness():
+    """As measurements without noise leave one: emcee alone refuses to start there."""
+    sds = np.array([1.0, 1e-9])
+    turned = np.array([[1.0, 1.0], [-1.0, 1.0]]) / np.sqrt(2)
+    ridge = Gaussian(np.zeros(2), turned.T * sds)
+
+    def log_density(x):
+        return -0.5 * np.sum((x @ turned.T / sds) ** 2, axis=1)
+
+    random = np.random.RandomState(0)
+    drawn = hs.EnsembleSampler().run(log_density, [ridge], 1000, random).draws @ turned.T
+    np.testing.assert_allclose(drawn.std(axis=0), sds, rtol=0.15)
+    drawn = ensemble.short_ensemble(log_density, drawn[:200] @ turned, 200, random).draws
+    np.testing.assert_allclose((drawn @ turned.T).std(axis=0), sds, rtol=0.3)
+
+
 def bimodal(x):
     """Two Gaussians ten apart, the narrower one with three quarters of the mass."""
     first = np.log(0.75) + stats.multivariate_normal([0.0, 0.0], 0.25).logpdf(x)

@@ -157,7 +157,10 @@ class EnsembleSampler(BaseEstimator):
             # always to the next multiple: a resumed run decides where an unbroken one would
             steps = _BLOCK - sampler.iteration % _BLOCK
             steps = min(steps, self.max_steps - sampler.iteration)
-            state = sampler.run_mcmc(state, steps, progress=self.progress)
+            # the walkers are draws of a Gaussian: a ridge of any narrowness is no fault of theirs
+            state = sampler.run_mcmc(
+                state, steps, progress=self.progress, skip_initial_state_check=True
+            )
         burn = int(min(5 * tau, sampler.iteration // 2))
         return _thinned(sampler, burn, tau, converged, n_draws, random_state)
 
@@ -225,7 +228,8 @@ def short_ensemble(
     sampler = emcee.EnsembleSampler(
         len(start), start.shape[1], log_density, vectorize=True, moves=list(_MOVES)
     )
-    sampler.run_mcmc(_state(start, random_state.randint(2**31 - 1)), _EQUILIBRIUM_STEPS)
+    state = _state(start, random_state.randint(2**31 - 1))
+    sampler.run_mcmc(state, _EQUILIBRIUM_STEPS, skip_initial_state_check=True)
     return _thinned(sampler, 0, _autocorrelation_time(sampler), True, n_draws, random_state)
 
 
