@@ -18,6 +18,7 @@ from hybridsurrogate.diagnosis.averaging import averaged_over
 from hybridsurrogate.diagnosis.confounding import confounded, confounding, told
 from hybridsurrogate.diagnosis.cost import warn_if_slow
 from hybridsurrogate.diagnosis.discrepancy import estimate_discrepancy
+from hybridsurrogate.diagnosis.doubtful_data import warn_if_exact, warn_of_copies
 from hybridsurrogate.diagnosis.emulator import check_emulator
 from hybridsurrogate.diagnosis.finding import finding_of
 from hybridsurrogate.diagnosis.folds import folds_beyond, random_folds, rows_of
@@ -184,6 +185,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         prepared.warn()
         model = prepared.problem.model
         check_rows(len(prepared.problem.y), model.columns, [*model.parameters, *model.constants])
+        warn_of_copies(prepared.problem.X, prepared.problem.y)
         warn_if_slow(prepared.problem)
         try:
             steps = self._search(prepared, random)
@@ -213,6 +215,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         steps = forward_search(problem, prepared.causes, belief, most, rate, n, random_state)
         first = steps[0]
         self.search_, self.p_value_ = first.search, first.p_value
+        warn_if_exact(self.search_)
         self.emulator_check_ = check_emulator(self.search_, prepared.problem.model.basis)
         if self.emulator_check_ is not None:
             self.emulator_check_.warn(self.estimator_._check_parameters()[0])

@@ -26,7 +26,7 @@ _MAX_REFINEMENTS = 12
 # noise that a further climb lowers by less than this share has settled
 _SETTLED_NOISE = 0.1
 # noise below this share of the output's scale is rounding
-_FLOOR = 1e-6
+FLOOR = 1e-6
 
 
 class Fitted(NamedTuple):
@@ -85,7 +85,7 @@ def badness(problem: Problem, peak: Peak, sigma: float) -> float:
     """
     if not np.isfinite(peak.objective):
         return np.inf
-    squares = max(peak.squares, len(problem.y) * (_FLOOR * problem.scale) ** 2)
+    squares = max(peak.squares, len(problem.y) * (FLOOR * problem.scale) ** 2)
     return float(len(problem.y) * np.log(squares) + peak.objective - peak.squares / sigma**2)
 
 
@@ -123,4 +123,4 @@ def sigma_of(problem: Problem, peak: Peak, sigma: float) -> float:
     """Return the noise that a fit suggests; the one it was made with where it failed."""
     if not np.isfinite(peak.objective):
         return sigma
-    return max(float(np.sqrt(peak.squares / len(problem.y))), _FLOOR * problem.scale)
+    return max(float(np.sqrt(peak.squares / len(problem.y))), FLOOR * problem.scale)
