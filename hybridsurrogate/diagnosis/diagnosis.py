@@ -15,6 +15,7 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from hybridsurrogate.diagnosis.averaging import averaged_over
+from hybridsurrogate.diagnosis.beside import beside_others
 from hybridsurrogate.diagnosis.confounding import confounded, confounding, told
 from hybridsurrogate.diagnosis.cost import warn_if_slow
 from hybridsurrogate.diagnosis.discrepancy import estimate_discrepancy
@@ -83,7 +84,8 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         Columns kind, target, form (which of the kind's forms, such as "parameter-drift: logistic
         over t"), probability, log_evidence (against "none"), remainder (probability that a smooth
         remainder is needed beside the cause), note (why a cause was not weighed, or how often the
-        simulation fails under it); most probable first.
+        simulation fails under it); most probable first. Where several causes were found: beside
+        all but the first of them.
     best_cause_ : CauseFinding
     found_causes_ : list of CauseFinding
         Every accepted cause in the order in which it was found, ``best_cause_`` the first.
@@ -112,7 +114,8 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         The same beyond it: the last 40 % of the rows in three blocks, each foreseen from all rows
         before it. None where rows have no order (several inputs and no `OdeSimulator`) or are few.
     next_measurement_ : dict of str to float
-        Inputs at which one more measurement would best tell the rivals apart.
+        Inputs at which one more measurement would best tell the rivals apart; of several causes,
+        the rivals of the one of which it tells most.
     next_information_ : float
         What it is expected to tell about which rival is true, in bits.
     emulator_check_ : EmulatorCheck or None
@@ -120,7 +123,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         misses of it, in standard deviations of the noise; a `DiagnosisWarning` tells of more than
         1 and 2. None where the simulation itself is run.
     search_ : Search
-        All causes at their best, for plots.
+        All causes at their best in the first search, with nothing else found.
 
     Notes
     -----
@@ -211,21 +214,31 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
 
     def _search(self, prepared: Prepared, random_state: np.random.RandomState) -> list[Step]:
         problem, belief = trained_emulator(prepared.problem, self.estimator_)
-        most, n, rate = int(self.max_causes), int(self.n_replicates), self.false_alarm_rate
-        steps = forward_search(problem, prepared.causes, belief, most, rate, n, random_state)
-        first = steps[0]
-        self.search_, self.p_value_ = first.search, first.p_value
+        steps = forward_search(
+            problem,
+            prepared.causes,
+            belief,
+            int(self.max_causes),
+            self.false_alarm_rate,
+            int(self.n_replicates),
+            random_state,
+        )
+        self.search_, self.p_value_ = steps[0].search, steps[0].p_value
         warn_if_exact(self.search_)
         self.emulator_check_ = check_emulator(self.search_, prepared.problem.model.basis)
         if self.emulator_check_ is not None:
             self.emulator_check_.warn(self.estimator_._check_parameters()[0])
-        self.causes_ = cause_table(self.search_, prepared.skipped)
-        self.indistinguishable_ = credible_kinds(self.search_)
-        self.verdict_ = verdict_on(first.chosen, self.search_)
+        steps = beside_others(steps, problem, prepared.causes)
+        found = steps[0].beside
+        self.causes_ = cause_table(found, prepared.skipped)
+        self.indistinguishable_ = credible_kinds(found)
+        self.verdict_ = verdict_on(steps[0].chosen, found)
         ranges = self.estimator_.simulation.input_ranges
-        following = next_measurement(self.search_, ranges)
-        self.next_measurement_ = following.place
-        self.next_information_ = following.information
+        places = [next_measurement(step.beside, ranges) for step in steps]
+        most = max(range(len(steps)), key=lambda k: places[k].information)
+        self._asked = steps[most].beside
+        self.next_measurement_ = places[most].place
+        self.next_information_ = places[most].information
         return steps
 
     def _extend(self, steps: Sequence[Step], X: ArrayLike, y: ArrayLike) -> None:
@@ -290,7 +303,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         """Predictions averaged over the causes, by their probabilities."""
         check_is_fitted(self)
         *earlier, last = self._steps
-        return averaged_over(last.search, self.estimator_, accepted(earlier), *self._rows)
+        return averaged_over(last.beside, self.estimator_, accepted(earlier), *self._rows)
 
     def gain_on(self, X_test: ArrayLike, y_test: ArrayLike, averaged: bool = False) -> Gain:
         """Return the gain on a test set, from the fitted models before and after.

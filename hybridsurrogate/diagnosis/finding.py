@@ -23,7 +23,8 @@ class CauseFinding:
     formula : str
         The extended simulation in words, with numbers.
     probability : float
-        Posterior probability of the kind: all its forms and targets together.
+        Posterior probability of the kind, all its forms and targets together, beside all other
+        causes that were found.
     estimates : dict of str to (mean, low, high)
         With 90 % intervals, in the user's units.
     latex : str
@@ -48,7 +49,7 @@ def finding_of(step: Step, position: int, posterior: Posterior) -> CauseFinding:
         Of the cause among the effects of the extended model.
     posterior : Posterior
     """
-    chosen, found = step.chosen, step.search
+    chosen, found = step.chosen, step.beside
     alike = [kind_of(w) == kind_of(chosen) for w in found.weighed]
     probability = min(float(found.probability[alike].sum()), 1.0)
     cause = chosen.cause

@@ -42,11 +42,14 @@ class Step:
     p_value : float
     chosen : Weighed
         The first of ``search.weighed`` where nothing (further) is wrong.
+    beside : Search
+        The search beside all other causes that were accepted, the later ones too.
     """
 
     search: Search
     p_value: float
     chosen: Weighed
+    beside: Search
 
     @property
     def found(self) -> bool:
@@ -100,17 +103,25 @@ def forward_search(
                 p_value = null_test(found, n_replicates, random_state).p_value
             # the p-value guards against noise, the probability against a cause that is no better
             if p_value > false_alarm_rate or found.probability[0] > 0.5:
-                return steps or [Step(found, p_value, found.weighed[0])]
+                return _alone(steps) or [Step(found, p_value, found.weighed[0], found)]
             chosen, beside = found.weighed[leader(found)], None
             if len(steps) + 1 < max_causes:
                 chosen, beside = _look_ahead(problem, causes, belief, found, chosen, thorough)
-            steps.append(Step(found, p_value, chosen))
+            steps.append(Step(found, p_value, chosen, found))
             if beside is None:
                 return steps
             problem, causes, found = beside.problem, _others(causes, chosen), beside
     except KeyboardInterrupt as stop:
         kept = steps[0].search if steps else found or getattr(stop, "kept", None)
         raise InterruptedSearch(kept) from stop
+
+
+def _alone(steps: list[Step]) -> list[Step]:
+    """Return the steps; one that has no second beside it chooses what leads on its own."""
+    if len(steps) != 1:
+        return steps
+    found = steps[0].search
+    return [replace(steps[0], chosen=found.weighed[leader(found)])]
 
 
 def _look_ahead(
@@ -135,10 +146,14 @@ def _look_ahead(
     log_prior = np.log(prior_odds([kind_of(w) for w in found.weighed]))
     order = [int(k) for k in np.argsort(-found.probability)]
     at = next(k for k in order if found.weighed[k] is leading)
-    named = [k for k in order if not _ends(found.weighed[k])]
+    named = [k for k in order if not ends_search(found.weighed[k])]
     position = {id(found.weighed[k].cause): k for k in named}
     waiting = named[:_LOOKED_AHEAD]
-    if not _ends(leading) and found.probability[at] > _BEYOND_DOUBT and found.remainder[at] < 0.5:
+    if (
+        not ends_search(leading)
+        and found.probability[at] > _BEYOND_DOUBT
+        and found.remainder[at] < 0.5
+    ):
         waiting = [at]
     in_doubt = len(waiting) > 1
     searches: dict[int, Search] = {}
@@ -160,7 +175,7 @@ def _look_ahead(
     if not values:
         return leading, None
     best = max(values, key=lambda k: values[k])
-    if _ends(leading) and log_prior[at] + leading.log_evidence > values[best]:
+    if ends_search(leading) and log_prior[at] + leading.log_evidence > values[best]:
         return leading, None
     # of two that name each other, the one that explains more alone comes first
     other = position.get(id(_companion(searches[best]).cause))
@@ -188,7 +203,7 @@ def _others(causes: Sequence[Cause], chosen: Weighed) -> list[Cause]:
     return [cause for cause in causes if cause is not chosen.cause]
 
 
-def _ends(weighed: Weighed) -> bool:
+def ends_search(weighed: Weighed) -> bool:
     """Tell whether nothing is searched for beside a cause."""
     # a curve or a path of any shape leaves nothing to name; beside outliers there is no closed form
     cause = weighed.cause

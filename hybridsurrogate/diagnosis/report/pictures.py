@@ -177,8 +177,9 @@ def picture_next(view: View) -> Picture:
     low, high = view.simulated_range()
     rows = view.grid(min(low, at[view.shown]), max(high, at[view.shown]), at)
     x = rows[:, view.shown]
-    rivals = view.rivals()
-    means = [view.expected(rival, rows) for rival in rivals]
+    found = view.diagnosis._asked
+    rivals = view.rivals(found)
+    means = [view.expected(found, rival, rows) for rival in rivals]
     axes = plotting.new_axes(2, 1, height=5.0, share=True)
     plotting.plot_rivals(axes[0], x, means, [label_of(r) for r in rivals], at[view.shown])
     if view.is_curve:
@@ -187,7 +188,7 @@ def picture_next(view: View) -> Picture:
     near = means[0] if view.is_curve else np.concatenate(means)
     plotting.share_range(axes[:1], np.concatenate([view.y, near]))
     plotting.tidy(axes[0], "", view.output)
-    information = information_at(view.diagnosis.search_, rows)
+    information = information_at(found, rows)
     plotting.plot_information(axes[1], x, information, at[view.shown])
     plotting.tidy(axes[1], view.name, "information\nin bits", legend=False)
     told = digits.listing([label_of(rival) for rival in rivals])

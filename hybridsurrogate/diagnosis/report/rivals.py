@@ -27,6 +27,11 @@ def rivals(view: View) -> list[str]:
         "Before the data, 'nothing is wrong' (none) has half of the probability and the kinds "
         "share the rest. Log evidence compares with none: each unit is a factor of 2.7 in odds."
     ]
+    if len(view.found) > 1:
+        out.append(
+            "The table is about the first cause, with the others a part of the simulation: none "
+            "says that they are all that is wrong."
+        )
     if view.extended:
         out += _alike(view) + _remainder(view)
     table = d.causes_
@@ -54,14 +59,15 @@ def next_step(view: View) -> list[str]:
     d = view.diagnosis
     place = digits.listing([f"{k} = {digits.number(v)}" for k, v in d.next_measurement_.items()])
     at = np.array([[d.next_measurement_[name] for name in view.columns]])
-    first, *others = view.rivals()
+    asked = d._asked
+    first, *others = view.rivals(asked)
     out = [_advice(view)]
     if not others:
         return out
     bits = f"{_small(d.next_information_)} bits"
     scale = "where 1 bit decides between two explanations that are equally probable"
     if d.next_information_ < _LITTLE_INFORMATION:
-        settled = d.search_.probability.max() > _SETTLED
+        settled = asked.probability.max() > _SETTLED
         why = (
             "the data have decided between them already"
             if settled
@@ -72,7 +78,7 @@ def next_step(view: View) -> list[str]:
             f"{why}. The best place is {place}, with {bits} on average, {scale}."
         )
         return out
-    here, there = (float(view.expected(rival, at)[0]) for rival in (first, others[0]))
+    here, there = (float(view.expected(asked, rival, at)[0]) for rival in (first, others[0]))
     out.append(
         f"One more measurement would best tell the explanations apart at {place}: there "
         f"'{label_of(first)}' expects {view.output} = {digits.number(here)}, "
@@ -135,15 +141,18 @@ def _alike(view: View) -> list[str]:
     """Say how far apart the leading cause and its rivals are, in units of the noise."""
     if view.diagnosis.verdict_ == "named":
         return []
-    first = next(w for w in view.diagnosis.search_.weighed if w.cause is view.cause)
-    others = [w for w in view.rivals() if w.cause not in (None, view.cause)]
+    found = view.search
+    first = next(w for w in found.weighed if w.cause is view.cause)
+    others = [w for w in view.rivals(found) if w.cause not in (None, view.cause)]
     if not others:
         return []
     told = []
     noise = float(np.mean(view.diagnosis.extended_estimator_.posterior_.sigma))
-    working = view.diagnosis.search_.problem.likelihood.working
+    working = found.problem.likelihood.working
     for other in others:
-        gap = working(view.expected(first, view.X)) - working(view.expected(other, view.X))
+        gap = working(view.expected(found, first, view.X)) - working(
+            view.expected(found, other, view.X)
+        )
         size = float(np.sqrt(np.mean(gap**2))) / noise
         told.append(f"{_small(size)} from {label_of(other)}")
     return [
@@ -162,7 +171,7 @@ def _remainder_beside(view: View) -> float:
     d = view.diagnosis
     if d.verdict_ not in ("named", "ambiguous"):
         return 0.0
-    cause, search = view.found[-1][1], d._steps[-1].search
+    cause, search = view.found[-1][1], d._steps[-1].beside
     place = [w.cause is cause for w in search.weighed].index(True)
     remainder = float(search.remainder[place])
     return remainder if np.isfinite(remainder) else 0.0

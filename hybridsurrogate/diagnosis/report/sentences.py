@@ -74,7 +74,7 @@ def verdict(view: View) -> list[str]:
             f"shape, which has {digits.probability(d.best_cause_.probability)} of the probability.",
             chance(view),
         ]
-    shares = kind_shares(d.search_)
+    shares = kind_shares(view.search)
     finding, cause = view.found[0]
     found = f"{label_of_cause(cause)}{_with_estimates(view, finding, cause)}"
     if d.verdict_ == "named":
@@ -214,12 +214,12 @@ def _lower(sentence: str) -> str:
 
 def _why_adequate(view: View) -> list[str]:
     d = view.diagnosis
-    none = float(d.search_.probability[0])
+    none = float(view.search.probability[0])
     odds = f"That nothing is wrong has {digits.probability(none)} of the probability"
     if d.p_value_ <= d.false_alarm_rate:
         return [f"{odds}: more than half, which decides in spite of the small p."]
     if none <= 0.5:
-        shares = kind_shares(d.search_)
+        shares = kind_shares(view.search)
         first = max(shares, key=lambda kind: shares[kind])
         return [
             f"{odds}; {first} looks more probable, but chance alone often brings forth as much."
@@ -262,8 +262,8 @@ def _further(view: View) -> list[str]:
             continue
         known = f"{label_of_cause(cause)}{_with_estimates(view, finding, cause)}"
         out.append(
-            f"Beside it a further search found: {known}. There its kind has "
-            f"{digits.probability(finding.probability)} of the probability."
+            f"Beside it a further search found: {known}. Its kind has "
+            f"{digits.probability(finding.probability)} of the probability there."
         )
         out += _meaning(view, finding, cause)
     return out
@@ -283,7 +283,9 @@ def _sureness(view: View) -> list[str]:
         if rival is not None
         else ""
     )
-    out = [f"It has {own} of the probability{of_kind}{nearest}."]
+    others = [label_of_cause(cause) for f, cause in view.found[1:] if f.kind != "unexplained"]
+    has = f"Beside {digits.listing(others)} it has" if others else "It has"
+    out = [f"{has} {own} of the probability{of_kind}{nearest}."]
     if view.kindred():
         names = [label_of_cause(view.cause), *map(label_of, view.kindred())]
         if view.diagnosis.verdict_ == "named":

@@ -16,7 +16,7 @@ Interval = tuple[float, float, float]
 
 def cause_table(view: View) -> pd.DataFrame:
     """Return the causes that were weighed, most probable first."""
-    base = view.diagnosis.search_.weighed[0].log_evidence
+    base = view.search.weighed[0].log_evidence
     shown = view.most_probable
     return pd.DataFrame(
         {

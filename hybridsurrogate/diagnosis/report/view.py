@@ -11,7 +11,7 @@ import pandas as pd
 from scipy import special
 
 from hybridsurrogate.diagnosis.discrepancy import predict_locally
-from hybridsurrogate.diagnosis.evidence import Weighed, kind_of
+from hybridsurrogate.diagnosis.evidence import Search, Weighed, kind_of
 from hybridsurrogate.diagnosis.gain import in_one_word
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.plotting import Prediction
@@ -88,6 +88,11 @@ class View:
     def cause(self) -> Cause | None:
         """The first cause in the extended model, prepared."""
         return self.diagnosis.extended_estimator_.effects[0] if self.extended else None
+
+    @property
+    def search(self) -> Search:
+        """The search for the first cause, beside all others that were found."""
+        return self.diagnosis._steps[0].beside
 
     @property
     def found(self) -> list[tuple[CauseFinding, Cause]]:
@@ -181,13 +186,12 @@ class View:
     @property
     def weighed(self) -> list[tuple[Weighed, float]]:
         """All causes that were weighed, with their probabilities, most probable first."""
-        found = self.diagnosis.search_
+        found = self.search
         order = np.argsort(-found.probability, kind="stable")
         return [(found.weighed[k], float(found.probability[k])) for k in order]
 
-    def rivals(self) -> list[Weighed]:
+    def rivals(self, found: Search) -> list[Weighed]:
         """Return the most probable explanations, at least two where there are two."""
-        found = self.diagnosis.search_
         order = np.argsort(-found.probability, kind="stable")[:_MOST_RIVALS]
         return [
             found.weighed[k]
@@ -211,9 +215,8 @@ class View:
         """The probability of the first cause in its form."""
         return next(p for w, p in self.weighed if w.cause is self.cause)
 
-    def expected(self, rival: Weighed, X: FloatArray) -> FloatArray:
+    def expected(self, found: Search, rival: Weighed, X: FloatArray) -> FloatArray:
         """Return what an explanation predicts at rows, in units of the output."""
-        found = self.diagnosis.search_
         return found.problem.likelihood.inverse(predict_locally(found, rival, X)[0])
 
     def standardised(self, model: Any) -> FloatArray:
@@ -256,6 +259,8 @@ def label_of_cause(cause: Cause | None) -> str:
 
 def label_of(rival: Weighed) -> str:
     """Return how a report calls one explanation of a search."""
+    if rival.cause is None and rival.model.effects:
+        return "nothing further is wrong"
     return label_of_cause(rival.cause)
 
 
