@@ -118,6 +118,7 @@ def _built_in(context: Context) -> Iterator[tuple[str, Cause]]:
         yield "periodic", Periodic(column)
         yield "periodic: overtone", Periodic(column, harmonics=2)
         yield "step", Step(column)
+        yield "step", Step(column, before=True)
         yield "ramp", Ramp(column)
         yield "bump", Bump(column)
         yield "decay", Decay(column)
@@ -142,12 +143,17 @@ def _built_in(context: Context) -> Iterator[tuple[str, Cause]]:
     for column in context.extras:
         # its order may mean something: a time, a row number
         yield "step", Step(column)
+        yield "step", Step(column, before=True)
         yield "periodic", Periodic(column)
         yield "missing-input", MissingInput(column)
         yield "missing-input: quadratic", MissingInput(column, shape="quadratic")
         yield "missing-input: categorical", MissingInput(column, shape="categorical")
+        # it may be right where the column is zero, and then its level is off at the mean
+        for shape in ("linear", "quadratic", "categorical"):
+            form = "missing-input" if shape == "linear" else f"missing-input: {shape}"
+            yield form, MissingInput(column, shape, centered=False)
         levels = np.unique(context.X[column])
-        # of two levels one against the other is a straight line
+        # of two levels one that is off is a straight line with a level
         if len(levels) > 2 and trouble_with_levels(context.X[column], column) is None:
             for level in levels:
                 one = MissingInput(column, shape="categorical", level=float(level))

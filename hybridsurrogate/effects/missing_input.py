@@ -27,7 +27,8 @@ class MissingInput(OverColumn):
 
     Slope, curvature, deviations and amplitude are in units of the output (per unit of the column,
     per squared unit). The simulation is taken to be right at the column's mean over the measured
-    rows.
+    rows; with ``centered=False`` a line or a parabola has a level of its own there, and deviations
+    have any mean.
 
     Parameters
     ----------
@@ -36,6 +37,9 @@ class MissingInput(OverColumn):
     shape : {"linear", "quadratic", "categorical"}, default="linear"
     level : float or None, default=None
         The one level that is off; only with the categorical shape.
+    centered : bool, default=True
+        Whether the simulation is right at the column's mean. False where it is right elsewhere,
+        such as at zero, and has no parameter that sets its level.
     center, span : float or None, default=None
         Mean and span of the column. None: of the measured rows.
     levels : tuple of (value, share of the rows) or None, default=None
@@ -56,6 +60,7 @@ class MissingInput(OverColumn):
         column: str,
         shape: str = "linear",
         level: float | None = None,
+        centered: bool = True,
         center: float | None = None,
         span: float | None = None,
         levels: tuple[tuple[float, float], ...] | None = None,
@@ -63,6 +68,7 @@ class MissingInput(OverColumn):
         super().__init__(column, center, span)
         self.shape = shape
         self.level = level
+        self.centered = centered
         self.levels = levels
 
     @property
@@ -76,13 +82,15 @@ class MissingInput(OverColumn):
         """The shape, or the one level; a straight line is the plain form."""
         if self.level is not None:
             return f"level {self.level:.12g}"
-        return "" if self.shape == "linear" else self.shape
+        words = [] if self.shape == "linear" else [self.shape]
+        return " ".join(words if self.centered else [*words, "with level"])
 
     @property
     def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
         """Slope and curvature, one deviation a level, or the amplitude of one level."""
         if self.shape != "categorical":
-            return ("slope", "curvature")[: _SHAPES.index(self.shape) + 1]
+            names = ("level", "slope", "curvature")[: _SHAPES.index(self.shape) + 2]
+            return names[1:] if self.centered else names
         if self.level is not None:
             return ("amplitude",)
         return tuple(f"level_{value:.12g}" for value, _ in self.levels or ())
@@ -92,6 +100,8 @@ class MissingInput(OverColumn):
         values = context.column(self.column)
         if self.shape not in _SHAPES:
             raise ValueError(f"shape must be one of {list(_SHAPES)}, got {self.shape!r}.")
+        if self.level is not None and not self.centered:
+            raise ValueError("One level that is off has no mean: leave centered=True.")
         if self.level is not None and self.shape != "categorical":
             raise ValueError(f"level={self.level!r} needs shape='categorical'.")
         prepared = super().prepare(context)
@@ -111,16 +121,19 @@ class MissingInput(OverColumn):
         return prepared
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
-        """Return the scaled column and its square, or what belongs to the levels."""
+        """Return ones, the scaled column and its square, or what belongs to the levels."""
         if self.shape != "categorical":
             scaled = self.scaled(X)
-            return np.stack([scaled, scaled**2][: len(self.coefficients)], axis=-1)
+            terms = {"level": np.ones_like(scaled), "slope": scaled, "curvature": scaled**2}
+            return np.stack([terms[name] for name in self.coefficients], axis=-1)
         values = np.asarray(X[self.column])
         if self.level is not None:
             return (values == self.level).astype(float)[:, None]
         assert self.levels is not None
         known, shares = np.array(self.levels).T
         indicator = values[:, None] == known
+        if not self.centered:
+            return indicator.astype(float)
         return np.where(indicator.any(axis=1, keepdims=True), indicator - shares, 0.0)
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
@@ -133,9 +146,12 @@ class MissingInput(OverColumn):
                 share * coefficients[name]
                 for name, (_, share) in zip(self.coefficients, self.levels, strict=True)
             )
-            return {name: coefficients[name] - mean for name in self.coefficients}
+            removed = mean if self.centered else 0.0
+            return {name: coefficients[name] - removed for name in self.coefficients}
         assert self.span is not None
         out = {"slope": 2 * coefficients["slope"] / self.span}
+        if not self.centered:
+            out["level"] = np.asarray(coefficients["level"])
         if self.shape == "quadratic":
             out["curvature"] = 4 * coefficients["curvature"] / self.span**2
         return out
@@ -155,7 +171,9 @@ class MissingInput(OverColumn):
         assert self.center is not None
         assert self.span is not None
         digits = digits_at(self.center, self.span)
-        text = f"simulation {plus(values['slope'])} ({self.column} {plus(-self.center, digits)})"
+        level = "" if self.centered else f" {plus(values['level'])}"
+        text = f"simulation{level} {plus(values['slope'])}"
+        text += f" ({self.column} {plus(-self.center, digits)})"
         if self.shape == "quadratic":
             text += f" {plus(values['curvature'])} ({self.column} {plus(-self.center, digits)})^2"
         return text
@@ -175,7 +193,8 @@ class MissingInput(OverColumn):
         assert self.center is not None
         assert self.span is not None
         distance = minus(self.column, self.center, digits_at(self.center, self.span))
-        text = f"{SIMULATION} {signed(values['slope'])} {distance}"
+        level = "" if self.centered else f" {signed(values['level'])}"
+        text = f"{SIMULATION}{level} {signed(values['slope'])} {distance}"
         if self.shape == "quadratic":
             text += f" {signed(values['curvature'])} {distance}^{{2}}"
         return text

@@ -13,7 +13,9 @@ from hybridsurrogate.priors import Prior
 class Step(Located):
     """A sudden change of level at an unknown location over one column.
 
-    ``simulation``, and ``+ amplitude`` from x = location on. Amplitude in units of the output,
+    ``simulation``, and ``+ amplitude`` from x = location on; with ``before=True`` up to there
+    instead, and the simulation as it is from there on. Where the simulation has a parameter that
+    sets its level the two say the same. Amplitude in units of the output,
     location in those of the column and uniform over the measured rows. The jump has no width: no
     row lies on it, and between two rows every location is equally probable.
 
@@ -23,6 +25,7 @@ class Step(Located):
         Any measured column.
     location : frozen scipy.stats distribution or None, default=None
         Prior of the place of the jump; bounded.
+    before : bool, default=False
     center, span, spacing : float or None, default=None
         Middle and span of the measured rows, and the distance of neighbours.
 
@@ -37,6 +40,23 @@ class Step(Located):
     kind = "step"
     coefficients = ("amplitude",)
 
+    def __init__(
+        self,
+        column: str,
+        location: Prior | None = None,
+        before: bool = False,
+        center: float | None = None,
+        span: float | None = None,
+        spacing: float | None = None,
+    ):
+        super().__init__(column, location, center, span, spacing)
+        self.before = before
+
+    @property
+    def variant(self) -> str:
+        """On which side the level is off, where it is not the usual one."""
+        return "before" if self.before else ""
+
     @property
     def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
         """The prior of the location."""
@@ -47,21 +67,23 @@ class Step(Located):
         return {"location": self.locations(200)}
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
-        """Return 0 before and 1 after the location."""
-        return (X[self.column] >= theta["location"]).astype(float)[:, None]
+        """Return 0 before and 1 after the location, or the other way round."""
+        after = X[self.column] >= theta["location"]
+        return (after != self.before).astype(float)[:, None]
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         assert self.span is not None
         place = values["location"]
-        return (
-            f"simulation, and from {self.column} = {place:.{digits_at(place, self.span, 6)}g} on "
-            f"{values['amplitude']:+.4g}"
-        )
+        at = f"{self.column} = {place:.{digits_at(place, self.span, 6)}g}"
+        where = f"before {at}" if self.before else f"from {at} on"
+        return f"simulation, and {where} {values['amplitude']:+.4g}"
 
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""
         assert self.span is not None
         place = values["location"]
-        indicator = where(self.column, r"\geq", place, digits_at(place, self.span, 6))
+        indicator = where(
+            self.column, "<" if self.before else r"\geq", place, digits_at(place, self.span, 6)
+        )
         return rf"{SIMULATION} {signed(values['amplitude'])} \, {indicator}"

@@ -63,8 +63,13 @@ def matched_columns(
             f"X has {n_columns} columns, but the simulation has {len(wanted)} inputs: "
             f"{list(wanted)}."
         )
-    extras = [f"x{k}" for k in range(len(wanted), n_columns)]
+    # an input may be called like that
+    extras = [_free(f"x{k}", wanted) for k in range(len(wanted), n_columns)]
     return (*wanted, *extras), list(range(n_columns))
+
+
+def _free(name: str, taken: tuple[str, ...]) -> str:
+    return _free(f"{name}_", taken) if name in taken else name
 
 
 def warn_outside(
