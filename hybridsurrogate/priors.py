@@ -96,10 +96,36 @@ def prior_range(prior: Prior, tail: float = 1e-3) -> tuple[float, float]:
     )
 
 
+def period_range(prior: Prior, tail: float = 1e-3) -> tuple[float, float]:
+    """Return the shortest and the longest period of a prior: its positive support.
+
+    An end at zero or infinity is replaced by a quantile.
+
+    Raises
+    ------
+    ValueError
+        For a prior of which more than ``tail`` is not positive.
+    """
+    low, high = prior_range(prior, tail)
+    low = low if low > 0 else float(prior.ppf(tail))
+    if low <= 0:
+        raise ValueError(
+            f"A period is positive, but its prior begins at {low:g}: use one such as "
+            "scipy.stats.loguniform(shortest, longest)."
+        )
+    return low, high
+
+
 @lru_cache(maxsize=1024)
 def prior_sd(prior: Prior) -> float:
-    """Return the standard deviation of a prior, which scipy may have to integrate."""
-    return float(prior.std())
+    """Return the standard deviation of a prior, which scipy may have to integrate.
+
+    Half of the central 68 % where tails are too heavy for one.
+    """
+    with np.errstate(all="ignore"):
+        sd = float(prior.std())
+    low, high = prior.ppf([0.16, 0.84])
+    return sd if np.isfinite(sd) else float(high - low) / 2
 
 
 def from_normal(priors: Sequence[Prior], z: ArrayLike) -> FloatArray:

@@ -13,7 +13,7 @@ import pandas as pd
 
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.posterior import Posterior
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.priors import FloatArray, prior_sd
 
 # from here on an estimate's variance is more than five times what it were with the parameter known
 CORRELATED = 0.9
@@ -62,7 +62,7 @@ def confounding(
                 continue
             omega = last.values[:, j]
             shift = (omega.mean() - first.values[:, j].mean()) / max(omega.std(), 1e-300)
-            width = omega.std() / last.model.parameters[name].std()
+            width = omega.std() / prior_sd(last.model.parameters[name])
             estimate, correlation = _most_correlated(last.estimates(k), omega)
             absorbed = _projected(curve, derivatives[j])
             pair = cause.name, name, estimate

@@ -62,8 +62,8 @@ _MIN_ROWS = 4
 # two standard deviations are compared, and those of a few rows say nothing
 _MIN_ROWS_OF_NOISE = 8
 
-# inside the dynamics: a step is a steep logistic course, a ramp nearly a slow one
-_COURSES = ("logistic", "exponential", "periodic")
+# inside the dynamics: a step is a steep logistic course
+_COURSES = ("ramp", "logistic", "exponential", "periodic")
 _MIN_TIMES = 8
 
 

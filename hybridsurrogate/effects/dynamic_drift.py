@@ -20,7 +20,7 @@ from hybridsurrogate.effects.notation import (
     word,
 )
 from hybridsurrogate.effects.over_column import LONGEST_PERIOD
-from hybridsurrogate.priors import Prior, frozen, truncated_normal
+from hybridsurrogate.priors import Prior, frozen, period_range, prior_sd, truncated_normal
 
 _N_LOCATIONS, _N_WIDTHS = 20, 4
 # halving and doubling are ordinary, but not of what is known to a per cent
@@ -180,7 +180,7 @@ class DynamicDrift(Dynamic):
             elif name in ("width", "duration"):
                 nodes[name] = np.asarray(prior.ppf((np.arange(_N_WIDTHS) + 0.5) / _N_WIDTHS))
             elif name == "period":
-                low, high = prior.ppf([0.0, 1.0])
+                low, high = period_range(prior)
                 # twice the high end is about four spans: five periods per independent frequency
                 n = int(np.ceil(2.5 * high * (1 / low - 1 / high))) + 1
                 nodes[name] = 1 / np.linspace(1 / low, 1 / high, max(n, 8))
@@ -218,7 +218,7 @@ class DynamicDrift(Dynamic):
     def _digits(self, values: Mapping[str, float]) -> int:
         """Return the digits that tell the location among the measured times."""
         prior = self.parameters.get("location")
-        scale = float(prior.std()) if prior is not None else values["location"]
+        scale = prior_sd(prior) if prior is not None else values["location"]
         return digits_at(values["location"], scale, 4)
 
     def latex(self, values: Mapping[str, float]) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.priors import Prior, frozen, prior_range
 
 # longest period in spans of the measured rows: of a wave at least a half must be seen
 LONGEST_PERIOD = 2.0
@@ -79,7 +79,7 @@ class Located(OverColumn):
         """Return nodes of the location, two per distance of neighbouring rows, at most so many."""
         assert self.location is not None
         assert self.spacing is not None
-        low, high = self.location.support()
+        low, high = prior_range(self.location)
         n = int(np.clip(2 * (high - low) / self.spacing, 8, most))
         return low + (high - low) * (np.arange(n) + 0.5) / n
 

@@ -19,7 +19,7 @@ from hybridsurrogate.effects.notation import (
     word,
 )
 from hybridsurrogate.effects.over_column import LONGEST_PERIOD, span_and_spacing
-from hybridsurrogate.priors import Prior, frozen, prior_sd
+from hybridsurrogate.priors import Prior, frozen, period_range, prior_sd
 
 # the simulation runs at every period that is tried
 _MOST_CYCLES = 25
@@ -221,7 +221,7 @@ class ParameterDrift(Cause):
         }
         if "period" in others:
             assert self.span is not None
-            low, high = others["period"].ppf([0.0, 1.0])
+            low, high = period_range(others["period"])
             n = int(np.ceil(4 * self.span * (1 / low - 1 / high))) + 1
             nodes["period"] = 1 / np.linspace(1 / low, 1 / high, max(n, 8))
         return nodes

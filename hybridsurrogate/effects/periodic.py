@@ -10,7 +10,7 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, number, plus
 from hybridsurrogate.effects.over_column import LONGEST_PERIOD, OverColumn
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.priors import Prior, frozen, period_range
 
 # more periods than this in the measured span are looked for only where a prior says so
 _MOST_CYCLES = 100
@@ -92,7 +92,7 @@ class Periodic(OverColumn):
         """Return periods evenly spaced in frequency, five per independent (highest) frequency."""
         assert self.span is not None
         assert self.period is not None
-        low, high = self.period.ppf([0.0, 1.0])
+        low, high = period_range(self.period)
         n = int(np.ceil(5 * self.harmonics * self.span * (1 / low - 1 / high))) + 1
         return {"period": 1 / np.linspace(1 / low, 1 / high, max(n, 8))}
 
