@@ -64,7 +64,9 @@ def test_the_whole_catalogue():
     assert rest == {
         *("offset", "gain", "wrong-constant", "trend", "trend: quadratic", "periodic"),
         *("periodic: overtone", "step", "ramp", "bump", "decay", "saturation", "delay"),
-        *("interaction", "missing-input", "missing-input: quadratic", "missing-input: categorical"),
+        *("interaction", "step: before", "missing-input", "missing-input: with level"),
+        *(f"missing-input: {shape}" for shape in ("quadratic", "categorical")),
+        *(f"missing-input: {shape} with level" for shape in ("quadratic", "categorical")),
         *("noise", "noise: mean", "noise: tails", "noise: autocorrelation", "unexplained"),
     }
     # a continuous column has no levels, and this simulation has no dynamics
@@ -143,7 +145,7 @@ def test_a_cause_of_ones_own_replaces_the_built_in_one():
     context = context_of()
     location = stats.uniform(3, 2)
     causes, skipped = catalogue(context, [hs.Step("t", location=location), hs.Periodic("wind")])
-    steps = [cause for cause in causes if (cause.kind, cause.target) == ("step", "t")]
+    steps = [cause for cause in causes if (form_of(cause), cause.target) == ("step", "t")]
     assert [step.location for step in steps] == [location]
     assert form_count(causes, "periodic", "wind") == 1
     # another form of the same kind and target stays

@@ -104,7 +104,8 @@ def catalogue(
         else:
             causes.append(cause.prepare(context))
     skipped += [one for one in _impossible(context) if one.kind not in excluded]
-    return causes, skipped
+    # forms of one kind may lack the same
+    return causes, list(dict.fromkeys(skipped))
 
 
 def _built_in(context: Context) -> Iterator[tuple[str, Cause]]:
