@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from sklearn.base import BaseEstimator
@@ -140,6 +140,10 @@ class Cause(BaseEstimator):
     def prepare(self, context: Context) -> Cause:
         """Return the cause with every default filled in from the context."""
         return self
+
+    def filled(self, **changes: Any) -> Self:
+        """Return a cause of the same class, a user's own subclass too, with other arguments."""
+        return type(self)(**{**self.get_params(deep=False), **changes})
 
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
         """Return the inputs and parameters with which the simulation is run for these rows."""

@@ -61,9 +61,8 @@ class Delay(Cause):
                 f"are {list(context.inputs)}."
             )
         span, _ = span_and_spacing(values)
-        return Delay(
-            self.column, self.lag if self.lag is not None else frozen(stats.t, 1, scale=span / 10)
-        )
+        lag = frozen(stats.t, 1, scale=span / 10) if self.lag is None else self.lag
+        return self.filled(lag=lag)
 
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
         """Run the simulation where the input was one lag ago."""

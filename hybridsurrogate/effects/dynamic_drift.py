@@ -159,15 +159,12 @@ class DynamicDrift(Dynamic):
             raise ValueError(
                 f"A {self.shape} change has no {unknown[0]!r}: {list(change.neutral)}."
             )
-        return DynamicDrift(
-            self.parameter,
-            self.shape,
-            time,
-            self.prefix or self.free_prefix(context, change),
-            {name: given.get(name, defaults[name]) for name in change.neutral},
-            self.center
-            if self.center is not None
-            else low + span / 2 * (change.shape == "periodic"),
+        center = low + span / 2 * (change.shape == "periodic")
+        return self.filled(
+            column=time,
+            prefix=self.prefix or self.free_prefix(context, change),
+            priors={name: given.get(name, defaults[name]) for name in change.neutral},
+            center=center if self.center is None else self.center,
         )
 
     def grid(self) -> dict[str, FloatArray]:

@@ -91,11 +91,9 @@ class DynamicTerm(Dynamic):
         scale = 1 / (float(np.ptp(context.column(context.inputs[0]))) or 1.0)
         if self.form == "constant":
             scale *= context.states[self.state]
-        return DynamicTerm(
-            self.state,
-            self.form,
-            self.prefix or self.free_prefix(context, change),
-            self.priors or {"rate": stats.t(3, scale=scale)},
+        return self.filled(
+            prefix=self.prefix or self.free_prefix(context, change),
+            priors=self.priors or {"rate": stats.t(3, scale=scale)},
         )
 
     def formula(self, values: Mapping[str, float]) -> str:

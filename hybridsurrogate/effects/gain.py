@@ -49,7 +49,7 @@ class Gain(Cause):
 
     def prepare(self, context: Context) -> Cause:
         """Choose the form that fits the scale of the output."""
-        return Gain(log_scale=context.log_scale)
+        return self.filled(log_scale=context.log_scale)
 
     def gain(self, X: Rows, theta: Rows) -> FloatArray | float:
         """Return the factor."""

@@ -67,7 +67,7 @@ class Interaction(Cause):
         )
         centers = ((low + high) / 2, (bottom + top) / 2)
         spans = ((high - low) or 1.0, (top - bottom) or 1.0)
-        return Interaction(self.first, self.second, self.centers or centers, self.spans or spans)
+        return self.filled(centers=self.centers or centers, spans=self.spans or spans)
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the product of the columns, each scaled to [-1, 1]."""

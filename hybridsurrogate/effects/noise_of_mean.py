@@ -96,7 +96,9 @@ class NoiseOfMean(Cause):
         prior = self.exponent
         if prior is None:
             prior = frozen(stats.norm, scale=max(1.0, 1 / (_REACH * relative)))
-        return NoiseOfMean(prior, center, size, spread, log_scale)
+        return self.filled(
+            exponent=prior, center=center, size=size, spread=spread, log_scale=log_scale
+        )
 
     def grid(self) -> dict[str, FloatArray]:
         """Return nine quantiles of the exponent."""

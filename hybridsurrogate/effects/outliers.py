@@ -62,7 +62,8 @@ class Outliers(Cause):
 
     def prepare(self, context: Context | None) -> Cause:
         """Fill in the prior."""
-        return Outliers(frozen(stats.loguniform, 0.01, 0.4) if self.share is None else self.share)
+        share = frozen(stats.loguniform, 0.01, 0.4) if self.share is None else self.share
+        return self.filled(share=share)
 
     def grid(self) -> dict[str, FloatArray]:
         """Return six quantiles: the share is known to a factor at best."""

@@ -40,7 +40,7 @@ class OverColumn(Cause):
             "center": self.center if self.center is not None else (low + high) / 2,
             "span": self.span if self.span is not None else (high - low) or 1.0,
         }
-        return type(self)(**{**self.get_params(deep=False), **changes})
+        return self.filled(**changes)
 
     def scaled(self, X: Rows) -> FloatArray:
         """Return the column from -1 to 1 over the measured rows."""
@@ -100,7 +100,7 @@ class FromOrigin(Cause):
         """Fill in the smallest measured value of the column."""
         values = context.column(self.column)
         origin = self.origin if self.origin is not None else float(values.min())
-        return type(self)(**{**self.get_params(deep=False), "origin": origin})
+        return self.filled(origin=origin)
 
     def distance(self, X: Rows) -> FloatArray:
         """Return how far rows are beyond the origin, zero before it."""

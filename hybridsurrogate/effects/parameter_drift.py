@@ -185,14 +185,11 @@ class ParameterDrift(Cause):
             },
             "periodic": {"period": frozen(stats.loguniform, shortest, LONGEST_PERIOD * span)},
         }
-        return ParameterDrift(
-            self.parameter,
-            self.column,
-            self.shape,
-            self.slope if self.slope is not None else frozen(stats.t, 1, scale=size),
-            self.center if self.center is not None else (low + high) / 2,
-            self.span if self.span is not None else span,
-            {**defaults[self.shape], **(self.others or {})},
+        return self.filled(
+            slope=frozen(stats.t, 1, scale=size) if self.slope is None else self.slope,
+            center=(low + high) / 2 if self.center is None else self.center,
+            span=span if self.span is None else self.span,
+            others={**defaults[self.shape], **(self.others or {})},
         )
 
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:

@@ -63,11 +63,8 @@ class WrongConstant(Cause):
                 f"{list(context.assumed)}."
             )
         constant = context.assumed[self.constant]
-        return WrongConstant(
-            self.constant,
-            self.prior if self.prior is not None else constant.prior,
-            constant.value,
-        )
+        prior = constant.prior if self.prior is None else self.prior
+        return self.filled(prior=prior, assumed=constant.value)
 
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
         """Run the simulation with another value of the constant."""
