@@ -42,13 +42,13 @@ class Own(hs.Cause):
 
 
 class Stopped(Own):
-    """Whose user presses Ctrl-C at its first curve after the checks."""
+    """Whose user presses Ctrl-C at its first curve after the two checks."""
 
     calls = 0
 
     def columns(self, X, theta):
         Stopped.calls += 1
-        if Stopped.calls > 1:
+        if Stopped.calls > 2:
             raise KeyboardInterrupt
         return super().columns(X, theta)
 
