@@ -147,3 +147,33 @@ def test_every_kind_of_the_catalogue_has_words():
     assert label_of_cause(hs.ParameterDrift("rate", "t", "step")) == (
         "parameter-drift of rate (step over t)"
     )
+
+
+def test_where_under_a_log_normal_likelihood():
+    """In squares of the raw output it would be wherever the output is large."""
+    t = np.linspace(0.2, 12, 60)
+    simulator = hs.Simulator(
+        lambda t, a, k: a * np.exp(-k * t),
+        inputs={"t": (0, 12)},
+        parameters={
+            "a": hs.truncated_normal(50, 5, 30, 70),
+            "k": hs.truncated_normal(1, 0.02, 0, 2),
+        },
+        output="activity",
+    )
+    rng = np.random.default_rng(0)
+    y = 50 * np.exp(-t + 0.5 * (t > 8) + 0.1 * rng.standard_normal(60))
+    model = hs.PowerScaledSurrogate(
+        simulator,
+        surrogate=hs.ExactSurrogate(),
+        likelihood="lognormal",
+        n_draws=300,
+        random_state=0,
+    )
+    found = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(t[:, None], y)
+    assert found.best_cause_.kind == "step"
+    report = found.report()
+    last = max(report.to_dict()["discrepancy"]["thirds"], key=lambda third: third["low"])
+    # before, the decay bent to meet the jump; in raw squares a factor of e^-8 leaves nothing here
+    assert last["share"] > 0.3
+    assert "(root mean square, in units of log activity)" in " ".join(str(report).split())

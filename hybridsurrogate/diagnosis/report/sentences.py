@@ -142,7 +142,7 @@ def where(view: View) -> list[str]:
         out.append(
             "The extended model moves the calibrated simulation's predictions at the measured rows "
             f"by {digits.number(float(np.sqrt(np.mean(change**2))), 3)} (root mean square, in "
-            f"units of {view.output}), and by {digits.number(float(view.change[most]), 3)} where "
+            f"units of {scale}), and by {digits.number(float(view.change[most]), 3)} where "
             f"it moves them most, at {place}."
         )
         part = max((t for t in thirds(view) if t.column == view.name), key=lambda t: t.share)

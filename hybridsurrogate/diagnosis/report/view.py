@@ -117,10 +117,15 @@ class View:
         """Predictions at the measured rows after the extension."""
         return np.asarray(self.diagnosis.extended_estimator_.predict(self.as_given(self.X)))
 
-    @property
+    @cached_property
     def change(self) -> FloatArray:
-        """What the extension adds to the predictions at the measured rows."""
-        return self.after - self.before
+        """What the extension adds to the predictions at the measured rows, on the scale of eta.
+
+        In units of an output of several decades it would be large where the output is.
+        """
+        models = self.diagnosis.estimator_, self.diagnosis.extended_estimator_
+        before, after = (self.working_residuals(model) for model in models)
+        return before - after
 
     @cached_property
     def shown(self) -> int:
