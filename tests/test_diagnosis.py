@@ -90,7 +90,7 @@ def test_gain_on_rows_beyond_the_measured_ones(periodic):
 def test_a_scan_of_beta_scores_both_models_on_the_same_folds(periodic):
     X, y = measure(lambda t: 2 * np.sin(2 * np.pi * t / 3.1))
     scan = periodic.beta_scan(X, y, (0.25, 0.5))
-    assert list(scan.columns) == ["beta", "before", "after"]
+    assert list(scan.columns) == ["beta", "before", "after", "before_error", "after_error"]
     assert list(scan["beta"]) == [0.25, 0.5]
     # with the wave named, held-out rows are foreseen better at any weight
     assert (scan["after"] > scan["before"] + 0.5).all()

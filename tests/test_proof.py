@@ -252,9 +252,13 @@ def test_trust_rises_once_the_fault_is_named(simulator):
     betas = np.array([0.05, 0.5, 0.9])
     X = t[:, None]
     scan = scan_beta((before, after), betas, random_folds(40, 2, 0), X.__getitem__, y)
-    assert list(scan.columns) == ["beta", "before", "after"]
+    assert list(scan.columns) == ["beta", "before", "after", "before_error", "after_error"]
     first, then = best_betas(scan)
     assert first < then
+    # the best differs from itself by nothing
+    at = scan.set_index("beta")
+    assert at.loc[first, "before_error"] == at.loc[then, "after_error"] == 0
+    assert (scan["before_error"] > 0).sum() == (scan["after_error"] > 0).sum() == 2
     # with most of the weight on the runs, a straight line cannot follow the bend
     assert scan["after"].iloc[-1] > scan["before"].iloc[-1] + 0.5
 

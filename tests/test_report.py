@@ -308,7 +308,8 @@ def test_what_to_predict_with(named):
 
 
 def scan_of(before, after):
-    return pd.DataFrame({"beta": [0.05, 0.5, 0.95], "before": before, "after": after})
+    scores = {"before": before, "after": after, "before_error": 0.1, "after_error": 0.1}
+    return pd.DataFrame({"beta": [0.05, 0.5, 0.95], **scores})
 
 
 # a coarse emulator strains the draws, and the diagnosis says so
@@ -325,7 +326,8 @@ def test_an_emulator_gets_its_beta_scan(diagnose, monkeypatch):
     diagnosis = diagnose(lambda t: 2 * np.sin(2.5 * t), hs.PolynomialChaos(degree=4), cv=None)
     report = diagnosis.report()
     assert asked == [(30, 30, (0.05, 0.25, 0.5, 0.75, 0.95))]
-    assert report.to_dict()["beta_scan"][1] == {"beta": 0.5, "before": -0.9, "after": -0.3}
+    told = {"beta": 0.5, "before": -0.9, "after": -0.3, "before_error": 0.1, "after_error": 0.1}
+    assert report.to_dict()["beta_scan"][1] == told
     assert "best weight of the simulation is beta = 0.05" in flat(report)
     (trust,) = (s for s in report.sections if s.title == "Trust in the simulation")
     assert "best at beta = 0.05 before and 0.5 after" in trust.pictures[0].description

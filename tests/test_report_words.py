@@ -13,8 +13,9 @@ from hybridsurrogate.diagnosis.report import digits, scores, sentences
 from hybridsurrogate.diagnosis.report.view import label_of_cause
 
 
-def scan_of(before, after):
-    return pd.DataFrame({"beta": [0.05, 0.5, 0.95], "before": before, "after": after})
+def scan_of(before, after, error=0.1):
+    scores = {"before": before, "after": after, "before_error": error, "after_error": error}
+    return pd.DataFrame({"beta": [0.05, 0.5, 0.95], **scores})
 
 
 @pytest.mark.parametrize(
@@ -29,6 +30,10 @@ def test_what_the_best_beta_says(after, words):
     scan = scan_of([-0.9, -0.5, -1.2], after)
     assert words in scores.trust(SimpleNamespace(extended=True), scan)[-1]
     assert "The best is beta = 0.5" in scores.trust(SimpleNamespace(extended=False), scan)[-1]
+    unsure = scan_of([-0.9, -0.5, -1.2], after, error=0.4)
+    same = after.index(max(after)) == 1
+    told = scores.trust(SimpleNamespace(extended=True), unsure)[-1]
+    assert ("as good within the errors" in told) is not same
 
 
 def gain_of(difference, error, coverage=0.9, kinds=("step", "step")):

@@ -336,7 +336,8 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         Returns
         -------
         pandas.DataFrame
-            Columns beta, before, after.
+            Columns beta, before, after, and before_error and after_error: the standard error of
+            each score's difference from that at the best weight, paired by rows.
         """
         check_is_fitted(self)
         y = np.asarray(y, dtype=float)

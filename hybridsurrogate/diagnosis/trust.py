@@ -15,7 +15,7 @@ from hybridsurrogate.estimators.beta_path import beta_path
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import HybridSurrogateWarning
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.scoring.scores import last_of_the_best
+from hybridsurrogate.scoring.scores import last_of_the_best, paired_difference
 
 # scores of single weights differ by more than the error of so many draws
 _DRAWS = 200
@@ -46,12 +46,13 @@ def scan_beta(
     Returns
     -------
     pandas.DataFrame
-        Columns beta, before, after.
+        Columns beta, before, after, and before_error and after_error: the standard error of each
+        score's difference from that at the best weight, paired by rows.
     """
-    columns: dict[str, FloatArray] = {"beta": betas}
+    rows: dict[str, FloatArray] = {}
     for word, model in zip(("before", "after"), models, strict=True):
         if word == "after" and model is models[0]:
-            columns[word] = columns["before"]
+            rows[word] = rows["before"]
             continue
         draws = min(int(model.n_draws), _DRAWS)
         quick = clone(model).set_params(sampler="importance", n_draws=draws)
@@ -64,8 +65,15 @@ def scan_beta(
                 scores.append(
                     [m.log_predictive_density(take(test), y[test]) for m in path.estimators]
                 )
-        columns[word] = np.concatenate(scores, axis=1).mean(axis=1)
-    return pd.DataFrame(columns)
+        rows[word] = np.concatenate(scores, axis=1)
+    means = {word: scores.mean(axis=1) for word, scores in rows.items()}
+    errors = {f"{word}_error": _errors(scores) for word, scores in rows.items()}
+    return pd.DataFrame({"beta": betas, **means, **errors})
+
+
+def _errors(scores: FloatArray) -> FloatArray:
+    best = scores[last_of_the_best(scores.mean(axis=1))]
+    return np.array([paired_difference(one, best).standard_error for one in scores])
 
 
 def best_betas(scan: pd.DataFrame) -> tuple[float, float]:

@@ -111,19 +111,38 @@ def trust(view: View, scan: pd.DataFrame | None) -> list[str]:
             f"The best is beta = {before['beta']:g} (held-out score {before['before']:.3f}).",
         ]
     moved = float(after["beta"]) - float(before["beta"])
-    meaning = (
-        "with its fault named the simulation deserves more weight"
-        if moved > 0
-        else "naming the fault does not raise the weight that the simulation deserves"
-        if moved == 0
-        else "even with its fault named the simulation deserves less weight than before"
-    )
+    if moved and not _told_apart(scan, float(before["beta"]), float(after["beta"])):
+        meaning = (
+            "the two are as good within the errors of the scores, so that the data do not say "
+            "whether the simulation deserves another weight"
+        )
+    else:
+        meaning = _meaning_of(moved)
     return [
         first,
         f"Before the extension the best weight of the simulation is beta = {before['beta']:g} "
         f"(held-out score {before['before']:.3f}), after it beta = {after['beta']:g} "
         f"({after['after']:.3f}): {meaning}.",
     ]
+
+
+def _told_apart(scan: pd.DataFrame, before: float, after: float) -> bool:
+    """Tell whether either model does worse at the other's best weight, by two standard errors."""
+    at = scan.set_index("beta")
+    return any(
+        at.loc[best, word] - at.loc[other, word] > 2 * at.loc[other, f"{word}_error"]
+        for word, best, other in (("before", before, after), ("after", after, before))
+    )
+
+
+def _meaning_of(moved: float) -> str:
+    return (
+        "with its fault named the simulation deserves more weight"
+        if moved > 0
+        else "naming the fault does not raise the weight that the simulation deserves"
+        if moved == 0
+        else "even with its fault named the simulation deserves less weight than before"
+    )
 
 
 def emulator(view: View) -> list[str]:
