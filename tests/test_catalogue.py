@@ -64,9 +64,8 @@ def test_the_whole_catalogue():
     assert rest == {
         *("offset", "gain", "wrong-constant", "trend", "trend: quadratic", "periodic"),
         *("periodic: overtone", "step", "ramp", "bump", "decay", "saturation", "delay"),
-        *("interaction", "step: before", "missing-input", "missing-input: with level"),
-        *(f"missing-input: {shape}" for shape in ("quadratic", "categorical")),
-        *(f"missing-input: {shape} with level" for shape in ("quadratic", "categorical")),
+        *("interaction", "step: before", "missing-input", "missing-input: quadratic"),
+        "missing-input: categorical",
         *("noise", "noise: mean", "noise: tails", "noise: autocorrelation", "unexplained"),
     }
     # a continuous column has no levels, and this simulation has no dynamics

@@ -28,7 +28,7 @@ def test_a_column_without_a_name_takes_none_that_is_there(simulator):
     model = hs.PowerScaledSurrogate(
         simulator,
         surrogate=hs.ExactSurrogate(),
-        effects=(hs.MissingInput("x2_", centered=False),),
+        effects=(hs.MissingInput("x2_", center=0.0),),
         n_draws=200,
         random_state=0,
     )

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
 
 import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.verdict import form_of
+from hybridsurrogate.effects.base import Context
+from hybridsurrogate.effects.catalogue import catalogue
 
 T = np.linspace(0.2, 10, 40)
 
@@ -53,7 +58,6 @@ def diagnosed(hidden, seed):
     return diagnosis.fit(pd.DataFrame({"t": T, "z": column}), y)
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
 @pytest.mark.parametrize(
     ("hidden", "kind", "target"),
     [
@@ -65,28 +69,46 @@ def diagnosed(hidden, seed):
         ("after", "step", "t"),
     ],
 )
-def test_wherever_the_simulation_is_right(hidden, kind, target, seed):
-    best = diagnosed(hidden, seed).best_cause_
-    assert (best.kind, best.target) == (kind, target)
+def test_wherever_the_simulation_is_right(hidden, kind, target):
+    found = [diagnosed(hidden, seed) for seed in range(4)]
+    named = [(d.best_cause_.kind, d.best_cause_.target) for d in found]
+    # a rival may come first by chance, but the truth is always among those that are left
+    assert named.count((kind, target)) >= 3
+    assert all(kind in d.indistinguishable_ for d in found)
 
 
-def test_numbers_and_formula_of_a_level_of_its_own():
+def test_numbers_and_formula_from_zero():
     found = diagnosed("line from zero", 0)
     best = found.best_cause_
-    assert found.extended_estimator_.effects[0].variant == "with level"
+    assert found.extended_estimator_.effects[0].variant == "from zero"
+    assert list(best.estimates) == ["slope"]
     assert best.estimates["slope"][0] == pytest.approx(0.8, abs=0.2)
-    # right at zero: half of the slope is missing at the mean
-    assert best.estimates["level"][0] == pytest.approx(0.4, abs=0.1)
-    assert "simulation + 0.4" in best.formula
-    assert r"\text{simulation} + 0.4" in best.latex
+    assert re.fullmatch(r"simulation \+ 0\.\d+ z", best.formula)
+    assert best.latex.endswith(r"\text{z}")
+
+
+def test_a_jump_that_ends():
     before = hs.Step("t", before=True)
     assert before.columns({"t": np.array([1.0, 4.0])}, {"location": 2.5}).ravel().tolist() == [1, 0]
-
-
-def test_one_level_has_no_mean():
-    cause = hs.MissingInput("z", "categorical", level=1.0, centered=False)
-    model = hs.PowerScaledSurrogate(
-        SIMULATOR, surrogate=hs.ExactSurrogate(), effects=(cause,), random_state=0
+    prepared = before.prepare(Context({"t": T}, 1, {}, {}, 1.0))
+    assert (
+        prepared.formula({"location": 2.5, "amplitude": 1}) == "simulation, and before t = 2.5 +1"
     )
-    with pytest.raises(ValueError, match="leave centered=True"):
-        model.fit(pd.DataFrame({"t": T, "z": np.arange(40) % 2}), decay(T, 4.6, 0.33))
+    assert "< 2.5" in prepared.latex({"location": 2.5, "amplitude": 1})
+
+
+@pytest.mark.parametrize(
+    ("z", "weighed"),
+    [
+        (np.linspace(0, 3, 40), True),
+        (np.linspace(0.5, 3, 40), True),
+        (np.linspace(-3, 0, 40), True),
+        (np.linspace(2, 3, 40), False),  # from zero it would be nearly constant
+        (np.linspace(-1, 3, 40), False),  # its zero is no beginning
+    ],
+)
+def test_columns_that_begin_at_zero(z, weighed):
+    context = Context({"t": T, "z": z}, 1, {}, {}, 1.0)
+    forms = [form_of(cause) for cause in catalogue(context)[0]]
+    assert ("missing-input: from zero" in forms) is weighed
+    assert ("missing-input: quadratic from zero" in forms) is weighed

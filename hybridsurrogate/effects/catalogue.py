@@ -65,6 +65,8 @@ _MIN_ROWS_OF_NOISE = 8
 # inside the dynamics: a step is a steep logistic course
 _COURSES = ("ramp", "logistic", "exponential", "periodic")
 _MIN_TIMES = 8
+# of its span a column may begin so far from zero to be one that is measured from there
+_NEAR_ZERO = 0.25
 
 
 @dataclass(frozen=True)
@@ -149,13 +151,12 @@ def _built_in(context: Context) -> Iterator[tuple[str, Cause]]:
         yield "missing-input", MissingInput(column)
         yield "missing-input: quadratic", MissingInput(column, shape="quadratic")
         yield "missing-input: categorical", MissingInput(column, shape="categorical")
-        # it may be right where the column is zero, and then its level is off at the mean
-        for shape in ("linear", "quadratic", "categorical"):
-            form = "missing-input" if shape == "linear" else f"missing-input: {shape}"
-            yield form, MissingInput(column, shape, centered=False)
         levels = np.unique(context.X[column])
-        # of two levels one that is off is a straight line with a level
-        if len(levels) > 2 and trouble_with_levels(context.X[column], column) is None:
+        if len(levels) > 2 and _begins_at_zero(context.X[column]):
+            # such as a dose, where the simulation knows none
+            yield "missing-input", MissingInput(column, center=0.0)
+            yield "missing-input: quadratic", MissingInput(column, shape="quadratic", center=0.0)
+        if trouble_with_levels(context.X[column], column) is None:
             for level in levels:
                 one = MissingInput(column, shape="categorical", level=float(level))
                 yield "missing-input: level", one
@@ -169,6 +170,13 @@ def _built_in(context: Context) -> Iterator[tuple[str, Cause]]:
     yield "noise: mean", NoiseOfMean()
     yield "noise: tails", Outliers()
     yield "unexplained", GaussianProcessDiscrepancy()
+
+
+def _begins_at_zero(values: np.ndarray) -> bool:
+    """Tell whether a column ends near zero, and is never on the other side of it."""
+    low, high = values.min(), values.max()
+    ends = sorted(abs(end) for end in (low, high))
+    return bool(low * high >= 0 and ends[0] <= _NEAR_ZERO * (high - low))
 
 
 def _reason_to_skip(form: str, cause: Cause, context: Context) -> str | None:
@@ -226,6 +234,6 @@ def _impossible(context: Context) -> Iterator[Skipped]:
     if len(context.inputs) < 2:
         yield Skipped("interaction", None, "a product needs two inputs, the simulation has one")
     for column in context.extras:
-        trouble = _trouble_with_categories(context.X[column], column)
+        trouble = trouble_with_levels(context.X[column], column)
         if trouble:
             yield Skipped("missing-input", column, f"level: {trouble}")

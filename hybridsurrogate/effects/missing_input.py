@@ -7,7 +7,15 @@ from collections.abc import Mapping
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed, where
+from hybridsurrogate.effects.notation import (
+    SIMULATION,
+    digits_at,
+    minus,
+    plus,
+    signed,
+    where,
+    word,
+)
 from hybridsurrogate.effects.over_column import OverColumn
 
 _SHAPES = ("linear", "quadratic", "categorical")
@@ -26,9 +34,8 @@ class MissingInput(OverColumn):
       simulation as it is elsewhere: one bad batch.
 
     Slope, curvature, deviations and amplitude are in units of the output (per unit of the column,
-    per squared unit). The simulation is taken to be right at the column's mean over the measured
-    rows; with ``centered=False`` a line or a parabola has a level of its own there, and deviations
-    have any mean.
+    per squared unit). The simulation is taken to be right where the column is ``center``: at its
+    mean over the measured rows, unless you know better, such as zero for a dose.
 
     Parameters
     ----------
@@ -37,11 +44,9 @@ class MissingInput(OverColumn):
     shape : {"linear", "quadratic", "categorical"}, default="linear"
     level : float or None, default=None
         The one level that is off; only with the categorical shape.
-    centered : bool, default=True
-        Whether the simulation is right at the column's mean. False where it is right elsewhere,
-        such as at zero, and has no parameter that sets its level.
     center, span : float or None, default=None
-        Mean and span of the column. None: of the measured rows.
+        Where the simulation is right, and the span of the column. None: mean and span of the
+        measured rows.
     levels : tuple of (value, share of the rows) or None, default=None
         None: those of the measured rows, at most six, each with at least three rows.
 
@@ -60,7 +65,6 @@ class MissingInput(OverColumn):
         column: str,
         shape: str = "linear",
         level: float | None = None,
-        centered: bool = True,
         center: float | None = None,
         span: float | None = None,
         levels: tuple[tuple[float, float], ...] | None = None,
@@ -68,7 +72,6 @@ class MissingInput(OverColumn):
         super().__init__(column, center, span)
         self.shape = shape
         self.level = level
-        self.centered = centered
         self.levels = levels
 
     @property
@@ -83,14 +86,13 @@ class MissingInput(OverColumn):
         if self.level is not None:
             return f"level {self.level:.12g}"
         words = [] if self.shape == "linear" else [self.shape]
-        return " ".join(words if self.centered else [*words, "with level"])
+        return " ".join([*words, "from zero"] if self.center == 0 else words)
 
     @property
     def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
         """Slope and curvature, one deviation a level, or the amplitude of one level."""
         if self.shape != "categorical":
-            names = ("level", "slope", "curvature")[: _SHAPES.index(self.shape) + 2]
-            return names[1:] if self.centered else names
+            return ("slope", "curvature")[: _SHAPES.index(self.shape) + 1]
         if self.level is not None:
             return ("amplitude",)
         return tuple(f"level_{value:.12g}" for value, _ in self.levels or ())
@@ -100,8 +102,6 @@ class MissingInput(OverColumn):
         values = context.column(self.column)
         if self.shape not in _SHAPES:
             raise ValueError(f"shape must be one of {list(_SHAPES)}, got {self.shape!r}.")
-        if self.level is not None and not self.centered:
-            raise ValueError("One level that is off has no mean: leave centered=True.")
         if self.level is not None and self.shape != "categorical":
             raise ValueError(f"level={self.level!r} needs shape='categorical'.")
         prepared = super().prepare(context)
@@ -121,19 +121,16 @@ class MissingInput(OverColumn):
         return prepared
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
-        """Return ones, the scaled column and its square, or what belongs to the levels."""
+        """Return the scaled column and its square, or what belongs to the levels."""
         if self.shape != "categorical":
             scaled = self.scaled(X)
-            terms = {"level": np.ones_like(scaled), "slope": scaled, "curvature": scaled**2}
-            return np.stack([terms[name] for name in self.coefficients], axis=-1)
+            return np.stack([scaled, scaled**2][: len(self.coefficients)], axis=-1)
         values = np.asarray(X[self.column])
         if self.level is not None:
             return (values == self.level).astype(float)[:, None]
         assert self.levels is not None
         known, shares = np.array(self.levels).T
         indicator = values[:, None] == known
-        if not self.centered:
-            return indicator.astype(float)
         return np.where(indicator.any(axis=1, keepdims=True), indicator - shares, 0.0)
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
@@ -146,12 +143,9 @@ class MissingInput(OverColumn):
                 share * coefficients[name]
                 for name, (_, share) in zip(self.coefficients, self.levels, strict=True)
             )
-            removed = mean if self.centered else 0.0
-            return {name: coefficients[name] - removed for name in self.coefficients}
+            return {name: coefficients[name] - mean for name in self.coefficients}
         assert self.span is not None
         out = {"slope": 2 * coefficients["slope"] / self.span}
-        if not self.centered:
-            out["level"] = np.asarray(coefficients["level"])
         if self.shape == "quadratic":
             out["curvature"] = 4 * coefficients["curvature"] / self.span**2
         return out
@@ -170,12 +164,13 @@ class MissingInput(OverColumn):
             return f"simulation, and {told}"
         assert self.center is not None
         assert self.span is not None
-        digits = digits_at(self.center, self.span)
-        level = "" if self.centered else f" {plus(values['level'])}"
-        text = f"simulation{level} {plus(values['slope'])}"
-        text += f" ({self.column} {plus(-self.center, digits)})"
+        distance = self.column
+        if self.center:
+            digits = digits_at(self.center, self.span)
+            distance = f"({self.column} {plus(-self.center, digits)})"
+        text = f"simulation {plus(values['slope'])} {distance}"
         if self.shape == "quadratic":
-            text += f" {plus(values['curvature'])} ({self.column} {plus(-self.center, digits)})^2"
+            text += f" {plus(values['curvature'])} {distance}^2"
         return text
 
     def latex(self, values: Mapping[str, float]) -> str:
@@ -192,9 +187,10 @@ class MissingInput(OverColumn):
             return f"{SIMULATION} {told}"
         assert self.center is not None
         assert self.span is not None
-        distance = minus(self.column, self.center, digits_at(self.center, self.span))
-        level = "" if self.centered else f" {signed(values['level'])}"
-        text = f"{SIMULATION}{level} {signed(values['slope'])} {distance}"
+        distance = word(self.column)
+        if self.center:
+            distance = minus(self.column, self.center, digits_at(self.center, self.span))
+        text = f"{SIMULATION} {signed(values['slope'])} {distance}"
         if self.shape == "quadratic":
             text += f" {signed(values['curvature'])} {distance}^{{2}}"
         return text
