@@ -52,7 +52,12 @@ def test_order_along_the_only_input_or_in_time(simulator):
     X = np.column_stack([np.arange(30.0), np.zeros(30)])
     assert len(folds_beyond(simulator, X)) == 3
     two = hs.Simulator(lambda t, depth: t + depth, {"t": (0, 1), "depth": (0, 1)})
-    assert folds_beyond(two, X) == []
+    # by which of two the rows are ordered shows where they come sorted
+    assert [len(test) for _, test in folds_beyond(two, X)] == [4, 4, 4]
+    assert np.all(folds_beyond(two, X[:, ::-1])[-1][1] == np.arange(26, 30))
+    assert folds_beyond(two, X[np.random.default_rng(0).permutation(30)]) == []
+    grid = np.column_stack([np.repeat(np.arange(5.0), 6), np.tile(np.arange(6.0), 5)])
+    assert folds_beyond(two, grid) == []
     ode = hs.OdeSimulator(
         lambda t, state, rate, depth: -rate * depth * state,
         initial_state=[1.0],

@@ -112,7 +112,8 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         On held-out rows within the measured range, the search repeated in each fold.
     gain_out_of_range_ : Gain or None
         The same beyond it: the last 40 % of the rows in three blocks, each foreseen from all rows
-        before it. None where rows have no order (several inputs and no `OdeSimulator`) or are few.
+        before it. None where rows are few, or have no order: of several inputs without an
+        `OdeSimulator`, none by which they come sorted.
     next_measurement_ : dict of str to float
         Inputs at which one more measurement would best tell the rivals apart; of several causes,
         the rivals of the one of which it tells most.

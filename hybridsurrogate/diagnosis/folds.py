@@ -31,13 +31,18 @@ def random_folds(n: int, n_folds: int, random_state: RandomState | int) -> Folds
 def folds_beyond(simulation: SimulationData | Simulator, X: FloatArray) -> Folds:
     """Return `future_folds` of the measured rows X, none where "beyond them" has many meanings.
 
-    It has one along the only input of a simulation, and in time, the first input of an
-    `OdeSimulator`.
+    It has one along the only input of a simulation; in time, the first input of an `OdeSimulator`;
+    and along an input by which the rows come sorted, as those of a log do.
     """
     simulator = simulation.simulator
-    in_time = simulator is not None and simulator.is_in_time
-    ordered = len(simulation.input_names) == 1 or in_time
-    return future_folds(X[:, 0]) if ordered else []
+    n_inputs = len(simulation.input_names)
+    if n_inputs == 1 or (simulator is not None and simulator.is_in_time):
+        return future_folds(X[:, 0])
+    for x in X[:, :n_inputs].T:
+        # the slow column of a grid is sorted, too, and its few values are no time
+        if np.all(np.diff(x) >= 0) and 2 * len(np.unique(x)) > len(x):
+            return future_folds(x)
+    return []
 
 
 def future_folds(x: FloatArray) -> Folds:
