@@ -72,6 +72,12 @@ def _check_estimator(estimator: PowerScaledSurrogate | None) -> None:
             "estimator must be a PowerScaledSurrogate, whose effects a diagnosis can extend; "
             f"got {type(estimator).__name__}."
         )
+    set_by_diagnosis = {"simulation", "beta", "effects"}
+    if not set_by_diagnosis <= estimator.get_params(deep=False).keys():
+        raise TypeError(
+            f"A diagnosis cannot extend a {type(estimator).__name__}. Diagnose a "
+            "PowerScaledSurrogate of one simulation and one measured data set."
+        )
     if estimator.simulation is None:
         raise ValueError("There is no simulation to diagnose: give the estimator simulation=...")
     if tuple(estimator.effects):

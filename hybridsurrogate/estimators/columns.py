@@ -39,6 +39,12 @@ def _is_numeric(column: pd.Series) -> bool:
     return True
 
 
+def column_names(X: ArrayLike) -> list[str]:
+    """Return the names of a DataFrame's columns; none where some are not text, or for an array."""
+    names = list(X.columns) if isinstance(X, pd.DataFrame) else []
+    return names if all(isinstance(name, str) for name in names) else []
+
+
 def matched_columns(
     names: list[str], n_columns: int, simulation: SimulationData | Simulator | None
 ) -> tuple[tuple[str, ...], list[int]]:

@@ -10,9 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.utils import check_scalar
+from sklearn.utils.validation import check_X_y
 
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.estimators.fitting import Fit
+from hybridsurrogate.estimators.columns import (
+    check_numbers,
+    column_names,
+    matched_columns,
+    warn_outside,
+)
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
 from hybridsurrogate.estimators.problem import Problem, make_problem
 from hybridsurrogate.estimators.rows import MeasuredRows, merged_rows
@@ -21,6 +27,10 @@ from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation import SimulationData
 from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.variables import priors_of
+
+# priors are told apart by their quantiles at these shares
+_SHARES = np.linspace(0.01, 0.99, 9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +40,8 @@ class Source:
     Parameters
     ----------
     data : SimulationData, or (X, y)
-        Runs of a simulation, or a further set of measured rows with the columns of the first.
+        Runs of a simulation, or a further set of measured rows with the columns of the first: by
+        name (DataFrame), else in the same order.
     power : float, default=1.0
         Between 0 (ignored) and 1 (in full).
     """
@@ -43,9 +54,10 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
     """Power scaling with any number of simulations and measured sets.
 
     The likelihood of each source is raised to its own power; simulations share the surrogate, so
-    they must have the same inputs and parameters (a coarse and a fine one, say). One simulation
-    with power alpha_S and the measured data with power alpha_R are `PowerScaledSurrogate` with the
-    beta that belongs to these. Step 2 weighs measured sets by their powers relative to the largest.
+    they must have the same inputs, priors and assumed values (a coarse and a fine one, say). One
+    simulation with power alpha_S and the measured data with power alpha_R are
+    `PowerScaledSurrogate` with the beta that belongs to these. Step 2 weighs measured sets by their
+    powers relative to the largest.
 
     Parameters
     ----------
@@ -115,50 +127,62 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
     def _problem(self, surrogate: Surrogate, likelihood: Likelihood, rows: MeasuredRows) -> Problem:
         runs = self._simulations()
         powers = [np.full(source.data.n_runs, float(source.power)) for source in runs]  # type: ignore[union-attr]
-        measured = self._all_measured(likelihood, rows)
         return make_problem(
             self.simulation,
             surrogate,
             likelihood,
             self.noise_prior,
             as_causes(self.effects),
-            measured.columns,
-            measured.X,
-            measured.y,
-            weights=measured.weights,
+            rows.columns,
+            rows.X,
+            rows.y,
+            weights=rows.weights,
             run_weights=np.concatenate(powers) if powers else None,
         )
 
-    def _all_measured(self, likelihood: Likelihood, rows: MeasuredRows) -> MeasuredRows:
+    def _all_rows(self, rows: MeasuredRows, likelihood: Likelihood) -> MeasuredRows:
         """Return the rows of all measured sets, weighed relative to the largest power."""
         top = self._largest_power()
         X, y, weights = [rows.X], [rows.y], [rows.weights * (self.power / top)]
         for source in self.sources:
             if isinstance(source.data, SimulationData):
                 continue
-            more = np.atleast_2d(np.asarray(source.data[0], dtype=float))
-            values = np.asarray(source.data[1], dtype=float)
-            if more.shape != (len(values), self.n_features_in_):
-                raise ValueError(
-                    f"A measured source must have X of shape (n, {self.n_features_in_}) and y of "
-                    f"shape (n,), got {more.shape} and {values.shape}."
-                )
+            more, values = self._read(source.data, rows.columns)
             likelihood.check(values)
-            X.append(more[:, self._column_order])
+            warn_outside(rows.columns, more, self.simulation)
+            X.append(more)
             y.append(values)
             weights.append(np.full(len(values), source.power / top))
-        return merged_rows(
+        merged = merged_rows(
             rows.columns, np.concatenate(X), np.concatenate(y), np.concatenate(weights)
         )
+        return merged._replace(origin=np.where(rows.origin < 0, -1, merged.origin[rows.origin]))
 
-    def _keep(self, rows: MeasuredRows, problem: Problem, fit: Fit) -> PowerScaledSurrogate:
-        """Store what a fit found; rows of all sets were merged, those in ``fit`` are among them."""
-        table = np.column_stack([problem.X, problem.observed])
-        wanted = np.column_stack(self._measured)
-        same = (wanted[:, None] == table).all(axis=2)
-        origin = np.where(same.any(axis=1), same.argmax(axis=1), -1)
-        merged = MeasuredRows(rows.columns, problem.X, problem.observed, problem.weights, origin)
-        return super()._keep(merged, problem, fit)
+    def _read(
+        self, data: tuple[ArrayLike, ArrayLike], columns: tuple[str, ...]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return a measured source with its columns in the order of those in ``fit``."""
+        X, y = data
+        check_numbers(X)
+        # an array has the columns of the X in ``fit``
+        order, names = self._column_order, column_names(X)
+        more, values = check_X_y(X, y, dtype=np.float64, y_numeric=True)
+        if more.shape[1] != self.n_features_in_:
+            raise ValueError(
+                f"A measured source must have X of shape (n, {self.n_features_in_}), got "
+                f"{more.shape}."
+            )
+        if names and hasattr(self, "feature_names_in_"):
+            missing = [name for name in columns if name not in names]
+            if missing:
+                raise ValueError(
+                    f"A measured source lacks the columns {missing} of the X in fit; its columns "
+                    f"are {names}."
+                )
+            order = [names.index(name) for name in columns]
+        elif names:
+            order = matched_columns(names, len(names), self.simulation)[1]
+        return more[:, order], np.asarray(values, dtype=float)
 
     def _largest_power(self) -> float:
         further = [s.power for s in self.sources if not isinstance(s.data, SimulationData)]
@@ -181,12 +205,7 @@ def _merged(runs: Sequence[Any]) -> SimulationData | None:
     if len(runs) == 1:
         return first
     for other in runs[1:]:
-        for what in ("input_names", "parameter_names", "assumed_names"):
-            if getattr(other, what) != getattr(first, what):
-                raise ValueError(
-                    "All simulations must have the same inputs, parameters and assumed constants; "
-                    f"{what} are {getattr(first, what)} and {getattr(other, what)}."
-                )
+        _check_alike(first, other)
     ranges = {
         name: (
             min(r.input_ranges[name][0] for r in runs),
@@ -203,3 +222,28 @@ def _merged(runs: Sequence[Any]) -> SimulationData | None:
         assumed=first.assumed,
         output=first.output,
     )
+
+
+def _check_alike(first: SimulationData, other: SimulationData) -> None:
+    """Raise ValueError for simulations whose runs do not mean the same."""
+    for what in ("input_names", "parameter_names", "assumed_names"):
+        if getattr(other, what) != getattr(first, what):
+            raise ValueError(
+                "All simulations must have the same inputs, parameters and assumed constants; "
+                f"{what} are {getattr(first, what)} and {getattr(other, what)}."
+            )
+    for name, constant in first.assumed.items():
+        if other.assumed[name].value != constant.value:
+            raise ValueError(
+                f"The assumed value of {name!r} is {constant.value!r} in one and "
+                f"{other.assumed[name].value!r} in another simulation: give all the same value, "
+                f"or make {name!r} a parameter."
+            )
+    theirs = priors_of(other.parameters, other.assumed)
+    for name, prior in priors_of(first.parameters, first.assumed).items():
+        # one distribution may be written in several ways
+        ours, its = prior.ppf(_SHARES), theirs[name].ppf(_SHARES)
+        if not np.allclose(ours, its, rtol=1e-6, atol=1e-6 * float(np.ptp(ours))):
+            raise ValueError(
+                f"The prior of {name!r} differs between the simulations: give all the same prior."
+            )

@@ -132,13 +132,17 @@ class PowerScaledSurrogate(SurrogateEstimator):
         self
         """
         surrogate, likelihood = self._check_parameters()
-        rows = self._check_fit_data(X, y, likelihood, sample_weight)
+        rows = self._all_rows(self._check_fit_data(X, y, likelihood, sample_weight), likelihood)
         problem = self._problem(surrogate, likelihood, rows)
         random = check_random_state(self.random_state)
         fit = fit_problem(problem, self._powers(rows.X), self.sampler, int(self.n_draws), random)
         self._keep(rows, problem, fit)
         self.diagnostics_.warn()
         return self
+
+    def _all_rows(self, rows: MeasuredRows, likelihood: Likelihood) -> MeasuredRows:
+        """Return the rows that train: those in ``fit``, and further ones that a subclass has."""
+        return rows
 
     def _keep(self, rows: MeasuredRows, problem: Problem, fit: Fit) -> PowerScaledSurrogate:
         """Store what a fit found."""

@@ -22,7 +22,7 @@ def coefficient_belief(basis: Basis, simulation: Statistics | None, power: float
     """Return what the simulation alone says about the coefficients, its noise estimated."""
     precision = basis.coefficient_sd**-2.0
     mean = basis.coefficient_mean
-    if simulation is None or not power or not len(mean):
+    if simulation is None or not power or not simulation.n or not len(mean):
         return Belief(mean, np.diag(basis.coefficient_sd))
     variance = max(simulation.yy / simulation.n, 1e-300)
     for _ in range(8):
