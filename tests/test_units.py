@@ -10,7 +10,7 @@ from scipy import stats
 import hybridsurrogate as hs
 from hybridsurrogate.effects.base import Context
 from hybridsurrogate.estimators.fitting import make_target
-from hybridsurrogate.estimators.problem import make_problem
+from hybridsurrogate.estimators.problem import make_problem, spread
 from hybridsurrogate.inference.starts import starting_points
 
 PRIORS = {"vmax": stats.uniform(2, 6), "km": stats.uniform(0.1, 0.6)}
@@ -186,3 +186,19 @@ def test_formulas_tell_levels_in_full(level):
     assert "batch = 20240117" in prepared.formula(values)
     assert "20240117" in prepared.latex(values)
     assert level is None or "20240117" in prepared.name
+
+
+@pytest.mark.parametrize("level", [0.0, 1e10, 1e12])
+def test_a_small_spread_around_a_large_level(level):
+    x = np.linspace(0, 1, 40)
+    y = level + np.sin(6 * x) + 0.1 * np.random.default_rng(0).standard_normal(40)
+    model = hs.PowerScaledSurrogate(None, hs.PolynomialChaos(5), n_draws=300, random_state=0)
+    assert model.fit(x[:, None], y).posterior_.sigma.mean() == pytest.approx(0.077, abs=0.001)
+
+
+@pytest.mark.parametrize("value", [0.1, -1 / 3, 1e10 / 3])
+def test_a_constant_has_its_size_as_spread(value):
+    weights = np.random.default_rng(0).random(999)
+    assert spread(np.full(999, value)) == abs(value)
+    assert spread(np.full(999, value), weights) == abs(value)
+    assert spread(np.zeros(3)) == 1.0

@@ -81,7 +81,8 @@ def spread(values: FloatArray, weights: FloatArray | None = None) -> float:
     mean = np.average(values, weights=weights)
     sd = float(np.sqrt(np.average((values - mean) ** 2, weights=weights)))
     size = float(np.max(np.abs(values), initial=0.0))
-    if sd > 1e-10 * size:
+    # a constant has the rounding error of its mean as sd
+    if sd > 1e-14 * size:
         return sd
     return size or 1.0
 
