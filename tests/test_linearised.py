@@ -11,7 +11,7 @@ from hybridsurrogate.diagnosis.kriging import krige
 from hybridsurrogate.estimators.problem import make_problem
 from hybridsurrogate.inference.belief import coefficient_belief
 from hybridsurrogate.inference.layout import layout
-from hybridsurrogate.inference.linearised import linearise
+from hybridsurrogate.inference.linearised import columns_at_nodes, linearise
 
 SIMULATOR = hs.Simulator(
     lambda t, rate: np.exp(-rate * t), {"t": (0, 10)}, {"rate": stats.uniform(0.1, 0.5)}
@@ -42,3 +42,36 @@ def test_slopes_are_the_derivative(kriged):
     if not kriged:
         slope = -t * np.exp(-rate[1] * t) * 0.5 * stats.norm.pdf(z[0])
         np.testing.assert_allclose(around.G[0, :, 0], slope, atol=1e-4 * np.abs(slope).max())
+
+
+class Table(hs.Cause):
+    """A cause that returns tables it keeps."""
+
+    kind = "table"
+    coefficients = ("height",)
+
+    def __init__(self):
+        self.tables = {}
+
+    def columns(self, X, theta):
+        t = X["t"]
+        return self.tables.setdefault(len(t), 100 * np.sin(3 * t)[:, None])
+
+
+@pytest.mark.parametrize("n", [1, 2], ids=["the last cause", "an earlier one"])
+def test_a_table_that_a_cause_keeps_stays_as_it_is(n):
+    t = np.linspace(0, 10, 20)
+    table = Table()
+    problem = make_problem(
+        SIMULATOR,
+        hs.ExactSurrogate(),
+        hs.Normal(),
+        None,
+        (table, hs.Offset())[:n],
+        ("t",),
+        t[:, None],
+        np.sin(t),
+    )
+    plan = layout(problem.model)
+    columns_at_nodes(problem.model, t[:, None], plan, plan.neutral)
+    np.testing.assert_array_equal(table.tables[20][:, 0], 100 * np.sin(3 * t))

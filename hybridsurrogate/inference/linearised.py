@@ -156,13 +156,15 @@ def columns_at_nodes(model: MeasuredModel, X: FloatArray, plan: Layout, z: Float
     """Return the columns of all causes at every node."""
     before, values = range(len(model.effects) - 1), _values_at_nodes(model, plan, z)
     earlier = model.added_by(before, X, values[:1])[0]
-    earlier *= model.column_sd[: earlier.shape[1]]
+    earlier = earlier * model.column_sd[: earlier.shape[1]]
     own = np.swapaxes(model.added_by(range(len(before), len(model.effects)), X, values), 1, 2)
     rms = _rms(own)
     if model.effects and model.effects[-1].is_process:
         # the basis of a process is one object: its prior variance per row, not per column
         rms = np.broadcast_to(np.sqrt(np.sum(rms**2, axis=1, keepdims=True)), rms.shape)
-    own /= rms[:, :, None]
+    # what a cause returned may be a table that it keeps; what was formed of factors is ours
+    ours = bool(model.effects) and model.effects[-1].factorises
+    own = np.divide(own, rms[:, :, None], out=own if ours else None)
     return Columns(earlier, np.swapaxes(own, 1, 2), rms)
 
 
