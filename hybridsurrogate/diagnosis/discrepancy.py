@@ -15,6 +15,7 @@ from hybridsurrogate.inference.linearised import Linearised, linearise
 from hybridsurrogate.priors import FloatArray
 
 _Z90 = 1.6448536269514722
+_N_GRID = 200
 # a column with as many values has levels instead of thirds
 _FEW_LEVELS = 6
 
@@ -165,7 +166,7 @@ def predict_locally(
     return rows.offset + rows.design @ local.mean, variance + (w.sigma * rows.noise) ** 2
 
 
-def estimate_discrepancy(found: Search, cause: Cause | None, n_grid: int = 200) -> Discrepancy:
+def estimate_discrepancy(found: Search, cause: Cause | None) -> Discrepancy:
     """Return the smooth discrepancy over one input, by the catch-all Gaussian process.
 
     The input is the one over which the cause acts, else the first.
@@ -175,8 +176,8 @@ def estimate_discrepancy(found: Search, cause: Cause | None, n_grid: int = 200) 
     column = next((name for name in (cause.reads if cause else ()) if name in inputs), inputs[0])
     process = next(w for w in found.weighed if w.cause and w.cause.kind == "unexplained")
     k = problem.model.columns.index(column)
-    grid = np.repeat(np.median(problem.X, axis=0)[None], n_grid, axis=0)
-    grid[:, k] = np.linspace(problem.X[:, k].min(), problem.X[:, k].max(), n_grid)
+    grid = np.repeat(np.median(problem.X, axis=0)[None], _N_GRID, axis=0)
+    grid[:, k] = np.linspace(problem.X[:, k].min(), problem.X[:, k].max(), _N_GRID)
     # the size that the residuals themselves suggest, so that noise is not drawn as a curve
     residual = problem.y - _fitted(found)
     size = float(np.clip(np.std(residual), found.sizes[0], found.sizes[-1]))

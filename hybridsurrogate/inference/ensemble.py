@@ -42,8 +42,6 @@ class EnsembleDraws:
     effective_draws : float
         Kept draws divided by the autocorrelation time.
     n_steps : int
-    acceptance : float
-        Mean acceptance fraction.
     converged : bool
         Whether the run is longer than ``tol`` autocorrelation times.
     """
@@ -52,7 +50,6 @@ class EnsembleDraws:
     autocorrelation_time: float
     effective_draws: float
     n_steps: int
-    acceptance: float
     converged: bool
 
 
@@ -248,7 +245,6 @@ def _thinned(
         tau,
         len(chain) / tau,
         int(sampler.iteration),
-        float(np.mean(sampler.acceptance_fraction)),
         bool(converged),
     )
 

@@ -17,6 +17,8 @@ LogDensity = Callable[[FloatArray], FloatArray]
 # log density of points (K, d) for the draws (K,) of something else that they are given
 PairLogDensity = Callable[[FloatArray, NDArray[np.intp]], FloatArray]
 
+_MOST_MOVES = 40
+
 
 @dataclass(frozen=True)
 class Gaussian:
@@ -28,7 +30,7 @@ class Gaussian:
 
 
 def find_modes(
-    log_density: LogDensity, starts: FloatArray, step_share: float = 0.1, max_iter: int = 40
+    log_density: LogDensity, starts: FloatArray, step_share: float = 0.1
 ) -> list[Gaussian]:
     """Climb from every start at once by damped Newton steps; return distinct modes, best first.
 
@@ -59,7 +61,9 @@ def find_modes(
     def any_start(points: FloatArray, _: NDArray[np.intp]) -> FloatArray:
         return log_density(points)
 
-    x, value, hessian = climb(any_start, x[alive], value[alive], step_share, max_iter, rivals=True)
+    x, value, hessian = climb(
+        any_start, x[alive], value[alive], step_share, _MOST_MOVES, rivals=True
+    )
     return distinct(_approximations(x, value, hessian))
 
 

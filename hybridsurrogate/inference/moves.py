@@ -40,7 +40,6 @@ def moved_draws(
     log_density: PairLogDensity,
     start: FloatArray,
     random_state: np.random.RandomState,
-    n_steps: int = _STEPS,
 ) -> Moved:
     """Draw from the conditional density of each chain.
 
@@ -50,7 +49,6 @@ def moved_draws(
     start : ndarray of shape (S, d)
         Draws near the answer, one for each chain; some of them also make the shared pool.
     random_state : RandomState
-    n_steps : int, default=160
 
     Returns
     -------
@@ -60,7 +58,7 @@ def moved_draws(
     points, value = _best_of_pool(log_density, start, random_state)
     accepted = np.zeros(S)
     halves = np.array_split(random_state.permutation(S), 2)
-    for step in range(n_steps):
+    for step in range(_STEPS):
         for mine, other in (halves, halves[::-1]):
             trial = points[mine] + differences(points[other], len(mine), random_state, step)
             new = log_density(trial, mine)

@@ -24,8 +24,6 @@ class Likelihood(ABC):
         Whether eta is the logarithm of the output.
     has_scale : bool
         Whether there is a second parameter.
-    discrete : bool
-        Whether y is a count.
     rough : bool
         Whether the density may have kinks in eta, so that derivatives at a point mislead.
     """
@@ -33,7 +31,6 @@ class Likelihood(ABC):
     name = "likelihood"
     log_scale = False
     has_scale = True
-    discrete = False
     rough = False
 
     @abstractmethod

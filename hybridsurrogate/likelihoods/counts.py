@@ -20,7 +20,6 @@ _MAX_MEAN = 1e15
 
 class _Counts(Likelihood):
     log_scale = True
-    discrete = True
 
     def check(self, y: FloatArray, source: str = "measured") -> None:
         """Raise ValueError unless all y are whole numbers from zero on."""

@@ -34,8 +34,6 @@ class CustomLikelihood(Likelihood):
         Whether eta is the logarithm of the output.
     has_scale : bool, default=True
         Whether sigma is used.
-    discrete : bool, default=False
-        Whether y is a count.
 
     Examples
     --------
@@ -55,7 +53,6 @@ class CustomLikelihood(Likelihood):
     sample_function: Callable[[FloatArray, FloatArray, np.random.RandomState], FloatArray]
     log_scale: bool = False
     has_scale: bool = True
-    discrete: bool = False
 
     name = "user's own"
     rough = True

@@ -63,9 +63,9 @@ def probability(share: float) -> str:
     return f"{value:.0f} %" if 9.95 <= value <= 99 else f"{value:.1f} %"
 
 
-def listing(words: list[str], last: str = "and") -> str:
+def listing(words: list[str]) -> str:
     """Return words in a row: a, b and c."""
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}"
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def _decimals(error: float) -> int:
