@@ -147,7 +147,10 @@ def from_normal(priors: Sequence[Prior], z: ArrayLike) -> FloatArray:
 
 
 def _interpolated_quantiles(priors: tuple[Prior, ...], z: FloatArray) -> FloatArray:
-    """Return ppf(Phi(z)) by cubic Hermite interpolation, relative error below 1e-8.
+    """Return ppf(Phi(z)) by cubic Hermite interpolation.
+
+    Between -3 and 3 the relative error is about 1e-8 or less for a prior over up to six decades,
+    and 2e-7 for a log-uniform one over twelve.
 
     scipy's quantile functions cost up to a millisecond a call whatever the size of the array;
     samplers and searches make thousands of small calls.

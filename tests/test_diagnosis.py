@@ -290,7 +290,7 @@ def test_a_simulation_that_is_run_has_no_emulator_to_check(simulator):
         ({"estimator": hs.PredictiveWeightedSurrogate()}, TypeError, "effects a diagnosis can"),
         ({"estimator": hs.PowerScaledSurrogate()}, ValueError, "no simulation to diagnose"),
         ({"false_alarm_rate": 1.5}, ValueError, "false_alarm_rate"),
-        ({"n_replicates": 5}, ValueError, "use at least 20"),
+        ({"n_replicates": 5}, ValueError, "use at least 19"),
     ],
 )
 def test_parameters_that_cannot_work(simulator, change, error, message):

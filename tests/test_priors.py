@@ -92,6 +92,14 @@ def test_quantiles_however_the_numbers_are_given(prior):
     np.testing.assert_allclose(from_normal([prior], z[:, None])[:, 0], expected, rtol=1e-8)
 
 
+@pytest.mark.parametrize(("decades", "error"), [(2, 2e-10), (6, 2e-8), (12, 2e-7)])
+def test_quantiles_of_a_prior_over_many_decades(decades, error):
+    prior = stats.loguniform(10 ** (-decades / 2), 10 ** (decades / 2))
+    z = np.linspace(-3, 3, 1001)
+    expected = prior.ppf(stats.norm.cdf(z))
+    np.testing.assert_allclose(from_normal([prior], z[:, None])[:, 0], expected, rtol=error)
+
+
 def test_coordinates_of_several_priors_keep_their_columns():
     priors = [stats.norm(10, 1), stats.uniform(0, 2)]
     values = from_normal(priors, np.zeros((2, 3, 2)))

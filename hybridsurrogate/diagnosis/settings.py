@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from numbers import Integral
 from typing import TYPE_CHECKING
@@ -39,9 +40,11 @@ def check_settings(diagnosis: DiscrepancyDiagnosis) -> None:
     rate, n = diagnosis.false_alarm_rate, diagnosis.n_replicates
     if not 0 < rate < 1:
         raise ValueError(f"false_alarm_rate must be in (0, 1), got {rate}.")
-    if n < 1 / rate - 1:
+    # the smallest p-value is 1 / (n + 1); 1 / rate of a rate such as 1 / 49 is not quite whole
+    fewest = math.ceil(round(1 / rate - 1, 9))
+    if n < fewest:
         raise ValueError(
-            f"n_replicates = {n} cannot give a p-value of {rate}: use at least {int(1 / rate)}."
+            f"n_replicates = {n} cannot give a p-value of {rate}: use at least {fewest}."
         )
 
 
