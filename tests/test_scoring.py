@@ -47,6 +47,9 @@ def test_rmse_takes_the_root_in_every_row():
 def test_coverage_counts_rows_inside_ends_included():
     y, lower, upper = [0.0, 1.0, 2.0, 3.0], [0.0, 0.0, 0.0, 0.0], [1.0, 1.0, 1.0, 1.0]
     assert coverage(y, lower, upper) == 0.5
+    # a column beside rows would be every pair of them
+    with pytest.raises(ValueError, match=r"one value a row; got y \(4, 1\)"):
+        coverage(np.reshape(y, (4, 1)), lower, upper)
 
 
 def test_paired_difference_has_the_error_of_the_differences():

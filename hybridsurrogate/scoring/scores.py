@@ -54,13 +54,17 @@ def rmse(draws: ArrayLike, truth: ArrayLike) -> float:
 def coverage(y: ArrayLike, lower: ArrayLike, upper: ArrayLike) -> float:
     """Return the share of rows inside their interval.
 
+    Parameters
+    ----------
+    y, lower, upper : array-like of shape (n,)
+
     Examples
     --------
     >>> coverage([0.0, 5.0], [-1.0, -1.0], [1.0, 1.0])
     0.5
     """
-    y = np.asarray(y, dtype=float)
-    return float(np.mean((y >= np.asarray(lower)) & (y <= np.asarray(upper))))
+    y, lower, upper = same_rows({"y": y, "lower": lower, "upper": upper})
+    return float(np.mean((y >= lower) & (y <= upper)))
 
 
 def interval_width(lower: ArrayLike, upper: ArrayLike) -> float:
