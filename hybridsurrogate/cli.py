@@ -164,8 +164,8 @@ def _demo(given: argparse.Namespace) -> int:
 
 
 def _diagnose(given: argparse.Namespace) -> int:
-    runs = pd.read_csv(given.simulation, comment="#")
-    measured = pd.read_csv(given.measured, comment="#")
+    runs = pd.read_csv(given.simulation, comment="#", skipinitialspace=True)
+    measured = pd.read_csv(given.measured, comment="#", skipinitialspace=True)
     missing = [name for name in (*given.inputs, given.output) if name not in measured]
     if missing:
         raise ValueError(

@@ -104,6 +104,15 @@ def test_a_mistake_ends_with_one_clear_line(files, capsys, change, message):
     assert len(error.splitlines()) == 1
 
 
+def test_spaces_after_commas_belong_to_no_name(files, capsys):
+    for name in ("runs.csv", "measured.csv"):
+        text = (files / name).read_text()
+        (files / name).write_text(text.replace(",", ", "))
+    # the columns are found: what is wrong is the number that is checked after them
+    assert main(arguments(files, "--max-causes", "0")) == 2
+    assert "max_causes == 0" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("module", ["hybridsurrogate", "hybridsurrogate.cli"])
 def test_the_command_as_a_module(module):
     run = subprocess.run(
