@@ -116,6 +116,8 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         columns, order = matched_columns(names, self.n_features_in_, self.simulation)
         self._column_order = order
         weights = check_weights(sample_weight, len(output))
+        if np.count_nonzero(weights) < 2:
+            raise ValueError("sample_weight leaves 1 sample; at least 2 measured rows are needed.")
         likelihood.check(output)
         rows = rows[:, order]
         self._measured, self._sample_weight = (rows, output), weights

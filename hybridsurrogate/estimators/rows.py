@@ -43,8 +43,6 @@ def check_weights(sample_weight: ArrayLike | None, n: int) -> FloatArray:
         raise ValueError("sample_weight must be finite and not negative.")
     if not weights.sum() > 0:
         raise ValueError("sample_weight sums to zero: no measured row would count.")
-    if np.count_nonzero(weights) < 2:
-        raise ValueError("sample_weight leaves 1 sample; at least 2 measured rows are needed.")
     return weights
 
 
