@@ -118,7 +118,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         weights = check_weights(sample_weight, len(output))
         if np.count_nonzero(weights) < 2:
             raise ValueError("sample_weight leaves 1 sample; at least 2 measured rows are needed.")
-        likelihood.check(output)
+        likelihood.check_training(output)
         rows = rows[:, order]
         self._measured, self._sample_weight = (rows, output), weights
         warn_outside(columns, rows, self.simulation)

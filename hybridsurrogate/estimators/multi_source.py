@@ -148,7 +148,7 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
             if isinstance(source.data, SimulationData):
                 continue
             more, values = self._read(source.data, rows.columns)
-            likelihood.check(values)
+            likelihood.check_training(values)
             warn_outside(rows.columns, more, self.simulation)
             X.append(more)
             y.append(values)

@@ -111,7 +111,7 @@ def make_problem(
     runs = simulation if isinstance(simulation, SimulationData) and not measured_only else None
     run_eta = None
     if runs is not None:
-        likelihood.check(runs.y, "simulated")
+        likelihood.check_training(runs.y, "simulated")
         run_eta = likelihood.working(runs.y)
     outputs = eta if run_eta is None else run_eta
     shares = weights if run_eta is None else None

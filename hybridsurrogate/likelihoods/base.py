@@ -37,6 +37,10 @@ class Likelihood(ABC):
     def check(self, y: FloatArray, source: str = "measured") -> None:
         """Raise ValueError when y cannot come from this likelihood; name its source."""
 
+    def check_training(self, y: FloatArray, source: str = "measured") -> None:
+        """Raise ValueError when nothing can be fitted to y; scores need `check` alone."""
+        self.check(y, source)
+
     @abstractmethod
     def working(self, y: FloatArray) -> FloatArray:
         """Return y on the scale of eta, nudged off the ends where that is not finite.

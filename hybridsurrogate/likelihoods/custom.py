@@ -58,16 +58,20 @@ class CustomLikelihood(Likelihood):
     rough = True
 
     def check(self, y: FloatArray, source: str = "measured") -> None:
-        """Raise ValueError where a logarithm is asked for and y has none, or no density is finite.
-
-        The density is tried at the data themselves, with sigma = 1: a function that gives the wrong
-        shape, NaN or minus infinity everywhere is told so before anything is fitted.
-        """
+        """Raise ValueError where a logarithm is asked for and y has none."""
         if self.log_scale and not (y >= 0).all():
             raise ValueError(
                 f"The likelihood has log_scale=True, but {np.sum(y < 0)} {source} values are "
                 "negative: eta would be the logarithm of their mean."
             )
+
+    def check_training(self, y: FloatArray, source: str = "measured") -> None:
+        """Raise ValueError where y has no logarithm that is asked for, or no density is finite.
+
+        The density is tried at the data themselves, with sigma = 1: a function that gives the wrong
+        shape, NaN or minus infinity everywhere is told so before anything is fitted.
+        """
+        self.check(y, source)
         eta = self.working(np.asarray(y, dtype=float))
         batch = np.stack([eta, np.full_like(eta, eta.mean())])
         density = self._shaped("log_density_function", batch, y, batch, np.ones((2, 1)))
