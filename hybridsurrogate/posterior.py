@@ -155,10 +155,18 @@ class Posterior:
         return _possible(eta, noise)
 
     def _eta(self, X: FloatArray) -> tuple[FloatArray, FloatArray]:
-        parts = self.model.parts(X, self.values)
-        eta = parts.known + (parts.features @ self.coefficients[..., None])[..., 0]
-        eta = eta + (parts.columns @ self.effect_coefficients[..., None])[..., 0]
-        return eta, np.broadcast_to(parts.noise * self.sigma[:, None], eta.shape)
+        factors = self.model.factors(X, self.values)
+        if factors is None:
+            known, features, noise = self.model.simulated(X, self.values)
+            eta = known + (features @ self.coefficients[..., None])[..., 0]
+        else:
+            # one product for all draws, without their features
+            weighted = factors.of_parameters * self.coefficients
+            eta, noise = factors.known + weighted @ factors.of_inputs.T, np.ones((1, 1))
+        if self.effect_coefficients.shape[1]:
+            columns = self.model.added(X, self.values)
+            eta = eta + (columns @ self.effect_coefficients[..., None])[..., 0]
+        return eta, np.broadcast_to(noise * self.sigma[:, None], eta.shape)
 
     def named(self) -> dict[str, FloatArray]:
         """Return draws by name: omega, theta, sigma, coefficients, effect coefficients.

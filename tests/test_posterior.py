@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import hybridsurrogate as hs
-from hybridsurrogate.posterior import Diagnostics, arviz_groups
+from hybridsurrogate.posterior import Diagnostics, Posterior, arviz_groups
 
 GOOD = Diagnostics("importance", -0.2, 900.0, np.nan, 1)
 
@@ -63,6 +63,39 @@ def test_prediction_in_blocks_is_the_same(fitted, measured, monkeypatch):
     again, noise_again = fitted.posterior_.eta(X)
     np.testing.assert_allclose(eta, again, rtol=1e-12)
     np.testing.assert_array_equal(noise, noise_again)
+
+
+def test_prediction_by_factors_is_that_by_features(simulation, measured, monkeypatch):
+    X, y = measured
+    posterior = (
+        hs.PowerScaledSurrogate(
+            simulation,
+            surrogate=hs.PolynomialChaos(2),
+            effects=[hs.Trend("t")],
+            n_draws=100,
+            random_state=0,
+        )
+        .fit(X, y)
+        .posterior_
+    )
+    parts = posterior.model.parts(X, posterior.values)
+    expected = parts.known + np.einsum("jnp,jp->jn", parts.features, posterior.coefficients)
+    expected += np.einsum("jnq,jq->jn", parts.columns, posterior.effect_coefficients)
+    # the features of all draws are not formed
+    monkeypatch.delattr("hybridsurrogate.inference.measured.MeasuredModel.simulated")
+    eta, noise = posterior.eta(X)
+    np.testing.assert_allclose(eta, expected, rtol=1e-12)
+    np.testing.assert_array_equal(noise, np.repeat(posterior.sigma[:, None], len(X), axis=1))
+
+
+def test_memory_for_intervals_is_bounded(fitted, measured, monkeypatch):
+    X, y = measured
+    expected = fitted._inside(X, y, [0.5, 0.9])
+    monkeypatch.setattr("hybridsurrogate.estimators.mixture._BLOCK", 5 * fitted.n_draws)
+    lengths, eta = [], Posterior.eta
+    monkeypatch.setattr(Posterior, "eta", lambda p, X: (lengths.append(len(X)), eta(p, X))[1])
+    np.testing.assert_array_equal(fitted._inside(X, y, [0.5, 0.9]), expected)
+    assert max(lengths) == 5
 
 
 def test_named_draws(fitted):

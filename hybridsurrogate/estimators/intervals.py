@@ -49,11 +49,14 @@ def inside_intervals(
     mixture_at: MixtureAt, X: FloatArray, y: FloatArray, levels: Sequence[float]
 ) -> list[FloatArray]:
     """Return whether each row lies in the central interval of each level, as 0 and 1."""
-    mixture = mixture_at(X)
-    likelihood = _normal_likelihood(mixture)
+    likelihood = _normal_likelihood(mixture_at(X[:1]))
     if likelihood is not None:
         # one look at the distribution function instead of many for each quantile
-        off = np.abs(_below(_normals(mixture, X), likelihood.working(y)) - 0.5)
+        below = [
+            _below(_normals(mixture_at(X[some]), X[some]), likelihood.working(y[some]))
+            for some in row_blocks(mixture_at, X)
+        ]
+        off = np.abs(np.concatenate(below) - 0.5)
         return [(off <= level / 2).astype(float) for level in levels]
     ends = [central_interval(mixture_at, X, level) for level in levels]
     return [((y >= lower) & (y <= upper)).astype(float) for lower, upper in ends]
