@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from mixing import at_weight
 from scipy.stats import halfnorm, norm
 
 import hybridsurrogate as hs
@@ -61,7 +62,7 @@ def run(seed: int, exact: bool) -> tuple[str, bool, dict[tuple[str, float], list
     for beta in map(float, BETAS):
         fitted = polynomial.set_params(beta=beta).fit(case.X, case.y)
         table["power scaled", beta] = scores(fitted, case)
-        table["predictive weighted", beta] = scores(mixed.set_params(beta=beta), case)
+        table["predictive weighted", beta] = scores(at_weight(mixed, beta), case)
         if not exact:
             extended.set_params(beta=beta).fit(case.X, case.y)
         if not exact or beta == BETAS[0]:

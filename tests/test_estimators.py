@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import fall
+from mixing import at_weight
 from scipy import stats
 
 import hybridsurrogate as hs
@@ -134,17 +135,15 @@ def test_log_density_is_the_mean_density_of_all_draws(exact, measured):
 @pytest.mark.parametrize("beta", [0.0, 0.3, 1.0])
 def test_predictive_weighting_mixes_densities_exactly(fitted_mixture, measured, beta):
     X, y = measured
-    simulated, free = (
-        copy.copy(fitted_mixture).set_params(beta=b).log_predictive_density(X, y) for b in (1, 0)
-    )
-    mixed = copy.copy(fitted_mixture).set_params(beta=beta)
+    simulated, free = (at_weight(fitted_mixture, b).log_predictive_density(X, y) for b in (1, 0))
+    mixed = at_weight(fitted_mixture, beta)
     np.testing.assert_allclose(
         np.exp(mixed.log_predictive_density(X, y)),
         beta * np.exp(simulated) + (1 - beta) * np.exp(free),
     )
     # and the mean and variance are those of the mixture
     means, sds = zip(
-        *(copy.copy(fitted_mixture).set_params(beta=b).predict(X, return_std=True) for b in (1, 0)),
+        *(at_weight(fitted_mixture, b).predict(X, return_std=True) for b in (1, 0)),
         strict=True,
     )
     mean, sd = mixed.predict(X, return_std=True)
@@ -161,8 +160,8 @@ def test_predictive_weighting_draws_from_both_in_proportion(simulation, measured
     model = hs.PredictiveWeightedSurrogate(
         simulation, surrogate=hs.PolynomialChaos(2), beta=0.25, random_state=0
     ).fit(X, y + 500)
-    simulated = copy.copy(model).set_params(beta=1).predict(X).mean()
-    free = copy.copy(model).set_params(beta=0).predict(X).mean()
+    simulated = at_weight(model, 1).predict(X).mean()
+    free = at_weight(model, 0).predict(X).mean()
     assert free - simulated > 100
     draws = model.sample_predictive_mean(X, n_draws=4000, random_state=0).mean(axis=1)
     share = np.mean(np.abs(draws - simulated) < np.abs(draws - free))

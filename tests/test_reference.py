@@ -1,11 +1,11 @@
 """Posteriors and scores against those of Stan and of exact grids, in ../shared/reference."""
 
-import copy
 import functools
 
 import numpy as np
 import pandas as pd
 import pytest
+from mixing import at_weight
 from scipy.stats import halfnorm
 from shared_files import ReferenceCase, needs_reference, reference_values, standardised
 
@@ -100,7 +100,7 @@ def fits(scheme, case, beta):
         return [fit(hs.PowerScaledSurrogate, case, beta, seed) for seed in seeds]
     # neither of the two surrogates depends on beta, and that of the measured rows is always free
     models = [fit(hs.PredictiveWeightedSurrogate, case, "0.5", seed) for seed in (1, 2, 3, 4)]
-    return [copy.copy(model).set_params(beta=float(beta)) for model in models]
+    return [at_weight(model, float(beta)) for model in models]
 
 
 def has_no_finite_variance(case, name, beta):

@@ -25,7 +25,7 @@ from hybridsurrogate.plotting import (
 from .cases import CASES
 from .claims import ROWS
 from .extension import EXTENDED
-from .scores import KENNEDY, MIXED, POWER
+from .scores import KENNEDY, MIXED, POWER, at_weight
 
 # what the authors show
 SHOWN = {
@@ -163,8 +163,7 @@ class Study:
         draws = {
             POWER: [self.path[b].sample_posterior_predictive(self.x) for b in self.betas],
             MIXED: [
-                self.mixed.set_params(beta=b).sample_posterior_predictive(self.x)
-                for b in self.betas
+                at_weight(self.mixed, b).sample_posterior_predictive(self.x) for b in self.betas
             ],
         }
         shown = plot_bands_over_beta(self.x[:, 0], draws, self.betas, scene=self.scene())
@@ -190,10 +189,10 @@ def parts(mixed: Any, X: np.ndarray, beta: float) -> tuple[np.ndarray, np.ndarra
     n_simulated = round(beta * N_SHOWN)
     curves, omega = [], []
     if n_simulated:
-        curves.append(mixed.set_params(beta=1.0).sample_predictive_mean(X)[:n_simulated])
+        curves.append(at_weight(mixed, 1.0).sample_predictive_mean(X)[:n_simulated])
         omega.append(mixed.simulation_posterior_.values[:n_simulated, 0])
     if n_simulated < N_SHOWN:
         rest = N_SHOWN - n_simulated
-        curves.append(mixed.set_params(beta=0.0).sample_predictive_mean(X)[:rest])
+        curves.append(at_weight(mixed, 0.0).sample_predictive_mean(X)[:rest])
         omega.append(np.full(rest, np.nan))
     return np.concatenate(curves), np.concatenate(omega)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import warnings
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
@@ -88,10 +89,17 @@ def scan(
             found += [(POWER, beta, row) for row in of_rows(case, pointwise(model, case))]
             posterior = of_posterior(model.posterior_, case.simulation.parameter_names)
             found += [(POWER, beta, row) for row in posterior]
-        ends = [pointwise(mixed.set_params(beta=end), case) for end in (1.0, 0.0)]
+        ends = [pointwise(at_weight(mixed, end), case) for end in (1.0, 0.0)]
         for beta in map(float, betas):
             found += [(MIXED, beta, row) for row in of_rows(case, ends[0].mixed(ends[1], beta))]
     return table(name, seed, found)
+
+
+def at_weight(mixed: Any, beta: float) -> Any:
+    """Return a fitted `PredictiveWeightedSurrogate` with its two posteriors mixed otherwise."""
+    out = copy.copy(mixed)
+    out.beta_ = beta
+    return out
 
 
 def kennedy_ohagan(name: str, seed: int, n_draws: int = 1000) -> pd.DataFrame:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from copy import deepcopy
 from functools import cached_property
 from typing import Any
 
@@ -244,7 +245,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
 
     def _extend(self, steps: Sequence[Step], X: ArrayLike, y: ArrayLike) -> None:
         causes, problem = accepted(steps), self.search_.problem
-        self._steps, self._rows = tuple(steps), (X, y)
+        self._steps, self._rows = tuple(steps), deepcopy((X, y))
         self.extended_estimator_ = extended(self.estimator_, causes, X, y)
         posterior = self.extended_estimator_.posterior_
         self.found_causes_ = [finding_of(step, k, posterior) for k, step in enumerate(steps)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from numbers import Integral, Real
 from typing import Any
 
@@ -87,10 +87,10 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         if np.isnan(self.beta):
             raise ValueError("beta must lie between 0 and 1, got NaN.")
 
-    def _beta_at(self, X: FloatArray) -> FloatArray:
+    def _beta_at(self, beta_of: Callable[[FloatArray], ArrayLike], X: FloatArray) -> FloatArray:
         """Return what a callable beta says at rows X, (n,): it sees the simulation's inputs."""
         inputs = X if self.simulation is None else X[:, : len(self.simulation.input_names)]
-        beta = np.asarray(self.beta(inputs), dtype=float)
+        beta = np.asarray(beta_of(inputs), dtype=float)
         if beta.shape != (len(inputs),):
             raise ValueError(
                 f"beta(X) must return shape ({len(inputs)},) for {len(inputs)} rows of inputs, "
@@ -111,7 +111,8 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         rows, output = validate_data(
             self, X, y, reset=True, dtype=np.float64, y_numeric=True, ensure_min_samples=2
         )
-        output = np.asarray(output, dtype=float)
+        # what is kept of a fit must not change with the arrays of the caller
+        output = np.array(output, dtype=float)
         names = [str(name) for name in getattr(self, "feature_names_in_", [])]
         columns, order = matched_columns(names, self.n_features_in_, self.simulation)
         self._column_order = order

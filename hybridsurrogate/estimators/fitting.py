@@ -28,6 +28,8 @@ class Fit:
     unknowns : ndarray of shape (S, d)
         Draws of u = [z, z_hyper, log sigma] of step 1.
     diagnostics : Diagnostics
+    powers : (alpha_S, alpha_R)
+        Those used.
     proposals : Proposals or None
         What importance draws of step 1 were chosen from.
     """
@@ -36,6 +38,7 @@ class Fit:
     second: Posterior
     unknowns: FloatArray
     diagnostics: Diagnostics
+    powers: tuple[float, float | FloatArray]
     proposals: Proposals | None = None
 
 
@@ -117,7 +120,7 @@ def finish(
     )
     if powers[0] == 0 and np.all(powers[1] == 1):
         # measured rows alone were used, at full power: step 2 would repeat step 1
-        return Fit(first, first, drawn.u, drawn.diagnostics, drawn.proposals)
+        return Fit(first, first, drawn.u, drawn.diagnostics, powers, drawn.proposals)
     again = measured_draws(problem, drawn.u, drawn.c, drawn.a, random_state)
     z = np.hstack([again.z, drawn.u[:, model.n_unknowns : -1]])
     second = replace(
@@ -129,7 +132,7 @@ def finish(
         second_khat=np.nan if again.method == "grid" else again.khat,
         second_effective_draws=again.effective_draws,
     )
-    return Fit(first, second, drawn.u, diagnostics, drawn.proposals)
+    return Fit(first, second, drawn.u, diagnostics, powers, drawn.proposals)
 
 
 def measured_draws(

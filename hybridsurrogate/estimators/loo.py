@@ -71,7 +71,6 @@ def loo_of_rows(
 def loo_of_fit(
     problem: Problem,
     fit: Fit,
-    powers: tuple[float, float | FloatArray],
     sampler: str | EnsembleSampler,
     random_state: np.random.RandomState,
 ) -> PointwiseLoo:
@@ -79,7 +78,7 @@ def loo_of_fit(
 
     Importance sampling is replaced by a fit without the row where its k-hat exceeds 0.7.
     """
-    X, y = problem.X, problem.observed
+    X, y, powers = problem.X, problem.observed, fit.powers
     if fit.second is fit.first:  # there was no step 2
         first = _log_likelihood(fit.first, X, y)
         found = pointwise_loo(first, problem.weights, first[:, None], np.zeros(len(y)))

@@ -154,7 +154,7 @@ class PowerScaledSurrogate(SurrogateEstimator):
     def _problem(self, surrogate: Surrogate, likelihood: Likelihood, rows: MeasuredRows) -> Problem:
         run_weights = None
         if callable(self.beta) and isinstance(self.simulation, SimulationData):
-            run_weights = powers_of(self._beta_at(self.simulation.X))[0]
+            run_weights = powers_of(self._beta_at(self.beta, self.simulation.X))[0]
         return make_problem(
             self.simulation,
             surrogate,
@@ -172,12 +172,12 @@ class PowerScaledSurrogate(SurrogateEstimator):
         """Return alpha_S and alpha_R; a weight that changes with x is in the rows' powers."""
         if not callable(self.beta):
             return powers_of(float(self.beta))
-        return 1.0, powers_of(self._beta_at(X))[1]
+        return 1.0, powers_of(self._beta_at(self.beta, X))[1]
 
     def _pointwise_loo(self) -> PointwiseLoo:
         problem, fit = self._fitted
         random = check_random_state(self.random_state)
-        return loo_of_fit(problem, fit, self._powers(problem.X), self.sampler, random)
+        return loo_of_fit(problem, fit, self.sampler, random)
 
     def _mixture(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
         return [(1.0, self.posterior_)]

@@ -149,7 +149,7 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
     def _parts_loo(self, random: np.random.RandomState) -> dict[str, PointwiseLoo]:
         """Return the leave-one-out densities of both surrogates."""
         return {
-            source: loo_of_fit(problem, fit, (1.0, 0.0), self.sampler, random)
+            source: loo_of_fit(problem, fit, self.sampler, random)
             for source, (problem, fit) in self._fitted.items()
         }
 
@@ -163,9 +163,11 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
 
     def _pointwise_loo(self) -> PointwiseLoo:
         parts = self._parts_loo(check_random_state(self.random_state))
-        if self.simulation is None:
+        if "simulation" not in parts:
             return parts["measured"]
-        weight = self._beta_at(self._rows.X) if callable(self.beta) else float(self.beta_)
+        weight = (
+            self._beta_at(self.beta_, self._rows.X) if callable(self.beta_) else float(self.beta_)
+        )
         with np.errstate(divide="ignore"):
             log_density = np.logaddexp(
                 parts["simulation"].log_density + np.log(weight),
@@ -178,11 +180,10 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         if self.simulation_posterior_ is None:
             return [(1.0, self.measured_posterior_)]
         weight: Any
-        if callable(self.beta):
-            weight = self._beta_at(self._measured[0] if X is None else X)
+        if callable(self.beta_):
+            weight = self._beta_at(self.beta_, self._measured[0] if X is None else X)
             weight = weight if X is not None else float(weight.mean())
         else:
-            used: Any = self.beta_ if self.beta == "stacking" else self.beta
-            weight = float(used)
+            weight = float(self.beta_)
         pairs = [(weight, self.simulation_posterior_), (1.0 - weight, self.measured_posterior_)]
         return [pair for pair in pairs if np.max(pair[0]) > 0]

@@ -34,7 +34,7 @@ def check_weights(sample_weight: ArrayLike | None, n: int) -> FloatArray:
     """
     if sample_weight is None:
         return np.ones(n)
-    weights = np.asarray(sample_weight, dtype=float)
+    weights = np.array(sample_weight, dtype=float)
     if weights.ndim == 0:
         weights = np.full(n, float(weights))
     if weights.shape != (n,):

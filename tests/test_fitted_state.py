@@ -1,0 +1,57 @@
+"""What a fit found stands until the next fit."""
+
+import numpy as np
+import pytest
+from sklearn.base import clone
+
+import hybridsurrogate as hs
+
+
+@pytest.mark.parametrize(
+    "estimator", [hs.PowerScaledSurrogate, hs.PredictiveWeightedSurrogate], ids=lambda e: e.__name__
+)
+@pytest.mark.parametrize("beta", [0.9, lambda X: np.full(len(X), 0.9)], ids=["number", "callable"])
+def test_parameters_set_after_fit_change_nothing(simulation, measured, estimator, beta):
+    X, y = measured
+    model = estimator(
+        simulation, surrogate=hs.PolynomialChaos(1), beta=0.1, n_draws=100, random_state=0
+    ).fit(X, y)
+    mean, elpd, draws = model.predict(X), model.loo().elpd, model.sample_predictive_mean(X)
+    model.set_params(beta=beta)
+    np.testing.assert_array_equal(model.predict(X), mean)
+    assert model.loo().elpd == elpd
+    np.testing.assert_array_equal(model.sample_predictive_mean(X), draws)
+
+
+def test_powers_set_after_fit_change_nothing(simulation, measured):
+    sources = [hs.Source(simulation)]
+    model = hs.MultiSourceSurrogate(
+        sources, power=0.2, surrogate=hs.PolynomialChaos(1), n_draws=100, random_state=0
+    ).fit(*measured)
+    elpd = model.loo().elpd
+    assert model.set_params(power=1.0).loo().elpd == elpd
+
+
+def test_arrays_changed_after_fit_change_nothing(fitted, measured):
+    X, y, weights = *(np.array(array) for array in measured), np.ones(32)
+    weights[3] = 0
+    model = clone(fitted).fit(X, y, sample_weight=weights)
+    pointwise = model.loo().pointwise
+    X += 1
+    y += 100
+    weights += 1
+    np.testing.assert_array_equal(model.loo().pointwise, pointwise)
+
+
+def test_arrays_changed_after_a_diagnosis_do_not_reach_its_average():
+    rng = np.random.default_rng(0)
+    line = hs.Simulator(lambda t: 2 * t, inputs={"t": (0, 10)})
+    X = np.linspace(0, 10, 25)[:, None]
+    y = 2 * X[:, 0] + 1 + 0.1 * rng.standard_normal(25)
+    model = hs.PowerScaledSurrogate(line, hs.ExactSurrogate(), n_draws=100, random_state=0)
+    diagnosis = hs.DiscrepancyDiagnosis(model, n_replicates=20, cv=None, random_state=0).fit(X, y)
+    expected = diagnosis.extended_estimator_.predict(X)
+    kept = X.copy()
+    y += 100
+    X += 5
+    np.testing.assert_allclose(diagnosis.averaged_estimator_.predict(kept), expected, atol=1.0)
