@@ -10,7 +10,7 @@ class FailedRunsWarning(HybridSurrogateWarning):
 
 
 class ExtrapolationWarning(HybridSurrogateWarning):
-    """Measured inputs lie outside the simulated range."""
+    """Measured or predicted inputs lie outside the simulated range."""
 
 
 class SamplingWarning(HybridSurrogateWarning):

@@ -187,6 +187,21 @@ def test_rows_outside_the_simulated_range(simulation, estimator):
 
 
 @pytest.mark.parametrize("estimator", ESTIMATORS)
+def test_predictions_outside_the_simulated_range(simulation, simulator, measured, estimator):
+    model = estimator(simulation, surrogate=hs.PolynomialChaos(2), n_draws=200, random_state=0)
+    model.fit(*measured)
+    for method in ("predict", "predict_interval", "sample_posterior_predictive"):
+        match = r"1 of 2 predicted rows \(50%\) have 't' outside the simulated range \[0, 4\]"
+        with pytest.warns(hs.ExtrapolationWarning, match=match) as record:
+            getattr(model, method)([[3.0], [30.0]])
+        assert record[0].filename == __file__
+        getattr(model, method)([[3.0], [4.0]])
+    exact = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate(), random_state=0)
+    # the simulation itself is run there
+    exact.fit(*measured).predict([[30.0]])
+
+
+@pytest.mark.parametrize("estimator", ESTIMATORS)
 @pytest.mark.parametrize("low", [0.0, -3.0])
 def test_log_normal_needs_positive_measured_values(simulation, measured, low, estimator):
     X, y = measured

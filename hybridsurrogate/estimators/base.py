@@ -115,7 +115,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         output = np.array(output, dtype=float)
         names = [str(name) for name in getattr(self, "feature_names_in_", [])]
         columns, order = matched_columns(names, self.n_features_in_, self.simulation)
-        self._column_order = order
+        self._columns, self._column_order = columns, order
         weights = check_weights(sample_weight, len(output))
         if np.count_nonzero(weights) < 2:
             raise ValueError("sample_weight leaves 1 sample; at least 2 measured rows are needed.")
@@ -128,8 +128,11 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
     def _check_data(self, X: ArrayLike) -> FloatArray:
         check_is_fitted(self)
         check_numbers(X)
-        rows = validate_data(self, X, reset=False, dtype=np.float64)
-        return rows[:, self._column_order]
+        rows = validate_data(self, X, reset=False, dtype=np.float64)[:, self._column_order]
+        if isinstance(self.simulation, SimulationData):
+            # a simulation that is run itself extrapolates nothing
+            warn_outside(self._columns, rows, self.simulation, "predicted")
+        return rows
 
     # ------------------------------------------------------------------------- predictions
 

@@ -79,9 +79,12 @@ def _free(name: str, taken: tuple[str, ...]) -> str:
 
 
 def warn_outside(
-    columns: tuple[str, ...], X: FloatArray, simulation: SimulationData | Simulator | None
+    columns: tuple[str, ...],
+    X: FloatArray,
+    simulation: SimulationData | Simulator | None,
+    which: str = "measured",
 ) -> None:
-    """Warn the caller of ``fit`` of inputs beyond those simulated."""
+    """Warn the caller of ``fit`` or ``predict`` of inputs beyond those simulated."""
     if simulation is None:
         return
     for name, values in zip(columns, X.T, strict=False):
@@ -92,7 +95,7 @@ def warn_outside(
         outside = (values < low - slack) | (values > high + slack)
         if outside.any():
             warnings.warn(
-                f"{outside.sum()} of {len(values)} measured rows ({outside.mean():.0%}) have "
+                f"{outside.sum()} of {len(values)} {which} rows ({outside.mean():.0%}) have "
                 f"{name!r} outside the simulated range [{low:g}, {high:g}]: there the "
                 "surrogate extrapolates. Simulate a wider range.",
                 ExtrapolationWarning,
