@@ -74,7 +74,8 @@ print(diagnosis.verdict_, diagnosis.best_cause_.formula)
 # On rows of both kinds:
 
 both = joined(*tests.values())
-theirs = hs.KennedyOHaganSurrogate(case.simulation, **settings).fit(case.X, case.y)
+theirs = hs.KennedyOHaganSurrogate(case.simulation, amplitude_prior=halfnorm(scale=1), **settings)
+theirs.fit(case.X, case.y)
 models = best_of(fitted, both)
 models |= {"Kennedy-O'Hagan": theirs, "extended": diagnosis.extended_estimator_}
 print(compare(models, both).to_string())

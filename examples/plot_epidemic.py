@@ -103,7 +103,10 @@ print(f"recovery rate between {low:.2f} and {high:.2f} (90 %), in truth 0.70")
 # On the days after the measured ones, against the best beta of each scheme and Kennedy and
 # O'Hagan's calibration:
 
-theirs = hs.KennedyOHaganSurrogate(case.simulation_fixed, **settings).fit(case.X, case.y)
+theirs = hs.KennedyOHaganSurrogate(
+    case.simulation_fixed, amplitude_prior=halfnorm(scale=1), **settings
+)
+theirs.fit(case.X, case.y)
 models = best_of(fitted, tests["out of range"])
 models |= {"Kennedy-O'Hagan": theirs, "diagnosis": diagnosis.extended_estimator_}
 models |= {"open recovery rate": given}

@@ -86,7 +86,8 @@ print(diagnosis.verdict_, diagnosis.best_cause_.formula)
 # %%
 # The 14 days later, with the best beta of each scheme and Kennedy and O'Hagan's calibration beside:
 
-theirs = hs.KennedyOHaganSurrogate(simulation, **settings).fit(t[train], y[train])
+theirs = hs.KennedyOHaganSurrogate(simulation, amplitude_prior=halfnorm(scale=1), **settings)
+theirs.fit(t[train], y[train])
 models = best_of(fitted, test)
 models |= {"Kennedy-O'Hagan": theirs, "without the cause": diagnosis.estimator_}
 models |= {"with the cause": diagnosis.extended_estimator_}

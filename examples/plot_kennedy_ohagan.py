@@ -36,7 +36,8 @@ settings = {
     "random_state": 0,
 }
 fitted = paths(case.simulation, case.X, case.y, BETAS, **settings)
-theirs = hs.KennedyOHaganSurrogate(case.simulation, **settings).fit(case.X, case.y)
+theirs = hs.KennedyOHaganSurrogate(case.simulation, amplitude_prior=halfnorm(scale=1), **settings)
+theirs.fit(case.X, case.y)
 
 # %%
 # On rows in and out of range, one to one, their ELPD is above that of every weight, while power

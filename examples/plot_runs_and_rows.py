@@ -58,7 +58,8 @@ diagnosis = hs.DiscrepancyDiagnosis(
     model, cv=None, n_replicates=49 if FAST else 200, random_state=0
 ).fit(case.X, case.y)
 print(diagnosis.verdict_, diagnosis.best_cause_.formula)
-theirs = hs.KennedyOHaganSurrogate(case.simulation, **settings).fit(case.X, case.y)
+theirs = hs.KennedyOHaganSurrogate(case.simulation, amplitude_prior=halfnorm(scale=1), **settings)
+theirs.fit(case.X, case.y)
 models = best_of(fitted[100], both)
 models |= {"Kennedy-O'Hagan": theirs, "extended": diagnosis.extended_estimator_}
 print(compare(models, both).to_string())

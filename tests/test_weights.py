@@ -331,6 +331,7 @@ def test_kennedy_ohagan_against_stan():
         data.simulation,
         surrogate=hs.GaussianProcess(amplitude_prior=halfnorm(scale=1)),
         noise_prior=halfnorm(scale=0.5),
+        amplitude_prior=halfnorm(scale=1),
         random_state=0,
     ).fit(data.X, data.y)
     draws = model.posterior_.named()

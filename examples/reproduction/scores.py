@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy.stats import halfnorm
 
 import hybridsurrogate as hs
 from hybridsurrogate.scoring import pit
@@ -107,7 +108,12 @@ def kennedy_ohagan(name: str, seed: int, n_draws: int = 1000) -> pd.DataFrame:
     case = CASES[name](seed)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", hs.HybridSurrogateWarning)
-        model = case.estimator(hs.KennedyOHaganSurrogate, n_draws=n_draws, random_state=seed)
+        model = case.estimator(
+            hs.KennedyOHaganSurrogate,
+            amplitude_prior=halfnorm(scale=1),
+            n_draws=n_draws,
+            random_state=seed,
+        )
         told = pointwise(model.fit(case.X, case.y), case)
     return table(name, seed, [(KENNEDY, np.nan, row) for row in of_rows(case, told)])
 

@@ -6,12 +6,12 @@ from typing import Any
 
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.discrepancy_process import GaussianProcessDiscrepancy
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.inference.ensemble import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood
-from hybridsurrogate.priors import Prior
+from hybridsurrogate.priors import Prior, frozen
 from hybridsurrogate.simulation import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
 
@@ -34,7 +34,8 @@ class KennedyOHaganSurrogate(PowerScaledSurrogate):
         Of the discrepancy, on inputs whose simulated range is scaled to [-1, 1]. None: inverse
         gamma (5, 5) (arXiv 2412.11875, appendix).
     amplitude_prior : frozen scipy.stats distribution or None, default=None
-        Of the discrepancy's standard deviation. None: half-normal(1) on the scale of eta.
+        Of the discrepancy's standard deviation. None: half-normal with the spread of the
+        measured output as scale (the paper's is half-normal(1), on the scale of eta).
     sampler, n_draws, random_state
         As in `PowerScaledSurrogate`.
 
@@ -80,9 +81,22 @@ class KennedyOHaganSurrogate(PowerScaledSurrogate):
         ranges = None if self.simulation is None else dict(self.simulation.input_ranges)
         length, amplitude = self.length_scale_prior, self.amplitude_prior
         return (
-            GaussianProcessDiscrepancy(
+            _Discrepancy(
                 ranges,
-                stats.invgamma(5, scale=5) if length is None else length,
-                stats.halfnorm(scale=1.0) if amplitude is None else amplitude,
+                frozen(stats.invgamma, 5.0, scale=5.0) if length is None else length,
+                amplitude,
             ),
+        )
+
+
+class _Discrepancy(GaussianProcessDiscrepancy):
+    """The process with an amplitude that is always inferred."""
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in the prior of the amplitude, too."""
+        amplitude = self.amplitude
+        if amplitude is None:
+            amplitude = frozen(stats.halfnorm, scale=context.scale)
+        return GaussianProcessDiscrepancy(self.ranges, self.length_scale, amplitude).prepare(
+            context
         )
