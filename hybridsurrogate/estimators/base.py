@@ -269,11 +269,12 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         found, (X, y) = self._pointwise_loo(), self._measured
-        return loo_of_rows(found, self._rows.origin, self._mixture, X, y, self._sample_weight)
+        outside = self._rows.origin < 0
+        return loo_of_rows(found, outside, self._mixture, X, y, self._sample_weight)
 
     @abstractmethod
     def _pointwise_loo(self) -> PointwiseLoo:
-        """Return leave-one-out densities of the distinct rows."""
+        """Return leave-one-out densities of the rows given to ``fit``, NaN without weight."""
 
     def to_arviz(self) -> Any:
         """Return posterior, log likelihood, posterior predictive and observed data for ArviZ.

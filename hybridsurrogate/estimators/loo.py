@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from hybridsurrogate.estimators.fitting import Fit, fit_problem, measured_draws
 from hybridsurrogate.estimators.mixture import MixtureAt, log_density_of
 from hybridsurrogate.estimators.problem import Problem
+from hybridsurrogate.estimators.rows import MeasuredRows
 from hybridsurrogate.inference.ensemble import EnsembleSampler
 from hybridsurrogate.inference.leave_one_out import PointwiseLoo, pointwise_loo
 from hybridsurrogate.inference.pareto import KHAT_LIMIT
@@ -24,6 +25,9 @@ _ON_GRID, _OTHERWISE = 4000, 250
 @dataclass(frozen=True)
 class Loo:
     """Leave-one-out score of a fitted estimator.
+
+    Of equal rows one is left out at a time. A row of weight two counts like two equal rows here
+    too: what is left out of it has weight one.
 
     Attributes
     ----------
@@ -46,22 +50,17 @@ class Loo:
 
 def loo_of_rows(
     found: PointwiseLoo,
-    origin: NDArray[np.intp],
+    outside: NDArray[np.bool_],
     mixture_at: MixtureAt,
     X: FloatArray,
     y: FloatArray,
     weights: FloatArray,
 ) -> Loo:
-    """Return the score of all measured rows from the densities of the distinct ones.
-
-    ``origin`` tells which of these each row is; -1: none, as it has no weight.
-    """
-    pointwise, khat = found.log_density[origin], found.khat[origin]
-    outside = origin < 0
+    """Return the score of all measured rows; those ``outside`` the fit get their density here."""
+    pointwise, khat = found.log_density.copy(), found.khat
     if outside.any():
         mixture = mixture_at(X[outside])
         pointwise[outside] = log_density_of(mixture, X[outside], y[outside])
-        khat[outside] = -np.inf
     mean = float(np.average(pointwise, weights=weights))
     spread = np.average((pointwise - mean) ** 2, weights=weights)
     error = float(np.sqrt(spread / max(weights.sum() - 1, 1.0)))
@@ -71,43 +70,82 @@ def loo_of_rows(
 def loo_of_fit(
     problem: Problem,
     fit: Fit,
+    rows: MeasuredRows,
     sampler: str | EnsembleSampler,
     random_state: np.random.RandomState,
 ) -> PointwiseLoo:
-    """Return leave-one-out densities of the measured rows of a fit; bad rows are fitted anew.
+    """Return leave-one-out densities of the rows given to a fit; bad rows are fitted anew.
 
-    Importance sampling is replaced by a fit without the row where its k-hat exceeds 0.7.
+    Importance sampling is replaced by a fit without the row where its k-hat exceeds 0.7. Rows
+    without weight have NaN, and a k-hat of minus infinity.
     """
-    X, y, powers = problem.X, problem.observed, fit.powers
+    inside = rows.origin >= 0
+    out = PointwiseLoo(np.full(len(inside), np.nan), np.full(len(inside), -np.inf))
+    if not inside.any():
+        return out
+    # equal rows of equal weight are the same question
+    asked, which = np.unique(
+        np.column_stack([rows.origin, np.minimum(rows.given, 1.0)])[inside],
+        axis=0,
+        return_inverse=True,
+    )
+    found = _loo_of_distinct(
+        problem, fit, asked[:, 0].astype(int), asked[:, 1], sampler, random_state
+    )
+    out.log_density[inside] = found.log_density[which.ravel()]
+    out.khat[inside] = found.khat[which.ravel()]
+    return out
+
+
+def _loo_of_distinct(
+    problem: Problem,
+    fit: Fit,
+    index: NDArray[np.intp],
+    less: FloatArray,
+    sampler: str | EnsembleSampler,
+    random_state: np.random.RandomState,
+) -> PointwiseLoo:
+    """Return the densities of rows of a problem, by position, with so much less weight each."""
+    X, y = problem.X[index], problem.observed[index]
+    power = np.broadcast_to(fit.powers[1], problem.y.shape)[index]
     if fit.second is fit.first:  # there was no step 2
         first = _log_likelihood(fit.first, X, y)
-        found = pointwise_loo(first, problem.weights, first[:, None], np.zeros(len(y)))
+        found = pointwise_loo(first, less, first[:, None], np.zeros(len(y)))
     else:
         most = _ON_GRID if fit.diagnostics.second_step == "grid" else _OTHERWISE
         n_coefficients = min(most, len(fit.unknowns))
-        index = np.linspace(0, len(fit.unknowns) - 1, n_coefficients).astype(int)
-        first = _log_likelihood(fit.first.take(index), X, y)
-        second = _log_likelihood(_repeated(problem, fit, index, random_state), X, y)
+        draws = np.linspace(0, len(fit.unknowns) - 1, n_coefficients).astype(int)
+        first = _log_likelihood(fit.first.take(draws), X, y)
+        second = _log_likelihood(_repeated(problem, fit, draws, random_state), X, y)
         found = pointwise_loo(
-            first,
-            powers[1] * problem.weights,
-            second.reshape(len(index), _REPEATS, len(y)),
-            problem.weights,
+            first, power * less, second.reshape(len(draws), _REPEATS, len(y)), less
         )
     for i in np.flatnonzero(found.khat > KHAT_LIMIT):
-        rest = np.arange(len(y)) != i
-        without = replace(
-            problem,
-            X=X[rest],
-            y=problem.y[rest],
-            observed=y[rest],
-            weights=problem.weights[rest],
-        )
-        less = powers if isinstance(powers[1], float | int) else (powers[0], powers[1][rest])
-        again = fit_problem(without, less, sampler, fit.first.n_draws, random_state)
+        without, powers = _without(problem, fit.powers, index[i], less[i])
+        again = fit_problem(without, powers, sampler, fit.first.n_draws, random_state)
         density = _log_likelihood(again.second, X[i : i + 1], y[i : i + 1])
         found.log_density[i] = np.logaddexp.reduce(density[:, 0]) - np.log(len(density))
     return found
+
+
+def _without(
+    problem: Problem, powers: tuple[float, float | FloatArray], i: np.intp, less: float
+) -> tuple[Problem, tuple[float, float | FloatArray]]:
+    """Return a problem, and its powers, whose row i has less weight, or is gone."""
+    weights = problem.weights.copy()
+    weights[i] -= less
+    # what rounding leaves of a whole row is nothing
+    rest = weights > 1e-9 * problem.weights
+    without = replace(
+        problem,
+        X=problem.X[rest],
+        y=problem.y[rest],
+        observed=problem.observed[rest],
+        weights=weights[rest],
+    )
+    if isinstance(powers[1], float | int):
+        return without, powers
+    return without, (powers[0], powers[1][rest])
 
 
 def _repeated(

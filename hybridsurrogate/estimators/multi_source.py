@@ -156,7 +156,8 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
         merged = merged_rows(
             rows.columns, np.concatenate(X), np.concatenate(y), np.concatenate(weights)
         )
-        return merged._replace(origin=np.where(rows.origin < 0, -1, merged.origin[rows.origin]))
+        origin = np.where(rows.origin < 0, -1, merged.origin[rows.origin])
+        return merged._replace(origin=origin, given=rows.given * (self.power / top))
 
     def _read(
         self, data: tuple[ArrayLike, ArrayLike], columns: tuple[str, ...]

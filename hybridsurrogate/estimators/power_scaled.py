@@ -177,7 +177,7 @@ class PowerScaledSurrogate(SurrogateEstimator):
     def _pointwise_loo(self) -> PointwiseLoo:
         problem, fit = self._fitted
         random = check_random_state(self.random_state)
-        return loo_of_fit(problem, fit, self.sampler, random)
+        return loo_of_fit(problem, fit, self._rows, self.sampler, random)
 
     def _mixture(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
         return [(1.0, self.posterior_)]

@@ -149,25 +149,26 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
     def _parts_loo(self, random: np.random.RandomState) -> dict[str, PointwiseLoo]:
         """Return the leave-one-out densities of both surrogates."""
         return {
-            source: loo_of_fit(problem, fit, self.sampler, random)
+            source: loo_of_fit(problem, fit, self._rows, self.sampler, random)
             for source, (problem, fit) in self._fitted.items()
         }
 
     def _stacked(self, random: np.random.RandomState) -> float:
         if self.simulation is None:
             return 0.0
-        parts = self._parts_loo(random)
+        parts, inside = self._parts_loo(random), self._rows.origin >= 0
         return stacking_weight(
-            parts["simulation"].log_density, parts["measured"].log_density, self._rows.weights
+            parts["simulation"].log_density[inside],
+            parts["measured"].log_density[inside],
+            self._sample_weight[inside],
         )
 
     def _pointwise_loo(self) -> PointwiseLoo:
         parts = self._parts_loo(check_random_state(self.random_state))
         if "simulation" not in parts:
             return parts["measured"]
-        weight = (
-            self._beta_at(self.beta_, self._rows.X) if callable(self.beta_) else float(self.beta_)
-        )
+        beta, X = self.beta_, self._measured[0]
+        weight = self._beta_at(beta, X) if callable(beta) else float(beta)
         with np.errstate(divide="ignore"):
             log_density = np.logaddexp(
                 parts["simulation"].log_density + np.log(weight),

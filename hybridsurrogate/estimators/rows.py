@@ -14,7 +14,8 @@ class MeasuredRows(NamedTuple):
     """Distinct measured rows.
 
     Column names, rows (n, n_columns), outputs (n,) and weights (n,); ``origin`` tells for each row
-    that was given which of these it is (-1: none, it had no weight).
+    that was given which of these it is (-1: none, it had no weight), and ``given`` what weight it
+    had itself.
     """
 
     columns: tuple[str, ...]
@@ -22,6 +23,7 @@ class MeasuredRows(NamedTuple):
     y: FloatArray
     weights: FloatArray
     origin: NDArray[np.intp]
+    given: FloatArray
 
 
 def check_weights(sample_weight: ArrayLike | None, n: int) -> FloatArray:
@@ -60,4 +62,4 @@ def merged_rows(
     np.add.at(total, index.ravel(), weights[kept])
     where = np.full(len(y), -1, dtype=np.intp)
     where[kept] = index.ravel()
-    return MeasuredRows(columns, table[:, :-1], table[:, -1], total, where)
+    return MeasuredRows(columns, table[:, :-1], table[:, -1], total, where, weights)

@@ -1,0 +1,84 @@
+"""Leave-one-out scores of rows that are equal, and of weighted ones."""
+
+import numpy as np
+import pytest
+from sklearn.base import clone
+
+import hybridsurrogate as hs
+
+LINE = hs.PolynomialChaos(1)
+
+
+@pytest.fixture(scope="module")
+def copies():
+    """Eight rows, each twice."""
+    rng = np.random.default_rng(0)
+    t = np.linspace(0.2, 3.8, 8)
+    return np.repeat(t, 2)[:, None], np.repeat(100 - 4.5 * t**2 + rng.normal(0, 2, 8), 2)
+
+
+def models(simulation):
+    return [
+        hs.PowerScaledSurrogate(surrogate=hs.PolynomialChaos(2), n_draws=4000, random_state=0),
+        hs.PowerScaledSurrogate(simulation, surrogate=LINE, n_draws=4000, random_state=0),
+        hs.PredictiveWeightedSurrogate(
+            simulation, surrogate=hs.PolynomialChaos(2), n_draws=4000, random_state=0
+        ),
+    ]
+
+
+@pytest.mark.parametrize("which", [0, 1, 2], ids=["measured", "both", "mixture"])
+def test_one_of_two_equal_rows_is_left_out(simulation, copies, which):
+    X, y = copies
+    model = models(simulation)[which].fit(X, y)
+    loo = model.loo()
+    np.testing.assert_array_equal(loo.pointwise[::2], loo.pointwise[1::2])
+    for i in (0, 6, 14):
+        rest = np.arange(16) != i
+        exact = clone(model).fit(X[rest], y[rest]).log_predictive_density(X[[i]], y[[i]])[0]
+        assert loo.pointwise[i] == pytest.approx(exact, abs=0.1)
+
+
+def test_a_row_of_weight_two_is_two_rows_there_too(copies):
+    X, y = copies
+    model = hs.PowerScaledSurrogate(surrogate=hs.PolynomialChaos(2), random_state=0)
+    twice = clone(model).fit(X, y).loo()
+    weighted = clone(model).fit(X[::2], y[::2], sample_weight=np.full(8, 2.0)).loo()
+    np.testing.assert_array_equal(weighted.pointwise, twice.pointwise[::2])
+    assert weighted.elpd == pytest.approx(twice.elpd)
+    assert weighted.standard_error == pytest.approx(twice.standard_error)
+
+
+def test_copies_of_different_weights_leave_their_own(copies):
+    X, y = copies
+    weights = np.tile([0.25, 0.75], 8)
+    model = hs.PowerScaledSurrogate(surrogate=hs.PolynomialChaos(2), n_draws=4000, random_state=0)
+    pointwise = clone(model).fit(X, y, sample_weight=weights).loo().pointwise
+    for i in (0, 1):
+        less = np.where(np.arange(16) == i, 0.0, weights)
+        exact = clone(model).fit(X, y, sample_weight=less).log_predictive_density(X[[i]], y[[i]])[0]
+        assert pointwise[i] == pytest.approx(exact, abs=0.05)
+
+
+def test_a_bad_row_is_fitted_anew_without_one_copy():
+    rng = np.random.default_rng(1)
+    t = np.linspace(0, 1, 12)
+    y = t + 0.05 * rng.standard_normal(12)
+    y[11] += 5
+    X, y = np.append(t, t[11])[:, None], np.append(y, y[11])
+    model = hs.PowerScaledSurrogate(surrogate=LINE, n_draws=8000, random_state=0)
+    loo = clone(model).fit(X, y, sample_weight=[*np.ones(11), 0.1, 1]).loo()
+    assert loo.khat[12] > 0.7
+    without = clone(model).fit(X[:-1], y[:-1], sample_weight=[*np.ones(11), 0.1])
+    exact = without.log_predictive_density(X[-1:], y[-1:])[0]
+    assert loo.pointwise[12] == pytest.approx(exact, rel=0.1)
+
+
+def test_stacking_does_not_depend_on_whether_copies_are_equal(simulation, copies):
+    X, y = copies
+    near = y + np.tile([0, 1e-9], 8)
+    model = hs.PredictiveWeightedSurrogate(
+        simulation, surrogate=LINE, beta="stacking", n_draws=2000, random_state=0
+    )
+    equal, apart = (clone(model).fit(X, outputs).beta_ for outputs in (y, near))
+    assert equal == pytest.approx(apart, abs=0.03)
