@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
 
 import hybridsurrogate as hs
 
@@ -55,3 +56,51 @@ def test_arrays_changed_after_a_diagnosis_do_not_reach_its_average():
     y += 100
     X += 5
     np.testing.assert_allclose(diagnosis.averaged_estimator_.predict(kept), expected, atol=1.0)
+
+
+class Failing(hs.PolynomialChaos):
+    """A surrogate whose fit fails after the data were checked."""
+
+    def build(self, domain):
+        raise RuntimeError("no basis")
+
+
+def estimators(simulation, surrogate):
+    settings = {"n_draws": 100, "random_state": 0, "surrogate": surrogate}
+    one = hs.PowerScaledSurrogate(simulation, **settings)
+    return [
+        one,
+        hs.PredictiveWeightedSurrogate(simulation, **settings),
+        hs.KennedyOHaganSurrogate(simulation, **settings),
+        hs.MultiSourceSurrogate([hs.Source(simulation)], **settings),
+        hs.AveragedSurrogate([one], [1.0], random_state=0),
+    ]
+
+
+@pytest.mark.parametrize("which", range(5))
+def test_a_failed_first_fit_is_no_fit(simulation, measured, which):
+    X, y = measured
+    model = estimators(simulation, Failing())[which]
+    with pytest.raises(RuntimeError, match="no basis"):
+        model.fit(X, y)
+    for ask in (model.predict, model.sample_posterior_predictive, model.predict_interval):
+        with pytest.raises(NotFittedError):
+            ask(X)
+    with pytest.raises(NotFittedError):
+        model.loo()
+
+
+@pytest.mark.parametrize("which", range(5))
+def test_a_failed_refit_leaves_the_fit_before(simulation, measured, which):
+    X, y = measured
+    model = estimators(simulation, hs.PolynomialChaos(1))[which].fit(X, y)
+    mean = model.predict(X)
+    more = np.hstack([X, X])
+    with pytest.raises(ValueError, match="NaN"):
+        model.fit(more, np.full(32, np.nan))
+    part = model.estimators[0] if which == 4 else model
+    part.set_params(surrogate=Failing())
+    with pytest.raises(RuntimeError, match="no basis"):
+        model.fit(more, y)
+    assert model.n_features_in_ == 1
+    np.testing.assert_array_equal(model.predict(X), mean)

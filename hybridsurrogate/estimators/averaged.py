@@ -13,6 +13,7 @@ from sklearn.base import clone
 
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.estimators.rollback import restored_on_failure
 from hybridsurrogate.exceptions import SamplingWarning
 from hybridsurrogate.inference.leave_one_out import PointwiseLoo
 from hybridsurrogate.likelihoods import as_likelihood
@@ -103,14 +104,15 @@ class AveragedSurrogate(SurrogateEstimator):
         ValueError
             For no estimators, other simulations or likelihoods, or weights that do not fit.
         """
-        weights = self._checked_weights()
-        likelihood = self.estimators[0]._check_parameters()[1]
-        self._rows = self._check_fit_data(X, y, likelihood, sample_weight)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", SamplingWarning)
-            self.estimators_ = [clone(one).fit(X, y, sample_weight) for one in self.estimators]
-        self.weights_ = weights / weights.sum()
-        self._warn()
+        with restored_on_failure(self):
+            weights = self._checked_weights()
+            likelihood = self.estimators[0]._check_parameters()[1]
+            self._rows = self._check_fit_data(X, y, likelihood, sample_weight)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", SamplingWarning)
+                self.estimators_ = [clone(one).fit(X, y, sample_weight) for one in self.estimators]
+            self.weights_ = weights / weights.sum()
+            self._warn()
         return self
 
     def _warn(self) -> None:

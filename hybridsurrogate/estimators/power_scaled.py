@@ -13,6 +13,7 @@ from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.fitting import Fit, fit_problem
 from hybridsurrogate.estimators.loo import loo_of_fit
 from hybridsurrogate.estimators.problem import Problem, make_problem
+from hybridsurrogate.estimators.rollback import restored_on_failure
 from hybridsurrogate.estimators.rows import MeasuredRows
 from hybridsurrogate.inference.ensemble import EnsembleSampler
 from hybridsurrogate.inference.leave_one_out import PointwiseLoo
@@ -131,13 +132,15 @@ class PowerScaledSurrogate(SurrogateEstimator):
         -------
         self
         """
-        surrogate, likelihood = self._check_parameters()
-        rows = self._all_rows(self._check_fit_data(X, y, likelihood, sample_weight), likelihood)
-        problem = self._problem(surrogate, likelihood, rows)
-        random = check_random_state(self.random_state)
-        fit = fit_problem(problem, self._powers(rows.X), self.sampler, int(self.n_draws), random)
-        self._keep(rows, problem, fit)
-        self.diagnostics_.warn()
+        with restored_on_failure(self):
+            surrogate, likelihood = self._check_parameters()
+            rows = self._check_fit_data(X, y, likelihood, sample_weight)
+            rows = self._all_rows(rows, likelihood)
+            problem = self._problem(surrogate, likelihood, rows)
+            random, powers = check_random_state(self.random_state), self._powers(rows.X)
+            fit = fit_problem(problem, powers, self.sampler, int(self.n_draws), random)
+            self._keep(rows, problem, fit)
+            self.diagnostics_.warn()
         return self
 
     def _all_rows(self, rows: MeasuredRows, likelihood: Likelihood) -> MeasuredRows:

@@ -13,6 +13,7 @@ from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.fitting import fit_problem
 from hybridsurrogate.estimators.loo import loo_of_fit
 from hybridsurrogate.estimators.problem import make_problem
+from hybridsurrogate.estimators.rollback import restored_on_failure
 from hybridsurrogate.inference.ensemble import EnsembleSampler
 from hybridsurrogate.inference.leave_one_out import PointwiseLoo, stacking_weight
 from hybridsurrogate.likelihoods import Likelihood
@@ -104,37 +105,38 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         -------
         self
         """
-        surrogate, likelihood = self._check_parameters()
-        rows = self._check_fit_data(X, y, likelihood, sample_weight)
-        random = check_random_state(self.random_state)
-        sources = ("measured",) if self.simulation is None else ("measured", "simulation")
-        fits = {}
-        for source in sources:
-            problem = make_problem(
-                self.simulation,
-                surrogate if source == "simulation" else surrogate.of_measured_data(),
-                likelihood,
-                self.noise_prior,
-                (),
-                rows.columns,
-                rows.X,
-                rows.y,
-                measured_only=source == "measured",
-                weights=rows.weights,
-            )
-            powers = (1.0, 0.0)
-            fit = fit_problem(problem, powers, self.sampler, int(self.n_draws), random)
-            fits[source] = problem, fit
-        self._rows, self._fitted = rows, fits
-        posteriors = {source: fit.second for source, (_, fit) in fits.items()}
-        self.measured_posterior_ = posteriors["measured"]
-        self.simulation_posterior_ = posteriors.get("simulation")
-        self.diagnostics_ = {source: fit.diagnostics for source, (_, fit) in fits.items()}
-        self.beta_: Any = self.beta
-        if self.beta == "stacking":
-            self.beta_ = self._stacked(random)
-        for diagnostics in self.diagnostics_.values():
-            diagnostics.warn()
+        with restored_on_failure(self):
+            surrogate, likelihood = self._check_parameters()
+            rows = self._check_fit_data(X, y, likelihood, sample_weight)
+            random = check_random_state(self.random_state)
+            sources = ("measured",) if self.simulation is None else ("measured", "simulation")
+            fits = {}
+            for source in sources:
+                problem = make_problem(
+                    self.simulation,
+                    surrogate if source == "simulation" else surrogate.of_measured_data(),
+                    likelihood,
+                    self.noise_prior,
+                    (),
+                    rows.columns,
+                    rows.X,
+                    rows.y,
+                    measured_only=source == "measured",
+                    weights=rows.weights,
+                )
+                powers = (1.0, 0.0)
+                fit = fit_problem(problem, powers, self.sampler, int(self.n_draws), random)
+                fits[source] = problem, fit
+            self._rows, self._fitted = rows, fits
+            posteriors = {source: fit.second for source, (_, fit) in fits.items()}
+            self.measured_posterior_ = posteriors["measured"]
+            self.simulation_posterior_ = posteriors.get("simulation")
+            self.diagnostics_ = {source: fit.diagnostics for source, (_, fit) in fits.items()}
+            self.beta_: Any = self.beta
+            if self.beta == "stacking":
+                self.beta_ = self._stacked(random)
+            for diagnostics in self.diagnostics_.values():
+                diagnostics.warn()
         return self
 
     def _check_beta(self) -> None:
