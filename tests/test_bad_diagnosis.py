@@ -81,6 +81,7 @@ OVERRIDDEN = [
     (hs.Decay, ("t",)),
     (hs.Noise, ("t",)),
     (hs.Autocorrelation, ("t",)),
+    (hs.GaussianProcessDiscrepancy, ()),
 ]
 
 

@@ -70,7 +70,7 @@ class GaussianProcessDiscrepancy(Cause):
         prior = self.length_scale
         if prior is None:
             prior = frozen(stats.loguniform, 0.15 if len(ranges) == 1 else 0.3, 2.0)
-        return GaussianProcessDiscrepancy(ranges, prior, self.amplitude)
+        return self.filled(ranges=ranges, length_scale=prior)
 
     @property
     def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]

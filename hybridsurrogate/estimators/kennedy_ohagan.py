@@ -94,9 +94,7 @@ class _Discrepancy(GaussianProcessDiscrepancy):
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the prior of the amplitude, too."""
-        amplitude = self.amplitude
-        if amplitude is None:
-            amplitude = frozen(stats.halfnorm, scale=context.scale)
-        return GaussianProcessDiscrepancy(self.ranges, self.length_scale, amplitude).prepare(
-            context
-        )
+        prepared = super().prepare(context)
+        if self.amplitude is None:
+            prepared.amplitude = frozen(stats.halfnorm, scale=context.scale)
+        return prepared
