@@ -5,17 +5,14 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from copy import deepcopy
-from functools import cached_property
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike
-from sklearn.base import BaseEstimator, RegressorMixin, clone
+from sklearn.base import clone
 from sklearn.utils import check_random_state
-from sklearn.utils.validation import check_is_fitted
 
-from hybridsurrogate.diagnosis.averaging import averaged_over
+from hybridsurrogate.diagnosis.answers import FittedDiagnosis
 from hybridsurrogate.diagnosis.beside import beside_others
 from hybridsurrogate.diagnosis.confounding import confounded, confounding, told
 from hybridsurrogate.diagnosis.cost import warn_if_slow
@@ -23,9 +20,9 @@ from hybridsurrogate.diagnosis.discrepancy import estimate_discrepancy
 from hybridsurrogate.diagnosis.doubtful_data import warn_if_exact, warn_of_copies
 from hybridsurrogate.diagnosis.emulator import check_emulator
 from hybridsurrogate.diagnosis.finding import finding_of
-from hybridsurrogate.diagnosis.folds import folds_beyond, random_folds, rows_of
+from hybridsurrogate.diagnosis.folds import folds_beyond, random_folds
 from hybridsurrogate.diagnosis.forward import Step, forward_search
-from hybridsurrogate.diagnosis.gain import Gain, gain_from, in_one_word, pointwise
+from hybridsurrogate.diagnosis.gain import Gain, in_one_word
 from hybridsurrogate.diagnosis.interruption import InterruptedSearch
 from hybridsurrogate.diagnosis.next_measurement import next_measurement
 from hybridsurrogate.diagnosis.preparation import Prepared, prepare, trained_emulator
@@ -38,16 +35,14 @@ from hybridsurrogate.diagnosis.rehearsal import (
     extended_simulator,
 )
 from hybridsurrogate.diagnosis.settings import check_rows, check_settings
-from hybridsurrogate.diagnosis.trust import scan_beta
 from hybridsurrogate.diagnosis.verdict import cause_table, credible_kinds, not_reached, verdict_on
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import ConfoundingWarning, DiagnosisWarning
 from hybridsurrogate.priors import FloatArray
 
 
-class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
+class DiscrepancyDiagnosis(FittedDiagnosis):
     """Find out what a simulation gets wrong, name the cause, extend the model, measure the gain.
 
     Parameters
@@ -299,73 +294,3 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
             DiagnosisWarning,
             stacklevel=3,
         )
-
-    @cached_property
-    def averaged_estimator_(self) -> AveragedSurrogate:
-        """Predictions averaged over the causes, by their probabilities."""
-        check_is_fitted(self)
-        *earlier, last = self._steps
-        return averaged_over(last.beside, self.estimator_, accepted(earlier), *self._rows)
-
-    def gain_on(self, X_test: ArrayLike, y_test: ArrayLike, averaged: bool = False) -> Gain:
-        """Return the gain on a test set, from the fitted models before and after.
-
-        Parameters
-        ----------
-        X_test : array-like of shape (n, n_columns)
-        y_test : array-like of shape (n,)
-        averaged : bool, default=False
-            The model after is ``averaged_estimator_`` instead of ``extended_estimator_``.
-        """
-        check_is_fitted(self)
-        y = np.asarray(y_test, dtype=float)
-        after = self.averaged_estimator_ if averaged else self.extended_estimator_
-        return gain_from(pointwise(self.estimator_, X_test, y), pointwise(after, X_test, y))
-
-    def beta_scan(self, X: ArrayLike, y: ArrayLike, betas: ArrayLike | None = None) -> pd.DataFrame:
-        """Return held-out ELPD against beta, before and after the extension.
-
-        How far the best beta rises (the largest of those that are as good) is how far trust in the
-        simulation rises once its fault is named. Three folds, the cause held fixed, importance
-        draws alone: seconds for a polynomial, minutes for a surrogate with hyperparameters.
-
-        Parameters
-        ----------
-        X, y
-            Measured data, as for ``fit``.
-        betas : array-like, in any order, default=0, 0.1, ..., 1
-
-        Returns
-        -------
-        pandas.DataFrame
-            Columns beta, before, after, and before_error and after_error: the standard error of
-            each score's difference from that at the best weight, paired by rows.
-        """
-        check_is_fitted(self)
-        y = np.asarray(y, dtype=float)
-        grid = np.linspace(0, 1, 11) if betas is None else np.unique(np.asarray(betas, dtype=float))
-        models = (self.estimator_, self.extended_estimator_)
-        return scan_beta(models, grid, random_folds(len(y), 3, 0), rows_of(X), y)
-
-    def predict(self, X: ArrayLike, return_std: bool = False) -> Any:
-        """Return predictions of the extended estimator."""
-        check_is_fitted(self)
-        return self.extended_estimator_.predict(X, return_std=return_std)
-
-    def score(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
-        """Return the mean ELPD per row of the extended estimator."""
-        check_is_fitted(self)
-        return self.extended_estimator_.score(X, y, sample_weight)
-
-    def report(self, test: tuple[ArrayLike, ArrayLike] | None = None) -> Any:
-        """Return the report: prints as text, shows as HTML, ``.save("report.html")``.
-
-        Parameters
-        ----------
-        test : (X_test, y_test) or None
-            Rows held back, for example beyond the measured range, to be drawn and scored too.
-        """
-        check_is_fitted(self)
-        from .report import make_report
-
-        return make_report(self, test)
