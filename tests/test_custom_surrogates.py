@@ -37,6 +37,9 @@ class Line(Surrogate):
     def build(self, domain):
         return LineBasis(np.zeros(3), np.full(3, 10 * domain.scale))
 
+    def of_measured_data(self):
+        return hs.PolynomialChaos(2)
+
 
 def test_surrogate_of_the_users_own_with_a_likelihood_of_the_users_own(simulation, measured):
     X, y = measured
@@ -60,6 +63,38 @@ def test_parametric_surrogate_finds_its_constants(simulation, measured):
     assert draws["height"].mean() == pytest.approx(100, abs=1.0)
     assert draws["power"].mean() == pytest.approx(0.5, abs=0.03)
     assert draws["gravity"].mean() == pytest.approx(9.3, abs=0.4)
+
+
+class Fall(hs.ParametricSurrogate):
+    def of_measured_data(self):
+        return hs.PolynomialChaos(2)
+
+
+def bent_fall(X, omega, constants):
+    # not the simulation itself: runs that are met exactly leave no noise
+    return fall(X, omega, constants) + 2 * np.sin(2 * X[:, 0])
+
+
+FALL = {"height": norm(80, 20), "power": norm(1, 0.5)}
+
+
+@pytest.mark.parametrize("surrogate", [Line(), Fall(bent_fall, FALL)], ids=["line", "fall"])
+def test_predictive_weighting_of_a_surrogate_of_the_users_own(simulation, measured, surrogate):
+    X, y = measured
+    model = hs.PredictiveWeightedSurrogate(
+        simulation, surrogate=surrogate, n_draws=200, random_state=0
+    ).fit(X, y)
+    np.testing.assert_allclose(model.predict(X), 100 - 9.3 / 2 * X[:, 0] ** 2, atol=2)
+
+
+@pytest.mark.parametrize("with_runs", [True, False])
+def test_a_surrogate_that_needs_parameters_says_so_of_measured_data(
+    simulation, measured, with_runs
+):
+    surrogate = hs.ParametricSurrogate(fall, FALL)
+    model = hs.PredictiveWeightedSurrogate(simulation if with_runs else None, surrogate)
+    with pytest.raises(ValueError, match=r"ParametricSurrogate .* override of_measured_data"):
+        model.fit(*measured)
 
 
 def domain_of(X, y, scale=1.0):

@@ -132,10 +132,17 @@ def make_problem(
         columns[:n_inputs],
         tuple(ranges),
     )
-    basis = surrogate.build(domain)
-    if not isinstance(basis, Basis):
-        raise TypeError(f"{type(surrogate).__name__}.build must return a Basis, got {basis!r}.")
-    _check_basis(basis, domain)
+    try:
+        basis = _built(surrogate, domain)
+    except (IndexError, ValueError) as error:
+        # rows of a simulation have all that it gives; the hint is for those without
+        if world is not None or (simulation is None and isinstance(error, ValueError)):
+            raise
+        raise ValueError(
+            f"{type(surrogate).__name__} cannot be trained on measured data alone, where omega has "
+            f"no columns ({error}). If it needs parameters, override of_measured_data to return a "
+            "surrogate without, such as PolynomialChaos(), for predictive weighting."
+        ) from error
     location = float(np.average(eta, weights=weights))
     context = make_context(world, columns, n_inputs, X, scale, likelihood, basis, location)
     trained = bool(len(basis.coefficient_mean) or basis.hyperpriors)
@@ -194,6 +201,14 @@ def _reference(basis: Basis, domain: Domain, weights: FloatArray | None) -> Floa
     told = coefficient_belief(given, statistics(features, centred, domain.scale, weights)).mean
     factor = basis.factor(hyper[None]) if len(hyper) else None
     return told if factor is None else basis.coefficient_mean + factor[0] @ told
+
+
+def _built(surrogate: Surrogate, domain: Domain) -> Basis:
+    basis = surrogate.build(domain)
+    if not isinstance(basis, Basis):
+        raise TypeError(f"{type(surrogate).__name__}.build must return a Basis, got {basis!r}.")
+    _check_basis(basis, domain)
+    return basis
 
 
 def _check_basis(basis: Basis, domain: Domain) -> None:

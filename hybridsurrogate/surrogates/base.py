@@ -255,5 +255,8 @@ class Surrogate(BaseEstimator, ABC):
         """Return the basis on a domain."""
 
     def of_measured_data(self) -> Surrogate:
-        """Return the surrogate of measured data alone that predictive weighting puts beside it."""
+        """Return the surrogate of measured data alone that predictive weighting puts beside it.
+
+        It is built where omega has no columns: a surrogate that needs parameters returns another.
+        """
         return self

@@ -29,7 +29,9 @@ class ParametricSurrogate(Surrogate):
     Notes
     -----
     The constants are sampled together with the simulation's parameters: up to about twenty.
-    A surrogate that is linear in its unknowns is faster as a subclass of `Surrogate`.
+    A surrogate that is linear in its unknowns is faster as a subclass of `Surrogate`. A function
+    that uses omega says nothing of measured data alone: for predictive weighting override
+    ``of_measured_data`` in a subclass.
 
     Examples
     --------
