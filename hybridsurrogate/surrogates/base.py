@@ -11,6 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -210,8 +211,11 @@ class _GivenBasis(Basis):
 
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         features = self.basis.features(X, omega)
-        factor = self.basis.factor(self.hyper[None])
-        return features if factor is None else features @ factor[0]
+        return features if self._factor is None else features @ self._factor[0]
+
+    @cached_property
+    def _factor(self) -> FloatArray | None:
+        return self.basis.factor(self.hyper[None])
 
 
 @dataclass(frozen=True)
