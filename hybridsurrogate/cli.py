@@ -89,7 +89,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     given = parser.parse_args(argv)
     with warnings.catch_warnings():
         warnings.simplefilter("always", HybridSurrogateWarning)
-        warnings.showwarning = _print_warning  # catch_warnings restores it
+        warnings.showwarning = _PrintOnce()  # catch_warnings restores it
         try:
             return int(given.run(given))
         except (ValueError, TypeError, OSError) as error:
@@ -244,8 +244,16 @@ def _finish(
         print(f"Numbers: {given.json}")
 
 
-def _print_warning(message: Any, *_: Any, **__: Any) -> None:
-    print(f"Warning: {message}", file=sys.stderr)
+class _PrintOnce:
+    """Prints each warning once: a diagnosis fits and predicts on the same rows many times."""
+
+    def __init__(self) -> None:
+        self._told: set[str] = set()
+
+    def __call__(self, message: Any, *_: Any, **__: Any) -> None:
+        if str(message) not in self._told:
+            self._told.add(str(message))
+            print(f"Warning: {message}", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -161,3 +161,18 @@ def test_a_cell_that_is_no_number_is_found(files, capsys, column):
     error = capsys.readouterr().err
     assert f"1 of 30 values of '{column}' are no numbers, the first" in error
     assert "in row 5 of the data" in error
+
+
+def test_a_warning_is_printed_once(files, capsys):
+    measured = pd.read_csv(files / "measured.csv")
+    measured["day"] = [f"2026-11-{k + 1:02d}" for k in range(len(measured))]
+    measured.loc[0, "t"] = -1.0  # outside the runs: every fit and prediction warns of it
+    measured.to_csv(files / "measured.csv", index=False)
+    assert main(arguments(files)) == 0
+    told = capsys.readouterr().err.splitlines()
+    assert len(told) == len(set(told))
+    assert sum("outside the simulated range" in line for line in told) == 1
+    assert sum("'day' is left out" in line for line in told) == 1
+    # another run of the same process tells it anew
+    assert main(arguments(files)) == 0
+    assert capsys.readouterr().err.splitlines() == told
