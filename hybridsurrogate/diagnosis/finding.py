@@ -29,6 +29,16 @@ class CauseFinding:
         With 90 % intervals, in the user's units.
     latex : str
         The formula in LaTeX.
+
+    Examples
+    --------
+    As in ``diagnosis.best_cause_``:
+
+    >>> estimates = {"offset": (2.0, 1.5, 2.5)}
+    >>> found = CauseFinding("offset", None, "simulation + 2", 0.9, estimates)
+    >>> mean, low, high = found.estimates["offset"]
+    >>> f"{found.kind}: {found.formula}, offset from {low} to {high}"
+    'offset: simulation + 2, offset from 1.5 to 2.5'
     """
 
     kind: str

@@ -49,6 +49,13 @@ class Context:
         Those parameters and assumed constants that its right-hand side takes.
     starts : tuple of str
         Those parameters that set the initial state of a simulation in time and nothing else.
+
+    Examples
+    --------
+    >>> X = {"t": np.array([0.0, 1.0]), "wind": np.array([3.0, 4.0])}
+    >>> context = Context(X, n_inputs=1, parameters={}, assumed={}, scale=1.0)
+    >>> context.inputs, context.extras, context.column("wind")
+    (('t',), ('wind',), array([3., 4.]))
     """
 
     X: Rows

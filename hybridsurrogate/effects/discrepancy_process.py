@@ -44,6 +44,14 @@ class GaussianProcessDiscrepancy(Cause):
     amplitude : frozen scipy.stats distribution or None, default=None
         Prior of the standard deviation of the process on the scale of eta. None: fixed at three
         times the spread of the output.
+
+    Examples
+    --------
+    >>> from scipy.stats import uniform
+    >>> import hybridsurrogate as hs
+    >>> curve = hs.GaussianProcessDiscrepancy({"t": (0, 4)}, uniform(0.2, 1))
+    >>> curve.columns({"t": np.linspace(0, 4, 9)}, {"length_scale": np.full(9, 0.5)}).shape
+    (9, 24)
     """
 
     kind = "unexplained"

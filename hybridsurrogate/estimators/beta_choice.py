@@ -34,6 +34,15 @@ class BetaChoice:
         best and the paired standard error of that.
     n_refits : int
         Fits that the folds needed in all.
+
+    Examples
+    --------
+    From `choose_beta`:
+
+    >>> table = pd.DataFrame({"beta": [0.0, 0.5], "elpd": [-2.0, -1.0]})
+    >>> choice = BetaChoice(0.5, None, table, n_refits=5)
+    >>> choice.table[choice.table["beta"] == choice.beta]["elpd"].tolist()
+    [-1.0]
     """
 
     beta: float

@@ -36,6 +36,14 @@ class BetaPath:
         Where a fit of its own was needed, the first one included.
     khat : ndarray of shape (n_betas,)
         Pareto k-hat of the draws that were carried over; NaN where refitted.
+
+    Examples
+    --------
+    From `beta_path`, which carries the first of three fits to the second beta:
+
+    >>> refitted, khat = np.array([True, False, True]), np.array([np.nan, 0.3, np.nan])
+    >>> print(BetaPath(np.array([0.0, 0.5, 1.0]), [None] * 3, refitted, khat))
+    3 betas from 2 fits
     """
 
     betas: FloatArray

@@ -39,6 +39,15 @@ class Loo:
         Pareto k-hat of each row before it was fitted anew.
     n_refits : int
         Rows for which importance sampling failed and the model was fitted without them.
+
+    Examples
+    --------
+    As from ``model.loo()``:
+
+    >>> pointwise, khat = np.array([-1.0, -3.0]), np.array([0.2, 0.9])
+    >>> found = Loo(-2.0, 1.0, pointwise, khat, n_refits=1)
+    >>> found.pointwise[found.khat > 0.7]  # the row that was left out by another fit
+    array([-3.])
     """
 
     elpd: float

@@ -44,6 +44,12 @@ class Source:
         name (DataFrame), else in the same order.
     power : float, default=1.0
         Between 0 (ignored) and 1 (in full).
+
+    Examples
+    --------
+    >>> import hybridsurrogate as hs
+    >>> hs.Source(([[0.0], [1.0]], [2.0, 3.0]), power=0.3).power
+    0.3
     """
 
     data: SimulationData | tuple[ArrayLike, ArrayLike]

@@ -30,7 +30,22 @@ LIKELIHOODS: dict[str, Likelihood] = {
 
 
 def as_likelihood(likelihood: str | Likelihood) -> Likelihood:
-    """Return the likelihood object for a name, or the object itself."""
+    """Return the likelihood object for a name, or the object itself.
+
+    Parameters
+    ----------
+    likelihood : str or Likelihood
+        "normal", "lognormal", "student-t", "negative-binomial", "poisson", or an object.
+
+    Returns
+    -------
+    Likelihood
+
+    Examples
+    --------
+    >>> as_likelihood("lognormal").log_scale
+    True
+    """
     if isinstance(likelihood, Likelihood):
         return likelihood
     try:

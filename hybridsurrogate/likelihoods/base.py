@@ -26,6 +26,12 @@ class Likelihood(ABC):
         Whether there is a second parameter.
     rough : bool
         Whether the density may have kinks in eta, so that derivatives at a point mislead.
+
+    Examples
+    --------
+    >>> from hybridsurrogate.likelihoods import Poisson
+    >>> isinstance(Poisson(), Likelihood), Poisson().discrete, Poisson().has_scale
+    (True, True, False)
     """
 
     name = "likelihood"

@@ -51,7 +51,14 @@ class _Counts(Likelihood):
 
 @dataclass(frozen=True)
 class Poisson(_Counts):
-    """Counts whose variance is their mean; there is no second parameter."""
+    """Counts whose variance is their mean; there is no second parameter.
+
+    Examples
+    --------
+    >>> eta = np.log([[20.0]])
+    >>> Poisson().variance(eta, None).round(6)
+    array([[20.]])
+    """
 
     name = "Poisson"
     has_scale = False

@@ -23,6 +23,18 @@ def elpd_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
     estimator : fitted estimator with ``log_predictive_density``
     X : array-like of shape (n, n_columns)
     y : array-like of shape (n,)
+
+    Returns
+    -------
+    float
+        In nats.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> fitted = SimpleNamespace(log_predictive_density=lambda X, y: -np.abs(y - X[:, 0]))
+    >>> elpd_scorer(fitted, np.array([[0.0], [1.0]]), np.array([2.0, 5.0]))
+    -3.0
     """
     density = _method(estimator, "log_predictive_density", "elpd_scorer")
     return elpd(density(X, y))[0]
@@ -31,8 +43,28 @@ def elpd_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
 def neg_crps_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
     """Return minus the mean continuous ranked probability score of 1000 draws a row.
 
-    Arguments as in `elpd_scorer`; the estimator needs ``sample_posterior_predictive``. The draws
-    have a fixed seed, so that the same fit has the same score.
+    The draws have a fixed seed, so that the same fit has the same score.
+
+    Parameters
+    ----------
+    estimator : fitted estimator with ``sample_posterior_predictive``
+    X : array-like of shape (n, n_columns)
+    y : array-like of shape (n,)
+
+    Returns
+    -------
+    float
+        In the units of y.
+
+    Examples
+    --------
+    Draws without scatter, whose score is the absolute error:
+
+    >>> from types import SimpleNamespace
+    >>> fitted = SimpleNamespace(
+    ...     sample_posterior_predictive=lambda X, n_draws, random_state: np.ones((n_draws, len(X))))
+    >>> neg_crps_scorer(fitted, np.zeros((2, 1)), np.array([2.0, 4.0]))
+    -2.0
     """
     sample = _method(estimator, "sample_posterior_predictive", "neg_crps_scorer")
     draws = sample(X, n_draws=_N_DRAWS, random_state=0)
@@ -42,7 +74,23 @@ def neg_crps_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
 def neg_rmse_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
     """Return minus the root mean square error of ``estimator.predict``.
 
-    Arguments as in `elpd_scorer`.
+    Parameters
+    ----------
+    estimator : fitted estimator
+    X : array-like of shape (n, n_columns)
+    y : array-like of shape (n,)
+
+    Returns
+    -------
+    float
+        In the units of y.
+
+    Examples
+    --------
+    >>> from sklearn.dummy import DummyRegressor
+    >>> X, y = np.zeros((2, 1)), np.array([1.0, 5.0])
+    >>> neg_rmse_scorer(DummyRegressor().fit(X, y), X, y)  # predicts the mean, 3
+    -2.0
     """
     predict = _method(estimator, "predict", "neg_rmse_scorer")
     predicted, y = same_rows({"predict(X)": predict(X), "y": y})
@@ -52,7 +100,26 @@ def neg_rmse_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
 def interval_score_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
     """Return minus the mean `interval_score` of 90 % intervals.
 
-    Arguments as in `elpd_scorer`; the estimator needs ``predict_interval``.
+    Parameters
+    ----------
+    estimator : fitted estimator with ``predict_interval``
+    X : array-like of shape (n, n_columns)
+    y : array-like of shape (n,)
+
+    Returns
+    -------
+    float
+        In the units of y.
+
+    Examples
+    --------
+    Both rows lie inside, so that the score is the width:
+
+    >>> from types import SimpleNamespace
+    >>> fitted = SimpleNamespace(
+    ...     predict_interval=lambda X, level: (np.zeros(len(X)), np.full(len(X), 2.0)))
+    >>> interval_score_scorer(fitted, np.zeros((2, 1)), np.array([0.5, 1.0]))
+    -2.0
     """
     interval = _method(estimator, "predict_interval", "interval_score_scorer")
     lower, upper = interval(X, level=_LEVEL)

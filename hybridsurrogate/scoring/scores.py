@@ -200,7 +200,20 @@ def pit(draws: ArrayLike, y: ArrayLike, random_state: Any = None) -> FloatArray:
 
 @dataclass(frozen=True)
 class PairedDifference:
-    """A difference of two scores on the same rows, and its standard error."""
+    """A difference of two scores on the same rows, and its standard error.
+
+    Attributes
+    ----------
+    difference : float
+    standard_error : float
+        NaN for a single row.
+
+    Examples
+    --------
+    >>> found = paired_difference([1.0, 4.0], [0.0, 1.0])  # the differences are 1 and 3
+    >>> found.difference, round(found.standard_error, 6)
+    (2.0, 1.0)
+    """
 
     difference: float
     standard_error: float
@@ -208,6 +221,14 @@ class PairedDifference:
 
 def paired_difference(after: ArrayLike, before: ArrayLike) -> PairedDifference:
     """Return the mean difference of two pointwise scores with its paired standard error.
+
+    Parameters
+    ----------
+    after, before : array-like of shape (n,)
+
+    Returns
+    -------
+    PairedDifference
 
     Examples
     --------

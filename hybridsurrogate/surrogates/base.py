@@ -40,6 +40,12 @@ class Domain:
     eta : ndarray of shape (n,)
         Outputs of these rows on the scale of eta.
     input_names, parameter_names : tuple of str
+
+    Examples
+    --------
+    >>> domain = Domain(np.array([[0, 4]]), np.array([[5, 15]]), location=0.0, scale=1.0)
+    >>> domain.scaled(np.array([[3.0]]), np.array([[5.0]]))
+    array([[ 0.5, -1. ]])
     """
 
     input_ranges: FloatArray
@@ -65,7 +71,14 @@ class Domain:
 
 
 class Factors(NamedTuple):
-    """Parts of ``known + (of_inputs * of_parameters) @ c``: (n,), (n, p) and (J, p)."""
+    """Parts of ``known + (of_inputs * of_parameters) @ c``: (n,), (n, p) and (J, p).
+
+    Examples
+    --------
+    >>> parts = Factors(np.zeros(2), np.array([[1.0], [2.0]]), np.array([[3.0]]))
+    >>> parts.known + (parts.of_inputs * parts.of_parameters) @ [10.0]
+    array([30., 60.])
+    """
 
     known: FloatArray
     of_inputs: FloatArray
@@ -80,6 +93,18 @@ class Basis(ABC):
     ----------
     coefficient_mean, coefficient_sd : ndarray of shape (p,)
         Independent normal priors.
+
+    Examples
+    --------
+    A line through the origin, ``eta = c x``:
+
+    >>> class Slope(Basis):
+    ...     def known(self, X, omega, hyper=None):
+    ...         return np.zeros(len(X))
+    ...     def features(self, X, omega):
+    ...         return X
+    >>> Slope(np.zeros(1), np.ones(1)).output(np.array([[1.0], [2.0]]), np.empty((2, 0)), [5.0])
+    array([ 5., 10.])
     """
 
     coefficient_mean: FloatArray
