@@ -8,84 +8,18 @@ four, and each is the identity by default.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
 from sklearn.base import BaseEstimator
 
 from hybridsurrogate.dynamics import Modification
+from hybridsurrogate.effects.context import Context, Rows
 from hybridsurrogate.effects.notation import word
 from hybridsurrogate.priors import FloatArray, Prior
 
-Rows = Mapping[str, FloatArray]  # a name and its values in n rows
 # the name under which `Cause.noise` finds the simulation's output, where it asks for it
 SIMULATED = "simulated output"
-
-
-@dataclass(frozen=True)
-class Context:
-    """What a cause may know before it is fitted: names, priors and the measured inputs, never y.
-
-    Attributes
-    ----------
-    X : dict of name to ndarray of shape (n,)
-        Measured columns, the simulation's inputs first.
-    n_inputs : int
-        How many of the columns are inputs of the simulation.
-    parameters : dict of name to prior
-        The simulation's unknown parameters.
-    assumed : dict of name to Assumed
-        Its assumed constants.
-    scale : float
-        Typical size of the output on the scale of eta, for default priors.
-    log_scale : bool
-        Whether eta is the logarithm of the output.
-    location : float
-        Mean of the output on the scale of eta.
-    states : dict of str to float
-        Typical sizes of the states of an `OdeSimulator` that is its own surrogate, else empty.
-    rates : tuple of str
-        Those parameters and assumed constants that its right-hand side takes.
-    starts : tuple of str
-        Those parameters that set the initial state of a simulation in time and nothing else.
-
-    Examples
-    --------
-    >>> X = {"t": np.array([0.0, 1.0]), "wind": np.array([3.0, 4.0])}
-    >>> context = Context(X, n_inputs=1, parameters={}, assumed={}, scale=1.0)
-    >>> context.inputs, context.extras, context.column("wind")
-    (('t',), ('wind',), array([3., 4.]))
-    """
-
-    X: Rows
-    n_inputs: int
-    parameters: Mapping[str, Prior]
-    assumed: Mapping[str, Any]
-    scale: float
-    log_scale: bool = False
-    location: float = 0.0
-    states: Mapping[str, float] = field(default_factory=dict)
-    rates: tuple[str, ...] = ()
-    starts: tuple[str, ...] = ()
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the simulation's inputs."""
-        return tuple(self.X)[: self.n_inputs]
-
-    @property
-    def extras(self) -> tuple[str, ...]:
-        """Names of the measured columns that the simulation ignores."""
-        return tuple(self.X)[self.n_inputs :]
-
-    def column(self, name: str) -> FloatArray:
-        """Return a measured column; raise ValueError when there is none of that name."""
-        if name not in self.X:
-            raise ValueError(
-                f"There is no measured column {name!r}; the columns are {list(self.X)}."
-            )
-        return np.asarray(self.X[name])
 
 
 class Cause(BaseEstimator):
@@ -112,8 +46,9 @@ class Cause(BaseEstimator):
 
     Notes
     -----
-    ``X``, ``omega`` and ``theta`` are mappings from names to arrays of shape (n,): all rows of all
-    draws come in one call, so methods must be vectorised.
+    ``X``, ``omega`` and ``theta`` are mappings from names to arrays of shape (n,), in the user's
+    units: all rows of all draws come in one call, one draw after the other, so methods must be
+    vectorised.
 
     Names, priors and coefficients are plain class attributes, because that is all that a user's own
     cause needs. Causes whose priors follow from their arguments override them by properties, which
@@ -145,7 +80,12 @@ class Cause(BaseEstimator):
     follows_mean: bool = False
 
     def prepare(self, context: Context) -> Cause:
-        """Return the cause with every default filled in from the context."""
+        """Return the cause with every default filled in from the context.
+
+        Parameters
+        ----------
+        context : Context
+        """
         return self
 
     def filled(self, **changes: Any) -> Self:
@@ -153,35 +93,92 @@ class Cause(BaseEstimator):
         return type(self)(**{**self.get_params(deep=False), **changes})
 
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
-        """Return the inputs and parameters with which the simulation is run for these rows."""
+        """Return the inputs and parameters with which the simulation is run for these rows.
+
+        Parameters
+        ----------
+        X, omega, theta : dict of name to ndarray of shape (n,)
+            Measured columns; the simulation's parameters and constants; the cause's own.
+
+        Returns
+        -------
+        X, omega : dict of name to ndarray of shape (n,)
+            With the same names.
+        """
         return X, omega
 
     def gain(self, X: Rows, theta: Rows) -> FloatArray | float:
-        """Return the factor on the simulation, (n,)."""
+        """Return the factor on the simulation.
+
+        Parameters
+        ----------
+        X, theta : dict of name to ndarray of shape (n,)
+
+        Returns
+        -------
+        ndarray of shape (n,), or float
+        """
         return 1.0
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray | None:
-        """Return the added columns, (n, q) with q coefficients."""
+        """Return the added columns, one for each name in ``coefficients``.
+
+        Parameters
+        ----------
+        X, theta : dict of name to ndarray of shape (n,)
+
+        Returns
+        -------
+        ndarray of shape (n, q), or None
+            A coefficient times its column is on the scale of eta.
+        """
         factors = self.factors(X, theta)
         return None if factors is None else factors[0] * factors[1]
 
     def factors(self, X: Rows, theta: Rows) -> tuple[FloatArray, FloatArray] | None:
-        """Return the columns' parts of n rows (n, q) and of J draws of theta (J, q).
+        """Return the columns' parts of rows and of theta.
 
         A cause whose columns are products of such parts gives them instead of ``columns``, for
         speed.
+
+        Parameters
+        ----------
+        X : dict of name to ndarray of shape (n,)
+        theta : dict of name to ndarray of shape (J,)
+
+        Returns
+        -------
+        pair of ndarray, shapes (n, q) and (J, q), or None
         """
         return None
 
     def noise(self, X: Rows, theta: Rows) -> FloatArray | float:
-        """Return the factor on the noise scale, (n,).
+        """Return the factor on the noise scale.
 
         It may depend on parameters that a search enumerates (`grid`), not on sizes (`start`).
+
+        Parameters
+        ----------
+        X, theta : dict of name to ndarray of shape (n,)
+            With ``follows_mean`` also ``X[SIMULATED]``.
+
+        Returns
+        -------
+        ndarray of shape (n,), or float
         """
         return 1.0
 
     def outliers(self, theta: Rows) -> FloatArray | float:
-        """Return the share of measurements that are outliers, as long as theta is."""
+        """Return the share of measurements that are outliers.
+
+        Parameters
+        ----------
+        theta : dict of name to ndarray of shape (J,)
+
+        Returns
+        -------
+        ndarray of shape (J,), or float
+        """
         return 0.0
 
     def grid(self) -> dict[str, FloatArray]:
@@ -189,6 +186,11 @@ class Cause(BaseEstimator):
 
         By default quantiles of the prior, for every parameter that is not in ``start``; a search
         refines them where the data ask for it.
+
+        Returns
+        -------
+        dict of name to ndarray of shape (n_nodes,)
+            A search takes all combinations.
         """
         names = [name for name in self.parameters if name not in self.start()]
         n = {0: 0, 1: 15, 2: 8}.get(len(names), 4)
@@ -199,20 +201,44 @@ class Cause(BaseEstimator):
         """Return parameters that are sizes, and the values at which they change nothing.
 
         A size, such as a slope or a factor, is followed from there by linearisation.
+
+        Returns
+        -------
+        dict of name to float
         """
         return {}
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
-        """Return draws of what a report states, in the user's units."""
+        """Return draws of what a report states, in the user's units.
+
+        Parameters
+        ----------
+        theta, coefficients : dict of name to ndarray of shape (n_draws,)
+
+        Returns
+        -------
+        dict of name to ndarray of shape (n_draws,)
+        """
         return {**theta, **coefficients}
 
     def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words, with numbers."""
+        """Return the extended simulation in words, with numbers.
+
+        Parameters
+        ----------
+        values : dict of name to float
+            What ``estimates`` names, one number each.
+        """
         terms = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
         return f"simulation with {self.kind} ({terms})"
 
     def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX; by default the words of ``formula``."""
+        """Return the extended simulation in LaTeX; by default the words of ``formula``.
+
+        Parameters
+        ----------
+        values : dict of name to float
+        """
         return word(self.formula(values))
 
     @property

@@ -207,7 +207,12 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
     def sample_posterior_predictive(
         self, X: ArrayLike, n_draws: int | None = None, random_state: Any = None
     ) -> FloatArray:
-        """Draw new measurements, noise included; arguments as in `sample_predictive_mean`.
+        """Draw new measurements, noise included.
+
+        Parameters
+        ----------
+        X, n_draws, random_state
+            As in `sample_predictive_mean`.
 
         Returns
         -------

@@ -1,0 +1,78 @@
+"""What a cause may know before it is fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from hybridsurrogate.priors import FloatArray, Prior
+
+Rows = Mapping[str, FloatArray]  # a name and its values in n rows
+
+
+@dataclass(frozen=True)
+class Context:
+    """What a cause may know before it is fitted: names, priors and the measured inputs, never y.
+
+    Attributes
+    ----------
+    X : dict of name to ndarray of shape (n,)
+        Measured columns, the simulation's inputs first.
+    n_inputs : int
+        How many of the columns are inputs of the simulation.
+    parameters : dict of name to prior
+        The simulation's unknown parameters.
+    assumed : dict of name to Assumed
+        Its assumed constants.
+    scale : float
+        Typical size of the output on the scale of eta, for default priors.
+    log_scale : bool
+        Whether eta is the logarithm of the output.
+    location : float
+        Mean of the output on the scale of eta.
+    states : dict of str to float
+        Typical sizes of the states of an `OdeSimulator` that is its own surrogate, else empty.
+    rates : tuple of str
+        Those parameters and assumed constants that its right-hand side takes.
+    starts : tuple of str
+        Those parameters that set the initial state of a simulation in time and nothing else.
+
+    Examples
+    --------
+    >>> X = {"t": np.array([0.0, 1.0]), "wind": np.array([3.0, 4.0])}
+    >>> context = Context(X, n_inputs=1, parameters={}, assumed={}, scale=1.0)
+    >>> context.inputs, context.extras, context.column("wind")
+    (('t',), ('wind',), array([3., 4.]))
+    """
+
+    X: Rows
+    n_inputs: int
+    parameters: Mapping[str, Prior]
+    assumed: Mapping[str, Any]
+    scale: float
+    log_scale: bool = False
+    location: float = 0.0
+    states: Mapping[str, float] = field(default_factory=dict)
+    rates: tuple[str, ...] = ()
+    starts: tuple[str, ...] = ()
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the simulation's inputs."""
+        return tuple(self.X)[: self.n_inputs]
+
+    @property
+    def extras(self) -> tuple[str, ...]:
+        """Names of the measured columns that the simulation ignores."""
+        return tuple(self.X)[self.n_inputs :]
+
+    def column(self, name: str) -> FloatArray:
+        """Return a measured column; raise ValueError when there is none of that name."""
+        if name not in self.X:
+            raise ValueError(
+                f"There is no measured column {name!r}; the columns are {list(self.X)}."
+            )
+        return np.asarray(self.X[name])
