@@ -1,9 +1,15 @@
 """Drawing: functions that take numbers and the Axes to draw on, and return the Axes.
 
-Nothing is shown and no window is needed. ``report`` has the pictures of a diagnosis; ``scene``,
-``curves``, ``scores`` and ``densities`` have those of a study of the weight beta.
+Nothing is shown and no window is needed. ``report`` and ``checks`` have the pictures of a
+diagnosis; ``scene``, ``curves``, ``scores`` and ``densities`` those of a study of the weight beta.
 """
 
+from hybridsurrogate.plotting.checks import (
+    plot_coverage,
+    plot_quantiles,
+    plot_residuals,
+    plot_scores,
+)
 from hybridsurrogate.plotting.curves import (
     plot_bands_over_beta,
     plot_mean_draws,
@@ -14,14 +20,10 @@ from hybridsurrogate.plotting.densities import plot_densities_over_beta
 from hybridsurrogate.plotting.report import (
     Prediction,
     plot_causes,
-    plot_coverage,
     plot_discrepancy,
     plot_information,
     plot_prediction,
-    plot_quantiles,
-    plot_residuals,
     plot_rivals,
-    plot_scores,
 )
 from hybridsurrogate.plotting.scene import Scene, plot_measured, plot_scene, plot_setup
 from hybridsurrogate.plotting.scores import plot_beta_scan, plot_scores_over_beta

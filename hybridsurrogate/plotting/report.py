@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from scipy import stats
 
 from hybridsurrogate.plotting.style import AFTER, BEFORE, DATA, QUIET, RIVALS
 from hybridsurrogate.priors import FloatArray
@@ -16,7 +15,17 @@ _FEW_VALUES, _LITTLE_INFORMATION = 12, 0.05
 
 
 class Prediction(NamedTuple):
-    """Predictions at some rows: mean and central intervals, all of shape (n,)."""
+    """Predictions at some rows: mean and central intervals, all of shape (n,).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hybridsurrogate.plotting import Prediction
+    >>> mean = np.array([2.0, 3.0])
+    >>> told = Prediction(mean, mean - 0.5, mean + 0.5, mean - 1, mean + 1)
+    >>> told.upper90 - told.lower90
+    array([2., 2.])
+    """
 
     mean: FloatArray
     lower50: FloatArray
@@ -38,6 +47,21 @@ def plot_prediction(
     colour, label : str
     curve : bool
         Whether the rows lie on a line, so that bands make sense; else one bar for each row.
+
+    Returns
+    -------
+    matplotlib Axes
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from matplotlib.figure import Figure
+    >>> from hybridsurrogate.plotting import BEFORE, Prediction, plot_prediction
+    >>> x = np.array([0.0, 1.0])
+    >>> told = Prediction(x, x - 0.5, x + 0.5, x - 1, x + 1)
+    >>> ax = plot_prediction(Figure().subplots(), x, told, BEFORE, "before")
+    >>> len(ax.collections), ax.lines[0].get_label()
+    (2, 'before, 50 and 90 % bands')
     """
     if curve:
         ax.fill_between(x, told.lower90, told.upper90, color=colour, alpha=0.18, lw=0)
@@ -53,7 +77,27 @@ def plot_prediction(
 def plot_discrepancy(
     ax: Axes, x: FloatArray, mean: FloatArray, lower: FloatArray, upper: FloatArray
 ) -> Axes:
-    """Draw a smooth discrepancy with its 90 % band around the line of no discrepancy."""
+    """Draw a smooth discrepancy with its 90 % band around the line of no discrepancy.
+
+    Parameters
+    ----------
+    ax : Axes
+    x, mean, lower, upper : ndarray of shape (n,)
+
+    Returns
+    -------
+    matplotlib Axes
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from matplotlib.figure import Figure
+    >>> from hybridsurrogate.plotting import plot_discrepancy
+    >>> x = np.array([0.0, 1.0])
+    >>> ax = plot_discrepancy(Figure().subplots(), x, 2 * x, 2 * x - 1, 2 * x + 1)
+    >>> ax.lines[1].get_label()
+    'smooth discrepancy, 90 % band'
+    """
     ax.axhline(0, color=QUIET, lw=1)
     label = "smooth discrepancy, 90 % band"
     ax.fill_between(x, lower, upper, color=BEFORE, alpha=0.25, lw=0)
@@ -73,6 +117,18 @@ def plot_causes(
     probabilities : sequence of float
     chosen : int or None
         Position of the one that is meant by the verdict.
+
+    Returns
+    -------
+    matplotlib Axes
+
+    Examples
+    --------
+    >>> from matplotlib.figure import Figure
+    >>> from hybridsurrogate.plotting import plot_causes
+    >>> ax = plot_causes(Figure().subplots(), ["step", "trend"], [0.9, 0.1], chosen=0)
+    >>> [round(bar.get_width()) for bar in ax.patches]
+    [90, 10]
     """
     places = np.arange(len(names))[::-1]
     colours = [AFTER if k == chosen else QUIET for k in range(len(names))]
@@ -87,95 +143,34 @@ def plot_causes(
     return ax
 
 
-def plot_residuals(ax: Axes, x: FloatArray, residual: FloatArray, colour: str, title: str) -> Axes:
-    """Draw residuals over a column, with their root mean square in the title."""
-    ax.axhline(0, color=QUIET, lw=1)
-    ax.plot(x, residual, ".", color=colour, ms=4 if len(x) <= 150 else 2.5)
-    rms = np.sqrt(np.mean(residual**2))
-    ax.set_title(f"{title}: root mean square {rms:.3g}", fontsize="medium")
-    return ax
-
-
-def plot_quantiles(ax: Axes, z: FloatArray, colour: str, mark: str, label: str) -> Axes:
-    """Draw sorted standardised residuals against the quantiles of the standard normal.
-
-    Parameters
-    ----------
-    ax : Axes
-    z : ndarray of shape (n,)
-        Standard normal if the predictive distribution is right.
-    colour, mark, label : str
-    """
-    n = len(z)
-    expected = stats.norm.ppf((np.arange(n) + 0.5) / n)
-    end = float(expected[-1])
-    ax.plot([-end, end], [-end, end], color=QUIET, lw=1)
-    ax.plot(expected, np.sort(z), mark, color=colour, ms=4, mfc="none", label=label)
-    ax.set_xlabel("expected of a standard normal")
-    ax.set_ylabel("standardised residual")
-    return ax
-
-
-def plot_scores(
-    ax: Axes, names: Sequence[str], before: FloatArray, after: FloatArray, error: FloatArray
-) -> Axes:
-    """Draw held-out scores before and after, one line for each fold.
-
-    Parameters
-    ----------
-    ax : Axes
-    names : sequence of str
-    before, after : ndarray of shape (n,)
-        After may be NaN where nothing was added.
-    error : ndarray of shape (n,)
-        Standard error of the difference, drawn on the score after; NaN: none.
-    """
-    places = np.arange(len(names))[::-1]
-    ax.hlines(places, before, after, color=QUIET, lw=1)
-    ax.plot(before, places, "o", color=BEFORE, ms=6, label="before")
-    if np.isfinite(after).any():
-        bar = np.where(np.isfinite(error), error, 0.0)
-        label = "after, ± error of the difference"
-        ax.errorbar(after, places, xerr=bar, fmt="s", color=AFTER, ms=5, capsize=3, label=label)
-    ax.set_yticks(places, labels=list(names))
-    ax.set_ylim(-0.6, len(names) - 0.4)
-    ax.set_xlabel("held-out log density per row\n(further right is better)")
-    return ax
-
-
-def plot_coverage(
-    ax: Axes, names: Sequence[str], shares: FloatArray, n_rows: Sequence[int], level: float
-) -> Axes:
-    """Draw the share of held-out rows inside an interval against what it should be.
-
-    Parameters
-    ----------
-    ax : Axes
-    names : sequence of str
-    shares : ndarray of shape (n,)
-    n_rows : sequence of int
-        How many rows each share is of, for its standard error.
-    level : float
-        What the shares should be.
-    """
-    places = np.arange(len(names))[::-1]
-    error = np.sqrt(level * (1 - level) / np.asarray(n_rows))
-    ax.axvline(100 * level, color=QUIET, lw=1, ls="--", label=f"should be {100 * level:g} %")
-    for place, share, bar, name in zip(places, shares, error, names, strict=True):
-        colour, mark = (BEFORE, "o") if "before" in name else (AFTER, "s")
-        ax.errorbar(100 * share, place, xerr=100 * bar, fmt=mark, color=colour, ms=5, capsize=3)
-    ax.set_yticks(places, labels=list(names))
-    ax.set_ylim(-0.6, len(names) - 0.4)
-    ax.set_xlim(right=min(float(ax.get_xlim()[1]), 102))
-    # where names leave little room the label would run over the edge
-    ax.set_xlabel(f"rows in the {100 * level:g} % interval, %", loc="right")
-    return ax
-
-
 def plot_rivals(
     ax: Axes, x: FloatArray, means: Sequence[FloatArray], names: Sequence[str], place: float
 ) -> Axes:
-    """Draw what each rival predicts, and the place at which they should be told apart."""
+    """Draw what each rival predicts, and the place at which they should be told apart.
+
+    Parameters
+    ----------
+    ax : Axes
+    x : ndarray of shape (n,)
+    means : sequence of ndarray of shape (n,)
+        One for each rival; the first four are drawn.
+    names : sequence of str
+    place : float
+
+    Returns
+    -------
+    matplotlib Axes
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from matplotlib.figure import Figure
+    >>> from hybridsurrogate.plotting import plot_rivals
+    >>> x = np.linspace(0, 1, 20)
+    >>> ax = plot_rivals(Figure().subplots(), x, [x, x**2], ["trend", "ramp"], place=0.5)
+    >>> [line.get_label() for line in ax.lines]
+    ['trend', 'ramp', 'measure here']
+    """
     # a column with a few values is no line
     mark = "o" if len(x) <= _FEW_VALUES else ""
     for mean, name, (colour, style) in zip(means, names, RIVALS, strict=False):
@@ -185,7 +180,31 @@ def plot_rivals(
 
 
 def plot_information(ax: Axes, x: FloatArray, information: FloatArray, place: float) -> Axes:
-    """Draw how much one more measurement would tell, over a column."""
+    """Draw how much one more measurement would tell, over a column.
+
+    Parameters
+    ----------
+    ax : Axes
+    x : ndarray of shape (n,)
+    information : ndarray of shape (n,)
+        In bits.
+    place : float
+        Where to measure.
+
+    Returns
+    -------
+    matplotlib Axes
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from matplotlib.figure import Figure
+    >>> from hybridsurrogate.plotting import plot_information
+    >>> x = np.linspace(0, 1, 21)
+    >>> ax = plot_information(Figure().subplots(), x, 4 * x * (1 - x), place=0.5)
+    >>> ax.get_ylabel().split()
+    ['information', 'in', 'bits']
+    """
     ax.plot(x, information, color=DATA, marker="o" if len(x) <= _FEW_VALUES else "")
     ax.axvline(place, color=DATA, lw=1, ls=(0, (1, 1)))
     ax.set_ylabel("information\nin bits")

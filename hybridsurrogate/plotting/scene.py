@@ -59,7 +59,29 @@ class Scene(NamedTuple):
 def plot_measured(
     ax: Axes, x: FloatArray, y: FloatArray, label: str = "measured", held_out: bool = False
 ) -> Axes:
-    """Draw measurements as dots, those held out as crosses."""
+    """Draw measurements as dots, those held out as crosses.
+
+    Parameters
+    ----------
+    ax : matplotlib Axes
+    x, y : ndarray of shape (n,)
+    label : str, default="measured"
+    held_out : bool, default=False
+
+    Returns
+    -------
+    matplotlib Axes
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from matplotlib.figure import Figure
+    >>> from hybridsurrogate.plotting import plot_measured
+    >>> x = np.array([0.0, 1.0])
+    >>> ax = plot_measured(Figure().subplots(), x, 2 * x, "later", held_out=True)
+    >>> ax.lines[0].get_marker(), ax.lines[0].get_label()
+    ('x', 'later')
+    """
     mark, colour = ("x", HELD_OUT) if held_out else (".", DATA)
     size = 4 if len(x) <= 150 else 2.5
     ax.plot(x, y, mark, color=colour, ms=size + held_out, label=label, zorder=3)
@@ -77,6 +99,15 @@ def plot_scene(scene: Scene, ax: Axes | None = None) -> Axes:
     Returns
     -------
     matplotlib Axes
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hybridsurrogate.plotting import Scene, plot_scene
+    >>> x = np.linspace(0, 10, 5)
+    >>> ax = plot_scene(Scene((x, x**2), truth=(x, x**2), train=(0, 10), xlabel="days"))
+    >>> ax.get_xlabel(), len(ax.lines), len(ax.patches)
+    ('days', 2, 1)
     """
     ax = ax or new_axes()[0]
     if scene.train is not None:

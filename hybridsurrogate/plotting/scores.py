@@ -128,6 +128,19 @@ def plot_beta_scan(table: pd.DataFrame, ax: Axes | None = None) -> Axes:
     table : pandas.DataFrame
         From ``DiscrepancyDiagnosis.beta_scan``.
     ax : matplotlib Axes or None
+
+    Returns
+    -------
+    matplotlib Axes
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from hybridsurrogate.plotting import plot_beta_scan
+    >>> scan = {"beta": [0.0, 0.5, 1.0], "before": [-1.0, -2, -3], "after": [-1.0, -0.5, -0.8]}
+    >>> ax = plot_beta_scan(pd.DataFrame(scan))
+    >>> [text.get_text() for text in ax.get_legend().get_texts()]
+    ['before, best beta 0', 'after, best beta 0.5']
     """
     ax = ax or new_axes()[0]
     for word, colour, line in (("before", BEFORE, "--o"), ("after", AFTER, "-s")):

@@ -54,6 +54,16 @@ def new_axes(
     width, height : float
         Of the figure, in inches.
     share : bool
+
+    Returns
+    -------
+    list of matplotlib Axes
+
+    Examples
+    --------
+    >>> from hybridsurrogate.plotting import new_axes
+    >>> len(new_axes(2, 3))
+    6
     """
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
@@ -62,7 +72,27 @@ def new_axes(
 
 
 def tidy(ax: Axes, xlabel: str, ylabel: str, legend: bool = True, ticks: int = 7) -> Axes:
-    """Name the axes, and explain the series where they hide the least."""
+    """Name the axes, and explain the series where they hide the least.
+
+    Parameters
+    ----------
+    ax : matplotlib Axes
+    xlabel, ylabel : str
+    legend : bool, default=True
+        Whether to explain the series that have names.
+    ticks : int, default=7
+        At most as many steps on the x axis.
+
+    Returns
+    -------
+    matplotlib Axes
+
+    Examples
+    --------
+    >>> from hybridsurrogate.plotting import new_axes, tidy
+    >>> tidy(new_axes()[0], "days", "infected").get_ylabel()
+    'infected'
+    """
     ax.set_xlabel(xlabel)
     ax.set_ylabel(ylabel)
     ax.xaxis.set_major_locator(ticker.MaxNLocator(ticks))
@@ -112,7 +142,26 @@ def grid_of_axes(
 
 
 def share_range(axes: Sequence[Axes], values: FloatArray) -> None:
-    """Give Axes one range, wide enough for the data but not for a runaway extrapolation."""
+    """Give Axes one range, wide enough for the data but not for a runaway extrapolation.
+
+    Parameters
+    ----------
+    axes : sequence of matplotlib Axes
+    values : ndarray
+        The data; half of their range is left as room on either side.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hybridsurrogate.plotting import new_axes, share_range
+    >>> (ax,) = new_axes()
+    >>> ax.set_ylim(-1000, 11)
+    (-1000.0, 11.0)
+    >>> share_range([ax], np.array([0.0, 10.0]))
+    >>> bottom, top = ax.get_ylim()
+    >>> float(bottom), float(top)
+    (-5.0, 11.0)
+    """
     values = values[np.isfinite(values)]
     low, high = float(np.min(values)), float(np.max(values))
     room = 0.5 * (high - low) or 1.0
