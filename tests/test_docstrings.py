@@ -1,7 +1,9 @@
-"""The examples of every docstring run and print what they say."""
+"""Docstrings: what is public has examples, and all examples run and print what they say."""
 
 import doctest
 import importlib
+import inspect
+import itertools
 import pkgutil
 
 import pytest
@@ -9,6 +11,31 @@ import pytest
 import hybridsurrogate
 
 MODULES = [m.name for m in pkgutil.walk_packages(hybridsurrogate.__path__, "hybridsurrogate.")]
+PACKAGES = ["effects", "likelihoods", "surrogates", "scoring", "plotting", "datasets", "estimators"]
+
+
+def public():
+    """Every function and class that the package offers by name, warnings apart, each once."""
+    names = ["hybridsurrogate", *(f"hybridsurrogate.{p}" for p in (*PACKAGES, "diagnosis"))]
+    modules = [importlib.import_module(name) for name in names]
+    things = [getattr(module, name) for module in modules for name in module.__all__]
+    functions = [thing for thing in things if inspect.isfunction(thing)]
+    classes = [thing for thing in things if inspect.isclass(thing)]
+    return list(dict.fromkeys([*functions, *(c for c in classes if not issubclass(c, Warning))]))
+
+
+def sections(thing):
+    """Headings of a numpydoc docstring, each underlined over its whole length."""
+    lines = inspect.getdoc(thing).splitlines()
+    return [a for a, b in itertools.pairwise(lines) if a and b == "-" * len(a)]
+
+
+@pytest.mark.parametrize("thing", public(), ids=lambda thing: thing.__qualname__)
+def test_what_is_public_has_an_example_and_explains_its_arguments(thing):
+    assert thing.__doc__
+    assert "Examples" in sections(thing)
+    if inspect.isfunction(thing) and inspect.signature(thing).parameters:
+        assert "Parameters" in sections(thing)
 
 
 @pytest.mark.parametrize("name", MODULES)
