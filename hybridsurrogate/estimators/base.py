@@ -131,7 +131,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         rows = validate_data(self, X, reset=False, dtype=np.float64)[:, self._column_order]
         if isinstance(self.simulation, SimulationData):
             # a simulation that is run itself extrapolates nothing
-            warn_outside(self._columns, rows, self.simulation, "predicted")
+            warn_outside(self._columns, rows, self.simulation, self._measured[0])
         return rows
 
     # ------------------------------------------------------------------------- predictions

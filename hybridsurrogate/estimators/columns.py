@@ -82,17 +82,22 @@ def warn_outside(
     columns: tuple[str, ...],
     X: FloatArray,
     simulation: SimulationData | Simulator | None,
-    which: str = "measured",
+    measured: FloatArray | None = None,
 ) -> None:
-    """Warn the caller of ``fit`` or ``predict`` of inputs beyond those simulated."""
+    """Warn the caller of ``fit`` or ``predict`` of inputs beyond those simulated.
+
+    In ``predict`` the ``measured`` rows are given: ``fit`` warned of how far they reach.
+    """
     if simulation is None:
         return
-    for name, values in zip(columns, X.T, strict=False):
+    which = "measured" if measured is None else "predicted"
+    for k, (name, values) in enumerate(zip(columns, X.T, strict=False)):
         if name not in simulation.input_ranges:
             continue
         low, high = simulation.input_ranges[name]
+        known = np.array([low, high] if measured is None else [low, high, *measured[:, k]])
         slack = 1e-9 * (high - low)
-        outside = (values < low - slack) | (values > high + slack)
+        outside = (values < known.min() - slack) | (values > known.max() + slack)
         if outside.any():
             warnings.warn(
                 f"{outside.sum()} of {len(values)} {which} rows ({outside.mean():.0%}) have "

@@ -30,7 +30,7 @@ class Likelihood(ABC):
     Examples
     --------
     >>> from hybridsurrogate.likelihoods import Poisson
-    >>> isinstance(Poisson(), Likelihood), Poisson().discrete, Poisson().has_scale
+    >>> isinstance(Poisson(), Likelihood), Poisson().log_scale, Poisson().has_scale
     (True, True, False)
     """
 
