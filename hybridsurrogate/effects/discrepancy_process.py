@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
 
 import numpy as np
 from scipy import stats
@@ -13,18 +11,11 @@ from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION
 from hybridsurrogate.priors import Prior, frozen
 
-# basis functions an input, and where they end on inputs scaled to [-1, 1]: m >= 1.75 boundary /
-# length scale and boundary >= 3.2 length scale (Riutort-Mayol et al. 2023, Statistics and Computing
-# 33:17, eqs. 14 and 17)
-_PER_BOUNDARY, _BEYOND = 1.75, 3.2
-# at a fixed amplitude, which is ample: the ends of the range may be short of variance, and seven
-# functions for each of two inputs follow lengths from 0.375 on
+# basis functions an input: enough for the shortest length scale below (Riutort-Mayol et al. 2023,
+# Statistics and Computing 33:17, eq. 17: m >= 1.75 boundary / length scale); seven for each of two
+# inputs follow lengths from 0.375 on
 _N_BASIS, _N_BASIS_EACH = {1: 24, 2: 7}, 10
 _BOUNDARY = 1.5
-# most basis functions of one input, and of each of several, where the amplitude is inferred
-_MOST, _MOST_EACH = 60, 14
-# the quantiles of the length scale between which they give the kernel
-_SHORT, _LONG = 0.05, 0.95
 
 
 class GaussianProcessDiscrepancy(Cause):
@@ -37,8 +28,9 @@ class GaussianProcessDiscrepancy(Cause):
     Parameters
     ----------
     ranges : dict of name to (low, high) or None, default=None
-        Ranges that are scaled to [-1, 1]; the process lives on one and a half times them, or
-        more where the amplitude is inferred, and is zero beyond. None: the measured ranges.
+        Ranges that are scaled to [-1, 1]; the process lives on one and a half times them and is
+        zero beyond. Long length scales are short of variance towards the ends of the range (a
+        length of 1 has 63 % of the amplitude there). None: the measured ranges.
     length_scale : frozen scipy.stats distribution or None, default=None
         Prior on the scaled inputs. None: log-uniform from 0.15 (0.3 for several inputs) to 2.
     amplitude : frozen scipy.stats distribution or None, default=None
@@ -96,7 +88,7 @@ class GaussianProcessDiscrepancy(Cause):
     def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
         """One name a basis function."""
         assert self.ranges is not None
-        d, (n, _) = len(self.ranges), self._basis
+        d, n = len(self.ranges), self._n_waves
         return tuple(f"basis_{k}" for k in range(n**d if d <= 2 else n * d))
 
     def grid(self) -> dict[str, FloatArray]:
@@ -114,11 +106,10 @@ class GaussianProcessDiscrepancy(Cause):
     def factors(self, X: Rows, theta: Rows) -> tuple[FloatArray, FloatArray]:
         """Return the basis functions, and the root of the spectral density of each."""
         assert self.ranges is not None
-        n, boundary = self._basis
-        root = np.pi * np.arange(1, n + 1) / (2 * boundary)
+        root = np.pi * np.arange(1, self._n_waves + 1) / (2 * _BOUNDARY)
         length = np.reshape(theta["length_scale"], (-1, 1))
         density = np.sqrt(2 * np.pi) * length * np.exp(-0.5 * (length * root) ** 2)
-        waves = [_waves(X[name], limits, root, boundary) for name, limits in self.ranges.items()]
+        waves = [_waves(X[name], limits, root) for name, limits in self.ranges.items()]
         heights = [np.sqrt(density)] * len(waves)
         of_rows, of_draws = (_joined(each) for each in (waves, heights))
         if self.amplitude is not None:
@@ -128,13 +119,9 @@ class GaussianProcessDiscrepancy(Cause):
         return of_rows, of_draws
 
     @property
-    def _basis(self) -> tuple[int, float]:
-        """Return the number of basis functions an input, and where they end."""
+    def _n_waves(self) -> int:
         assert self.ranges is not None
-        d = len(self.ranges)
-        if self.amplitude is None:
-            return _N_BASIS.get(d, _N_BASIS_EACH), _BOUNDARY
-        return _basis_for(self.length_scale, _MOST if d == 1 else _MOST_EACH)
+        return _N_BASIS.get(len(self.ranges), _N_BASIS_EACH)
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the length scale on inputs scaled to [-1, 1], and the amplitude."""
@@ -149,25 +136,13 @@ class GaussianProcessDiscrepancy(Cause):
         return rf"{SIMULATION} + \delta, \quad \delta \text{{ smooth, of unknown shape}}"
 
 
-@lru_cache(maxsize=1024)
-def _basis_for(length_scale: Prior, most: int) -> tuple[int, float]:
-    """Return at most so many basis functions for a prior of the length scale, and their end."""
-    short, long = (float(length_scale.ppf(share)) for share in (_SHORT, _LONG))
-    # a process cut off too early is short of variance at the ends, one of too few functions is so
-    # everywhere
-    boundary = max(_BOUNDARY, min(_BEYOND * long, most * short / _PER_BOUNDARY))
-    return min(most, math.ceil(_PER_BOUNDARY * boundary / short)), boundary
-
-
-def _waves(
-    x: FloatArray, limits: tuple[float, float], root: FloatArray, boundary: float
-) -> FloatArray:
+def _waves(x: FloatArray, limits: tuple[float, float], root: FloatArray) -> FloatArray:
     """Return the basis over one input, (n, orders)."""
     low, high = limits
     scaled = (2 * x - low - high) / ((high - low) or 1.0)
     # the basis is periodic beyond its boundary: hold the process at its edge there
-    scaled = np.clip(scaled, -boundary, boundary)
-    return np.asarray(np.sin(root * (scaled[:, None] + boundary)) / np.sqrt(boundary))
+    scaled = np.clip(scaled, -_BOUNDARY, _BOUNDARY)
+    return np.asarray(np.sin(root * (scaled[:, None] + _BOUNDARY)) / np.sqrt(_BOUNDARY))
 
 
 def _joined(factors: Sequence[FloatArray]) -> FloatArray:
