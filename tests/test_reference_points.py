@@ -111,4 +111,3 @@ def test_columns_that_begin_at_zero(z, weighed):
     context = Context({"t": T, "z": z}, 1, {}, {}, 1.0)
     forms = [form_of(cause) for cause in catalogue(context)[0]]
     assert ("missing-input: from zero" in forms) is weighed
-    assert ("missing-input: quadratic from zero" in forms) is weighed

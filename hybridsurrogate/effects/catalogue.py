@@ -155,7 +155,6 @@ def _built_in(context: Context) -> Iterator[tuple[str, Cause]]:
         if len(levels) > 2 and _begins_at_zero(context.X[column]):
             # such as a dose, where the simulation knows none
             yield "missing-input", MissingInput(column, center=0.0)
-            yield "missing-input: quadratic", MissingInput(column, shape="quadratic", center=0.0)
         if trouble_with_levels(context.X[column], column) is None:
             for level in levels:
                 one = MissingInput(column, shape="categorical", level=float(level))
