@@ -1,62 +1,17 @@
-"""What may be wrong with the right-hand side of an ODE: a rate that changes, a term left out."""
+"""What may be wrong with the right-hand side of an ODE: a changing rate, a lost term, a delay."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hybridsurrogate.modification import Modification, Numbers
 from hybridsurrogate.priors import FloatArray
 
-Numbers = Mapping[str, FloatArray]  # a modification's own numbers, (m,) each
-
-
-@dataclass(frozen=True)
-class Modification(ABC):
-    """A change of the right-hand side that has numbers of its own, and does nothing at neutral.
-
-    Subclasses say which numbers there are and what they concern, and override `factors` or
-    `terms`.
-    """
-
-    @property
-    @abstractmethod
-    def label(self) -> str:
-        """What the full names of the numbers begin with."""
-
-    @property
-    @abstractmethod
-    def neutral(self) -> dict[str, float]:
-        """Own names of the numbers, at values that change nothing."""
-
-    @property
-    @abstractmethod
-    def sizes(self) -> tuple[str, ...]:
-        """Own names of those numbers which, all at neutral, change nothing."""
-
-    @abstractmethod
-    def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
-        """Raise ValueError where an ODE with these rates and states has nothing to change."""
-
-    @property
-    def constants(self) -> dict[str, float]:
-        """Full names of the numbers, at values that change nothing."""
-        return {self.full(name): value for name, value in self.neutral.items()}
-
-    def full(self, name: str) -> str:
-        """Return the full name of a number."""
-        return f"{self.label}_{name}"
-
-    def factors(self, t: FloatArray, numbers: Numbers, step: float) -> dict[str, FloatArray]:
-        """Return factors (k, m) on parameters at times t (k, 1), m numbers each."""
-        return {}
-
-    def terms(self, state: Mapping[str, FloatArray], numbers: Numbers) -> dict[str, FloatArray]:
-        """Return what is added to the slopes of states, (m,) each."""
-        return {}
+FORMS = ("constant", "proportional", "seasonal")
 
 
 @dataclass(frozen=True)
@@ -126,18 +81,7 @@ class TimeVaryingParameter(Modification):
 
     def factors(self, t: FloatArray, numbers: Numbers, step: float) -> dict[str, FloatArray]:
         """Return the factor on the parameter."""
-        shape = _SHAPES[self.shape]
-        # the dear part: solutions that differ in other numbers, as slopes need, share it
-        own, which = _distinct(np.stack([numbers[name] for name in shape.curved]))
-        curves = shape.curves(t - self.center, t, dict(zip(shape.curved, own, strict=True)), step)
-        factor = np.ones((len(t), len(which)))
-        for size, curve in zip(shape.sizes, curves, strict=True):
-            # unlike an index in brackets this keeps the order in memory in which times follow
-            moved = np.take(curve, which, axis=1)
-            if size not in shape.curved:
-                moved *= numbers[size]
-            factor += moved
-        return {self.parameter: factor}
+        return {self.parameter: 1 + _course(self.shape, t, self.center, numbers, step)}
 
 
 @dataclass(frozen=True)
@@ -147,10 +91,13 @@ class MissingTerm(Modification):
     Parameters
     ----------
     state : str
-    form : {"constant", "proportional"}
-        The term is `rate`, or `rate` times the state.
+    form : {"constant", "proportional", "seasonal"}
+        The term is `rate`, or `rate` times the state, or a forcing from outside:
+        sine sin(a) + cosine cos(a) with a = 2 pi (t - center) / period.
     prefix : str or None, default=None
-        What the full name of the rate begins with; None: state and form.
+        What the full names of the numbers begin with; None: state and form.
+    center : float, default=0.0
+        Of the seasonal form.
 
     Examples
     --------
@@ -162,10 +109,11 @@ class MissingTerm(Modification):
     state: str
     form: str
     prefix: str | None = None
+    center: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.form not in ("constant", "proportional"):
-            raise ValueError(f"form must be 'constant' or 'proportional', got {self.form!r}.")
+        if self.form not in FORMS:
+            raise ValueError(f"form must be one of {list(FORMS)}, got {self.form!r}.")
 
     @property
     def label(self) -> str:
@@ -174,23 +122,105 @@ class MissingTerm(Modification):
 
     @property
     def neutral(self) -> dict[str, float]:
-        """A rate of zero."""
-        return {"rate": 0.0}
+        """A rate of zero; or sine and cosine of zero, then a period."""
+        return dict.fromkeys(self.sizes, 0.0) | ({"period": 1.0} if self._is_seasonal else {})
 
     @property
     def sizes(self) -> tuple[str, ...]:
-        """The rate."""
-        return ("rate",)
+        """The rate, or sine and cosine."""
+        return ("sine", "cosine") if self._is_seasonal else ("rate",)
+
+    @property
+    def _is_seasonal(self) -> bool:
+        return self.form == "seasonal"
 
     def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
         """Raise ValueError where there is no such state."""
-        if self.state not in states:
-            raise ValueError(f"There is no state {self.state!r}; the states are {list(states)}.")
+        _check_state(self.state, states)
+
+    def drives(self, t: FloatArray, numbers: Numbers, step: float) -> dict[str, FloatArray]:
+        """Return the term, where it does not follow the state."""
+        if self.form == "constant":
+            return {self.state: np.broadcast_to(numbers["rate"], (len(t), len(numbers["rate"])))}
+        return (
+            {self.state: _course("periodic", t, self.center, numbers, step)}
+            if self._is_seasonal
+            else {}
+        )
 
     def terms(self, state: Mapping[str, FloatArray], numbers: Numbers) -> dict[str, FloatArray]:
-        """Return the term."""
-        rate = numbers["rate"]
-        return {self.state: rate if self.form == "constant" else rate * state[self.state]}
+        """Return the term, where it follows the state."""
+        proportional = self.form == "proportional"
+        return {self.state: numbers["rate"] * state[self.state]} if proportional else {}
+
+
+@dataclass(frozen=True)
+class DelayedState(Modification):
+    """A right-hand side that follows one state as it was a lag ago, in all slopes.
+
+    Before the start the state is what it is there. The method of the simulator must be "rk4".
+
+    Parameters
+    ----------
+    state : str
+    prefix : str or None, default=None
+        What the full name of the lag begins with; None: the state and "delayed".
+
+    Examples
+    --------
+    >>> from hybridsurrogate.dynamics import DelayedState
+    >>> DelayedState("i").constants
+    {'i_delayed_lag': 0.0}
+    """
+
+    state: str
+    prefix: str | None = None
+
+    looks_back = True
+
+    @property
+    def label(self) -> str:
+        """The prefix, or the state and "delayed"."""
+        return self.prefix or f"{self.state}_delayed"
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        """A lag of zero."""
+        return {"lag": 0.0}
+
+    @property
+    def sizes(self) -> tuple[str, ...]:
+        """The lag."""
+        return ("lag",)
+
+    def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
+        """Raise ValueError where there is no such state."""
+        _check_state(self.state, states)
+
+    def lags(self, numbers: Numbers) -> dict[str, FloatArray]:
+        """Return the lag."""
+        return {self.state: numbers["lag"]}
+
+
+def _check_state(state: str, states: Sequence[str]) -> None:
+    if state not in states:
+        raise ValueError(f"There is no state {state!r}; the states are {list(states)}.")
+
+
+def _course(name: str, t: FloatArray, center: float, numbers: Numbers, step: float) -> FloatArray:
+    """Return sizes times curves (k, m) of a shape at times t (k, 1)."""
+    shape = _SHAPES[name]
+    # the dear part: solutions that differ in other numbers, as slopes need, share it
+    own, which = _distinct(np.stack([numbers[number] for number in shape.curved]))
+    curves = shape.curves(t - center, t, dict(zip(shape.curved, own, strict=True)), step)
+    course = np.zeros((len(t), len(which)))
+    for size, curve in zip(shape.sizes, curves, strict=True):
+        # unlike an index in brackets this keeps the order in memory in which times follow
+        moved = np.take(curve, which, axis=1)
+        if size not in shape.curved:
+            moved *= numbers[size]
+        course += moved
+    return course
 
 
 def _distinct(numbers: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:

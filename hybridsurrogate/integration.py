@@ -22,7 +22,7 @@ def equal_runs(columns: Sequence[FloatArray], n: int) -> tuple[NDArray[np.intp],
 
 
 def runge_kutta(
-    slope: Callable[[int, FloatArray], FloatArray],
+    slope: Callable[[int, FloatArray, FloatArray, FloatArray], FloatArray],
     state: FloatArray,
     n_steps: int,
     step: float,
@@ -32,7 +32,8 @@ def runge_kutta(
     Parameters
     ----------
     slope : callable
-        ``slope(k, state) -> (n_states, m)`` at k half steps after the start.
+        ``slope(k, state, states, slopes) -> (n_states, m)`` at k half steps after the start, where
+        states and slopes are those of whole steps so far.
     state : ndarray of shape (n_states, m)
         At the start.
 
@@ -44,15 +45,53 @@ def runge_kutta(
     slopes = np.empty_like(states)
     states[0] = state
     for k in range(n_steps):
-        a = slope(2 * k, state)
-        b = slope(2 * k + 1, state + step / 2 * a)
-        c = slope(2 * k + 1, state + step / 2 * b)
-        d = slope(2 * k + 2, state + step * c)
+        past = states[: k + 1]
+        a = slope(2 * k, state, past, slopes[:k])
         slopes[k] = a
+        known = slopes[: k + 1]
+        b = slope(2 * k + 1, state + step / 2 * a, past, known)
+        c = slope(2 * k + 1, state + step / 2 * b, past, known)
+        d = slope(2 * k + 2, state + step * c, past, known)
         state = state + step / 6 * (a + 2 * (b + c) + d)
         states[k + 1] = state
-    slopes[-1] = slope(2 * n_steps, state)
+    slopes[-1] = slope(2 * n_steps, state, states, slopes[:-1])
     return states, slopes
+
+
+def past(states: FloatArray, slopes: FloatArray, step: float, position: FloatArray) -> FloatArray:
+    """Return one state of m solutions at times gone by; before the start what it is there.
+
+    Parameters
+    ----------
+    states : ndarray of shape (k + 1, m)
+        At the steps so far.
+    slopes : ndarray of shape (k, m) or (k + 1, m)
+    position : ndarray of shape (m,)
+        Time since the start in steps, at most one step beyond the last state.
+
+    Returns
+    -------
+    ndarray of shape (m,)
+    """
+    last, column = len(slopes) - 1, np.arange(len(position))
+    position = np.maximum(position, 0.0)
+    if last < 0:
+        return states[0]
+    # the last step whose ends are both known goes on beyond them
+    index = np.minimum(position, max(last - 1, 0)).astype(np.intp)
+    t = position - index
+    left, rise = states[index, column], slopes[index, column]
+    if len(states) == 1:
+        return left + step * t * rise
+    right = states[index + 1, column]
+    if last == 0:
+        return left + step * t * rise + (right - left - step * rise) * t * t
+    fall, s = slopes[index + 1, column], 1 - t
+    return (
+        left * (s * s * (1 + 2 * t))
+        + right * (t * t * (1 + 2 * s))
+        + (step * t * s) * (rise * s - fall * t)
+    )
 
 
 def hermite(

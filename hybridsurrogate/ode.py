@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from hybridsurrogate.dynamics import Modification
+from hybridsurrogate.modification import Modification
 from hybridsurrogate.ode_checks import accepted_names
 from hybridsurrogate.ode_function import OdeFunction
 from hybridsurrogate.priors import FloatArray, Prior
@@ -28,7 +28,7 @@ class OdeSimulator(Simulator):
     """A simulation that solves an ordinary differential equation.
 
     A `Simulator` whose right-hand side is known, so that causes inside the dynamics
-    (`DynamicDrift`, `DynamicTerm`) can be weighed beside those outside.
+    (`DynamicDrift`, `DynamicTerm`, `DynamicDelay`) can be weighed beside those outside.
 
     Parameters
     ----------
@@ -136,6 +136,11 @@ class OdeSimulator(Simulator):
         seen = accepted_names(observe, "observe", 1, names)
         for change in modifications:
             change.check(rates, states)
+            if change.looks_back and method != "rk4":
+                raise ValueError(
+                    f'{type(change).__name__} needs method="rk4", which remembers what states '
+                    f"were; the simulator has {method!r}."
+                )
         function = OdeFunction(
             rhs,
             initial_state,
@@ -219,6 +224,11 @@ class OdeSimulator(Simulator):
     def solution(self, X: ArrayLike, omega: ArrayLike | None = None) -> FloatArray:
         """Return the states (n_states, n) for rows as in calling the simulator."""
         return self.function.solution(self._columns(*self._check_points(X, omega)))
+
+    @property
+    def looks_back(self) -> bool:
+        """Whether the right-hand side can be told what states were: by "rk4" alone."""
+        return self.method == "rk4"
 
     def held(self, X: FloatArray) -> FloatArray:
         """Return inputs (n, n_inputs) with times before the start at the start.

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.dynamics import Modification
-from hybridsurrogate.integration import adaptive, equal_runs, hermite, runge_kutta
+from hybridsurrogate.integration import adaptive, equal_runs, hermite, past, runge_kutta
+from hybridsurrogate.modification import Active, Drive, Modification, drive_of, lags
 from hybridsurrogate.ode_checks import WrongShapeError, checked_array
 from hybridsurrogate.priors import FloatArray
 
@@ -167,7 +167,7 @@ class _Solutions:
 
     ode: OdeFunction
     values: dict[str, FloatArray]
-    active: list[tuple[Modification, dict[str, FloatArray]]]
+    active: Active
     times: FloatArray
     member: NDArray[np.intp]
     first: int
@@ -212,22 +212,24 @@ class _Solutions:
             return np.stack([np.broadcast_to(np.asarray(v, dtype=float), m) for v in value])
         return checked_array(value, "initial_state", shape, "states by solutions")
 
-    def slope(
-        self, t: float, state: FloatArray, factors: Mapping[str, FloatArray] | None = None
-    ) -> FloatArray:
-        """Return the right-hand side for all solutions, factors on parameters given or not."""
+    def slope(self, t: float, state: FloatArray, drive: Drive | None = None) -> FloatArray:
+        """Return the right-hand side for all solutions, what drives it at t given or not."""
         ode = self.ode
+        if drive is None:
+            drive = drive_of(self.active, np.array([t]), ode.step).at(0)
         given = {name: self.values[name] for name in ode.rate_names}
-        if factors is None:
-            factors = self._factors(np.array([t]))
-            factors = {name: values[0] for name, values in factors.items()}
-        for name, factor in factors.items():
+        for name, factor in drive.factors.items():
             given[name] = given[name] * factor
-        slopes = checked_array(
-            ode.rhs(t, state, **given), "rhs", state.shape, "states by solutions"
-        )
-        if self._adding:
+        seen = state
+        if drive.late:
+            seen = state.copy()
+            for name, values in drive.late.items():
+                seen[ode.states.index(name)] = values
+        slopes = checked_array(ode.rhs(t, seen, **given), "rhs", state.shape, "states by solutions")
+        if drive.added or self._adding:
             slopes = slopes.copy()
+            for name, term in drive.added.items():
+                slopes[ode.states.index(name)] += term
             named = dict(zip(ode.states, state, strict=True))
             for change, numbers in self._adding:
                 for name, term in change.terms(named, numbers).items():
@@ -235,19 +237,20 @@ class _Solutions:
         return slopes
 
     @cached_property
-    def _adding(self) -> list[tuple[Modification, dict[str, FloatArray]]]:
-        own = [type(change).terms for change, _ in self.active]
-        return [
-            a for a, terms in zip(self.active, own, strict=True) if terms is not Modification.terms
-        ]
+    def _adding(self) -> Active:
+        return [a for a in self.active if type(a[0]).terms is not Modification.terms]
 
-    def _factors(self, t: FloatArray) -> dict[str, FloatArray]:
-        """Return factors on parameters at times (k,): arrays (k, m)."""
-        factors: dict[str, FloatArray] = {}
-        for change, numbers in self.active:
-            for name, factor in change.factors(t[:, None], numbers, self.ode.step).items():
-                factors[name] = factors[name] * factor if name in factors else factor
-        return factors
+    @cached_property
+    def _lags(self) -> dict[str, FloatArray]:
+        return lags(self.active)
+
+    def _late(self, k: int, states: FloatArray, slopes: FloatArray) -> dict[str, FloatArray]:
+        """Return the states that the right-hand side sees late, k half steps after the start."""
+        step, rows = self.ode.step, {name: self.ode.states.index(name) for name in self._lags}
+        return {
+            name: past(states[:, row], slopes[:, row], step, k / 2 - self._lags[name] / step)
+            for name, row in rows.items()
+        }
 
     def at_rows(self, rows: slice) -> FloatArray:
         """Return the states (n_states, n) at the rows of these solutions."""
@@ -262,11 +265,14 @@ class _Solutions:
         n_steps = self._n_steps(times)
         clock = ode.start + ode.step / 2 * np.arange(2 * n_steps + 1)
         # all at once: exponentials are the dearer part of a changing parameter
-        table = self._factors(clock)
+        table = drive_of(self.active, clock, ode.step)
         ticks = clock.tolist()
 
-        def slope_at(k: int, state: FloatArray) -> FloatArray:
-            return self.slope(ticks[k], state, {name: v[k] for name, v in table.items()})
+        def slope_at(
+            k: int, state: FloatArray, states: FloatArray, slopes: FloatArray
+        ) -> FloatArray:
+            drive = replace(table.at(k), late=self._late(k, states, slopes))
+            return self.slope(ticks[k], state, drive)
 
         states, slopes = runge_kutta(slope_at, self.initial(), n_steps, ode.step)
         return hermite(states, slopes, ode.step, (times - ode.start) / ode.step, member)

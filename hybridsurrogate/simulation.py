@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from tqdm import tqdm
 
 from hybridsurrogate.design import draw_design
-from hybridsurrogate.dynamics import Modification
+from hybridsurrogate.modification import Modification
 from hybridsurrogate.priors import FloatArray, Prior, prior_range
 from hybridsurrogate.simulation_data import SimulationData, drop_failed, read_simulation
 from hybridsurrogate.variables import (
@@ -128,6 +128,11 @@ class Simulator:
     def typical_states(self, X: FloatArray) -> dict[str, float]:
         """Return sizes of the states inside, which a function does not show: none."""
         return {}
+
+    @property
+    def looks_back(self) -> bool:
+        """Whether there is a right-hand side that can be told what states were: no."""
+        return False
 
     def held(self, X: FloatArray) -> FloatArray:
         """Return inputs (n, n_inputs) before which nothing happens moved to where it begins."""

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 
 import numpy as np
 import pandas as pd
 import pytest
 from epidemic import CONTACT, RECOVERY, hidden_fall, make_epidemic, sir
-from scipy import stats
+from scipy import special, stats
 from scipy.integrate import solve_ivp
 from sklearn.base import clone
 
 import hybridsurrogate as hs
-from hybridsurrogate.dynamics import MissingTerm, TimeVaryingParameter
+from hybridsurrogate.dynamics import DelayedState, MissingTerm, TimeVaryingParameter
 from hybridsurrogate.exceptions import FailedRunsWarning
 
 
@@ -116,6 +117,8 @@ CHANGES = [
     TimeVaryingParameter("contact_rate", "periodic", center=30.0),
     MissingTerm("i", "constant"),
     MissingTerm("s", "proportional"),
+    MissingTerm("i", "seasonal", center=30.0),
+    DelayedState("i"),
 ]
 
 
@@ -176,6 +179,45 @@ def test_missing_term_agrees_with_scipy(form):
         return sir(s, state, CONTACT, RECOVERY) + np.array([0, own])
 
     np.testing.assert_allclose(values, reference(slope, [0.999, 0.001], t)[1], rtol=1e-5)
+
+
+def test_seasonal_forcing_agrees_with_scipy():
+    t = np.linspace(0, 60, 30)
+    changed = make_epidemic().modified([MissingTerm("i", "seasonal", center=5.0)])
+    values = changed(t, np.tile([CONTACT, RECOVERY, 2e-4, -1e-4, 14.0], (30, 1)))
+
+    def slope(s, state):
+        angle = 2 * np.pi * (s - 5) / 14
+        own = 2e-4 * np.sin(angle) - 1e-4 * np.cos(angle)
+        return sir(s, state, CONTACT, RECOVERY) + np.array([0, own])
+
+    np.testing.assert_allclose(values, reference(slope, [0.999, 0.001], t)[1], rtol=1e-5)
+
+
+@pytest.mark.parametrize("lag", [0.003, 0.4037, 1.0, 7.0])
+def test_delayed_state_follows_the_closed_form(lag):
+    # dn/dt = -rate n(t - lag) from n = 2 by the method of steps: sums of powers
+    late = make_decay().modified([DelayedState("n")])
+    t, rate = np.linspace(1, 5, 41), 0.7
+    since, expected = t - 1, np.full(len(t), 2.0)
+    for k in range(1, 1 + int(np.ceil(4 / lag)) if lag > 0.1 else 1):
+        part = np.maximum(since - (k - 1) * lag, 0) ** k
+        expected += 2 * (-rate) ** k * part / math.factorial(k)
+    if lag < 0.1:
+        # nearly a decay at the rate r with r = rate exp(r lag)
+        r = -special.lambertw(-rate * lag).real / lag
+        expected = 2 * np.exp(-r * since)
+    values = late(t, np.tile([rate, lag], (41, 1)))
+    np.testing.assert_allclose(values, expected, atol=1e-5)
+    # solutions with other lags beside it change nothing
+    other = late(np.repeat(t, 2), np.column_stack([np.full(82, rate), np.tile([lag, 0.0], 41)]))
+    np.testing.assert_allclose(other[::2], values, rtol=1e-12)
+    np.testing.assert_allclose(other[1::2], 2 * np.exp(-rate * since), rtol=1e-6)
+
+
+def test_a_delayed_state_needs_rk4():
+    with pytest.raises(ValueError, match=r'DelayedState needs method="rk4"'):
+        make_decay(method="LSODA").modified([DelayedState("n")])
 
 
 # --------------------------------------------------------------------------------------- errors

@@ -13,7 +13,7 @@ from scipy import stats
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.preparation import prepare
 from hybridsurrogate.diagnosis.rehearsal import extended_simulator
-from hybridsurrogate.dynamics import TimeVaryingParameter
+from hybridsurrogate.dynamics import DelayedState, MissingTerm, TimeVaryingParameter
 
 
 def test_estimator_finds_a_hidden_fall_of_the_contact_rate():
@@ -188,3 +188,82 @@ def test_one_curve_by_two_terms_is_told_as_such():
         rf"The data tell the kind, but not which of these it is: {one} and {one}\.", text
     )
     assert re.search(rf"Check {one} and {one} where", text)
+
+
+def _growth(**settings):
+    return hs.OdeSimulator(
+        lambda t, state, rate: rate * state * (1 - state),
+        initial_state=[0.1],
+        observe=lambda state: state[0],
+        inputs={"t": (0, 20)},
+        parameters={"rate": hs.truncated_normal(0.6, 0.2, 0, 2)},
+        states="n",
+        **settings,
+    )
+
+
+def _tank():
+    return hs.OdeSimulator(
+        lambda t, state, rate: 2 - rate * state,
+        initial_state=[8.0],
+        observe=lambda state: state[0],
+        inputs={"t": (0, 20)},
+        parameters={"rate": hs.truncated_normal(0.5, 0.1, 0, 1)},
+        states="level",
+    )
+
+
+@pytest.mark.parametrize(
+    ("simulator", "change", "numbers", "noise", "form", "estimates"),
+    [
+        (
+            _growth(),
+            DelayedState("n"),
+            [0.7, 1.2],
+            0.03,
+            "delay: inside the dynamics",
+            {"lag": 1.2},
+        ),
+        (
+            *(_tank(), MissingTerm("level", "seasonal"), [0.5, 0.3, 0.2, 6.0], 0.08),
+            *("missing-term: seasonal", {"period": 6.0, "amplitude": np.hypot(0.3, 0.2)}),
+        ),
+    ],
+)
+def test_diagnosis_finds_what_the_right_hand_side_lacks(
+    simulator, change, numbers, noise, form, estimates
+):
+    kind = form.partition(":")[0]
+    t = np.linspace(0.5, 20, 40)
+    truth = simulator.modified([change])(t, np.tile(numbers, (40, 1)))
+    listed, inside = 0, []
+    for seed in (20, 21, 22):
+        y = truth + noise * np.random.default_rng(seed).standard_normal(40)
+        model = hs.PowerScaledSurrogate(
+            simulator, surrogate=hs.ExactSurrogate(), n_draws=400, random_state=seed
+        )
+        diagnosed = hs.DiscrepancyDiagnosis(model, cv=None, random_state=seed).fit(t[:, None], y)
+        listed += kind in diagnosed.indistinguishable_
+        assert form in set(diagnosed.causes_["form"])
+        found = diagnosed.best_cause_
+        if found.kind == kind:
+            inside += [
+                found.estimates[k][1] < v < found.estimates[k][2] for k, v in estimates.items()
+            ]
+            assert isinstance(diagnosed.extended_simulator_, hs.OdeSimulator)
+            assert change.state in found.formula
+    # sets and intervals hold the truth in 90 %
+    assert listed >= 2
+    assert np.mean(inside) >= 0.65
+
+
+def test_a_delay_inside_the_dynamics_is_skipped_where_the_solver_forgets():
+    t = np.linspace(0.5, 20, 12)
+    model = hs.PowerScaledSurrogate(
+        _growth(method="RK45"), surrogate=hs.ExactSurrogate(), n_draws=50, random_state=0
+    )
+    prepared = prepare(
+        model.fit(t[:, None], 1 / (1 + 9 * np.exp(-0.6 * t)) + 0.01 * np.cos(9 * t)), ()
+    )
+    reasons = {one.reason for one in prepared.skipped if one.target == "n"}
+    assert reasons == {"inside the dynamics: needs an OdeSimulator with method='rk4'"}

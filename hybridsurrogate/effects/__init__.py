@@ -6,6 +6,7 @@ from hybridsurrogate.effects.bump import Bump
 from hybridsurrogate.effects.decay import Decay
 from hybridsurrogate.effects.delay import Delay
 from hybridsurrogate.effects.discrepancy_process import GaussianProcessDiscrepancy
+from hybridsurrogate.effects.dynamic_delay import DynamicDelay
 from hybridsurrogate.effects.dynamic_drift import DynamicDrift
 from hybridsurrogate.effects.dynamic_term import DynamicTerm
 from hybridsurrogate.effects.gain import Gain
@@ -31,6 +32,7 @@ __all__ = [
     "Context",
     "Decay",
     "Delay",
+    "DynamicDelay",
     "DynamicDrift",
     "DynamicTerm",
     "Gain",

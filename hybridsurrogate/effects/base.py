@@ -13,9 +13,9 @@ from typing import Any, Self
 import numpy as np
 from sklearn.base import BaseEstimator
 
-from hybridsurrogate.dynamics import Modification
 from hybridsurrogate.effects.context import Context, Rows
 from hybridsurrogate.effects.notation import word
+from hybridsurrogate.modification import Modification
 from hybridsurrogate.priors import FloatArray, Prior
 
 # the name under which `Cause.noise` finds the simulation's output, where it asks for it

@@ -14,6 +14,7 @@ from hybridsurrogate.effects.bump import Bump
 from hybridsurrogate.effects.decay import Decay
 from hybridsurrogate.effects.delay import Delay
 from hybridsurrogate.effects.discrepancy_process import GaussianProcessDiscrepancy
+from hybridsurrogate.effects.dynamic_delay import DynamicDelay
 from hybridsurrogate.effects.dynamic_drift import DynamicDrift
 from hybridsurrogate.effects.dynamic_term import DynamicTerm
 from hybridsurrogate.effects.gain import Gain
@@ -141,6 +142,8 @@ def _built_in(context: Context) -> Iterator[tuple[str, Cause]]:
     for state in context.states:
         yield "missing-term", DynamicTerm(state, "constant")
         yield "missing-term", DynamicTerm(state, "proportional")
+        yield "missing-term", DynamicTerm(state, "seasonal")
+        yield "delay", DynamicDelay(state)
     for first, second in combinations(context.inputs, 2):
         yield "interaction", Interaction(first, second)
     for column in context.extras:
@@ -189,6 +192,8 @@ def _reason_to_skip(form: str, cause: Cause, context: Context) -> str | None:
         distinct = len(np.unique(context.X[context.inputs[0]]))
         if distinct < _MIN_TIMES:
             return f"{context.inputs[0]} has {distinct} distinct values, {_MIN_TIMES} are needed"
+        if cause.modification.looks_back and not context.looks_back:
+            return "inside the dynamics: needs an OdeSimulator with method='rk4'"
     if form == "missing-input: categorical":
         return _trouble_with_categories(context.X[cause.reads[0]], cause.reads[0])
     for column in cause.reads:

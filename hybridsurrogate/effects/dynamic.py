@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hybridsurrogate.dynamics import Modification
 from hybridsurrogate.effects.base import Cause, Context, Rows
+from hybridsurrogate.modification import Modification
 from hybridsurrogate.priors import Prior
 
 NEEDS_ODE = (
@@ -42,3 +42,24 @@ class Dynamic(Cause):
             k += 1
             prefix = f"{change.label}_{k}"
         return prefix
+
+    def all_priors(self, defaults: Mapping[str, Prior]) -> dict[str, Prior]:
+        """Return the priors of all numbers: those given, and else the defaults."""
+        change = self.modification
+        assert change is not None
+        given = self.priors or {}
+        unknown = sorted(given.keys() - change.neutral.keys())
+        if unknown:
+            raise ValueError(
+                f"{type(self).__name__} ({self.variant}) has no {unknown[0]!r}: "
+                f"{list(change.neutral)}."
+            )
+        return {name: given.get(name, defaults[name]) for name in change.neutral}
+
+    def size_of(self, context: Context, state: str) -> float:
+        """Return the typical size of a state, or raise ValueError where there is none."""
+        if not context.states:
+            raise ValueError(NEEDS_ODE.format(f"{type(self).__name__}({state!r})"))
+        if state not in context.states:
+            raise ValueError(f"There is no state {state!r}; the states are {list(context.states)}.")
+        return context.states[state]

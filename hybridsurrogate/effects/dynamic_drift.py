@@ -19,8 +19,8 @@ from hybridsurrogate.effects.notation import (
     where,
     word,
 )
-from hybridsurrogate.effects.over_column import LONGEST_PERIOD
-from hybridsurrogate.priors import Prior, frozen, period_range, prior_sd, truncated_normal
+from hybridsurrogate.effects.over_column import period_nodes, period_prior, span_and_spacing
+from hybridsurrogate.priors import Prior, frozen, prior_sd, truncated_normal
 
 _N_LOCATIONS, _N_WIDTHS = 20, 4
 # halving and doubling are ordinary, but not of what is known to a per cent
@@ -135,9 +135,8 @@ class DynamicDrift(Dynamic):
         time = context.inputs[0]
         if self.column not in (None, time):
             raise ValueError(f"The time of the simulation is {time!r}, not {self.column!r}.")
-        distinct = np.unique(context.column(time))
-        low, span = float(distinct[0]), float(np.ptp(distinct)) or 1.0
-        spacing = span / max(len(distinct) - 1, 1)
+        times = context.column(time)
+        low, (span, spacing) = float(times.min()), span_and_spacing(times)
         # a logistic course takes 4.4 widths from 10 to 90 %: as sudden as the shortest ramp
         shortest = min(2 * spacing, 0.25 * span)
         size = _ordinary_change(context, self.parameter)
@@ -149,21 +148,13 @@ class DynamicDrift(Dynamic):
             "location": frozen(stats.uniform, loc=low, scale=span),
             "width": frozen(stats.loguniform, 0.25 * shortest, 0.5 * span),
             "duration": frozen(stats.loguniform, shortest, 0.5 * span),
-            "period": frozen(
-                stats.loguniform, 2.0 * span / max(len(distinct) - 1, 3), LONGEST_PERIOD * span
-            ),
+            "period": period_prior(times),
         }
-        given = self.priors or {}
-        unknown = sorted(given.keys() - change.neutral.keys())
-        if unknown:
-            raise ValueError(
-                f"A {self.shape} change has no {unknown[0]!r}: {list(change.neutral)}."
-            )
         center = low + span / 2 * (change.shape == "periodic")
         return self.filled(
             column=time,
             prefix=self.prefix or self.free_prefix(context, change),
-            priors={name: given.get(name, defaults[name]) for name in change.neutral},
+            priors=self.all_priors(defaults),
             center=center if self.center is None else self.center,
         )
 
@@ -177,10 +168,7 @@ class DynamicDrift(Dynamic):
             elif name in ("width", "duration"):
                 nodes[name] = np.asarray(prior.ppf((np.arange(_N_WIDTHS) + 0.5) / _N_WIDTHS))
             elif name == "period":
-                low, high = period_range(prior)
-                # twice the high end is about four spans: five periods per independent frequency
-                n = int(np.ceil(2.5 * high * (1 / low - 1 / high))) + 1
-                nodes[name] = 1 / np.linspace(1 / low, 1 / high, max(n, 8))
+                nodes[name] = period_nodes(prior)
         return nodes
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.priors import Prior, frozen, prior_range
+from hybridsurrogate.priors import Prior, frozen, period_range, prior_range
 
 # longest period in spans of the measured rows: of a wave at least a half must be seen
 LONGEST_PERIOD = 2.0
@@ -17,6 +17,21 @@ def span_and_spacing(values: FloatArray) -> tuple[float, float]:
     distinct = np.unique(values)
     span = float(np.ptp(distinct)) or 1.0
     return span, span / max(len(distinct) - 1, 1)
+
+
+def period_prior(values: FloatArray) -> Prior:
+    """Return log-uniform periods of a change in time: from two distances of rows to two spans."""
+    span, spacing = span_and_spacing(values)
+    shortest = 2.0 * min(spacing, span / 3)
+    return frozen(stats.loguniform, shortest, LONGEST_PERIOD * span)
+
+
+def period_nodes(prior: Prior) -> FloatArray:
+    """Return periods evenly spaced in frequency, five per independent one."""
+    low, high = period_range(prior)
+    # twice the high end is about four spans
+    n = int(np.ceil(2.5 * high * (1 / low - 1 / high))) + 1
+    return 1 / np.linspace(1 / low, 1 / high, max(n, 8))
 
 
 class OverColumn(Cause):
@@ -67,12 +82,12 @@ class Located(OverColumn):
     def prepare(self, context: Context) -> Cause:
         """Fill in the prior of the location and the typical distance of measured rows."""
         prepared = super().prepare(context)
-        distinct = np.unique(context.column(self.column))
-        low, high = float(distinct[0]), float(distinct[-1])
+        values = context.column(self.column)
+        span, spacing = span_and_spacing(values)
         if self.location is None:
-            prepared.location = frozen(stats.uniform, loc=low, scale=(high - low) or 1.0)
+            prepared.location = frozen(stats.uniform, loc=float(values.min()), scale=span)
         if self.spacing is None:
-            prepared.spacing = ((high - low) or 1.0) / max(len(distinct) - 1, 1)
+            prepared.spacing = spacing
         return prepared
 
     def locations(self, most: int) -> FloatArray:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hybridsurrogate.dynamics import Modification
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.inference.belief import coefficient_belief
 from hybridsurrogate.inference.effect_check import check_effects
@@ -15,6 +14,7 @@ from hybridsurrogate.inference.linear_rows import Runs
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.statistics import Statistics, statistics
 from hybridsurrogate.likelihoods import Likelihood, TransformedNormal
+from hybridsurrogate.modification import Modification
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Basis, Domain, Surrogate
@@ -258,6 +258,7 @@ def make_context(
         log_scale=likelihood.log_scale,
         location=location,
         states=simulator.typical_states(X[:, :n_inputs]) if simulator else {},
+        looks_back=simulator.looks_back if simulator else False,
         rates=simulator.rates if simulator else (),
         starts=starts,
     )

@@ -9,6 +9,8 @@ in one call of the simulation. Only the better half goes on every few steps.
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -70,7 +72,8 @@ def _starts(model: MeasuredModel, plan: Layout, centre: FloatArray) -> FloatArra
     chosen = np.unique(
         np.linspace(0, T - 1, min(T, _NODES * 2 ** max(k - 1, 0))).round().astype(int)
     )
-    moves = np.stack(np.meshgrid(*[[-_MOVE, _MOVE]] * k, indexing="ij"), axis=-1).reshape(-1, k)
+    # of a cause without sizes one row without columns
+    moves = np.array(list(product([-_MOVE, _MOVE], repeat=k)))
     base = plan.neutral.copy()
     base[: len(centre)] = centre
     z = np.tile(base, (len(chosen), len(moves), 1))

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from sklearn.base import BaseEstimator
 
-from hybridsurrogate.dynamics import Modification
+from hybridsurrogate.modification import Modification
 from hybridsurrogate.priors import FloatArray, Prior
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hybridsurrogate.dynamics import Modification
+from hybridsurrogate.modification import Modification
 from hybridsurrogate.surrogates.base import Basis, Domain, FloatArray, Surrogate
 from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
 

@@ -102,10 +102,13 @@ def unit_of(view: View, cause: Cause, name: str) -> str:
     if cause.kind == "noise" and name == "slope":
         return f"log noise per {column}"
     inside = cause.modification is not None
+    form = getattr(cause, "form", "")
+    if name == "amplitude" and form == "seasonal":
+        return f"{target} per {column}"
     if name in ("amount", "amplitude") and inside:
         return f"a share of {target}"
     if name == "rate" and inside:
-        of = target if getattr(cause, "form", "") == "constant" else "1"
+        of = target if form == "constant" else "1"
         return f"{of} per {column}"
     if name.removeprefix("overtone_") in _ALONG:
         return column

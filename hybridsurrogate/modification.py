@@ -1,0 +1,112 @@
+"""A change of an ODE's right-hand side, which causes inside the dynamics make."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+from hybridsurrogate.priors import FloatArray
+
+Numbers = Mapping[str, FloatArray]  # a modification's own numbers, (m,) each
+
+
+@dataclass(frozen=True)
+class Modification(ABC):
+    """A change of the right-hand side that has numbers of its own, and does nothing at neutral.
+
+    Subclasses say which numbers there are and what they concern, and override `factors`, `drives`,
+    `terms` or `lags`.
+    """
+
+    # whether solutions are asked for what they were: only "rk4" can tell
+    looks_back: ClassVar[bool] = False
+
+    @property
+    @abstractmethod
+    def label(self) -> str:
+        """What the full names of the numbers begin with."""
+
+    @property
+    @abstractmethod
+    def neutral(self) -> dict[str, float]:
+        """Own names of the numbers, at values that change nothing."""
+
+    @property
+    @abstractmethod
+    def sizes(self) -> tuple[str, ...]:
+        """Own names of those numbers which, all at neutral, change nothing."""
+
+    @abstractmethod
+    def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
+        """Raise ValueError where an ODE with these rates and states has nothing to change."""
+
+    @property
+    def constants(self) -> dict[str, float]:
+        """Full names of the numbers, at values that change nothing."""
+        return {self.full(name): value for name, value in self.neutral.items()}
+
+    def full(self, name: str) -> str:
+        """Return the full name of a number."""
+        return f"{self.label}_{name}"
+
+    def factors(self, t: FloatArray, numbers: Numbers, step: float) -> dict[str, FloatArray]:
+        """Return factors (k, m) on parameters at times t (k, 1), m numbers each."""
+        return {}
+
+    def terms(self, state: Mapping[str, FloatArray], numbers: Numbers) -> dict[str, FloatArray]:
+        """Return what is added to the slopes of states, (m,) each."""
+        return {}
+
+    def drives(self, t: FloatArray, numbers: Numbers, step: float) -> dict[str, FloatArray]:
+        """Return what is added to the slopes of states (k, m) at times t (k, 1), whatever these."""
+        return {}
+
+    def lags(self, numbers: Numbers) -> dict[str, FloatArray]:
+        """Return how long ago, (m,), the right-hand side sees a state, for those it sees late."""
+        return {}
+
+
+Active = list[tuple[Modification, dict[str, FloatArray]]]  # changes, and their numbers (m,)
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What drives a right-hand side, by time (k, m) or at one time (m,)."""
+
+    factors: dict[str, FloatArray]  # on parameters
+    added: dict[str, FloatArray]  # to slopes of states
+    late: dict[str, FloatArray] = field(default_factory=dict)  # states that it sees instead
+
+    def at(self, k: int) -> Drive:
+        """Return what drives it at one of the times."""
+        factors, added = (
+            {name: values[k] for name, values in part.items()}
+            for part in (self.factors, self.added)
+        )
+        return Drive(factors, added)
+
+
+def drive_of(active: Active, t: FloatArray, step: float) -> Drive:
+    """Return what changes drive a right-hand side with at times t (k,)."""
+    factors: dict[str, FloatArray] = {}
+    added: dict[str, FloatArray] = {}
+    for change, numbers in active:
+        for name, factor in change.factors(t[:, None], numbers, step).items():
+            factors[name] = factors[name] * factor if name in factors else factor
+        _add(added, change.drives(t[:, None], numbers, step))
+    return Drive(factors, added)
+
+
+def lags(active: Active) -> dict[str, FloatArray]:
+    """Return how long ago a right-hand side sees a state, (m,), for those it sees late."""
+    total: dict[str, FloatArray] = {}
+    for change, numbers in active:
+        _add(total, change.lags(numbers))
+    return total
+
+
+def _add(total: dict[str, FloatArray], more: Mapping[str, FloatArray]) -> None:
+    for name, values in more.items():
+        total[name] = total[name] + values if name in total else values
