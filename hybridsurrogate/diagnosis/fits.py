@@ -10,7 +10,7 @@ import numpy as np
 from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.inference.belief import Belief
 from hybridsurrogate.inference.layout import Layout, layout, refine
-from hybridsurrogate.inference.linearised import linearise
+from hybridsurrogate.inference.linearised import Columns, columns_at_nodes, linearise
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.noise import NoiseTable
 from hybridsurrogate.inference.scan import Peak, climb, scan
@@ -90,10 +90,15 @@ def badness(problem: Problem, peak: Peak, sigma: float) -> float:
 
 
 def node_evidence(
-    problem: Problem, belief: Belief, noise: NoiseTable, fit: Fitted, sizes: FloatArray
+    problem: Problem,
+    belief: Belief,
+    noise: NoiseTable,
+    fit: Fitted,
+    sizes: FloatArray,
+    columns: Columns | None = None,
 ) -> FloatArray:
     """Return the log evidence of every node of a fit, (T,)."""
-    parts = linearise(fit.model, problem.X, belief, fit.plan, fit.peak.z)
+    parts = linearise(fit.model, problem.X, belief, fit.plan, fit.peak.z, columns)
     return scan(parts, problem.y[None], fit.sigma, noise, sizes)[0]
 
 
@@ -103,19 +108,22 @@ def settled(problem: Problem, belief: Belief, noise: NoiseTable, fit: Fitted) ->
     if not np.isfinite(peak.objective):
         return fit
     largest = LARGEST_SIZE * problem.scale
+    columns = columns_at_nodes(model, problem.X, plan, peak.z)
     for round_ in range(_MAX_REFINEMENTS):
         before, sigma = sigma, sigma_of(problem, peak, sigma)
         steady = round_ > 0 and sigma > (1 - _SETTLED_NOISE) * before
         finer = plan
         if len(plan.nodes):
             here = Fitted(model, plan, peak, sigma)
-            nodes = node_evidence(problem, belief, noise, here, np.array([largest]))
+            nodes = node_evidence(problem, belief, noise, here, np.array([largest]), columns)
             finer = refine(model, plan, nodes)
         unchanged = finer is plan
         plan = finer
         if unchanged and steady:
             break
-        peak = climb(model, problem.X, problem.y, belief, plan, peak.z, sigma, largest)
+        if not unchanged:
+            columns = columns_at_nodes(model, problem.X, plan, peak.z)
+        peak = climb(model, problem.X, problem.y, belief, plan, peak.z, sigma, largest, columns)
     return Fitted(model, plan, peak, sigma)
 
 

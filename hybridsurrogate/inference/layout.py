@@ -13,6 +13,8 @@ from hybridsurrogate.priors import FloatArray, Prior, prior_range, to_normal
 
 # a grid is fine enough when this many nodes an axis lie within two nats of the best
 _ENOUGH_NODES = 4
+# nats behind the best: of many rows most cells are, and a better fit leaves them farther behind
+_HOPELESS = 100.0
 _MOST_SPLIT = 40
 # a constant may have been assumed at the very end of its prior, where z knows no slope: its search
 # begins where the prior has mass. Sizes are counted from there and reach one prior sd, so that from
@@ -135,7 +137,7 @@ def at_cells(model: MeasuredModel, plan: Layout, edges: FloatArray) -> Layout:
 
 
 def refine(model: MeasuredModel, plan: Layout, log_evidence: FloatArray) -> Layout:
-    """Split the cells that carry the evidence, three ways along every axis.
+    """Split the cells that carry the evidence, three ways along every axis; leave hopeless ones.
 
     Parameters
     ----------
@@ -161,4 +163,5 @@ def refine(model: MeasuredModel, plan: Layout, log_evidence: FloatArray) -> Layo
         borders = np.linspace(pieces[:, k, 0], pieces[:, k, 1], 4, axis=1)
         pieces = np.repeat(pieces, 3, axis=0)
         pieces[:, k, 0], pieces[:, k, 1] = borders[:, :-1].ravel(), borders[:, 1:].ravel()
-    return at_cells(model, plan, np.concatenate([plan.edges[~split], pieces]))
+    kept = ~split & (density > density.max() - _HOPELESS)
+    return at_cells(model, plan, np.concatenate([plan.edges[kept], pieces]))

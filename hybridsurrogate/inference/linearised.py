@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.inference.belief import Belief
-from hybridsurrogate.inference.blocks import BLOCK, blocks
+from hybridsurrogate.inference.blocks import BLOCK, blocks, in_blocks
 from hybridsurrogate.inference.layout import Layout
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.priors import FloatArray
@@ -26,6 +26,8 @@ _SHORT_STEP = 1e-4
 _ABSURD = 1e100
 # a size that is a parameter of its own keeps within its prior: z displaced by its prior sd at most
 _SIZE_CAP = 1.0
+# of the largest curve: less is nothing
+_NOTHING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -157,21 +159,31 @@ def columns_at_nodes(model: MeasuredModel, X: FloatArray, plan: Layout, z: Float
     before, values = range(len(model.effects) - 1), _values_at_nodes(model, plan, z)
     earlier = model.added_by(before, X, values[:1])[0]
     earlier = earlier * model.column_sd[: earlier.shape[1]]
-    own = np.swapaxes(model.added_by(range(len(before), len(model.effects)), X, values), 1, 2)
-    rms = _rms(own)
-    if model.effects and model.effects[-1].is_process:
-        # the basis of a process is one object: its prior variance per row, not per column
-        rms = np.broadcast_to(np.sqrt(np.sum(rms**2, axis=1, keepdims=True)), rms.shape)
-    # what a cause returned may be a table that it keeps; what was formed of factors is ours
-    ours = bool(model.effects) and model.effects[-1].factorises
-    own = np.divide(own, rms[:, :, None], out=own if ours else None)
-    return Columns(earlier, np.swapaxes(own, 1, 2), rms)
+    process = bool(model.effects) and model.effects[-1].is_process
+    last = range(len(before), len(model.effects))
+
+    def scaled(block: FloatArray) -> tuple[FloatArray, ...]:
+        # some nodes at a time, before they leave the processor's cache
+        curves = np.swapaxes(model.added_by(last, X, block), 1, 2)
+        rms = _rms(curves)
+        if process:
+            # the basis of a process is one object: its prior variance per row, not per column
+            rms = np.broadcast_to(np.sqrt(np.sum(rms**2, axis=1, keepdims=True)), rms.shape)
+        return curves / rms[:, :, None], rms
+
+    numbers = len(X) * len(model.effects[-1].coefficients) if model.effects else 0
+    own, rms = in_blocks(scaled, values, numbers)
+    # a column next to nothing beside those of other nodes stays so
+    least = _NOTHING * float(np.max(rms, initial=0.0))
+    for node, column in zip(*np.nonzero(rms < least), strict=True):
+        own[node, column] *= rms[node, column] / least
+    return Columns(earlier, np.swapaxes(own, 1, 2), np.maximum(rms, least))
 
 
 def _rms(curves: FloatArray) -> FloatArray:
     """Return the root mean square of curves (T, q, n), (T, q), of a zero one as good as zero."""
     rms: FloatArray = np.sqrt(np.einsum("tqn,tqn->tq", curves, curves) / curves.shape[2])
-    return np.maximum(rms, 1e-12 * max(float(np.max(rms, initial=0.0)), 1e-300))
+    return np.maximum(rms, _NOTHING * max(float(np.max(rms, initial=0.0)), 1e-280))
 
 
 def _values_at_nodes(model: MeasuredModel, plan: Layout, z: FloatArray) -> FloatArray:

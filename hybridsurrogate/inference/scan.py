@@ -19,7 +19,7 @@ from hybridsurrogate.cholesky import log_det_of
 from hybridsurrogate.inference.belief import Belief
 from hybridsurrogate.inference.heavy_tails import heavy_fit, heavy_scan
 from hybridsurrogate.inference.layout import Layout
-from hybridsurrogate.inference.linearised import Linearised, columns_at_nodes, linearise
+from hybridsurrogate.inference.linearised import Columns, Linearised, columns_at_nodes, linearise
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.noise import NoiseTable
 from hybridsurrogate.priors import FloatArray
@@ -161,6 +161,7 @@ def climb(
     z: FloatArray,
     sigma: float,
     size: float,
+    columns: Columns | None = None,
 ) -> Peak:
     """Follow the linearised model to its best fit by Gauss-Newton steps, nodes re-enumerated.
 
@@ -172,12 +173,15 @@ def climb(
         Noise scale against which priors are weighed.
     size : float
         Prior scale of the effect's size, in units of y; large means free.
+    columns : Columns, optional
+        Where they are known from `columns_at_nodes`.
     """
     best: Peak | None = None
     point, step = np.array(z, dtype=float), 1.0
     proposal = point
     # columns move only with the cause's own parameters, and these are enumerated or fixed
-    columns = columns_at_nodes(model, X, plan, point)
+    if columns is None:
+        columns = columns_at_nodes(model, X, plan, point)
     followed = np.arange(len(plan.grid))
     costly = bool(len(plan.nodes)) and model.effects[-1].touches_simulation
     for _ in range(_MAX_CLIMB):

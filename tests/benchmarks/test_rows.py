@@ -19,14 +19,20 @@ from hybridsurrogate.diagnosis.verdict import form_of
 
 ROWS = (500, 2000, 8000)
 SEEDS = (0, 1, 2)
-# an OdeSimulator has more, a function has not
 FORMS = (
     *("offset", "gain", "wrong-constant", "trend", "trend: quadratic", "periodic"),
     *("periodic: overtone", "step", "ramp", "bump", "decay", "saturation", "delay"),
     *(f"parameter-drift: {shape} over t" for shape in ("linear", "step", "logistic", "periodic")),
     *("parameter-drift: linear over batch", "interaction", "missing-input"),
     *("missing-input: quadratic", "missing-input: categorical", "missing-input: level 1", "noise"),
+    *("missing-input: from zero", "step: before"),
     *("noise: mean", "noise: tails", "noise: autocorrelation", "unexplained"),
+)
+COURSES = ("ramp", "logistic", "exponential", "periodic")
+INSIDE = (
+    *(f"parameter-drift: {course} inside the dynamics" for course in COURSES),
+    *("missing-term: constant", "missing-term: proportional", "missing-term: seasonal"),
+    "delay: inside the dynamics",
 )
 
 
@@ -42,20 +48,35 @@ SIMULATOR = hs.Simulator(
 )
 
 
+ODE = hs.OdeSimulator(
+    lambda t, state, rate: -rate * state,
+    initial_state=[3.0],
+    observe=lambda state: state[0],
+    inputs={"t": (0, 10)},
+    parameters={"rate": hs.truncated_normal(0.3, 0.1, 0, 1)},
+    states="level",
+    max_step=0.1,
+)
+
+
 def searches(form, n, seed=0):
     """Return a function that weighs one form on n rows."""
     rng = np.random.default_rng([n, seed])
     X = pd.DataFrame({"t": np.linspace(0, 10, n), "depth": rng.uniform(0, 5, n)})
     X["batch"] = rng.integers(0, 4, n).astype(float)
     y = cooled(X["t"], X["depth"], 0.3, 3.2) + 0.1 * rng.standard_normal(n)
-    model = hs.PowerScaledSurrogate(SIMULATOR, surrogate=hs.ExactSurrogate(), n_draws=20)
+    simulator = SIMULATOR
+    if form in INSIDE:
+        simulator, X, y = ODE, X[["t"]], y + 0.1 * X["depth"] - 0.2 * np.exp(-0.3 * X["t"])
+    model = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate(), n_draws=20)
     prepared = prepare(model.set_params(random_state=0).fit(X, y), ())
     causes = [cause for cause in prepared.causes if form_of(cause) == form]
+    assert causes
     problem, belief = trained_emulator(prepared.problem, model)
     return lambda: search(problem, causes, belief, with_remainder=False)
 
 
-@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("form", [*FORMS, *INSIDE])
 def test_cost_over_rows(benchmark, form):
     seconds = np.empty((len(SEEDS), len(ROWS)))
     with warnings.catch_warnings():
