@@ -63,8 +63,8 @@ _MIN_ROWS = 4
 # two standard deviations are compared, and those of a few rows say nothing
 _MIN_ROWS_OF_NOISE = 8
 
-# inside the dynamics: a step is a steep logistic course
-_COURSES = ("ramp", "logistic", "exponential", "periodic")
+# inside the dynamics: a step is a steep logistic course, a ramp is within a twentieth of one
+_COURSES = ("logistic", "exponential", "periodic")
 _MIN_TIMES = 8
 # of its span a column may begin so far from zero to be one that is measured from there
 _NEAR_ZERO = 0.25

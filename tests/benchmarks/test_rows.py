@@ -28,7 +28,7 @@ FORMS = (
     *("missing-input: from zero", "step: before"),
     *("noise: mean", "noise: tails", "noise: autocorrelation", "unexplained"),
 )
-COURSES = ("ramp", "logistic", "exponential", "periodic")
+COURSES = ("logistic", "exponential", "periodic")
 INSIDE = (
     *(f"parameter-drift: {course} inside the dynamics" for course in COURSES),
     *("missing-term: constant", "missing-term: proportional", "missing-term: seasonal"),
