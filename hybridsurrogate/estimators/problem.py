@@ -152,13 +152,13 @@ def make_problem(
             "has not been run: pass simulator.run(100), or surrogate=ExactSurrogate()."
         )
     model = MeasuredModel(
-        basis,
         columns,
         n_inputs,
         dict(world.parameters) if world else {},
         {name: c.value for name, c in world.assumed.items()} if world else {},
         (),
         3 * scale,
+        basis,
     ).with_effects([effect.prepare(context) for effect in effects])
     try:
         check_effects(model, X)

@@ -1,0 +1,185 @@
+"""What causes do to measured rows: whatever of it needs no surrogate, wired into arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, reduce
+
+import numpy as np
+
+from hybridsurrogate.effects.base import SIMULATED, Cause, Rows
+from hybridsurrogate.inference.blocks import in_blocks
+from hybridsurrogate.likelihoods import Contaminated, Likelihood, TransformedNormal
+from hybridsurrogate.priors import FloatArray, Prior
+
+
+@dataclass(frozen=True)
+class CausesOnRows:
+    """Causes beside a simulation's inputs and parameters, before any data.
+
+    Attributes
+    ----------
+    columns : tuple of str
+        Names of the measured columns, inputs of the simulation first.
+    n_inputs : int
+    parameters : dict of name to prior
+    constants : dict of name to float
+        Assumed constants at their assumed values; they follow the parameters in omega.
+    effects : tuple of Cause
+        Prepared causes.
+    default_sd : float
+        Prior sd of column coefficients for causes that name none.
+    """
+
+    columns: tuple[str, ...]
+    n_inputs: int
+    parameters: dict[str, Prior]
+    constants: dict[str, float]
+    effects: tuple[Cause, ...]
+    default_sd: float
+
+    @cached_property
+    def theta_names(self) -> tuple[tuple[int, str], ...]:
+        """Position of the cause and name of each theta."""
+        return tuple((k, name) for k, e in enumerate(self.effects) for name in e.parameters)
+
+    @cached_property
+    def priors(self) -> list[Prior]:
+        """Priors of omega, then of theta."""
+        own = [self.effects[k].parameters[name] for k, name in self.theta_names]
+        return [*self.parameters.values(), *own]
+
+    @property
+    def n_parameters(self) -> int:
+        """Number of unknown parameters of the simulation."""
+        return len(self.parameters)
+
+    @property
+    def n_unknowns(self) -> int:
+        """Number of omega and theta."""
+        return len(self.priors)
+
+    @cached_property
+    def column_names(self) -> tuple[tuple[int, str], ...]:
+        """Position of the cause and name of each added column."""
+        return tuple((k, name) for k, e in enumerate(self.effects) for name in e.coefficients)
+
+    @cached_property
+    def column_sd(self) -> FloatArray:
+        """Prior sd of the coefficients of the added columns, (q,)."""
+        own = [self.effects[k].coefficient_sd for k, _ in self.column_names]
+        return np.array([self.default_sd if sd is None else sd for sd in own], dtype=float)
+
+    @property
+    def touches_noise(self) -> bool:
+        """Whether a cause changes the noise of single rows."""
+        return any(effect.touches_noise for effect in self.effects)
+
+    def rows(self, X: FloatArray, values: FloatArray) -> tuple[Rows, Rows, list[Rows]]:
+        """Return columns, omega and each cause's theta, every row of every draw after another."""
+        J, n = len(values), len(X)
+        rows: Rows = {name: np.tile(X[:, k], J) for k, name in enumerate(self.columns)}
+        repeated = np.repeat(values.T, n, axis=1).T  # columns in one piece
+        omega: Rows = {
+            **{name: repeated[:, k] for k, name in enumerate(self.parameters)},
+            **{name: np.full(J * n, value) for name, value in self.constants.items()},
+        }
+        return rows, omega, self.theta(repeated)
+
+    def theta(self, values: FloatArray) -> list[Rows]:
+        """Return each cause's own parameters by name, for draws of `values`."""
+        theta: list[Rows] = [{} for _ in self.effects]
+        for column, (k, name) in enumerate(self.theta_names, start=self.n_parameters):
+            theta[k] = {**theta[k], name: values[:, column]}
+        return theta
+
+    def _places(
+        self, rows: Rows, omega: Rows, theta: Sequence[Rows]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return inputs and parameters of every row of every draw as causes move them."""
+        n = len(rows[self.columns[0]])
+        for effect, own in zip(self.effects, theta, strict=True):
+            rows, omega = effect.inputs(rows, omega, own)
+        # column by column, as simulations take them
+        inputs = np.stack([rows[name] for name in self.columns[: self.n_inputs]]).T
+        points: FloatArray = np.empty((n, 0))
+        if omega:
+            points = np.stack([omega[k] for k in (*self.parameters, *self.constants)]).T
+        return inputs, points
+
+    def _gain(self, rows: Rows, theta: Sequence[Rows]) -> FloatArray | None:
+        """Return the factor on the simulation, None where no cause has one."""
+        gains = [np.asarray(e.gain(rows, own)) for e, own in zip(self.effects, theta, strict=True)]
+        gains = [gain for gain in gains if gain.ndim or gain != 1.0]
+        return np.asarray(reduce(np.multiply, gains)) if gains else None
+
+    def _omega(self, values: FloatArray) -> FloatArray:
+        constants = np.tile(list(self.constants.values()), (len(values), 1))
+        return np.hstack([values[:, : self.n_parameters], constants])
+
+    def added(self, X: FloatArray, values: FloatArray) -> FloatArray:
+        """Return the columns that causes add, (J, n, q); the simulation is not run."""
+        return self.added_by(range(len(self.effects)), X, values)
+
+    def added_by(self, chosen: Sequence[int], X: FloatArray, values: FloatArray) -> FloatArray:
+        """As `added`, of some of the causes, by position."""
+        adding = [k for k in chosen if self.effects[k].coefficients]
+        q = sum(len(self.effects[k].coefficients) for k in adding)
+        if not q:
+            return np.empty((len(values), len(X), 0))
+        (added,) = in_blocks(lambda block: (self._added(adding, X, block),), values, len(X) * q)
+        return added
+
+    def _added(self, adding: Sequence[int], X: FloatArray, values: FloatArray) -> FloatArray:
+        shape = len(values), len(X), -1
+        added: list[FloatArray] = []
+        formed = [k for k in adding if not self.effects[k].factorises]
+        rows, _, theta = self.rows(X, values) if formed else ({}, {}, [])
+        once = {name: X[:, k] for k, name in enumerate(self.columns)}
+        for k in adding:
+            if k in formed:
+                columns = self.effects[k].columns(rows, theta[k])
+                assert columns is not None
+                added.append(np.reshape(columns, shape))
+            else:
+                factors = self.effects[k].factors(once, self.theta(values)[k])
+                assert factors is not None
+                added.append(factors[0] * factors[1][:, None])
+        return added[0] if len(added) == 1 else np.concatenate(added, axis=2)
+
+    def noise(self, X: FloatArray, values: FloatArray, simulated: FloatArray) -> FloatArray:
+        """Return noise factors (J, n), or (J, 1) when no cause changes it; nothing is simulated.
+
+        ``simulated`` (n,) is the simulation's output, for noise that follows it.
+        """
+        J = len(values)
+        if not self.touches_noise:
+            return np.ones((J, 1))
+        rows, _, theta = self.rows(X, values)
+        return self._noise({**rows, SIMULATED: np.tile(simulated, J)}, theta, J, len(X))
+
+    def _noise(self, rows: Rows, theta: Sequence[Rows], J: int, n: int) -> FloatArray:
+        noise: FloatArray = np.ones((J, 1))
+        for effect, own in zip(self.effects, theta, strict=True):
+            factor = np.asarray(effect.noise(rows, own))
+            if factor.ndim or factor != 1.0:
+                noise = noise * np.broadcast_to(factor, J * n).reshape(J, n)
+        return noise
+
+    def outlier_share(self, values: FloatArray) -> FloatArray | None:
+        """Return the share of rows that are outliers for draws of `values`, (J,), or None."""
+        if not any(effect.has_outliers for effect in self.effects):
+            return None
+        rest = np.ones(len(values))
+        for effect, own in zip(self.effects, self.theta(values), strict=True):
+            rest = rest * (1 - np.asarray(effect.outliers(own)))
+        return 1 - rest
+
+    def likelihood_of(self, likelihood: Likelihood, values: FloatArray) -> Likelihood:
+        """Return the likelihood of measured rows for draws of `values`: some rows are outliers."""
+        share = self.outlier_share(values)
+        if share is None:
+            return likelihood
+        assert isinstance(likelihood, TransformedNormal)
+        return Contaminated(likelihood, share[:, None])
