@@ -99,6 +99,8 @@ def test_the_numbers_in_words_are_in_latex(cause):
         (hs.DynamicDrift("k_1", "periodic", "t"), {"amplitude": 0.25, "period": 3.5}),
         (hs.DynamicTerm("S", "constant"), {"rate": -0.25}),
         (hs.DynamicTerm("S", "proportional"), {"rate": 1.25e-6}),
+        (hs.DynamicTerm("S", "seasonal"), {"amplitude": 0.25, "period": 3.5}),
+        (hs.DynamicDelay("S"), {"lag": 1.25}),
     ],
 )
 def test_causes_inside_the_dynamics(cause, values):
