@@ -22,7 +22,7 @@ def equal_runs(columns: Sequence[FloatArray], n: int) -> tuple[NDArray[np.intp],
 
 
 def runge_kutta(
-    slope: Callable[[int, FloatArray, FloatArray, FloatArray], FloatArray],
+    slope: Callable[[int, FloatArray, FloatArray, FloatArray, int], FloatArray],
     state: FloatArray,
     n_steps: int,
     step: float,
@@ -32,8 +32,8 @@ def runge_kutta(
     Parameters
     ----------
     slope : callable
-        ``slope(k, state, states, slopes) -> (n_states, m)`` at k half steps after the start, where
-        states and slopes are those of whole steps so far.
+        ``slope(k, state, states, slopes, known) -> (n_states, m)`` at k half steps after the start;
+        states are known up to there, slopes at so many whole steps.
     state : ndarray of shape (n_states, m)
         At the start.
 
@@ -45,16 +45,14 @@ def runge_kutta(
     slopes = np.empty_like(states)
     states[0] = state
     for k in range(n_steps):
-        past = states[: k + 1]
-        a = slope(2 * k, state, past, slopes[:k])
+        a = slope(2 * k, state, states, slopes, k)
         slopes[k] = a
-        known = slopes[: k + 1]
-        b = slope(2 * k + 1, state + step / 2 * a, past, known)
-        c = slope(2 * k + 1, state + step / 2 * b, past, known)
-        d = slope(2 * k + 2, state + step * c, past, known)
+        b = slope(2 * k + 1, state + step / 2 * a, states, slopes, k + 1)
+        c = slope(2 * k + 1, state + step / 2 * b, states, slopes, k + 1)
+        d = slope(2 * k + 2, state + step * c, states, slopes, k + 1)
         state = state + step / 6 * (a + 2 * (b + c) + d)
         states[k + 1] = state
-    slopes[-1] = slope(2 * n_steps, state, states, slopes[:-1])
+    slopes[-1] = slope(2 * n_steps, state, states, slopes, n_steps)
     return states, slopes
 
 
@@ -63,9 +61,8 @@ def past(states: FloatArray, slopes: FloatArray, step: float, position: FloatArr
 
     Parameters
     ----------
-    states : ndarray of shape (k + 1, m)
+    states, slopes : ndarray of shape (k, m)
         At the steps so far.
-    slopes : ndarray of shape (k, m) or (k + 1, m)
     position : ndarray of shape (m,)
         Time since the start in steps, at most one step beyond the last state.
 
@@ -75,17 +72,13 @@ def past(states: FloatArray, slopes: FloatArray, step: float, position: FloatArr
     """
     last, column = len(slopes) - 1, np.arange(len(position))
     position = np.maximum(position, 0.0)
-    if last < 0:
-        return states[0]
     # the last step whose ends are both known goes on beyond them
     index = np.minimum(position, max(last - 1, 0)).astype(np.intp)
     t = position - index
     left, rise = states[index, column], slopes[index, column]
-    if len(states) == 1:
+    if last == 0:
         return left + step * t * rise
     right = states[index + 1, column]
-    if last == 0:
-        return left + step * t * rise + (right - left - step * rise) * t * t
     fall, s = slopes[index + 1, column], 1 - t
     return (
         left * (s * s * (1 + 2 * t))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import ClassVar
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
 
 from hybridsurrogate.priors import FloatArray
 
@@ -71,21 +71,18 @@ class Modification(ABC):
 Active = list[tuple[Modification, dict[str, FloatArray]]]  # changes, and their numbers (m,)
 
 
-@dataclass(frozen=True)
-class Drive:
+class Drive(NamedTuple):
     """What drives a right-hand side, by time (k, m) or at one time (m,)."""
 
     factors: dict[str, FloatArray]  # on parameters
     added: dict[str, FloatArray]  # to slopes of states
-    late: dict[str, FloatArray] = field(default_factory=dict)  # states that it sees instead
 
     def at(self, k: int) -> Drive:
         """Return what drives it at one of the times."""
-        factors, added = (
-            {name: values[k] for name, values in part.items()}
-            for part in (self.factors, self.added)
+        return Drive(
+            {name: values[k] for name, values in self.factors.items()},
+            {name: values[k] for name, values in self.added.items()},
         )
-        return Drive(factors, added)
 
 
 def drive_of(active: Active, t: FloatArray, step: float) -> Drive:

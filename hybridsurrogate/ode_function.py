@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -212,18 +212,25 @@ class _Solutions:
             return np.stack([np.broadcast_to(np.asarray(v, dtype=float), m) for v in value])
         return checked_array(value, "initial_state", shape, "states by solutions")
 
-    def slope(self, t: float, state: FloatArray, drive: Drive | None = None) -> FloatArray:
-        """Return the right-hand side for all solutions, what drives it at t given or not."""
-        ode = self.ode
+    def slope(
+        self,
+        t: float,
+        state: FloatArray,
+        drive: Drive | None = None,
+        late: Mapping[str, FloatArray] | None = None,
+    ) -> FloatArray:
+        """Return the right-hand side for all solutions, what drives it at t given or not.
+
+        ``late`` are states that it sees instead of those at t.
+        """
+        ode, given, seen = self.ode, self._given, state
         if drive is None:
             drive = drive_of(self.active, np.array([t]), ode.step).at(0)
-        given = {name: self.values[name] for name in ode.rate_names}
-        for name, factor in drive.factors.items():
-            given[name] = given[name] * factor
-        seen = state
-        if drive.late:
+        if drive.factors:
+            given = given | {name: given[name] * f for name, f in drive.factors.items()}
+        if late:
             seen = state.copy()
-            for name, values in drive.late.items():
+            for name, values in late.items():
                 seen[ode.states.index(name)] = values
         slopes = checked_array(ode.rhs(t, seen, **given), "rhs", state.shape, "states by solutions")
         if drive.added or self._adding:
@@ -237,6 +244,10 @@ class _Solutions:
         return slopes
 
     @cached_property
+    def _given(self) -> dict[str, FloatArray]:
+        return {name: self.values[name] for name in self.ode.rate_names}
+
+    @cached_property
     def _adding(self) -> Active:
         return [a for a in self.active if type(a[0]).terms is not Modification.terms]
 
@@ -244,12 +255,16 @@ class _Solutions:
     def _lags(self) -> dict[str, FloatArray]:
         return lags(self.active)
 
-    def _late(self, k: int, states: FloatArray, slopes: FloatArray) -> dict[str, FloatArray]:
+    def _late(
+        self, k: int, states: FloatArray, slopes: FloatArray, known: int
+    ) -> dict[str, FloatArray]:
         """Return the states that the right-hand side sees late, k half steps after the start."""
         step, rows = self.ode.step, {name: self.ode.states.index(name) for name in self._lags}
+        if not known:
+            return {name: states[0, r] for name, r in rows.items()}
         return {
-            name: past(states[:, row], slopes[:, row], step, k / 2 - self._lags[name] / step)
-            for name, row in rows.items()
+            name: past(states[:known, r], slopes[:known, r], step, k / 2 - self._lags[name] / step)
+            for name, r in rows.items()
         }
 
     def at_rows(self, rows: slice) -> FloatArray:
@@ -268,11 +283,13 @@ class _Solutions:
         table = drive_of(self.active, clock, ode.step)
         ticks = clock.tolist()
 
+        driven = bool(table.factors or table.added)
+
         def slope_at(
-            k: int, state: FloatArray, states: FloatArray, slopes: FloatArray
+            k: int, state: FloatArray, states: FloatArray, slopes: FloatArray, known: int
         ) -> FloatArray:
-            drive = replace(table.at(k), late=self._late(k, states, slopes))
-            return self.slope(ticks[k], state, drive)
+            late = self._late(k, states, slopes, known) if self._lags else None
+            return self.slope(ticks[k], state, table.at(k) if driven else table, late)
 
         states, slopes = runge_kutta(slope_at, self.initial(), n_steps, ode.step)
         return hermite(states, slopes, ode.step, (times - ode.start) / ode.step, member)

@@ -1,5 +1,6 @@
 """A simulation that is too slow for a search is told before the search."""
 
+import pickle
 import warnings
 from dataclasses import replace
 
@@ -50,11 +51,11 @@ def timed(function):
 
 
 def test_a_slow_simulation_is_told(clock):
-    problem = timed(clock.simulation(0, 0.001))
+    slow = clock.simulation(0, 0.001)
     # ten rows of a millisecond
-    assert cost.seconds_a_run(problem) == pytest.approx(0.01)
+    assert cost.seconds_a_run(timed(slow)) == pytest.approx(0.01)
     with pytest.warns(hs.DiagnosisWarning, match=r" 10 ms for one.* 5 minutes.*surrogate=Kriging"):
-        cost.warn_if_slow(problem)
+        cost.warn_if_slow(timed(slow))
 
 
 def test_a_fast_simulation_is_not(clock):
@@ -74,3 +75,23 @@ def test_an_emulator_costs_no_runs():
     told = model.fit(FRAME, np.linspace(0, 1, 10) + 0.01 * np.cos(np.arange(10)))
     emulated = replace(problem, model=told.posterior_.model)
     assert cost.seconds_a_run(emulated) == 0
+
+
+def test_what_ran_lately_is_not_run_again():
+    calls = []
+
+    def counted(t, slope):
+        calls.append(len(t))
+        t *= 1.0  # a simulation may use its arguments up
+        return line(t, slope)
+
+    simulate = timed(counted).model.basis.simulate
+    X, omega = np.linspace(0, 1, 6)[:, None], np.full((6, 1), 2.0)
+    first, n = simulate(X, omega), len(calls)
+    first[:] = np.nan
+    np.testing.assert_array_equal(simulate(X, omega), 2 * X[:, 0])
+    assert len(calls) == n
+    simulate(X, omega + 1)
+    assert len(calls) == n + 1
+    again = pickle.loads(pickle.dumps(timed(line).model.basis.simulate))
+    np.testing.assert_array_equal(again(X, omega), 2 * X[:, 0])

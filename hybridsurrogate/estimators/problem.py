@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context
+from hybridsurrogate.estimators.transformed_simulation import TransformedSimulation
 from hybridsurrogate.inference.belief import coefficient_belief
 from hybridsurrogate.inference.effect_check import check_effects
 from hybridsurrogate.inference.linear_rows import Runs
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.statistics import Statistics, statistics
 from hybridsurrogate.likelihoods import Likelihood, TransformedNormal
-from hybridsurrogate.modification import Modification
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Basis, Domain, Surrogate
@@ -273,25 +272,9 @@ def _ranges_of_inputs(
     return np.column_stack([low, np.where(high > low, high, low + 1.0)])
 
 
-class _Transformed:
-    """The simulation on the scale of eta; a class so that it can be pickled."""
-
-    def __init__(self, simulator: Simulator, likelihood: Likelihood):
-        self.simulator, self.likelihood = simulator, likelihood
-
-    def modified(self, modifications: Sequence[Modification]) -> _Transformed:
-        """Return the simulation with changed dynamics."""
-        return _Transformed(self.simulator.modified(modifications), self.likelihood)
-
-    def __call__(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        # parameters far in the tails may break a simulation: NaN there means impossible
-        with np.errstate(all="ignore"):
-            return self.likelihood.link(self.simulator(self.simulator.held(X), omega))
-
-
 def _callable(
     simulation: SimulationData | Simulator | None, likelihood: Likelihood
-) -> _Transformed | None:
+) -> TransformedSimulation | None:
     if simulation is None or simulation.simulator is None:
         return None
-    return _Transformed(simulation.simulator, likelihood)
+    return TransformedSimulation(simulation.simulator, likelihood)
