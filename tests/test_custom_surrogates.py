@@ -65,6 +65,26 @@ def test_parametric_surrogate_finds_its_constants(simulation, measured):
     assert draws["gravity"].mean() == pytest.approx(9.3, abs=0.4)
 
 
+def test_a_formula_that_meets_runs_and_data_exactly_is_fitted():
+    def cooling(X, omega, c):
+        return c["height"] * omega[:, 0] * np.exp(-c["speed"] * omega[:, 1] * X[:, 0])
+
+    simulator = hs.Simulator(
+        lambda t, start, rate: start * np.exp(-rate * t),
+        inputs={"t": (0, 5)},
+        parameters={
+            "start": hs.truncated_normal(2, 0.5, 0, 5),
+            "rate": hs.truncated_normal(0.5, 0.2, 0, 2),
+        },
+    )
+    surrogate = hs.ParametricSurrogate(cooling, {"height": norm(1, 1), "speed": norm(1, 1)})
+    t = np.linspace(0, 5, 20)
+    model = hs.PowerScaledSurrogate(
+        simulator.run(32, random_state=0), surrogate, n_draws=200, random_state=0
+    ).fit(t[:, None], 2.2 * np.exp(-0.4 * t))
+    np.testing.assert_allclose(model.predict(t[:, None]), 2.2 * np.exp(-0.4 * t), rtol=1e-3)
+
+
 class Fall(hs.ParametricSurrogate):
     def of_measured_data(self):
         return hs.PolynomialChaos(2)

@@ -16,8 +16,11 @@ import numpy as np
 from hybridsurrogate.inference.gaussian_fit import GaussianFit, gaussian_fit
 from hybridsurrogate.inference.linear_rows import Design, Part, Rows, Runs
 from hybridsurrogate.inference.measured import MeasuredModel
+from hybridsurrogate.inference.statistics import ROUNDING
 from hybridsurrogate.inference.unknowns import prior_log_density, prior_of_unknowns
 from hybridsurrogate.likelihoods.base import Likelihood
+from hybridsurrogate.likelihoods.heavy_tailed import HeavyTailed
+from hybridsurrogate.likelihoods.normal import TransformedNormal
 from hybridsurrogate.priors import FloatArray, Prior
 
 _LOG_2PI = float(np.log(2 * np.pi))
@@ -83,9 +86,20 @@ class LaplacePosterior:
         for block in self._blocks(w):
             u, v = block[:, :d], block[:, d:]
             told = self._design(u, truncated=False).log_likelihood(np.exp(u[:, -1:]), v)
-            pieces.append(prior_of_unknowns(u, self.noise_prior) + prior_log_density(v) + told)
+            pieces.append(self._prior(u) + prior_log_density(v) + told)
         out = np.concatenate(pieces)
         return np.where(np.isfinite(out), out, -np.inf)
+
+    def _prior(self, u: FloatArray) -> FloatArray:
+        """Return the log prior of u (J, d); every row is known but for its rounding."""
+        prior = prior_of_unknowns(u, self.noise_prior)
+        if not isinstance(self.likelihood, TransformedNormal | HeavyTailed):
+            return prior
+        # else a surrogate that meets all rows exactly would have no noise at all, and no draws
+        power = self.measured_power * float(self.weights.sum())
+        if self.runs is not None:
+            power += self.simulation_power * float(np.sum(self.runs.weights))
+        return prior - 0.5 * power * (ROUNDING * self.scale / np.exp(u[:, -1])) ** 2
 
     def _design(self, u: FloatArray, truncated: bool) -> Design:
         """Return what is linear in v, for the runs and for the measured rows."""
@@ -153,7 +167,7 @@ class LaplacePosterior:
         pieces = []
         for block in self._blocks(u):
             fit = self._fit(block, width_rounds=0)
-            log_joint = prior_of_unknowns(block, self.noise_prior) + fit.height
+            log_joint = self._prior(block) + fit.height
             pieces.append(log_joint - fit.log_det + 0.5 * fit.mode.shape[1] * _LOG_2PI)
         out = np.concatenate(pieces)
         return np.where(np.isfinite(out), out, -np.inf)
@@ -170,7 +184,7 @@ class LaplacePosterior:
             fit = self._fit(u)
             v = fit.draw(block[:, d:])
             told = fit.design.log_likelihood(np.exp(u[:, -1:]), v)
-            prior = prior_of_unknowns(u, self.noise_prior) + prior_log_density(v)
+            prior = self._prior(u) + prior_log_density(v)
             pieces.append(prior + told - fit.log_det)
         out = np.concatenate(pieces)
         return np.where(np.isfinite(out), out, -np.inf)
