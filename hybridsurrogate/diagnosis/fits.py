@@ -9,7 +9,7 @@ import numpy as np
 
 from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.inference.belief import Belief
-from hybridsurrogate.inference.layout import Layout, layout, refine
+from hybridsurrogate.inference.layout import Layout, best_levels, layout, refine
 from hybridsurrogate.inference.linearised import Columns, columns_at_nodes, linearise
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.noise import NoiseTable
@@ -23,6 +23,8 @@ _N_SIZES = 10
 # measurements that are precise to a millionth of the output know a wave as many times better than
 # its first grid
 _MAX_REFINEMENTS = 12
+# refinements that find nothing new before a grid is fine enough, and nats that are not new
+_MOST_FRUITLESS, _ALIKE = 4, 1e-3
 # noise that a further climb lowers by less than this share has settled
 _SETTLED_NOISE = 0.1
 # noise below this share of the output's scale is rounding
@@ -109,6 +111,7 @@ def settled(problem: Problem, belief: Belief, noise: NoiseTable, fit: Fitted) ->
         return fit
     largest = LARGEST_SIZE * problem.scale
     columns = columns_at_nodes(model, problem.X, plan, peak.z)
+    levels, fruitless = np.empty(0), 0
     for round_ in range(_MAX_REFINEMENTS):
         before, sigma = sigma, sigma_of(problem, peak, sigma)
         steady = round_ > 0 and sigma > (1 - _SETTLED_NOISE) * before
@@ -116,7 +119,11 @@ def settled(problem: Problem, belief: Belief, noise: NoiseTable, fit: Fitted) ->
         if len(plan.nodes):
             here = Fitted(model, plan, peak, sigma)
             nodes = node_evidence(problem, belief, noise, here, np.array([largest]), columns)
-            finer = refine(model, plan, nodes)
+            found = best_levels(plan, nodes)
+            # a jump has one level between two rows, however fine the grid
+            alike = len(found) == len(levels) and abs(found[-1] - levels[-1]) < _ALIKE
+            levels, fruitless = found, fruitless + 1 if alike else 0
+            finer = refine(model, plan, nodes) if fruitless < _MOST_FRUITLESS else plan
         unchanged = finer is plan
         plan = finer
         if unchanged and steady:

@@ -152,9 +152,7 @@ def refine(model: MeasuredModel, plan: Layout, log_evidence: FloatArray) -> Layo
     if not len(plan.nodes):
         return plan
     density = log_evidence - plan.log_weight
-    # places of a jump between the same two rows are one: there may be a better one further on
-    near = np.unique(np.round(density[density > density.max() - 2.0], 6))
-    if len(near) >= _ENOUGH_NODES ** len(plan.nodes):
+    if len(best_levels(plan, log_evidence)) >= _ENOUGH_NODES ** len(plan.nodes):
         return plan
     split = density > density.max() - 30.0
     split &= np.argsort(np.argsort(-density)) < _MOST_SPLIT
@@ -165,3 +163,12 @@ def refine(model: MeasuredModel, plan: Layout, log_evidence: FloatArray) -> Layo
         pieces[:, k, 0], pieces[:, k, 1] = borders[:, :-1].ravel(), borders[:, 1:].ravel()
     kept = ~split & (density > density.max() - _HOPELESS)
     return at_cells(model, plan, np.concatenate([plan.edges[kept], pieces]))
+
+
+def best_levels(plan: Layout, log_evidence: FloatArray) -> FloatArray:
+    """Return the different densities of the best nodes, within two nats, in rising order.
+
+    Places of a jump between the same two rows are one: there may be a better one further on.
+    """
+    density = log_evidence - plan.log_weight
+    return np.unique(np.round(density[density > density.max() - 2.0], 6))
