@@ -21,6 +21,25 @@ def equal_runs(columns: Sequence[FloatArray], n: int) -> tuple[NDArray[np.intp],
     return np.flatnonzero(changes), np.cumsum(changes) - 1
 
 
+def together(
+    columns: Sequence[FloatArray], first: NDArray[np.intp], member: NDArray[np.intp]
+) -> NDArray[np.intp] | None:
+    """Return an order of the n rows in which equal runs are one; None where they are already.
+
+    Parameters
+    ----------
+    first, member : ndarray of int
+        As from `equal_runs`.
+    """
+    if len(first) < 2 or not columns:
+        return None
+    _, group = np.unique(np.stack([c[first] for c in columns]), axis=1, return_inverse=True)
+    group = group.ravel()
+    if group.max() + 1 == len(first):
+        return None
+    return np.argsort(group[member], kind="stable")
+
+
 def runge_kutta(
     slope: Callable[[int, FloatArray, FloatArray, FloatArray, int], FloatArray],
     state: FloatArray,
@@ -56,35 +75,55 @@ def runge_kutta(
     return states, slopes
 
 
-def past(states: FloatArray, slopes: FloatArray, step: float, position: FloatArray) -> FloatArray:
+def past(
+    states: FloatArray,
+    slopes: FloatArray,
+    step: float,
+    position: FloatArray,
+    newest: FloatArray,
+    at: float,
+) -> FloatArray:
     """Return one state of m solutions at times gone by; before the start what it is there.
+
+    Whole steps are cubics. From the last known slope to the newest state it is a parabola: a cubic
+    continued beyond its step would make fast rates with short lags unstable.
 
     Parameters
     ----------
     states, slopes : ndarray of shape (k, m)
-        At the steps so far.
+        At the steps so far of which slopes are known.
     position : ndarray of shape (m,)
-        Time since the start in steps, at most one step beyond the last state.
+        Time since the start in steps.
+    newest : ndarray of shape (m,)
+        The state at time ``at`` in steps, within one of the last known slope.
 
     Returns
     -------
     ndarray of shape (m,)
+        NaN for NaN, and for what is still to come.
     """
     last, column = len(slopes) - 1, np.arange(len(position))
-    position = np.maximum(position, 0.0)
-    # the last step whose ends are both known goes on beyond them
-    index = np.minimum(position, max(last - 1, 0)).astype(np.intp)
-    t = position - index
-    left, rise = states[index, column], slopes[index, column]
-    if last == 0:
-        return left + step * t * rise
-    right = states[index + 1, column]
-    fall, s = slopes[index + 1, column], 1 - t
-    return (
-        left * (s * s * (1 + 2 * t))
-        + right * (t * t * (1 + 2 * s))
-        + (step * t * s) * (rise * s - fall * t)
-    )
+    # of rounding at most, where a lag is zero
+    possible = position <= at + 1e-9
+    position = np.clip(np.where(possible, position, 0.0), 0.0, at)
+    u, d = position - last, at - last
+    left, rise = states[last], slopes[last]
+    recent = left + step * u * rise + (newest - left - step * d * rise) * (u / d) ** 2
+    values = np.where(possible, recent, np.nan)
+    old = np.flatnonzero(possible & (position < last))
+    if old.size:
+        index = position[old].astype(np.intp)
+        pair = np.stack([index, index + 1]), column[old]
+        values[old] = cubic(states[pair], slopes[pair], step, position[old] - index)
+    return values
+
+
+def cubic(states: FloatArray, slopes: FloatArray, step: float, t: FloatArray) -> FloatArray:
+    """Interpolate between two steps, states and slopes (2, ...), at shares t of the distance."""
+    s = 1 - t
+    values = states[0] * (s * s * (1 + 2 * t)) + states[1] * (t * t * (1 + 2 * s))
+    values += (step * t * s) * (slopes[0] * s - slopes[1] * t)
+    return values
 
 
 def hermite(
@@ -110,13 +149,9 @@ def hermite(
     """
     known = np.where(np.isfinite(position), position, 0.0)
     index = np.minimum(known, len(states) - 2).astype(np.intp)
+    pair = np.stack([index, index + 1]), slice(None), column
     t = (position - index)[:, None]
-    s = 1 - t
-    left, right = states[index, :, column], states[index + 1, :, column]
-    rise, fall = slopes[index, :, column], slopes[index + 1, :, column]
-    values = left * (s * s * (1 + 2 * t)) + right * (t * t * (1 + 2 * s))
-    values += (step * t * s) * (rise * s - fall * t)
-    return values.T
+    return cubic(states[pair], slopes[pair], step, t).T
 
 
 def adaptive(

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.integration import adaptive, equal_runs, hermite, past, runge_kutta
+from hybridsurrogate.integration import adaptive, equal_runs, hermite, past, runge_kutta, together
 from hybridsurrogate.modification import Active, Drive, Modification, drive_of, lags
 from hybridsurrogate.ode_checks import WrongShapeError, checked_array
 from hybridsurrogate.priors import FloatArray
@@ -106,6 +106,11 @@ class OdeFunction:
         out = np.full((*shape, len(times)), np.nan)
         if not len(times):
             return out, None
+        order = together(keys, first, member)
+        if order is not None:
+            sorted_columns = {name: values[order] for name, values in columns.items()}
+            out[..., order], error = self._in_batches(sorted_columns, take, shape)
+            return out, error
         solutions = self._solutions(columns, first, member)
         ends = np.append(first, len(times))
         pending = list(reversed(solutions.batches(_BLOCK)))
@@ -256,16 +261,18 @@ class _Solutions:
         return lags(self.active)
 
     def _late(
-        self, k: int, states: FloatArray, slopes: FloatArray, known: int
+        self, k: int, state: FloatArray, states: FloatArray, slopes: FloatArray, known: int
     ) -> dict[str, FloatArray]:
         """Return the states that the right-hand side sees late, k half steps after the start."""
-        step, rows = self.ode.step, {name: self.ode.states.index(name) for name in self._lags}
-        if not known:
-            return {name: states[0, r] for name, r in rows.items()}
-        return {
-            name: past(states[:known, r], slopes[:known, r], step, k / 2 - self._lags[name] / step)
-            for name, r in rows.items()
-        }
+        late = {}
+        for name, lag in self._lags.items():
+            row, position = self.ode.states.index(name), k / 2 - lag / self.ode.step
+            if known:
+                before = states[:known, row], slopes[:known, row]
+                late[name] = past(*before, self.ode.step, position, state[row], k / 2)
+            else:
+                late[name] = np.where(position <= 0, state[row], np.nan)
+        return late
 
     def at_rows(self, rows: slice) -> FloatArray:
         """Return the states (n_states, n) at the rows of these solutions."""
@@ -288,7 +295,7 @@ class _Solutions:
         def slope_at(
             k: int, state: FloatArray, states: FloatArray, slopes: FloatArray, known: int
         ) -> FloatArray:
-            late = self._late(k, states, slopes, known) if self._lags else None
+            late = self._late(k, state, states, slopes, known) if self._lags else None
             return self.slope(ticks[k], state, table.at(k) if driven else table, late)
 
         states, slopes = runge_kutta(slope_at, self.initial(), n_steps, ode.step)

@@ -215,6 +215,50 @@ def test_delayed_state_follows_the_closed_form(lag):
     np.testing.assert_allclose(other[1::2], 2 * np.exp(-rate * since), rtol=1e-6)
 
 
+@pytest.mark.parametrize("lag", [1e-3, 5e-3, 0.0125])
+def test_fast_rates_with_short_lags_are_stable(lag):
+    # dx/dt = -rate (x(t - lag) - 1) rests at 1 where rate * lag < pi / 2
+    late = hs.OdeSimulator(
+        lambda t, state, rate: -rate * (state - 1),
+        initial_state=[0.0],
+        observe=lambda state: state[0],
+        inputs={"t": (0, 10)},
+        parameters={"rate": hs.truncated_normal(20, 5, 1, 100)},
+        states="x",
+    ).modified([DelayedState("x")])
+    # 80 is 2 a step of the solver
+    for rate in (20.0, 80.0):
+        np.testing.assert_allclose(late(np.linspace(3, 10, 9), [[rate, lag]] * 9), 1, atol=1e-9)
+
+
+def test_lags_of_other_solutions_change_nothing():
+    late = make_decay().modified([DelayedState("n")])
+    t, omega = np.linspace(1, 5, 12), np.tile([0.7, 0.0], (12, 1))
+    alone = late(t, omega)
+    lags = np.repeat([0.0, 0.3, np.nan, -1.0], 12)
+    mixed = late(np.tile(t, 4), np.column_stack([np.full(48, 0.7), lags])).reshape(4, 12)
+    np.testing.assert_array_equal(mixed[0], alone)
+    assert np.isfinite(mixed[1]).all()
+    # what is still to come cannot be seen: impossible, but where the solution starts
+    assert np.isnan(mixed[2:, 1:]).all()
+
+
+def test_rows_in_any_order_share_their_solutions():
+    steps = []
+
+    def counted(t, state, rate):
+        steps.append(state.shape[1])
+        return -rate * state
+
+    simulator = make_decay(rhs=counted)
+    t, rate = np.tile(np.linspace(1, 5, 20), 30), np.repeat(np.linspace(0.2, 1.5, 30), 20)
+    order = np.random.default_rng(0).permutation(600)
+    steps.clear()
+    values = simulator(t[order], rate[order])
+    assert set(steps) == {30}
+    np.testing.assert_allclose(values, 2 * np.exp(-rate[order] * (t[order] - 1)), rtol=1e-6)
+
+
 def test_a_delayed_state_needs_rk4():
     with pytest.raises(ValueError, match=r'DelayedState needs method="rk4"'):
         make_decay(method="LSODA").modified([DelayedState("n")])

@@ -267,3 +267,19 @@ def test_a_delay_inside_the_dynamics_is_skipped_where_the_solver_forgets():
     )
     reasons = {one.reason for one in prepared.skipped if one.target == "n"}
     assert reasons == {"inside the dynamics: needs an OdeSimulator with method='rk4'"}
+
+
+def test_a_term_that_lets_solutions_run_away_is_weighed():
+    # of a growth that overshoots; any loss beyond its start drives it to minus infinity
+    simulator = _growth(max_step=0.2)
+    t = np.linspace(0.5, 20, 40)
+    truth = simulator.modified([DelayedState("n")])(t, np.tile([0.7, 1.2], (40, 1)))
+    y = truth + 0.015 * np.random.default_rng(0).standard_normal(40)
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), n_draws=200, random_state=0
+    )
+    causes = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(t[:, None], y).causes_
+    weighed = causes[causes["kind"] == "missing-term"]
+    # at size zero each is the simulation itself
+    assert (weighed["log_evidence"] > -3).all()
+    assert weighed["note"].str.contains("fails for").any()

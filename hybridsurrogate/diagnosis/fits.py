@@ -111,7 +111,8 @@ def settled(problem: Problem, belief: Belief, noise: NoiseTable, fit: Fitted) ->
         return fit
     largest = LARGEST_SIZE * problem.scale
     columns = columns_at_nodes(model, problem.X, plan, peak.z)
-    levels, fruitless = np.empty(0), 0
+    levels: FloatArray = np.empty(0)
+    fruitless = 0
     for round_ in range(_MAX_REFINEMENTS):
         before, sigma = sigma, sigma_of(problem, peak, sigma)
         steady = round_ > 0 and sigma > (1 - _SETTLED_NOISE) * before

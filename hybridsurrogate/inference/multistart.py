@@ -104,8 +104,9 @@ class _Residual:
             right = np.einsum("jnq,jn->jq", columns, residual)
             fitted = np.linalg.solve(normal, right[..., None])
             residual = residual - (columns @ fitted)[..., 0]
-        failed = ~np.isfinite(residual)
-        return np.where(failed, _IMPOSSIBLE * max(self.floor, float(np.ptp(self.y))), residual)
+        # solutions that run away are finite for a while
+        most = _IMPOSSIBLE * max(self.floor, float(np.ptp(self.y)))
+        return np.where(np.abs(residual) < most, residual, most)
 
     def with_slopes(self, z: FloatArray, place: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
         """Return residuals (J, n) and their slopes downwards (J, len(place), n) in one call."""
