@@ -74,7 +74,7 @@ def write(frame: pd.DataFrame, folder: Path) -> list[Picture]:
             }
         for kind, draw in draws.items():
             figure = draw()
-            figure.savefig(folder / f"{stem}-{kind}.png", dpi=55)
+            figure.savefig(folder / f"{stem}-{kind}.png", dpi=80)
             made.append(Picture(f"{stem}-{kind}", f"{TITLES[case]}: {kind}"))
     return made
 
