@@ -143,6 +143,9 @@ def test_every_kind_of_the_catalogue_has_words():
         ),
         "the columns a and b act together": hs.Interaction("a", "b"),
         "the parameter rate changes over t": hs.ParameterDrift("rate", "t", "logistic"),
+        "what prey does to itself and to others comes later": hs.DynamicDelay("prey"),
+        "something drives prey up and down": hs.DynamicTerm("prey", "seasonal"),
+        "prey gains or loses something": hs.DynamicTerm("prey", "proportional"),
     }
     for words, cause in causes.items():
         finding = SimpleNamespace(kind=cause.kind, target=cause.target)

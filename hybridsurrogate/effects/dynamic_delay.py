@@ -94,7 +94,7 @@ class DynamicDelay(Dynamic):
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
-        return f"simulation whose slopes follow {self.state} as it was {values['lag']:.4g} before"
+        return f"simulation whose slopes follow {self.state} as it was {values['lag']:.4g} earlier"
 
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""

@@ -32,11 +32,13 @@ _MEANING = {
     "saturation": "a gap grows over {column} and levels off",
     "interaction": "the columns {target} act together, which the simulation ignores",
     "delay": "the measurements lag behind the simulation, or run ahead of it, in {column}",
-    "delay: inside the dynamics": "what {target} does to itself and to others comes later than "
-    "the equations say",
     "missing-term": "{target} gains or loses something that its equation leaves out",
     "noise": "the scatter of the measurements changes over {column}",
-    # forms that are another thing than the plain one of their kind
+    # forms that are another thing than the plain one of their kind, by their first word
+    "delay: inside": "what {target} does to itself and to others comes later than the equations "
+    "say",
+    "missing-term: seasonal": "something drives {target} up and down regularly, and its equation "
+    "leaves that out",
     "trend: quadratic": "the gap between measured and simulated {output} is a parabola over "
     "{column}",
     "missing-input: categorical": "{output} is higher or lower by an amount of its own for each "
