@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import os
 import sys
 import warnings
 from collections.abc import Sequence
@@ -21,6 +22,7 @@ from hybridsurrogate.estimators import PowerScaledSurrogate
 from hybridsurrogate.exceptions import HybridSurrogateWarning
 from hybridsurrogate.measured_table import numbers_of, with_levels
 from hybridsurrogate.priors import Prior, truncated_normal
+from hybridsurrogate.simulated_ranges import check_support
 from hybridsurrogate.simulation import SimulationData, read_simulation
 from hybridsurrogate.surrogates import ExactSurrogate, Kriging, PolynomialChaos, Surrogate
 
@@ -91,7 +93,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         warnings.simplefilter("always", HybridSurrogateWarning)
         warnings.showwarning = _PrintOnce()  # catch_warnings restores it
         try:
-            return int(given.run(given))
+            code = int(given.run(given))
+            sys.stdout.flush()
+            return code
+        except BrokenPipeError:
+            # whoever read the text has seen enough of it; what is left goes nowhere
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return 0
         except (ValueError, TypeError, OSError) as error:
             print(f"hybridsurrogate: {error}", file=sys.stderr)
             return 2
@@ -166,6 +174,8 @@ def _demo(given: argparse.Namespace) -> int:
 def _diagnose(given: argparse.Namespace) -> int:
     runs = pd.read_csv(given.simulation, comment="#", skipinitialspace=True)
     measured = pd.read_csv(given.measured, comment="#", skipinitialspace=True)
+    # a comma at the end of each line makes a column without a cell
+    measured = measured.dropna(axis="columns", how="all")
     missing = [name for name in (*given.inputs, given.output) if name not in measured]
     if missing:
         raise ValueError(
@@ -173,9 +183,12 @@ def _diagnose(given: argparse.Namespace) -> int:
         )
     for name in dict.fromkeys([*given.inputs, given.output, *measured.select_dtypes("number")]):
         measured[name] = numbers_of(measured[name], given.measured)
-    for name in (*given.inputs, *given.parameters, given.output):
+    for name in (*given.inputs, *given.parameters):
         if name in runs:
             numbers_of(runs[name], given.simulation)
+    if given.output in runs:
+        # a run without a number has failed, and is dropped with a warning
+        numbers_of(runs[given.output].dropna(), given.simulation, finite=False)
     simulation = read_simulation(given.simulation, given.inputs, _priors(given, runs), given.output)
     model = PowerScaledSurrogate(
         simulation,
@@ -218,6 +231,8 @@ def _priors(given: argparse.Namespace, runs: pd.DataFrame) -> dict[str, Prior]:
             mean, sd = map(float, numbers.split(","))
         except ValueError:
             raise ValueError(f"--prior {text}: write NAME=MEAN,SD, such as {name}=2,0.5.") from None
+        # cut off at the runs it would lie among them, wherever it was
+        check_support(name, stats.norm(mean, sd), ends[name], len(runs))
         priors[name] = truncated_normal(mean, sd, *ends[name])
     fixed = [name for name in given.parameters if name not in priors]
     if fixed:
@@ -235,12 +250,14 @@ def _finish(
     )
     diagnosis.fit(X, y)
     report = diagnosis.report(test=test)
-    print(report)
+    # first: whoever reads the text may have seen enough of it, as "| head" does
     report.save(given.report)
-    print(f"\nWith pictures: {given.report}")
     if given.json:
         with open(given.json, "w", encoding="utf-8") as file:
             json.dump(report.to_dict(), file, indent=2, allow_nan=False)
+    print(report)
+    print(f"\nWith pictures: {given.report}")
+    if given.json:
         print(f"Numbers: {given.json}")
 
 

@@ -13,16 +13,21 @@ from hybridsurrogate.exceptions import DiagnosisWarning
 _MOST_LEVELS = 6
 
 
-def numbers_of(column: pd.Series, file: str) -> pd.Series:
-    """Return a column as numbers; raise ValueError that says where one is missing."""
+def numbers_of(column: pd.Series, file: str, finite: bool = True) -> pd.Series:
+    """Return a column as numbers; raise ValueError that says where one is missing.
+
+    ``finite=False``: infinite ones are numbers, too.
+    """
     numbers = pd.to_numeric(column, errors="coerce")
-    wrong = np.flatnonzero(~np.isfinite(numbers.to_numpy(dtype=float)))
+    values = numbers.to_numpy(dtype=float)
+    wrong = np.flatnonzero(~np.isfinite(values) if finite else np.isnan(values))
     if len(wrong):
         row = int(wrong[0])
+        told = "empty" if pd.isna(column.iloc[row]) else repr(column.iloc[row])
         raise ValueError(
             f"{file}: {len(wrong)} of {len(column)} values of {column.name!r} are no numbers, the "
-            f"first {column.iloc[row]!r} in row {row + 1} of the data. Correct it or leave the row "
-            "out."
+            f"first, {told}, in row {column.index[row] + 1} of the data. Correct it, or leave "
+            "out the row or the column."
         )
     return numbers
 

@@ -84,6 +84,8 @@ def check_prior(prior: Prior, name: str) -> Prior:
 
 def check_priors(priors: Mapping[str, Prior] | None) -> dict[str, Prior]:
     """Check a mapping from names to priors and return it as a dict."""
+    if not isinstance(priors, Mapping | None):
+        raise TypeError(f"Priors must be a dict of name to prior, got {priors!r}.")
     return {str(name): check_prior(prior, str(name)) for name, prior in (priors or {}).items()}
 
 

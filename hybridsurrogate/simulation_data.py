@@ -141,8 +141,9 @@ class SimulationData:
         self.__dict__.update(fields)
         self._lock()
         for name, constant in self.assumed.items():
-            low, high = self.parameter_ranges[name]
-            if not low <= constant.value <= high:
+            low, high = varied[name]
+            margin = 2 * (high - low) / (self.n_runs - 1)
+            if not low - margin <= constant.value <= high + margin:
                 raise ValueError(
                     f"The assumed value {constant.value!r} of {name!r} lies outside its simulated "
                     f"range, {low:g} to {high:g}: simulate around it."

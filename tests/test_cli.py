@@ -89,6 +89,7 @@ def test_files_of_ones_own(files, capsys):
     ("change", "message"),
     [
         (("--prior", "speed=fast"), "write NAME=MEAN,SD"),
+        (("--prior", "speed=50,0.1"), "Only 0.0% of the prior of 'speed' lies in"),
         (("--prior", "mass=1,2"), "'mass' is not one of --parameters"),
         (("--inputs", "depth"), "has no columns ['depth']"),
         (("--parameters", "mass"), "has no columns ['mass']"),
@@ -161,6 +162,30 @@ def test_a_cell_that_is_no_number_is_found(files, capsys, column):
     error = capsys.readouterr().err
     assert f"1 of 30 values of '{column}' are no numbers, the first" in error
     assert "in row 5 of the data" in error
+
+
+def test_an_empty_column_and_a_failed_run_are_left_out(files, capsys):
+    for name in ("measured.csv", "runs.csv"):
+        lines = (files / name).read_text().splitlines()
+        (files / name).write_text("\n".join(line + "," for line in lines))
+    runs = pd.read_csv(files / "runs.csv")
+    runs.loc[3, "distance"] = np.inf
+    runs.to_csv(files / "runs.csv", index=False)
+    assert main(arguments(files)) == 0
+    assert "1 of 80 runs" in capsys.readouterr().err
+
+
+def test_files_are_written_where_the_text_is_cut_off(files):
+    command = [sys.executable, "-m", "hybridsurrogate.cli"]
+    command += arguments(files, "--json", str(files / "report.json"))
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as run:
+        run.stdout.close()
+        assert "Broken pipe" not in run.stderr.read()
+    assert run.returncode == 0
+    assert json.loads((files / "report.json").read_text())["verdict"]
+    assert (files / "report.html").exists()
 
 
 def test_a_warning_is_printed_once(files, capsys):

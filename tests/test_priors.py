@@ -36,6 +36,8 @@ def test_truncated_normal_refuses(arguments, match):
 def test_priors_must_be_frozen_distributions():
     assert list(check_priors({"a": stats.norm(0, 1), "b": stats.uniform()})) == ["a", "b"]
     assert check_priors(None) == {}
+    with pytest.raises(TypeError, match=r"must be a dict of name to prior, got \['rate'\]"):
+        check_priors(["rate"])
     for wrong in (1.0, "normal", (0, 1)):
         with pytest.raises(TypeError, match=r"prior of 'rate' must be a frozen scipy.stats"):
             check_priors({"rate": wrong})

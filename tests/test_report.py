@@ -233,7 +233,12 @@ def test_an_adequate_simulation(diagnose):
 
 
 def test_without_cross_validation_or_rows_held_back(diagnose):
-    report = diagnose(lambda t: 2.0 * (t > 5), cv=None).report()
+    diagnosis = diagnose(lambda t: 2.0 * (t > 5), cv=None)
+    # what is set after a fit is for the next one
+    report = diagnosis.set_params(n_replicates=1000, false_alarm_rate=0.5).report()
+    assert "Of 40 data sets made up by the simulation" in flat(report)
+    assert "where up to 0.05 counts as wrong" in flat(report)
+    assert report.to_dict()["n_replicates"] == 40
     assert "The gain was not measured by cross-validation" in flat(report)
     assert report.to_dict()["gain"] is None
     (gains,) = (s for s in report.sections if s.title == "What it gains")

@@ -332,6 +332,9 @@ class TestSimulationData:
     def test_assumed_value_that_was_not_simulated(self, runs):
         with pytest.raises(ValueError, match="200 of 'start' lies outside its simulated range"):
             data(runs, assumed={"start": Assumed(200, norm(150, 20))})
+        # a prior of two ends is wider than the runs, and does not widen them
+        with pytest.raises(ValueError, match="200 of 'start' lies outside its simulated range"):
+            data(runs, assumed={"start": Assumed(200, uniform(50, 200))})
 
 
 class TestTables:

@@ -211,13 +211,15 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
 
     def _search(self, prepared: Prepared, random_state: np.random.RandomState) -> list[Step]:
         problem, belief = trained_emulator(prepared.problem, self.estimator_)
+        # a report tells of this fit, whatever set_params says later
+        self._limit, self._n_replicates = self.false_alarm_rate, int(self.n_replicates)
         steps = forward_search(
             problem,
             prepared.causes,
             belief,
             int(self.max_causes),
-            self.false_alarm_rate,
-            int(self.n_replicates),
+            self._limit,
+            self._n_replicates,
             random_state,
         )
         self.search_, self.p_value_ = steps[0].search, steps[0].p_value

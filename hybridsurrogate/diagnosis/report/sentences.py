@@ -106,13 +106,13 @@ def verdict(view: View) -> list[str]:
 def chance(view: View) -> str:
     """Say what the p-value counts."""
     d = view.diagnosis
-    n = int(d.n_replicates)
+    n = d._n_replicates
     as_bad = max(round(d.p_value_ * (n + 1)) - 1, 0)
     how_many = {0: "none", n: "all"}.get(as_bad, str(as_bad))
     return (
         f"Of {n} data sets made up by the simulation itself, with noise, and searched in the same "
         f"way, {how_many} looked as wrong as yours: p = {digits.number(d.p_value_, 2)}, where up "
-        f"to {d.false_alarm_rate:g} counts as wrong."
+        f"to {d._limit:g} counts as wrong."
     )
 
 
@@ -220,7 +220,7 @@ def _why_adequate(view: View) -> list[str]:
     d = view.diagnosis
     none = float(view.search.probability[0])
     odds = f"That nothing is wrong has {digits.probability(none)} of the probability"
-    if d.p_value_ <= d.false_alarm_rate:
+    if d.p_value_ <= d._limit:
         return [f"{odds}: more than half, which decides in spite of the small p."]
     if none <= 0.5:
         shares = kind_shares(view.search)
