@@ -19,7 +19,7 @@ from hybridsurrogate.datasets import load_mauna_loa_co2, load_nile, make_log_sin
 from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
 from hybridsurrogate.diagnosis.report.report import ending_of
 from hybridsurrogate.estimators import PowerScaledSurrogate
-from hybridsurrogate.exceptions import HybridSurrogateWarning
+from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning
 from hybridsurrogate.measured_table import numbers_of, with_levels
 from hybridsurrogate.priors import Prior, truncated_normal
 from hybridsurrogate.simulated_ranges import check_support
@@ -189,7 +189,9 @@ def _diagnose(given: argparse.Namespace) -> int:
     if given.output in runs:
         # a run without a number has failed, and is dropped with a warning
         numbers_of(runs[given.output].dropna(), given.simulation, finite=False)
-    simulation = read_simulation(given.simulation, given.inputs, _priors(given, runs), given.output)
+    priors = _priors(given, runs)
+    _warn_of_unnamed(runs, {*given.inputs, *given.parameters, given.output})
+    simulation = read_simulation(given.simulation, given.inputs, priors, given.output)
     model = PowerScaledSurrogate(
         simulation,
         surrogate=_surrogate(given.degree, simulation, len(measured)),
@@ -200,6 +202,19 @@ def _diagnose(given: argparse.Namespace) -> int:
     y = measured.pop(given.output).to_numpy(dtype=float)
     _finish(model, with_levels(measured), y, None, given)
     return 0
+
+
+def _warn_of_unnamed(runs: pd.DataFrame, named: set[str]) -> None:
+    rest = [name for name in runs.select_dtypes("number") if name not in named]
+    varied = [name for name in rest if runs[name].min() < runs[name].max()]
+    if varied:
+        warnings.warn(
+            f"The columns {varied} differ between runs and are not among --inputs and "
+            "--parameters: what they do to the output is taken for an error of the surrogate. "
+            "Name them, unless they do nothing.",
+            DiagnosisWarning,
+            stacklevel=2,
+        )
 
 
 def _surrogate(degree: int | None, simulation: SimulationData, n_rows: int) -> Surrogate:

@@ -170,9 +170,12 @@ def test_an_empty_column_and_a_failed_run_are_left_out(files, capsys):
         (files / name).write_text("\n".join(line + "," for line in lines))
     runs = pd.read_csv(files / "runs.csv")
     runs.loc[3, "distance"] = np.inf
+    runs["load"] = np.arange(80)
     runs.to_csv(files / "runs.csv", index=False)
     assert main(arguments(files)) == 0
-    assert "1 of 80 runs" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "1 of 80 runs" in told
+    assert "The columns ['load'] differ between runs and are not among" in told
 
 
 def test_files_are_written_where_the_text_is_cut_off(files):
