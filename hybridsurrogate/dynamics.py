@@ -140,18 +140,17 @@ class MissingTerm(Modification):
 
     def drives(self, t: FloatArray, numbers: Numbers, step: float) -> dict[str, FloatArray]:
         """Return the term, where it does not follow the state."""
-        if self.form == "constant":
-            return {self.state: np.broadcast_to(numbers["rate"], (len(t), len(numbers["rate"])))}
-        return (
-            {self.state: _course("periodic", t, self.center, numbers, step)}
-            if self._is_seasonal
-            else {}
-        )
+        if self.form == "proportional":
+            return {}
+        if self._is_seasonal:
+            return {self.state: _course("periodic", t, self.center, numbers, step)}
+        return {self.state: np.broadcast_to(numbers["rate"], (len(t), len(numbers["rate"])))}
 
     def terms(self, state: Mapping[str, FloatArray], numbers: Numbers) -> dict[str, FloatArray]:
         """Return the term, where it follows the state."""
-        proportional = self.form == "proportional"
-        return {self.state: numbers["rate"] * state[self.state]} if proportional else {}
+        if self.form != "proportional":
+            return {}
+        return {self.state: numbers["rate"] * state[self.state]}
 
 
 @dataclass(frozen=True)

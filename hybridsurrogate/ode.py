@@ -226,7 +226,7 @@ class OdeSimulator(Simulator):
         return self.function.solution(self._columns(*self._check_points(X, omega)))
 
     @property
-    def looks_back(self) -> bool:
+    def remembers(self) -> bool:
         """Whether the right-hand side can be told what states were: by "rk4" alone."""
         return self.method == "rk4"
 

@@ -60,10 +60,20 @@ def parameter_range(prior: Prior, varied: Range) -> Range:
     return (low, high) if bounded and _within(varied, (low, high)) else varied
 
 
+def check_value(name: str, value: float, varied: Range, n_runs: int) -> None:
+    """Raise ValueError where an assumed value lies beyond the runs."""
+    low, high = varied
+    margin = _margin(varied, n_runs)
+    if not low - margin <= value <= high + margin:
+        raise ValueError(
+            f"The assumed value {value!r} of {name!r} lies outside its simulated range, {low:g} to "
+            f"{high:g}: simulate around it."
+        )
+
+
 def check_support(name: str, prior: Prior, varied: Range, n_runs: int) -> None:
     """Warn the caller of a constructor, or raise, if runs hold little of a prior's mass."""
-    # a sample stops short of the ends of the range that it was drawn from, by about one spacing
-    margin = 2 * (varied[1] - varied[0]) / (n_runs - 1)
+    margin = _margin(varied, n_runs)
     share = float(prior.cdf(varied[1] + margin) - prior.cdf(varied[0] - margin))
     text = (
         f"{share:.1%} of the prior of {name!r} lies in its simulated range, "
@@ -73,6 +83,11 @@ def check_support(name: str, prior: Prior, varied: Range, n_runs: int) -> None:
         raise ValueError(f"Only {text}: move the prior, or simulate where it has support.")
     if share < _LITTLE_SUPPORT:
         warnings.warn(f"Only {text}.", PriorWarning, stacklevel=3)
+
+
+def _margin(varied: Range, n_runs: int) -> float:
+    # a sample stops short of the ends of the range that it was drawn from, by about one spacing
+    return 2 * (varied[1] - varied[0]) / (n_runs - 1)
 
 
 def _within(inner: Range, outer: Range) -> bool:

@@ -130,7 +130,7 @@ class Simulator:
         return {}
 
     @property
-    def looks_back(self) -> bool:
+    def remembers(self) -> bool:
         """Whether there is a right-hand side that can be told what states were: no."""
         return False
 

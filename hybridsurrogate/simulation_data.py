@@ -16,6 +16,7 @@ from hybridsurrogate.exceptions import FailedRunsWarning
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulated_ranges import (
     check_support,
+    check_value,
     parameter_range,
     ranges_of_inputs,
     varied_ranges,
@@ -141,13 +142,7 @@ class SimulationData:
         self.__dict__.update(fields)
         self._lock()
         for name, constant in self.assumed.items():
-            low, high = varied[name]
-            margin = 2 * (high - low) / (self.n_runs - 1)
-            if not low - margin <= constant.value <= high + margin:
-                raise ValueError(
-                    f"The assumed value {constant.value!r} of {name!r} lies outside its simulated "
-                    f"range, {low:g} to {high:g}: simulate around it."
-                )
+            check_value(name, constant.value, varied[name], self.n_runs)
         for name, prior in priors.items():
             check_support(name, prior, varied[name], self.n_runs)
 

@@ -1,6 +1,7 @@
 """The command line, as a newcomer types it."""
 
 import json
+import os
 import subprocess
 import sys
 
@@ -181,9 +182,9 @@ def test_an_empty_column_and_a_failed_run_are_left_out(files, capsys):
 def test_files_are_written_where_the_text_is_cut_off(files):
     command = [sys.executable, "-m", "hybridsurrogate.cli"]
     command += arguments(files, "--json", str(files / "report.json"))
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as run:
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    # written line by line, or a short text would go out at the end and all at once
+    with subprocess.Popen(command, env=os.environ | {"PYTHONUNBUFFERED": "1"}, **pipes) as run:
         run.stdout.close()
         assert "Broken pipe" not in run.stderr.read()
     assert run.returncode == 0

@@ -75,3 +75,42 @@ def test_a_table_that_a_cause_keeps_stays_as_it_is(n):
     plan = layout(problem.model)
     columns_at_nodes(problem.model, t[:, None], plan, plan.neutral)
     np.testing.assert_array_equal(table.tables[20][:, 0], 100 * np.sin(3 * t))
+
+
+class Spike(hs.Cause):
+    """A narrow spike, next to nothing at all rows where it lies between them."""
+
+    kind = "spike"
+    target = "t"
+    parameters = {"where": stats.uniform(0, 10)}
+    coefficients = ("spike", "nothing")
+
+    def columns(self, X, theta):
+        spike = np.exp(-(((X["t"] - theta["where"]) / 0.03) ** 2))
+        return np.stack([spike, 0 * spike], axis=-1)
+
+
+@pytest.mark.parametrize("block", [1, 10**9])
+def test_columns_next_to_nothing_stay_so(monkeypatch, block):
+    t = np.linspace(0, 10, 20)[:, None]
+    problem = make_problem(
+        SIMULATOR,
+        hs.ExactSurrogate(),
+        hs.Normal(),
+        None,
+        (Spike(),),
+        ("t",),
+        t,
+        np.exp(-0.3 * t[:, 0]),
+    )
+    plan = layout(problem.model)
+    monkeypatch.setattr("hybridsurrogate.inference.blocks.BLOCK", block)
+    found = columns_at_nodes(problem.model, t, plan, plan.neutral)
+    spikes = np.exp(-(((t[:, 0] - plan.grid) / 0.03) ** 2))
+    np.testing.assert_allclose(found.own[:, :, 0] * found.rms[:, :1], spikes, rtol=1e-9)
+    # as long as the others but for those that would be rounding
+    size = np.sqrt(np.mean(found.own[:, :, 0] ** 2, axis=1))
+    true = np.sqrt(np.mean(spikes**2, axis=1))
+    np.testing.assert_allclose(size, np.minimum(true / (1e-12 * true.max()), 1), rtol=1e-9)
+    assert size.min() < 1e-3
+    assert not found.own[:, :, 1].any()

@@ -192,7 +192,7 @@ def _reason_to_skip(form: str, cause: Cause, context: Context) -> str | None:
         distinct = len(np.unique(context.X[context.inputs[0]]))
         if distinct < _MIN_TIMES:
             return f"{context.inputs[0]} has {distinct} distinct values, {_MIN_TIMES} are needed"
-        if cause.modification.looks_back and not context.looks_back:
+        if cause.modification.looks_back and not context.remembers:
             return "inside the dynamics: needs an OdeSimulator with method='rk4'"
     if form == "missing-input: categorical":
         return _trouble_with_categories(context.X[cause.reads[0]], cause.reads[0])

@@ -35,7 +35,7 @@ class Context:
         Mean of the output on the scale of eta.
     states : dict of str to float
         Typical sizes of the states of an `OdeSimulator` that is its own surrogate, else empty.
-    looks_back : bool
+    remembers : bool
         Whether its solver can tell the right-hand side what states were: "rk4" can.
     rates : tuple of str
         Those parameters and assumed constants that its right-hand side takes.
@@ -58,7 +58,7 @@ class Context:
     log_scale: bool = False
     location: float = 0.0
     states: Mapping[str, float] = field(default_factory=dict)
-    looks_back: bool = False
+    remembers: bool = False
     rates: tuple[str, ...] = ()
     starts: tuple[str, ...] = ()
 

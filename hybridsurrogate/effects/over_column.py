@@ -26,11 +26,13 @@ def period_prior(values: FloatArray) -> Prior:
     return frozen(stats.loguniform, shortest, LONGEST_PERIOD * span)
 
 
-def period_nodes(prior: Prior) -> FloatArray:
-    """Return periods evenly spaced in frequency, five per independent one."""
+def period_nodes(prior: Prior, each: float = 5, span: float | None = None) -> FloatArray:
+    """Return periods evenly spaced in frequency, so many per independent one of a span.
+
+    A span of None is that of `period_prior`.
+    """
     low, high = period_range(prior)
-    # twice the high end is about four spans
-    n = int(np.ceil(2.5 * high * (1 / low - 1 / high))) + 1
+    n = int(np.ceil(each * (span or high / LONGEST_PERIOD) * (1 / low - 1 / high))) + 1
     return 1 / np.linspace(1 / low, 1 / high, max(n, 8))
 
 

@@ -18,8 +18,8 @@ from hybridsurrogate.effects.notation import (
     where,
     word,
 )
-from hybridsurrogate.effects.over_column import LONGEST_PERIOD, span_and_spacing
-from hybridsurrogate.priors import Prior, frozen, period_range, prior_sd
+from hybridsurrogate.effects.over_column import LONGEST_PERIOD, period_nodes, span_and_spacing
+from hybridsurrogate.priors import Prior, frozen, prior_sd
 
 # the simulation runs at every period that is tried
 _MOST_CYCLES = 25
@@ -218,9 +218,7 @@ class ParameterDrift(Cause):
         }
         if "period" in others:
             assert self.span is not None
-            low, high = period_range(others["period"])
-            n = int(np.ceil(4 * self.span * (1 / low - 1 / high))) + 1
-            nodes["period"] = 1 / np.linspace(1 / low, 1 / high, max(n, 8))
+            nodes["period"] = period_nodes(others["period"], 4, self.span)
         return nodes
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:

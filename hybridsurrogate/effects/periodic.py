@@ -9,8 +9,8 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, number, plus
-from hybridsurrogate.effects.over_column import LONGEST_PERIOD, OverColumn
-from hybridsurrogate.priors import Prior, frozen, period_range
+from hybridsurrogate.effects.over_column import LONGEST_PERIOD, OverColumn, period_nodes
+from hybridsurrogate.priors import Prior, frozen
 
 # more periods than this in the measured span are looked for only where a prior says so
 _MOST_CYCLES = 100
@@ -92,9 +92,7 @@ class Periodic(OverColumn):
         """Return periods evenly spaced in frequency, five per independent (highest) frequency."""
         assert self.span is not None
         assert self.period is not None
-        low, high = period_range(self.period)
-        n = int(np.ceil(5 * self.harmonics * self.span * (1 / low - 1 / high))) + 1
-        return {"period": 1 / np.linspace(1 / low, 1 / high, max(n, 8))}
+        return {"period": period_nodes(self.period, 5 * self.harmonics, self.span)}
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return sines and cosines around the middle of the measured rows."""

@@ -257,7 +257,7 @@ def make_context(
         log_scale=likelihood.log_scale,
         location=location,
         states=simulator.typical_states(X[:, :n_inputs]) if simulator else {},
-        looks_back=simulator.looks_back if simulator else False,
+        remembers=simulator.remembers if simulator else False,
         rates=simulator.rates if simulator else (),
         starts=starts,
     )

@@ -19,8 +19,6 @@ from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.statistics import ROUNDING
 from hybridsurrogate.inference.unknowns import prior_log_density, prior_of_unknowns
 from hybridsurrogate.likelihoods.base import Likelihood
-from hybridsurrogate.likelihoods.heavy_tailed import HeavyTailed
-from hybridsurrogate.likelihoods.normal import TransformedNormal
 from hybridsurrogate.priors import FloatArray, Prior
 
 _LOG_2PI = float(np.log(2 * np.pi))
@@ -93,7 +91,7 @@ class LaplacePosterior:
     def _prior(self, u: FloatArray) -> FloatArray:
         """Return the log prior of u (J, d); every row is known but for its rounding."""
         prior = prior_of_unknowns(u, self.noise_prior)
-        if not isinstance(self.likelihood, TransformedNormal | HeavyTailed):
+        if not self.likelihood.scales_noise:
             return prior
         # else a surrogate that meets all rows exactly would have no noise at all, and no draws
         power = self.measured_power * float(self.weights.sum())

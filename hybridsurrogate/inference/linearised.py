@@ -175,8 +175,8 @@ def columns_at_nodes(model: MeasuredModel, X: FloatArray, plan: Layout, z: Float
     own, rms = in_blocks(scaled, values, numbers)
     # a column next to nothing beside those of other nodes stays so
     least = _NOTHING * float(np.max(rms, initial=0.0))
-    for node, column in zip(*np.nonzero(rms < least), strict=True):
-        own[node, column] *= rms[node, column] / least
+    low = rms < least
+    own[low] *= (rms[low] / least)[:, None]
     return Columns(earlier, np.swapaxes(own, 1, 2), np.maximum(rms, least))
 
 

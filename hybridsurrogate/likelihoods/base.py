@@ -24,6 +24,9 @@ class Likelihood(ABC):
         Whether eta is the logarithm of the output.
     has_scale : bool
         Whether there is a second parameter.
+    scales_noise : bool
+        Whether the second parameter is the scale of the noise on that of eta, which is never less
+        than what rounding leaves.
     rough : bool
         Whether the density may have kinks in eta, so that derivatives at a point mislead.
 
@@ -37,6 +40,7 @@ class Likelihood(ABC):
     name = "likelihood"
     log_scale = False
     has_scale = True
+    scales_noise = False
     rough = False
 
     @abstractmethod

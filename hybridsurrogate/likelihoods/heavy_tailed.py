@@ -14,6 +14,7 @@ from hybridsurrogate.priors import FloatArray
 class HeavyTailed(Likelihood):
     """Noise that is normal but for a factor on its variance that differs from row to row."""
 
+    scales_noise = True
     # several outliers make single curvatures negative: averages over what is open of eta are not
     rough = True
 

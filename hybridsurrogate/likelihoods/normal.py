@@ -30,6 +30,8 @@ class TransformedNormal(Likelihood):
     (array([[0.5]]), array([[0.25]]))
     """
 
+    scales_noise = True
+
     @abstractmethod
     def log_jacobian(self, y: FloatArray) -> FloatArray:
         """Return log |d link / dy|, shape of y."""
