@@ -89,3 +89,18 @@ def test_two_causes_of_one_curve_are_equal_in_precise_data(seed):
     told = diagnosed(DECAY, t, y).causes_.set_index("kind").log_evidence
     assert told["gain"] > 100
     assert told["gain"] == pytest.approx(told["delay"], abs=3)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("form", "row", "noise"), [("step", 22, 1e-2), ("drift", 12, 1e-3)])
+def test_a_jump_between_two_rows_close_together(form, row, noise, seed):
+    """One hundredth of the mean distance apart: no grid over time would have a place there."""
+    rng = np.random.default_rng(seed)
+    t = np.sort(rng.uniform(0, 10, 40))
+    t[row + 1] = t[row] + 0.0025
+    after = t > t[row]
+    y = 4.6 * np.exp(-(0.33 + 0.1 * after * (form == "drift")) * t) + 0.5 * after * (form == "step")
+    best = diagnosed(DECAY, t, y + noise * rng.standard_normal(40)).best_cause_
+    assert best.kind == {"step": "step", "drift": "parameter-drift"}[form]
+    _, low, high = best.estimates["location"]
+    assert t[row] < low < high < t[row + 1]

@@ -189,8 +189,9 @@ class Cause(BaseEstimator):
 
         Returns
         -------
-        dict of name to ndarray of shape (n_nodes,)
-            A search takes all combinations.
+        dict of name to ndarray of shape (n_nodes,) or (n_nodes, 2)
+            Nodes, or ends of cells within which nothing changes. A search takes all combinations
+            and refines cells around nodes.
         """
         names = [name for name in self.parameters if name not in self.start()]
         n = {0: 0, 1: 15, 2: 8}.get(len(names), 4)

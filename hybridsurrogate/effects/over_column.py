@@ -10,6 +10,8 @@ from hybridsurrogate.priors import Prior, frozen, period_range, prior_range
 
 # longest period in spans of the measured rows: of a wave at least a half must be seen
 LONGEST_PERIOD = 2.0
+# between more rows a jump is looked for as anything else is: on a grid, finer where it says more
+MOST_GAPS = 400
 
 
 def span_and_spacing(values: FloatArray) -> tuple[float, float]:
@@ -34,6 +36,21 @@ def period_nodes(prior: Prior, each: float = 5, span: float | None = None) -> Fl
     low, high = period_range(prior)
     n = int(np.ceil(each * (span or high / LONGEST_PERIOD) * (1 / low - 1 / high))) + 1
     return 1 / np.linspace(1 / low, 1 / high, max(n, 8))
+
+
+def gaps(rows: FloatArray, location: Prior) -> FloatArray:
+    """Return the cells (T, 2) between neighbouring rows, in one of which a jump is.
+
+    Parameters
+    ----------
+    rows : ndarray
+        Distinct measured values, rising.
+    location : frozen scipy.stats distribution
+        Where there are none beyond the first or the last row, a cell reaches to the prior's end.
+    """
+    low, high = prior_range(location)
+    borders = np.concatenate([[low], rows[(rows > low) & (rows < high)], [high]])
+    return np.column_stack([borders[:-1], borders[1:]])
 
 
 class OverColumn(Cause):

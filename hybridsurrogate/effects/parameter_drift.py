@@ -18,7 +18,13 @@ from hybridsurrogate.effects.notation import (
     where,
     word,
 )
-from hybridsurrogate.effects.over_column import LONGEST_PERIOD, period_nodes, span_and_spacing
+from hybridsurrogate.effects.over_column import (
+    LONGEST_PERIOD,
+    MOST_GAPS,
+    gaps,
+    period_nodes,
+    span_and_spacing,
+)
 from hybridsurrogate.priors import Prior, frozen, prior_sd
 
 # the simulation runs at every period that is tried
@@ -103,6 +109,8 @@ class ParameterDrift(Cause):
         How far the measured rows reach.
     others : dict of name to frozen scipy.stats distribution, or None, default=None
         Priors of location, width or period. None: as above, from the measured rows.
+    rows : ndarray or None, default=None
+        Distinct measured values of the column, rising.
 
     Examples
     --------
@@ -124,6 +132,7 @@ class ParameterDrift(Cause):
         center: float | None = None,
         span: float | None = None,
         others: Mapping[str, Prior] | None = None,
+        rows: FloatArray | None = None,
     ):
         self.parameter = parameter
         self.column = column
@@ -132,6 +141,7 @@ class ParameterDrift(Cause):
         self.center = center
         self.span = span
         self.others = others
+        self.rows = rows
 
     @property
     def target(self) -> str:  # type: ignore[override]
@@ -190,6 +200,7 @@ class ParameterDrift(Cause):
             center=(low + high) / 2 if self.center is None else self.center,
             span=span if self.span is None else self.span,
             others={**defaults[self.shape], **(self.others or {})},
+            rows=np.unique(values) if self.rows is None else self.rows,
         )
 
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
@@ -205,11 +216,14 @@ class ParameterDrift(Cause):
         return dict.fromkeys(_SHAPES[self.shape].sizes, 0.0)
 
     def grid(self) -> dict[str, FloatArray]:
-        """Return locations, locations and widths, or periods evenly spaced in frequency.
+        """Return gaps or locations, locations and widths, or periods evenly spaced in frequency.
 
         The simulation runs at every node, so there are fewer than for a curve that is added.
         """
         others = self.others or {}
+        assert self.rows is not None
+        if self.shape == "step" and len(self.rows) <= MOST_GAPS:
+            return {"location": gaps(self.rows, others["location"])}
         shares = {"location": 24 if self.shape == "step" else 16, "width": 4}
         nodes = {
             name: np.asarray(prior.ppf((np.arange(shares[name]) + 0.5) / shares[name]))

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hybridsurrogate.effects.base import FloatArray, Rows
+import numpy as np
+
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, signed, where
-from hybridsurrogate.effects.over_column import Located
+from hybridsurrogate.effects.over_column import MOST_GAPS, Located, gaps
 from hybridsurrogate.priors import Prior
 
 
@@ -28,6 +30,8 @@ class Step(Located):
     before : bool, default=False
     center, span, spacing : float or None, default=None
         Middle and span of the measured rows, and the distance of neighbours.
+    rows : ndarray or None, default=None
+        Distinct measured values of the column, rising.
 
     Examples
     --------
@@ -48,9 +52,18 @@ class Step(Located):
         center: float | None = None,
         span: float | None = None,
         spacing: float | None = None,
+        rows: FloatArray | None = None,
     ):
         super().__init__(column, location, center, span, spacing)
         self.before = before
+        self.rows = rows
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in the prior of the location and the measured values."""
+        prepared = super().prepare(context)
+        if self.rows is None:
+            prepared.rows = np.unique(context.column(self.column))
+        return prepared
 
     @property
     def variant(self) -> str:
@@ -63,8 +76,11 @@ class Step(Located):
         return {"location": self.location}
 
     def grid(self) -> dict[str, FloatArray]:
-        """Return locations, two per distance of neighbouring rows."""
-        return {"location": self.locations(200)}
+        """Return the gaps between neighbouring rows; of many rows two locations a distance."""
+        assert self.location is not None
+        assert self.rows is not None
+        many = len(self.rows) > MOST_GAPS
+        return {"location": self.locations(200) if many else gaps(self.rows, self.location)}
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return 0 before and 1 after the location, or the other way round."""

@@ -38,6 +38,8 @@ class Layout:
         The cell around each node.
     log_weight : ndarray of shape (T,)
         Log prior mass of each node.
+    exact : bool
+        Whether nothing changes within a cell, so that a finer grid would be no better.
     """
 
     fixed: NDArray[np.intp]
@@ -47,6 +49,7 @@ class Layout:
     grid: FloatArray
     edges: FloatArray
     log_weight: FloatArray
+    exact: bool = False
 
     def followed(self) -> Layout:
         """Return the layout with nothing enumerated: what was is followed like a parameter."""
@@ -109,13 +112,16 @@ def layout(model: MeasuredModel) -> Layout:
             np.empty((0, 0)),
             edges,
             np.empty(0),
+            exact=all(np.ndim(axis) == 2 for axis in axes.values()),
         ),
         edges,
     )
 
 
 def _cells(nodes: FloatArray, prior: Prior) -> FloatArray:
-    """Return cells (T, 2) whose borders lie between the nodes and at the ends of the prior."""
+    """Return cells (T, 2): those given, or from halfway between nodes to the ends of the prior."""
+    if nodes.ndim == 2:
+        return nodes
     low, high = prior_range(prior)
     middle = 0.5 * (nodes[1:] + nodes[:-1])
     borders = np.concatenate([[min(low, nodes[0])], middle, [max(high, nodes[-1])]])
@@ -147,9 +153,9 @@ def refine(model: MeasuredModel, plan: Layout, log_evidence: FloatArray) -> Layo
     Returns
     -------
     Layout
-        The same plan when enough nodes share the evidence already.
+        The same plan when it is exact or enough nodes share the evidence already.
     """
-    if not len(plan.nodes):
+    if plan.exact or not len(plan.nodes):
         return plan
     density = log_evidence - plan.log_weight
     if len(best_levels(plan, log_evidence)) >= _ENOUGH_NODES ** len(plan.nodes):

@@ -70,7 +70,9 @@ def enumerated(model: MeasuredModel) -> list[tuple[int, FloatArray]]:
     for position, (owner, name) in enumerate(model.theta_names, start=model.n_parameters):
         if name in grids[owner]:
             prior = model.priors[position]
-            nodes = to_normal([prior], np.asarray(grids[owner][name], dtype=float)[:, None])
+            nodes = np.asarray(grids[owner][name], dtype=float)
+            nodes = nodes.reshape(len(nodes), -1).mean(axis=1, keepdims=True)
+            nodes = to_normal([prior], nodes)
             out.append((position, np.clip(nodes[:, 0], -_END, _END)))
     return out
 

@@ -16,6 +16,8 @@ from hybridsurrogate.inference.statistics import ROUNDING, Statistics, statistic
 from hybridsurrogate.priors import FloatArray, to_normal
 
 _MAX_STARTS = 5
+# with the noise of a poor fit one node is as good as another: the fit is repeated with its own
+_MOST_CLIMBS, _SETTLED_NOISE = 5, 0.7
 # places along one parameter, in standard normal coordinates: beyond, no prior has mass
 _LINE = np.linspace(-6.5, 6.5, 41)
 _SPACING = _LINE[1] - _LINE[0]
@@ -43,13 +45,17 @@ def starting_points(
         causes = (*causes, cause)
         partial = replace(model, effects=causes)
         plan = layout(partial)
-        start = np.concatenate([z, plan.neutral[len(z) :]])
-        peak = climb(partial, target.X, target.y, belief, plan, start, sigma, 10 * target.scale)
-        z = peak.z.copy()
-        if len(plan.nodes):
-            priors = [partial.priors[k] for k in plan.nodes]
-            z[plan.nodes] = to_normal(priors, plan.grid[peak.node])
-        sigma = max(float(np.sqrt(peak.squares / len(target.y))), ROUNDING * target.scale)
+        z = np.concatenate([z, plan.neutral[len(z) :]])
+        for _ in range(_MOST_CLIMBS):
+            peak = climb(partial, target.X, target.y, belief, plan, z, sigma, 10 * target.scale)
+            z = peak.z.copy()
+            if len(plan.nodes):
+                priors = [partial.priors[k] for k in plan.nodes]
+                z[plan.nodes] = to_normal(priors, plan.grid[peak.node])
+            before = sigma
+            sigma = max(float(np.sqrt(peak.squares / len(target.y))), ROUNDING * target.scale)
+            if sigma > _SETTLED_NOISE * before:
+                break
     return np.array([[*z, *z_hyper, np.log(sigma * factor)] for factor in (1.0, 2.0)])
 
 
