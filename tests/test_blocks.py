@@ -8,9 +8,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy import stats
 
 import hybridsurrogate as hs
+from hybridsurrogate.blocks import BLOCK, blocks, in_blocks
 from hybridsurrogate.estimators.problem import make_problem
 from hybridsurrogate.inference.belief import coefficient_belief
-from hybridsurrogate.inference.blocks import BLOCK, blocks, in_blocks
 from hybridsurrogate.inference.layout import layout
 from hybridsurrogate.inference.linearised import linearise
 from hybridsurrogate.inference.noise import NoiseTable

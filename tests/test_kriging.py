@@ -12,7 +12,14 @@ from hybridsurrogate.diagnosis.kriging import KrigedBasis, krige
 from hybridsurrogate.inference.belief import coefficient_belief
 from hybridsurrogate.inference.statistics import statistics
 from hybridsurrogate.surrogates import Domain
-from hybridsurrogate.surrogates.covariance import Apart, Covariance, _badness, alike, bent
+from hybridsurrogate.surrogates.covariance import (
+    Apart,
+    Covariance,
+    _badness,
+    alike,
+    bent,
+    weighed,
+)
 
 
 def trained(simulator, n_runs, degree, prior=None):
@@ -43,8 +50,22 @@ def simulator():
 def test_correlations_are_those_of_scikit_learn():
     rng = np.random.default_rng(0)
     a, b, lengths = rng.uniform(size=(5, 3)), rng.uniform(size=(4, 3)), np.array([0.3, 1.0, 5.0])
-    ours = alike(Apart.of(a / lengths).squares(Apart.of(b / lengths).right))
+    ours = alike(Apart.of(a / lengths), Apart.of(b / lengths))
     np.testing.assert_allclose(ours, Matern(lengths, nu=2.5)(a, b), rtol=1e-7)
+
+
+def test_weighed_correlations_and_their_slopes(monkeypatch):
+    monkeypatch.setattr("hybridsurrogate.surrogates.covariance._BLOCK", 20)
+    rng = np.random.default_rng(0)
+    a, others, weights = rng.normal(size=(9, 3)), Apart.of(rng.normal(size=(6, 3))), np.arange(6.0)
+    value, slopes = weighed(Apart.of(a), others, weights)
+    np.testing.assert_allclose(value, alike(Apart.of(a), others) @ weights)
+    for k, move in enumerate(1e-6 * np.eye(3)):
+        ahead, behind = (alike(Apart.of(a + sign * move), others) @ weights for sign in (1, -1))
+        np.testing.assert_allclose(slopes[:, k], (ahead - behind) / 2e-6, atol=1e-7)
+    # where they meet a correlation is flat
+    _, flat = weighed(Apart.of(a[:1]), Apart.of(a[:1]), np.ones(1))
+    np.testing.assert_allclose(flat, 0, atol=1e-7)
 
 
 def test_a_bend_keeps_the_ends_and_none_is_straight():
@@ -119,6 +140,22 @@ def test_pairs_are_rows(simulator):
         known, features = kriged.outer(X, omega)
         np.testing.assert_allclose(known, pairs, **close)
         assert features.shape == (2, 3, 0)
+
+
+@pytest.mark.parametrize("degree", [1, 5])
+def test_short_moves_are_followed_along_slopes(simulator, degree):
+    """Of inputs and parameters, at the end of what was simulated and beyond it too."""
+    *_, kriged = trained(simulator, 60, degree)
+    rng = np.random.default_rng(0)
+    X = rng.uniform((-0.5, -1), (4.5, 1), size=(2, 1, 9, 2)) + 1e-5 * rng.normal(size=(2, 4, 9, 2))
+    omega = rng.uniform(9, 21, size=(2, 1, 9, 1)) + 1e-4 * rng.normal(size=(2, 4, 9, 1))
+    X[0, :, 0, 0], X[0, :, 1, 0] = [0, -1e-5, 0, 1e-5], [4, 4 + 1e-5, 4 - 1e-5, 4]
+    X, omega = X.reshape(72, 2), omega.reshape(72, 1)
+    close = kriged.output_close_by(X, omega, np.empty(0), (2, 4, 9)).reshape(2, 4, 9)
+    moved = kriged.known(X, omega).reshape(2, 4, 9)
+    np.testing.assert_allclose(close[:, 0], moved[:, 0], atol=1e-9)
+    changes = moved - moved[:, :1]
+    np.testing.assert_allclose(close - close[:, :1], changes, atol=1e-3 * np.abs(changes).max())
 
 
 @pytest.mark.parametrize("name", sorted(SIMULATIONS))

@@ -104,7 +104,7 @@ def test_columns_next_to_nothing_stay_so(monkeypatch, block):
         np.exp(-0.3 * t[:, 0]),
     )
     plan = layout(problem.model)
-    monkeypatch.setattr("hybridsurrogate.inference.blocks.BLOCK", block)
+    monkeypatch.setattr("hybridsurrogate.blocks.BLOCK", block)
     found = columns_at_nodes(problem.model, t, plan, plan.neutral)
     spikes = np.exp(-(((t[:, 0] - plan.grid) / 0.03) ** 2))
     np.testing.assert_allclose(found.own[:, :, 0] * found.rms[:, :1], spikes, rtol=1e-9)

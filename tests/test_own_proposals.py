@@ -61,6 +61,32 @@ def test_step_two_leaves_a_posterior_of_measured_rows_alone_as_it_is(n_parameter
         assert abs(drawn.u[:, k].mean() - u[:, k].mean()) < 4 * both.std() / np.sqrt(effective / 2)
 
 
+@pytest.mark.parametrize(
+    "effects",
+    [(), (hs.Gain(),), (hs.ParameterDrift("rate", "t"), hs.Trend("t")), (hs.NoiseOfMean(),)],
+    ids=["none", "gain", "moved", "noise of the mean"],
+)
+@pytest.mark.parametrize(
+    "surrogate", [hs.PolynomialChaos(), hs.Kriging(), hs.GaussianProcess()], ids=repr
+)
+def test_outputs_of_each_draw_are_its_features_times_its_coefficients(surrogate, effects):
+    priors = {name: PRIORS[name] for name in ("start", "rate")}
+    runs = hs.Simulator(temperature, {"t": (0, 20)}, priors).run(60, random_state=0)
+    t = np.linspace(0, 20, 7)
+    problem = make_problem(
+        runs, surrogate, hs.Normal(), None, effects, ("t",), t[:, None], temperature(t, 63, 0.15)
+    )
+    rng = np.random.default_rng(0)
+    model = problem.model
+    values = model.values(rng.normal(size=(5, len(model.all_priors))))
+    c = rng.normal(size=(5, len(model.basis.coefficient_mean)))
+    known, features, noise = model.simulated(problem.X, values)
+    output, same_noise = model.outputs(problem.X, values, c)
+    expected = known + np.einsum("jnp,jp->jn", features, c)
+    np.testing.assert_allclose(output, expected, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_allclose(same_noise, noise)
+
+
 def test_the_noise_stays_within_a_bounded_prior():
     runs = hs.Simulator(temperature, {"t": (0, 20)}, PRIORS).run(60, random_state=0)
     t = np.linspace(0, 20, 30)

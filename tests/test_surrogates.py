@@ -114,6 +114,9 @@ def test_outer_is_features_of_all_pairs(surrogate):
         np.testing.assert_allclose(features[j], basis.features(X, repeated))
     c = np.random.default_rng(2).standard_normal(p)
     np.testing.assert_allclose(basis.outer_output(X, omega, c), known + features @ c)
+    each = np.random.default_rng(3).standard_normal((7, p))
+    expected = known + (features @ each[..., None])[..., 0]
+    np.testing.assert_allclose(basis.outer_output(X, omega, each), expected)
     X, omega = points(6, seed=3)
     expected = basis.known(X, omega) + basis.features(X, omega) @ c
     np.testing.assert_allclose(basis.output(X, omega, c), expected)

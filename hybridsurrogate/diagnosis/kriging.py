@@ -10,15 +10,16 @@ rows.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
+from hybridsurrogate.blocks import blocks
 from hybridsurrogate.cholesky import pivoted_cholesky
 from hybridsurrogate.inference.belief import Belief
-from hybridsurrogate.inference.blocks import blocks
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation import SimulationData
-from hybridsurrogate.surrogates.base import Basis
+from hybridsurrogate.surrogates.base import Basis, each_with_each
 from hybridsurrogate.surrogates.kriging import KrigingBasis
 from hybridsurrogate.surrogates.process import Places, Process, conditioned, process_through
 
@@ -56,9 +57,7 @@ class KrigedBasis(Basis):
         self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
     ) -> FloatArray:
         """Return the terms plus the process."""
-        trend = self.process.trend
-        terms = trend.output(X, omega, self.c) if len(self.c) else trend.known(X, omega)
-        return terms + self._through_runs(X, omega)
+        return self._terms(X, omega) + self._through_runs(X, omega)
 
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return no features."""
@@ -68,9 +67,17 @@ class KrigedBasis(Basis):
         """Return the terms plus the process."""
         return self.known(X, omega)
 
+    def output_close_by(
+        self, X: FloatArray, omega: FloatArray, c: FloatArray, shape: tuple[int, int, int]
+    ) -> FloatArray:
+        """Return the terms plus the process, that along its slopes."""
+        process, runs = self._alone
+        told = process.places(X, omega).weighed(runs, self.weights, shape)
+        return self._terms(X, omega) + told
+
     def outer_output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
         """Return the output of all inputs for all parameters."""
-        rows, points = np.tile(X.T, (1, len(omega))).T, np.repeat(omega.T, len(X), axis=1).T
+        rows, points = each_with_each(X, omega)
         told = self._through_runs(rows, points).reshape(len(omega), len(X))
         trend = self.process.trend
         if len(self.c):
@@ -90,10 +97,19 @@ class KrigedBasis(Basis):
         factor, _ = pivoted_cholesky(diagonal, column, least, len(diagonal))
         return self.sd * factor
 
+    def _terms(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        trend = self.process.trend
+        return trend.output(X, omega, self.c) if len(self.c) else trend.known(X, omega)
+
+    @cached_property
+    def _alone(self) -> tuple[Process, Places]:
+        """The process and the runs without the terms."""
+        runs = self.runs._replace(terms=np.empty((len(self.weights), 0)))
+        return replace(self.process, term_sd=np.empty(0)), runs
+
     def _through_runs(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return what the process adds to the terms."""
-        process = replace(self.process, term_sd=np.empty(0))
-        runs = self.runs._replace(terms=np.empty((len(self.weights), 0)))
+        process, runs = self._alone
         pieces = blocks(len(X), len(self.weights))
         return np.concatenate(
             [process.places(X[k], omega[k]).alike(runs) @ self.weights for k in pieces]

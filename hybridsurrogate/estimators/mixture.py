@@ -10,7 +10,7 @@ import numpy as np
 from scipy import special
 from sklearn.utils import check_scalar
 
-from hybridsurrogate.inference.blocks import blocks
+from hybridsurrogate.blocks import blocks
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray
 

@@ -8,8 +8,8 @@ from functools import cached_property, reduce
 
 import numpy as np
 
+from hybridsurrogate.blocks import in_blocks
 from hybridsurrogate.effects.base import SIMULATED, Cause, Rows
-from hybridsurrogate.inference.blocks import in_blocks
 from hybridsurrogate.likelihoods import Contaminated, Likelihood, TransformedNormal
 from hybridsurrogate.priors import FloatArray, Prior
 

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hybridsurrogate.blocks import BLOCK, blocks, in_blocks
 from hybridsurrogate.inference.belief import Belief
-from hybridsurrogate.inference.blocks import BLOCK, blocks, in_blocks
 from hybridsurrogate.inference.layout import Layout
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.priors import FloatArray
@@ -246,9 +246,7 @@ def _slopes(
         runs = np.tile(values, (piece.stop - piece.start, 1, 1))
         if in_simulation:
             runs[:, :, plan.nodes] = plan.grid[piece, None, :]
-        response, _, _ = model.simulated(
-            X, runs.reshape(len(runs) * len(points), len(z)), belief.mean
-        )
+        response = model.close_by(X, runs.reshape(-1, len(z)), belief.mean, len(points))
         # a simulation may fail far out: NaN marks the place and is never better than another one
         response[~(np.abs(response) < _ABSURD)] = np.nan
         response = response.reshape(len(runs), len(points), len(X))

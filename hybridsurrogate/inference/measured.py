@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hybridsurrogate.blocks import in_blocks
 from hybridsurrogate.effects.base import SIMULATED, Cause, Rows
-from hybridsurrogate.inference.blocks import in_blocks
 from hybridsurrogate.inference.causes_on_rows import CausesOnRows
 from hybridsurrogate.priors import FloatArray, Prior, from_normal
-from hybridsurrogate.surrogates.base import Basis, Factors
+from hybridsurrogate.surrogates.base import Basis, Factors, in_turn
 
 
 class Parts(NamedTuple):
@@ -102,13 +102,29 @@ class MeasuredModel(CausesOnRows):
         )
         return known, features, noise
 
+    def outputs(
+        self, X: FloatArray, values: FloatArray, c: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the output (J, n) and noise (J, n) or (J, 1), each draw with its own c (J, p)."""
+        if not any(effect.follows_mean for effect in self.effects):
+            output, _, noise = self._simulated(X, values, c)
+            return output, noise
+        # that noise follows the reference, whatever the draw
+        known, features, noise = self.simulated(X, values)
+        return known + (features @ c[..., None])[..., 0], noise
+
+    def close_by(self, X: FloatArray, values: FloatArray, c: FloatArray, moves: int) -> FloatArray:
+        """Return the output (J, n) of draws of which so many at a time are close to the first."""
+        return self._simulated(X, values, c, moves)[0]
+
     def _simulated(
-        self, X: FloatArray, values: FloatArray, c: FloatArray | None
+        self, X: FloatArray, values: FloatArray, c: FloatArray | None, moves: int = 1
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return what `simulated` does; c may be one draw (p,) or one for each of values (J, p)."""
         if not self.effects and not self.basis.known_depends_on_hyper:
             return *self._unmoved(X, values, c), np.ones((len(values), 1))
         rows, omega, theta = self.rows(X, values)
-        known, features = self._moved(X, values, c, rows, omega, theta)
+        known, features = self._moved(X, values, c, rows, omega, theta, moves)
         gain = self._gain(rows, theta)
         if gain is not None:
             gain = np.broadcast_to(gain, known.size).reshape(known.shape)
@@ -135,6 +151,7 @@ class MeasuredModel(CausesOnRows):
         rows: Rows,
         omega: Rows,
         theta: Sequence[Rows],
+        moves: int,
     ) -> tuple[FloatArray, FloatArray]:
         """Return known and features at the inputs and parameters that causes may have moved."""
         J, n, by_row = len(values), len(X), self.basis.known_depends_on_hyper
@@ -142,12 +159,16 @@ class MeasuredModel(CausesOnRows):
             return self._unmoved(X, values, c)
         inputs, points = self._places(rows, omega, theta)
         if c is not None and not by_row:
-            return self.basis.output(inputs, points, c).reshape(J, n), np.empty((J, n, 0))
+            if c.ndim == 2:
+                output = self.basis.output_in_turn(inputs, points, c)
+            else:
+                output = self.basis.output_close_by(inputs, points, c, (J // moves, moves, n))
+            return output.reshape(J, n), np.empty((J, n, 0))
         hyper = np.repeat(values[:, self.n_unknowns :], n, axis=0) if by_row else None
         known = self.basis.known(inputs, points, hyper)
         features = self.basis.features(inputs, points)
         if c is not None:
-            known, features = known + features @ c, features[:, :0]
+            known, features = known + in_turn(features, np.atleast_2d(c)), features[:, :0]
         return known.reshape(J, n), features.reshape(J, n, features.shape[1])
 
     def emulator_error(self, X: FloatArray, values: FloatArray, factor: FloatArray) -> FloatArray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hybridsurrogate.inference.blocks import blocks
+from hybridsurrogate.blocks import blocks
 from hybridsurrogate.inference.statistics import ROUNDING
 from hybridsurrogate.priors import FloatArray, Prior
 

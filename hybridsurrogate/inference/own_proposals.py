@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hybridsurrogate.blocks import blocks
 from hybridsurrogate.cholesky import log_det_of, nudged_cholesky
-from hybridsurrogate.inference.blocks import blocks
 from hybridsurrogate.inference.mixtures import (
     PROPOSAL_SCALE,
     standard_student,
@@ -103,8 +103,7 @@ def _log_density(problem: MeasuredGiven, u: FloatArray, c: FloatArray) -> FloatA
     sigma, values = np.exp(u[:, -1]), model.values(u[:, :-1])
     factors = model.factors(problem.X, values)
     if factors is None:
-        known, features, noise = model.simulated(problem.X, values)
-        output = known + (features @ c[..., None])[..., 0]
+        output, noise = model.outputs(problem.X, values, c)
     else:
         output = factors.known + (factors.of_parameters * c) @ factors.of_inputs.T
         noise = np.ones((len(u), 1))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from hybridsurrogate.inference.blocks import blocks
+from hybridsurrogate.blocks import blocks
 from hybridsurrogate.inference.main_directions import main_directions
 from hybridsurrogate.inference.noise import marginal_over_noise, noise_grid
 from hybridsurrogate.inference.own_proposals import log_density_of_pairs

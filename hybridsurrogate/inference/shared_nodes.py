@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.inference.blocks import blocks
+from hybridsurrogate.blocks import blocks
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.priors import FloatArray, Prior
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hybridsurrogate.blocks import blocks
 from hybridsurrogate.cholesky import log_det_of, nudged_cholesky
-from hybridsurrogate.inference.blocks import blocks
 from hybridsurrogate.inference.main_directions import main_directions
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.mixtures import mixture_log_density, mixture_points, moment_match

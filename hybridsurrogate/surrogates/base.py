@@ -199,8 +199,7 @@ class Basis(ABC):
         if factors is not None:
             known, of_inputs, of_parameters = factors
             return np.broadcast_to(known, (J, n)), of_inputs * of_parameters[:, None]
-        # columns in one piece, as simulations take them
-        rows, points = np.tile(X.T, (1, J)).T, np.repeat(omega.T, n, axis=1).T
+        rows, points = each_with_each(X, omega)
         features = self.features(rows, points)
         return self.known(rows, points).reshape(J, n), features.reshape(J, n, features.shape[1])
 
@@ -208,14 +207,42 @@ class Basis(ABC):
         """Return the output for rows of inputs and parameters and one draw of c (p,): (n,)."""
         return self.known(X, omega) + self.features(X, omega) @ c
 
+    def output_in_turn(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
+        """Return the output (n,) for J draws of c (J, p), the first for the first n / J rows."""
+        return self.known(X, omega) + in_turn(self.features(X, omega), c)
+
+    def output_close_by(
+        self, X: FloatArray, omega: FloatArray, c: FloatArray, shape: tuple[int, int, int]
+    ) -> FloatArray:
+        """Return the output of rows of ``shape``: nodes, moves that are short, measured rows.
+
+        The first move of a node is none. A basis that knows its slopes may follow them from there.
+        """
+        return self.output(X, omega, c)
+
     def outer_output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
-        """Return the output (J, n) of n inputs for each of J parameters and one draw of c (p,)."""
+        """Return the output (J, n) of n inputs for each of J parameters.
+
+        For one draw of c (p,), or for one for each parameter (J, p).
+        """
         factors = self.factors(X, omega)
         if factors is not None:
             known, of_inputs, of_parameters = factors
             return known + (of_parameters * c) @ of_inputs.T
-        known, features = self.outer(X, omega)
-        return known + features @ c
+        output = self.output if c.ndim == 1 else self.output_in_turn
+        return output(*each_with_each(X, omega), c).reshape(len(omega), len(X))
+
+
+def in_turn(features: FloatArray, c: FloatArray) -> FloatArray:
+    """Return the products (n,) of rows (n, p) with c (J, p), the first for the first n / J rows."""
+    groups = features.reshape(len(c), len(features) // len(c), features.shape[1])
+    return (groups @ c[..., None]).ravel()
+
+
+def each_with_each(X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return rows of n inputs for each of J parameters, (J n, ...)."""
+    # columns in one piece, as simulations take them
+    return np.tile(X.T, (1, len(omega))).T, np.repeat(omega.T, len(X), axis=1).T
 
 
 @dataclass(frozen=True)

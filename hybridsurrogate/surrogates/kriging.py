@@ -10,7 +10,7 @@ from scipy.linalg import solve_triangular
 from hybridsurrogate.cholesky import nudged_cholesky, pivoted_cholesky
 from hybridsurrogate.design import draw_design
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.surrogates.base import Basis, Domain, Surrogate
+from hybridsurrogate.surrogates.base import Basis, Domain, Surrogate, in_turn
 from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
 from hybridsurrogate.surrogates.process import Places, Process, conditioned, process_through
 
@@ -142,6 +142,11 @@ class KrigingBasis(Basis):
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the whitened covariances, (n, p)."""
         return self.process.places(X, omega).alike(self.stands) @ self.whiten
+
+    def output_in_turn(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
+        """Return the output for J draws, from the weights of the places."""
+        alike = self.process.places(X, omega).alike(self.stands)
+        return self.known(X, omega) + in_turn(alike, c @ self.whiten.T)
 
     def along(self, directions: FloatArray) -> KrigingBasis:
         """Return the basis with features along directions (p, r) of the coefficients."""

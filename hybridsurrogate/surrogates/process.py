@@ -13,7 +13,15 @@ from scipy.linalg import solve_triangular
 from hybridsurrogate.cholesky import nudged_cholesky
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.surrogates.base import Basis
-from hybridsurrogate.surrogates.covariance import Apart, Covariance, alike, bent, between, learned
+from hybridsurrogate.surrogates.covariance import (
+    Apart,
+    Covariance,
+    alike,
+    bent,
+    between,
+    learned,
+    weighed,
+)
 
 # the covariance is learned from at most this many runs; as many as the second limit are used,
 # drawn at random, as files of runs are often in order
@@ -36,10 +44,26 @@ class Places(NamedTuple):
 
     def alike(self, others: Places) -> FloatArray:
         """Return covariances (n, m) in units of the process's variance."""
-        out = alike(self.halves.squares(others.halves.right))
+        out = alike(self.halves, others.halves)
         if self.terms.shape[1]:
             out += self.terms @ others.terms.T
         return out
+
+    def weighed(
+        self, others: Places, weights: FloatArray, shape: tuple[int, int, int]
+    ) -> FloatArray:
+        """Return sums of covariances with others times weights, (n,), terms left out.
+
+        Rows are of ``shape``: nodes, short moves of which the first is none, and measured rows.
+        Along the moves these sums follow their slopes.
+        """
+        points = self.halves.right[:, :-2].reshape(*shape, -1)
+        first = np.arange(len(self.terms)).reshape(shape)[:, 0].ravel()
+        value, slopes = weighed(self.of(first).halves, others.halves, weights)
+        nodes, _, n = shape
+        moved = points - points[:, :1]
+        along = np.einsum("tmnd,tnd->tmn", moved, slopes.reshape(nodes, n, -1))
+        return (value.reshape(nodes, 1, n) + along).ravel()
 
     def variances(self) -> FloatArray:
         """Return variances (n,)."""
