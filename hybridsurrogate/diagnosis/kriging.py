@@ -25,6 +25,8 @@ from hybridsurrogate.surrogates.process import Places, Process, conditioned, pro
 
 # what is left of a variance when its factor has enough columns, in shares of the largest
 _NEGLIGIBLE = 1e-4
+# rows whose whole covariance is sooner made than the columns that are asked for
+_FEW = 600
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,11 @@ class KrigedBasis(Basis):
         places = self.process.places(X, omega)
         white = places.alike(self.runs) @ self.whiten.T
 
+        square = places.alike(places) - white @ white.T if len(X) <= _FEW else None
+
         def column(k: int) -> FloatArray:
+            if square is not None:
+                return square[k]
             return places.alike(places.of(slice(k, k + 1)))[:, 0] - white @ white[k]
 
         diagonal = np.maximum(places.variances() - np.sum(white**2, axis=1), 0.0)

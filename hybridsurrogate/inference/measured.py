@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.blocks import in_blocks
+from hybridsurrogate.blocks import blocks, in_blocks
 from hybridsurrogate.effects.base import SIMULATED, Cause, Rows
 from hybridsurrogate.inference.causes_on_rows import CausesOnRows
 from hybridsurrogate.priors import FloatArray, Prior, from_normal
-from hybridsurrogate.surrogates.base import Basis, Factors, in_turn
+from hybridsurrogate.surrogates.base import Basis, Factors
 
 
 class Parts(NamedTuple):
@@ -106,12 +106,16 @@ class MeasuredModel(CausesOnRows):
         self, X: FloatArray, values: FloatArray, c: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return the output (J, n) and noise (J, n) or (J, 1), each draw with its own c (J, p)."""
-        if not any(effect.follows_mean for effect in self.effects):
+        # such noise follows the reference, whatever the draw
+        follows_mean = any(effect.follows_mean for effect in self.effects)
+        if not follows_mean and not self.basis.known_depends_on_hyper:
             output, _, noise = self._simulated(X, values, c)
             return output, noise
-        # that noise follows the reference, whatever the draw
-        known, features, noise = self.simulated(X, values)
-        return known + (features @ c[..., None])[..., 0], noise
+        output, noise = np.empty((2, len(values), len(X)))
+        for some in blocks(len(values), len(X) * (1 + c.shape[1])):
+            known, features, noise[some] = self.simulated(X, values[some])
+            output[some] = known + (features @ c[some, :, None])[..., 0]
+        return output, noise
 
     def close_by(self, X: FloatArray, values: FloatArray, c: FloatArray, moves: int) -> FloatArray:
         """Return the output (J, n) of draws of which so many at a time are close to the first."""
@@ -168,7 +172,7 @@ class MeasuredModel(CausesOnRows):
         known = self.basis.known(inputs, points, hyper)
         features = self.basis.features(inputs, points)
         if c is not None:
-            known, features = known + in_turn(features, np.atleast_2d(c)), features[:, :0]
+            known, features = known + features @ c, features[:, :0]
         return known.reshape(J, n), features.reshape(J, n, features.shape[1])
 
     def emulator_error(self, X: FloatArray, values: FloatArray, factor: FloatArray) -> FloatArray:

@@ -91,8 +91,7 @@ def log_density_of_pairs(
     The causes' coefficients a ~ N(0, diag(sd^2)) are integrated out by Woodbury's identity.
     """
     model = problem.model
-    formed = 0 if model.factorises else problem.c.shape[1]
-    numbers = len(problem.y) * (1 + len(model.column_sd) + formed)
+    numbers = len(problem.y) * (1 + len(model.column_sd))
     return np.concatenate(
         [_log_density(problem, u[some], problem.c[which[some]]) for some in blocks(len(u), numbers)]
     )

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from sklearn.base import BaseEstimator
 
+from hybridsurrogate.blocks import blocks
 from hybridsurrogate.modification import Modification
 from hybridsurrogate.priors import FloatArray, Prior
 
@@ -209,7 +210,12 @@ class Basis(ABC):
 
     def output_in_turn(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
         """Return the output (n,) for J draws of c (J, p), the first for the first n / J rows."""
-        return self.known(X, omega) + in_turn(self.features(X, omega), c)
+        n, p = len(X) // len(c), len(self.coefficient_mean)
+        added = np.empty(len(X))
+        for some in blocks(len(c), n * p):
+            rows = slice(some.start * n, some.stop * n)
+            added[rows] = in_turn(self.features(X[rows], omega[rows]), c[some])
+        return self.known(X, omega) + added
 
     def output_close_by(
         self, X: FloatArray, omega: FloatArray, c: FloatArray, shape: tuple[int, int, int]

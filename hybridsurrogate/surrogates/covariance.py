@@ -80,12 +80,17 @@ def alike(points: Apart, others: Apart) -> FloatArray:
     """Return Matern 5/2 correlations (n, m) of points apart in lengths."""
     out = np.empty((len(points.left), len(others.right)))
     for piece, r, fading in _distances(points, others):
-        # (1 + r + r^2 / 3) exp(-r)
-        correlation = np.multiply(r, 1 / 3, out=out[piece])
-        correlation += 1
-        correlation *= r
-        correlation += 1
-        correlation *= fading
+        _correlation(r, fading, out[piece])
+    return out
+
+
+def weighed_in_turn(points: Apart, others: Apart, weights: FloatArray) -> FloatArray:
+    """Return sums (n,) of correlations times weights (J, m), the first for the first n / J."""
+    each = len(points.left) // len(weights)
+    out = np.empty(len(points.left))
+    for piece, r, fading in _distances(points, others):
+        own = weights[np.arange(piece.start, piece.stop) // each]
+        out[piece] = np.einsum("nm,nm->n", _correlation(r, fading, np.empty_like(r)), own)
     return out
 
 
@@ -104,6 +109,16 @@ def weighed(points: Apart, others: Apart, weights: FloatArray) -> tuple[FloatArr
         # the derivative of a correlation is -5/3 (1 + r) exp(-r) times the difference of places
         slopes[piece] = 5 / 3 * (sums[:, 1:] - sums[:, :1] * points.right[piece, :d])
     return out, slopes
+
+
+def _correlation(r: FloatArray, fading: FloatArray, out: FloatArray) -> FloatArray:
+    """Fill out with (1 + r + r^2 / 3) exp(-r), Rasmussen and Williams 2006, equation 4.17."""
+    np.multiply(r, 1 / 3, out=out)
+    out += 1
+    out *= r
+    out += 1
+    out *= fading
+    return out
 
 
 def _distances(points: Apart, others: Apart) -> Iterator[tuple[slice, FloatArray, FloatArray]]:

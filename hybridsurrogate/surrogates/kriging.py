@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from hybridsurrogate.blocks import blocks
 from hybridsurrogate.cholesky import nudged_cholesky, pivoted_cholesky
 from hybridsurrogate.design import draw_design
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.surrogates.base import Basis, Domain, Surrogate, in_turn
+from hybridsurrogate.surrogates.base import Basis, Domain, Surrogate
 from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
 from hybridsurrogate.surrogates.process import Places, Process, conditioned, process_through
 
@@ -145,8 +146,13 @@ class KrigingBasis(Basis):
 
     def output_in_turn(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
         """Return the output for J draws, from the weights of the places."""
-        alike = self.process.places(X, omega).alike(self.stands)
-        return self.known(X, omega) + in_turn(alike, c @ self.whiten.T)
+        n, weights = len(X) // len(c), c @ self.whiten.T
+        added = np.empty(len(X))
+        for some in blocks(len(c), n * (1 + self.stands.terms.shape[1])):
+            rows = slice(some.start * n, some.stop * n)
+            places = self.process.places(X[rows], omega[rows])
+            added[rows] = places.weighed_in_turn(self.stands, weights[some])
+        return self.known(X, omega) + added
 
     def along(self, directions: FloatArray) -> KrigingBasis:
         """Return the basis with features along directions (p, r) of the coefficients."""

@@ -12,7 +12,7 @@ from scipy.linalg import solve_triangular
 
 from hybridsurrogate.cholesky import nudged_cholesky
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.surrogates.base import Basis
+from hybridsurrogate.surrogates.base import Basis, in_turn
 from hybridsurrogate.surrogates.covariance import (
     Apart,
     Covariance,
@@ -21,6 +21,7 @@ from hybridsurrogate.surrogates.covariance import (
     between,
     learned,
     weighed,
+    weighed_in_turn,
 )
 
 # the covariance is learned from at most this many runs; as many as the second limit are used,
@@ -49,10 +50,17 @@ class Places(NamedTuple):
             out += self.terms @ others.terms.T
         return out
 
+    def weighed_in_turn(self, others: Places, weights: FloatArray) -> FloatArray:
+        """Return sums (n,) of covariances times weights (J, m), the first for the first n / J."""
+        out = weighed_in_turn(self.halves, others.halves, weights)
+        if self.terms.shape[1]:
+            out += in_turn(self.terms, weights @ others.terms)
+        return out
+
     def weighed(
         self, others: Places, weights: FloatArray, shape: tuple[int, int, int]
     ) -> FloatArray:
-        """Return sums of covariances with others times weights, (n,), terms left out.
+        """Return sums of covariances times weights, (n,), terms left out.
 
         Rows are of ``shape``: nodes, short moves of which the first is none, and measured rows.
         Along the moves these sums follow their slopes.
