@@ -246,7 +246,9 @@ def _slopes(
         runs = np.tile(values, (piece.stop - piece.start, 1, 1))
         if in_simulation:
             runs[:, :, plan.nodes] = plan.grid[piece, None, :]
-        response = model.close_by(X, runs.reshape(-1, len(z)), belief.mean, len(points))
+        response = model.close_by(
+            X, runs.reshape(len(runs) * len(points), len(z)), belief.mean, len(points)
+        )
         # a simulation may fail far out: NaN marks the place and is never better than another one
         response[~(np.abs(response) < _ABSURD)] = np.nan
         response = response.reshape(len(runs), len(points), len(X))
