@@ -39,7 +39,8 @@ def truncated_normal(mean: float, sd: float, low: float, high: float) -> Prior:
     Raises
     ------
     ValueError
-        If ``sd`` is not positive or ``low`` is not below ``high``.
+        If ``sd`` is not positive, ``low`` is not below ``high``, or both are more than 8 ``sd`` from
+        ``mean`` on one side.
 
     Examples
     --------
@@ -52,12 +53,11 @@ def truncated_normal(mean: float, sd: float, low: float, high: float) -> Prior:
     if not low < high:
         raise ValueError(f"low must be below high, got low={low!r} and high={high!r}.")
     lower, upper = (low - mean) / sd, (high - mean) / sd
-    prior = stats.truncnorm(lower, upper, loc=mean, scale=sd)
-    if not np.isfinite(prior.ppf([0.001, 0.5, 0.999])).all():
+    if not max(lower, -upper) <= _Z_LIMIT:
         raise ValueError(
             f"A normal({mean}, {sd}) has no mass between {low} and {high}: move the bounds."
         )
-    return prior
+    return stats.truncnorm(lower, upper, loc=mean, scale=sd)
 
 
 @lru_cache(maxsize=1024)

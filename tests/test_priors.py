@@ -26,6 +26,9 @@ def test_truncated_normal_is_in_the_units_of_the_parameter():
     [
         ((0, 0, -1, 1), "sd must be positive, got 0"),
         ((0, 1, 1, -1), "low must be below high, got low=1 and high=-1"),
+        ((20, 1, 0, 6), r"A normal\(20, 1\) has no mass between 0 and 6: move the bounds"),
+        ((0, 1, 9, 12), "has no mass between 9 and 12"),
+        ((np.nan, 1, 0, 6), "has no mass between 0 and 6"),
     ],
 )
 def test_truncated_normal_refuses(arguments, match):
