@@ -39,8 +39,8 @@ def truncated_normal(mean: float, sd: float, low: float, high: float) -> Prior:
     Raises
     ------
     ValueError
-        If ``sd`` is not positive, ``low`` is not below ``high``, or both are more than 8 ``sd`` from
-        ``mean`` on one side.
+        If ``sd`` is not positive, ``low`` is not below ``high``, or both lie more than 8 ``sd`` to
+        one side of ``mean``.
 
     Examples
     --------
