@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 
 import hybridsurrogate as hs
+from hybridsurrogate.diagnosis import answers
 from hybridsurrogate.diagnosis.report import digits
 from hybridsurrogate.diagnosis.report.summary import plain
 
@@ -320,19 +321,21 @@ def scan_of(before, after):
 # a coarse emulator strains the draws, and the diagnosis says so
 @pytest.mark.filterwarnings("ignore::hybridsurrogate.HybridSurrogateWarning")
 def test_an_emulator_gets_its_beta_scan(diagnose, monkeypatch):
-    # the scan itself takes minutes, and is tested in test_diagnosis
+    # the scan itself takes seconds, and is tested in test_diagnosis
     asked = []
 
-    def beta_scan(self, X, y, betas):
-        asked.append((len(X), len(y), tuple(betas)))
+    def scan(models, betas, folds, *rest):
+        asked.append((tuple(betas), [len(held) for _, held in folds]))
         return scan_of([-0.5, -0.9, -1.2], [-0.4, -0.3, -0.6])
 
-    monkeypatch.setattr(hs.DiscrepancyDiagnosis, "beta_scan", beta_scan)
+    monkeypatch.setattr(answers, "scan_beta", scan)
     diagnosis = diagnose(lambda t: 2 * np.sin(2.5 * t), hs.PolynomialChaos(degree=4), cv=None)
     report = diagnosis.report()
-    assert asked == [(30, 30, (0.05, 0.25, 0.5, 0.75, 0.95))]
+    assert asked == [((0.05, 0.25, 0.5, 0.75, 0.95), held) for held in ([10, 10, 10], [4, 4, 4])]
     told = {"beta": 0.5, "before": -0.9, "after": -0.3, "before_error": 0.1, "after_error": 0.1}
     assert report.to_dict()["beta_scan"][1] == told
-    assert "best weight of the simulation is beta = 0.05" in flat(report)
+    text = flat(report)
+    assert "Within the measured range the best weight of the simulation is beta = 0.05" in text
+    assert "Beyond it the best weight of the simulation is beta = 0.05" in text
     (trust,) = (s for s in report.sections if s.title == "Trust in the simulation")
-    assert "best at beta = 0.05 before and 0.5 after" in trust.pictures[0].description
+    assert "beyond it best at beta = 0.05 before and 0.5 after" in trust.pictures[0].description

@@ -9,7 +9,7 @@ import pytest
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.gain import FoldGain, Gain
-from hybridsurrogate.diagnosis.report import digits, scores, sentences
+from hybridsurrogate.diagnosis.report import digits, scores, sentences, weight
 from hybridsurrogate.diagnosis.report.view import label_of_cause
 
 
@@ -28,11 +28,14 @@ def scan_of(before, after, error=0.1):
 )
 def test_what_the_best_beta_says(after, words):
     scan = scan_of([-0.9, -0.5, -1.2], after)
-    assert words in scores.trust(SimpleNamespace(extended=True), scan)[-1]
-    assert "The best is beta = 0.5" in scores.trust(SimpleNamespace(extended=False), scan)[-1]
+    extended, plain = SimpleNamespace(extended=True), SimpleNamespace(extended=False)
+    assert words in weight.trust(extended, scan, None)[-1]
+    within, beyond = weight.trust(plain, scan, scan)[1:]
+    assert "Within the measured range the best is beta = 0.5" in within
+    assert "Beyond it the best is beta = 0.5" in beyond
     unsure = scan_of([-0.9, -0.5, -1.2], after, error=0.4)
     same = after.index(max(after)) == 1
-    told = scores.trust(SimpleNamespace(extended=True), unsure)[-1]
+    told = weight.trust(extended, unsure, None)[-1]
     assert ("as good within the errors" in told) is not same
 
 
@@ -98,9 +101,9 @@ def test_the_words_for_a_gain_beyond_the_measured_range():
 
 def test_a_weight_that_takes_minutes_to_try_is_not_tried():
     costly = SimpleNamespace(extended=True, has_weight=True)
-    assert "which takes minutes. beta_scan(X, y) does it" in scores.trust(costly, None)[0]
+    assert "which takes minutes. beta_scan(X, y) does it" in weight.trust(costly, None, None)[0]
     exact = SimpleNamespace(extended=True, has_weight=False)
-    assert "There is no weight to choose" in scores.trust(exact, None)[0]
+    assert "There is no weight to choose" in weight.trust(exact, None, None)[0]
 
 
 def test_digits():

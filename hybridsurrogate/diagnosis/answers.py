@@ -12,12 +12,14 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
 from hybridsurrogate.diagnosis.averaging import averaged_over
-from hybridsurrogate.diagnosis.folds import random_folds, rows_of
+from hybridsurrogate.diagnosis.folds import Folds, folds_beyond, random_folds, rows_of
 from hybridsurrogate.diagnosis.forward import Step
 from hybridsurrogate.diagnosis.gain import Gain, gain_from, pointwise
 from hybridsurrogate.diagnosis.rehearsal import accepted
-from hybridsurrogate.diagnosis.trust import scan_beta
+from hybridsurrogate.diagnosis.trust import FEW_BETAS, has_weight, is_slow, scan_beta
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
+
+_SCAN_FOLDS = 3
 
 
 class FittedDiagnosis(RegressorMixin, BaseEstimator):
@@ -25,6 +27,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
 
     estimator_: Any
     extended_estimator_: Any
+    n_jobs: int | None
     _steps: tuple[Step, ...]
     _rows: tuple[ArrayLike, ArrayLike]
 
@@ -34,6 +37,28 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         *earlier, last = self._steps
         return averaged_over(last.beside, self.estimator_, accepted(earlier), *self._rows)
+
+    @cached_property
+    def beta_scan_(self) -> pd.DataFrame | None:
+        """`beta_scan` at a few weights; None where it makes no sense or takes minutes."""
+        check_is_fitted(self)
+        return self._few_betas(random_folds(len(self.estimator_._measured[1]), _SCAN_FOLDS, 0))
+
+    @cached_property
+    def beta_scan_out_of_range_(self) -> pd.DataFrame | None:
+        """The same on the rows behind ``gain_out_of_range_``; None without them."""
+        check_is_fitted(self)
+        X, _ = self.estimator_._measured
+        return self._few_betas(folds_beyond(self.estimator_.simulation, X))
+
+    def _few_betas(self, folds: Folds) -> pd.DataFrame | None:
+        if not folds or not has_weight(self.estimator_) or is_slow(self.estimator_):
+            return None
+        return self._scan(*self._rows, FEW_BETAS, folds)
+
+    def _scan(self, X: ArrayLike, y: ArrayLike, betas: ArrayLike, folds: Folds) -> pd.DataFrame:
+        models, grid = (self.estimator_, self.extended_estimator_), np.asarray(betas, dtype=float)
+        return scan_beta(models, grid, folds, rows_of(X), np.asarray(y, dtype=float), self.n_jobs)
 
     def gain_on(self, X_test: ArrayLike, y_test: ArrayLike, averaged: bool = False) -> Gain:
         """Return the gain on a test set, from the fitted models before and after.
@@ -70,10 +95,8 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
             each score's difference from that at the best weight, paired by rows.
         """
         check_is_fitted(self)
-        y = np.asarray(y, dtype=float)
         grid = np.linspace(0, 1, 11) if betas is None else np.unique(np.asarray(betas, dtype=float))
-        models = (self.estimator_, self.extended_estimator_)
-        return scan_beta(models, grid, random_folds(len(y), 3, 0), rows_of(X), y)
+        return self._scan(X, y, grid, random_folds(len(np.asarray(y)), _SCAN_FOLDS, 0))
 
     def predict(self, X: ArrayLike, return_std: bool = False) -> Any:
         """Return predictions of the extended estimator.

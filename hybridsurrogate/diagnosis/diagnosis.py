@@ -5,6 +5,8 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from copy import deepcopy
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -105,7 +107,13 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         pairs in which the correlation is at least 0.9, the parameter at least half as uncertain as
         its prior, and at least half of the curve could be its.
     gain_ : Gain or None
-        On held-out rows within the measured range, the search repeated in each fold.
+        On held-out rows within the measured range, the search repeated in each fold; also the best
+        weight of the simulation before and after.
+    beta_scan_, beta_scan_out_of_range_ : pandas.DataFrame or None
+        `beta_scan` of the measured data at five weights, within the measured range and on the rows
+        of ``gain_out_of_range_``. None where there is no weight to choose, as of a simulation that
+        is itself run, and where it takes minutes: with hyperparameters or more than 100
+        coefficients. Tried when they, or the best weights of a gain, are first asked for.
     gain_out_of_range_ : Gain or None
         The same beyond it: the last 40 % of the rows in three blocks, each foreseen from all rows
         before it. None where rows are few, or have no order: of several inputs without an
@@ -280,7 +288,11 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
                 stacklevel=3,
             )
             raise
-        self.gain_, self.gain_out_of_range_ = gains
+        # the weights are tried when they are asked for
+        self.gain_, self.gain_out_of_range_ = (
+            gain and replace(gain, scan=partial(getattr, self, name))
+            for gain, name in zip(gains, ("beta_scan_", "beta_scan_out_of_range_"), strict=True)
+        )
 
     def _keep(self, prepared: Prepared, stop: KeyboardInterrupt) -> None:
         """Keep what an interrupted search had weighed, and say so."""

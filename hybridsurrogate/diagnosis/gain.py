@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike
 
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.scoring import elpd, paired_difference
+from hybridsurrogate.scoring.scores import last_of_the_best
 
 COVERAGE_LEVEL, HALF = 0.9, 0.5
 
@@ -58,6 +60,9 @@ class Gain:
         What each fold's own search chose, as ``kind`` of its `FoldGain`; empty for a test set.
     folds : tuple of FoldGain
         The same fold by fold; empty for a test set.
+    scan : callable or None
+        Returns the held-out scores over the weight beta on which the best weights rest. It is
+        called when they are first asked for: that takes as long as the diagnosis.
     """
 
     elpd_before: float
@@ -73,6 +78,24 @@ class Gain:
     n_rows: int
     kinds: tuple[str, ...] = ()
     folds: tuple[FoldGain, ...] = ()
+    scan: Callable[[], pd.DataFrame | None] | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def best_beta_before(self) -> float | None:
+        """Weight of the simulation with the best held-out score, the largest of those as good.
+
+        None for a test set, and where there is no weight to choose or trying takes minutes.
+        """
+        return self._best_beta("before")
+
+    @property
+    def best_beta_after(self) -> float | None:
+        """The same after: larger, where the simulation is worth more once its fault is named."""
+        return self._best_beta("after")
+
+    def _best_beta(self, word: str) -> float | None:
+        scan = None if self.scan is None else self.scan()
+        return None if scan is None else best_beta(scan, word)
 
 
 class Scores(NamedTuple):
@@ -90,6 +113,11 @@ class Held(NamedTuple):
     before: Scores
     after: Scores
     kind: str
+
+
+def best_beta(scan: pd.DataFrame, word: str) -> float:
+    """Return the largest weight with the best score in one column of a scan over beta."""
+    return float(scan["beta"].iloc[last_of_the_best(scan[word])])
 
 
 def in_one_word(kinds: Sequence[str]) -> str:

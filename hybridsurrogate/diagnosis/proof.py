@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from pickle import PicklingError
 from typing import NamedTuple
 
-from joblib import Parallel, delayed
+from joblib import delayed
 from numpy.typing import ArrayLike
 
 from hybridsurrogate.diagnosis.folds import Folds, rows_of
 from hybridsurrogate.diagnosis.gain import Gain, Held, gain_over, pointwise
+from hybridsurrogate.diagnosis.parallel import in_parallel
 from hybridsurrogate.diagnosis.rehearsal import Rehearsal
 from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning
 from hybridsurrogate.priors import FloatArray
@@ -47,17 +47,7 @@ def proof(
         delayed(score_fold)(rehearse, take(train), y[train], take(test), y[test])
         for train, test in [*within, *beyond]
     ]
-    try:
-        told = Parallel(n_jobs=n_jobs)(tasks)
-    except PicklingError:
-        # a finished search is not lost because a simulation holds a lock or an open file
-        warnings.warn(
-            "The folds ran in this process: the simulation or a cause cannot be sent to another "
-            "one. Use n_jobs=None, or a function that pickle or cloudpickle can handle.",
-            DiagnosisWarning,
-            stacklevel=4,
-        )
-        told = Parallel(n_jobs=1)(tasks)
+    told: list[Told] = in_parallel(tasks, n_jobs)
     doubtful = sorted({doubt for fold in told for doubt in fold.doubts})
     if doubtful:
         warnings.warn(

@@ -7,18 +7,35 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pandas as pd
+from joblib import delayed
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import clone
 
 from hybridsurrogate.diagnosis.folds import Folds
+from hybridsurrogate.diagnosis.parallel import in_parallel
 from hybridsurrogate.estimators.beta_path import beta_path
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import HybridSurrogateWarning
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.scoring.scores import last_of_the_best, paired_difference
 
+# enough to see whether the best weight moved
+FEW_BETAS = (0.05, 0.25, 0.5, 0.75, 0.95)
+# with more of these a scan takes minutes
+_MANY_COEFFICIENTS = 100
 # scores of single weights differ by more than the error of so many draws
 _DRAWS = 200
+
+
+def has_weight(estimator: PowerScaledSurrogate) -> bool:
+    """Tell whether runs and measurements compete for the coefficients of a surrogate."""
+    return bool(estimator.posterior_.coefficients.shape[1])
+
+
+def is_slow(estimator: PowerScaledSurrogate) -> bool:
+    """Tell whether a fit takes long, by hyperparameters or by many coefficients."""
+    model = estimator.posterior_.model
+    return bool(model.n_hyper) or len(model.basis.coefficient_mean) > _MANY_COEFFICIENTS
 
 
 def scan_beta(
@@ -27,6 +44,7 @@ def scan_beta(
     folds: Folds,
     take: Callable[[NDArray[np.intp]], ArrayLike],
     y: FloatArray,
+    n_jobs: int | None,
 ) -> pd.DataFrame:
     """Return the held-out ELPD per row of the models before and after at each weight.
 
@@ -42,6 +60,8 @@ def scan_beta(
     take : callable
         Returns X at given rows.
     y : ndarray of shape (n,)
+    n_jobs : int or None
+        Folds at the same time, as in `joblib.Parallel`.
 
     Returns
     -------
@@ -49,34 +69,42 @@ def scan_beta(
         Columns beta, before, after, and before_error and after_error: the standard error of each
         score's difference from that at the best weight, paired by rows.
     """
-    rows: dict[str, FloatArray] = {}
-    for word, model in zip(("before", "after"), models, strict=True):
-        if word == "after" and model is models[0]:
-            rows[word] = rows["before"]
-            continue
-        draws = min(int(model.n_draws), _DRAWS)
-        quick = clone(model).set_params(sampler="importance", n_draws=draws)
-        scores = []
-        with warnings.catch_warnings():
-            # fits at extreme weights are often doubtful; the curve shows it
-            warnings.simplefilter("ignore", HybridSurrogateWarning)
-            for train, test in folds:
-                path = beta_path(quick, take(train), y[train], list(betas))
-                scores.append(
-                    [m.log_predictive_density(take(test), y[test]) for m in path.estimators]
-                )
-        rows[word] = np.concatenate(scores, axis=1)
+    before, after = models
+    tasks = [
+        delayed(_scores_of_fold)(model, betas, take(train), y[train], take(test), y[test])
+        for model in ([before] if after is before else models)
+        for train, test in folds
+    ]
+    told = in_parallel(tasks, n_jobs)
+    n = len(folds)
+    rows = {
+        "before": np.concatenate(told[:n], axis=1),
+        # the same tasks where nothing was found
+        "after": np.concatenate(told[-n:], axis=1),
+    }
     means = {word: scores.mean(axis=1) for word, scores in rows.items()}
     errors = {f"{word}_error": _errors(scores) for word, scores in rows.items()}
     return pd.DataFrame({"beta": betas, **means, **errors})
 
 
+def _scores_of_fold(
+    model: PowerScaledSurrogate,
+    betas: FloatArray,
+    X: ArrayLike,
+    y: FloatArray,
+    X_held: ArrayLike,
+    y_held: FloatArray,
+) -> FloatArray:
+    """Return the log predictive density of held-out rows at each weight: (n_betas, n_held)."""
+    draws = min(int(model.n_draws), _DRAWS)
+    quick = clone(model).set_params(sampler="importance", n_draws=draws)
+    with warnings.catch_warnings():
+        # fits at extreme weights are often doubtful; the curve shows it
+        warnings.simplefilter("ignore", HybridSurrogateWarning)
+        path = beta_path(quick, X, y, list(betas))
+        return np.array([m.log_predictive_density(X_held, y_held) for m in path.estimators])
+
+
 def _errors(scores: FloatArray) -> FloatArray:
     best = scores[last_of_the_best(scores.mean(axis=1))]
     return np.array([paired_difference(one, best).standard_error for one in scores])
-
-
-def best_betas(scan: pd.DataFrame) -> tuple[float, float]:
-    """Return the largest weights with the best score before and after the extension."""
-    before, after = (float(scan["beta"][last_of_the_best(scan[w])]) for w in ("before", "after"))
-    return before, after

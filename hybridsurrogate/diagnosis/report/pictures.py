@@ -11,12 +11,11 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from hybridsurrogate import plotting
-from hybridsurrogate.diagnosis.gain import COVERAGE_LEVEL, Gain
+from hybridsurrogate.diagnosis.gain import COVERAGE_LEVEL, Gain, best_beta
 from hybridsurrogate.diagnosis.next_measurement import information_at
 from hybridsurrogate.diagnosis.report import digits
 from hybridsurrogate.diagnosis.report.section import Picture
 from hybridsurrogate.diagnosis.report.view import View, label_of, prediction
-from hybridsurrogate.diagnosis.trust import best_betas
 from hybridsurrogate.plotting import AFTER, BEFORE
 
 Test = tuple[ArrayLike, ArrayLike] | None
@@ -200,14 +199,21 @@ def picture_next(view: View) -> Picture:
     )
 
 
-def picture_trust(scan: pd.DataFrame) -> Picture:
+def picture_trust(within: pd.DataFrame, beyond: pd.DataFrame | None) -> Picture:
     """Draw held-out scores against beta."""
-    ax = plotting.plot_beta_scan(scan)
-    before, after = best_betas(scan)
+    scans = {"within the measured range": within, "beyond it": beyond}
+    known = {where: scan for where, scan in scans.items() if scan is not None}
+    axes = plotting.new_axes(1, len(known), width=3.5 + 3.5 * len(known))
+    told = []
+    for ax, (where, scan) in zip(axes, known.items(), strict=True):
+        plotting.plot_beta_scan(scan, ax)
+        ax.set_title(where, fontsize="medium")
+        before, after = (best_beta(scan, word) for word in ("before", "after"))
+        told.append(f"{where} best at beta = {before:g} before and {after:g} after")
     return rendered(
-        [ax],
-        "Held-out log density per row against beta before and after the extension; best at "
-        f"beta = {before:g} before and {after:g} after.",
+        axes,
+        "Held-out log density per row against beta before and after the extension; "
+        f"{'; '.join(told)}.",
     )
 
 

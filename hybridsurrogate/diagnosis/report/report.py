@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from hybridsurrogate.diagnosis.report import html, pictures, rivals, scores, sentences, tables
+from hybridsurrogate.diagnosis.report import (
+    html,
+    pictures,
+    rivals,
+    scores,
+    sentences,
+    tables,
+    weight,
+)
 from hybridsurrogate.diagnosis.report.section import Section
 from hybridsurrogate.diagnosis.report.summary import summary
 from hybridsurrogate.diagnosis.report.view import View, label_of_cause
@@ -20,7 +28,6 @@ from hybridsurrogate.effects.notation import word as _word
 if TYPE_CHECKING:
     from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
 
-_BETAS = (0.05, 0.25, 0.5, 0.75, 0.95)
 _WIDTH, _HOLD = 88, "\u00a0"
 _NOTE = (
     "Written by hybridsurrogate. Surrogates on two data sources: Reiser, Bürkner and Guthke, "
@@ -126,7 +133,7 @@ def make_report(diagnosis: DiscrepancyDiagnosis, test: pictures.Test = None) -> 
         "averaged": averaged,
     }
     known = {name: gain for name, gain in measured.items() if gain is not None}
-    scan = _beta_scan(view)
+    within, beyond = diagnosis.beta_scan_, diagnosis.beta_scan_out_of_range_
     title = sentences.title_of(view)
     sections = (
         Section("Verdict", tuple(sentences.verdict(view)), (pictures.picture_fit(view),)),
@@ -156,13 +163,13 @@ def make_report(diagnosis: DiscrepancyDiagnosis, test: pictures.Test = None) -> 
         ),
         Section(
             "Trust in the simulation",
-            tuple(scores.trust(view, scan)),
-            () if scan is None else (pictures.picture_trust(scan),),
+            tuple(weight.trust(view, within, beyond)),
+            () if within is None else (pictures.picture_trust(within, beyond),),
         ),
         Section("What to do next", tuple(rivals.next_step(view)), (pictures.picture_next(view),)),
         Section("How far the numbers can be trusted", tuple(scores.draws(view))),
     )
-    return Report(title, sections, summary(view, title, sections, measured, scan))
+    return Report(title, sections, summary(view, title, sections, measured))
 
 
 def _formulas(view: View) -> tuple[tuple[str, str], ...]:
@@ -177,14 +184,6 @@ def _formulas(view: View) -> tuple[tuple[str, str], ...]:
         out.append((f"Formula{which}", f"{output} = {finding.formula}"))
         out.append((f"In LaTeX{which}", f"{name} = {finding.latex}"))
     return tuple(out)
-
-
-def _beta_scan(view: View) -> pd.DataFrame | None:
-    """Return held-out scores at a few weights, None where it makes no sense or takes minutes."""
-    diagnosis = view.diagnosis
-    if not view.has_weight or view.is_slow:
-        return None
-    return diagnosis.beta_scan(view.as_given(view.X), view.y, _BETAS)
 
 
 def _wrapped(sentence: str) -> str:

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 
-import pandas as pd
-
 from hybridsurrogate.diagnosis.emulator import MOST_MISSED, MOST_OPEN, advice
 from hybridsurrogate.diagnosis.gain import COVERAGE_LEVEL, HALF, Gain
 from hybridsurrogate.diagnosis.report import digits
 from hybridsurrogate.diagnosis.report.view import View
 from hybridsurrogate.posterior import KHAT_LIMIT
-from hybridsurrogate.scoring.scores import last_of_the_best
 
 _EXPLAINED = (
     "Scores are log predictive densities per row (ELPD): the logarithm of the probability density "
@@ -85,64 +82,6 @@ def is_worse(gain: Gain) -> bool:
     """Tell whether the model after predicts worse, by more than two standard errors."""
     error = gain.standard_error
     return math.isfinite(error) and gain.elpd_difference < -2 * error
-
-
-def trust(view: View, scan: pd.DataFrame | None) -> list[str]:
-    """Say how much the simulation should weigh against the data, before and after."""
-    if scan is None and view.has_weight:
-        return [
-            "How much weight the simulation deserves was not tried: this surrogate is fitted anew "
-            "at every weight, which takes minutes. beta_scan(X, y) does it."
-        ]
-    if scan is None:
-        return [
-            "There is no weight to choose: the surrogate is the simulation itself and learns no "
-            "coefficients from the measured data."
-        ]
-    first = (
-        "The weight beta says how much the simulation's runs count against the measured data: 0 is "
-        f"the data only, 1 the simulation only. Tried on three folds: "
-        f"{digits.listing(_betas(scan))}."
-    )
-    before, after = (scan.iloc[last_of_the_best(scan[word])] for word in ("before", "after"))
-    if not view.extended:
-        return [
-            first,
-            f"The best is beta = {before['beta']:g} (held-out score {before['before']:.3f}).",
-        ]
-    moved = float(after["beta"]) - float(before["beta"])
-    if moved and not _told_apart(scan, float(before["beta"]), float(after["beta"])):
-        meaning = (
-            "the two are as good within the errors of the scores, so that the data do not say "
-            "whether the simulation deserves another weight"
-        )
-    else:
-        meaning = _meaning_of(moved)
-    return [
-        first,
-        f"Before the extension the best weight of the simulation is beta = {before['beta']:g} "
-        f"(held-out score {before['before']:.3f}), after it beta = {after['beta']:g} "
-        f"({after['after']:.3f}): {meaning}.",
-    ]
-
-
-def _told_apart(scan: pd.DataFrame, before: float, after: float) -> bool:
-    """Tell whether either model does worse at the other's best weight, by two standard errors."""
-    at = scan.set_index("beta")
-    return any(
-        at.loc[best, word] - at.loc[other, word] > 2 * at.loc[other, f"{word}_error"]
-        for word, best, other in (("before", before, after), ("after", after, before))
-    )
-
-
-def _meaning_of(moved: float) -> str:
-    return (
-        "with its fault named the simulation deserves more weight"
-        if moved > 0
-        else "naming the fault does not raise the weight that the simulation deserves"
-        if moved == 0
-        else "even with its fault named the simulation deserves less weight than before"
-    )
 
 
 def emulator(view: View) -> list[str]:
@@ -288,7 +227,3 @@ def _not_measured() -> list[str]:
         "The gain was not measured by cross-validation. Fit with cv=5, or give rows held back: "
         "report(test=(X_test, y_test))."
     ]
-
-
-def _betas(scan: pd.DataFrame) -> list[str]:
-    return [f"{beta:g}" for beta in scan["beta"]]

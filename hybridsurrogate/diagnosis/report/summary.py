@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import asdict
+from collections.abc import Hashable, Mapping
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from hybridsurrogate.diagnosis.gain import Gain
+from hybridsurrogate.diagnosis.gain import Gain, best_beta
 from hybridsurrogate.diagnosis.report.section import Section
 from hybridsurrogate.diagnosis.report.tables import parameter_intervals, thirds
 from hybridsurrogate.diagnosis.report.view import View
-from hybridsurrogate.diagnosis.trust import best_betas
 
 # raised whenever a key changes its meaning or goes away
 SCHEMA_VERSION = 1
@@ -25,11 +24,10 @@ def summary(
     title: str,
     sections: tuple[Section, ...],
     gains: Mapping[str, Gain | None],
-    scan: pd.DataFrame | None,
 ) -> dict[str, Any]:
     """Return the numbers and the sentences of a report; ``json.dumps`` takes it as it is."""
     diagnosis = view.diagnosis
-    band = diagnosis.discrepancy_
+    band, scan = diagnosis.discrepancy_, diagnosis.beta_scan_
     values = {
         "schema_version": SCHEMA_VERSION,
         "title": title,
@@ -63,10 +61,11 @@ def summary(
         "gain_out_of_range": _of(gains["beyond"]),
         "gain_on_test": _of(gains["held back"]),
         "gain_on_test_averaged": _of(gains["averaged"]),
-        "beta_scan": None if scan is None else scan.to_dict("records"),
+        "beta_scan": _records(scan),
+        "beta_scan_out_of_range": _records(diagnosis.beta_scan_out_of_range_),
         "best_beta": None
         if scan is None
-        else dict(zip(("before", "after"), best_betas(scan), strict=True)),
+        else {word: best_beta(scan, word) for word in ("before", "after")},
         "next_measurement": diagnosis.next_measurement_,
         "next_information": diagnosis.next_information_,
         "confounded": diagnosis.confounded_.to_dict("records"),
@@ -91,7 +90,16 @@ def summary(
 
 
 def _of(gain: Gain | None) -> dict[str, Any] | None:
-    return None if gain is None else asdict(gain)
+    if gain is None:
+        return None
+    told = asdict(replace(gain, scan=None))
+    del told["scan"]
+    best = {"best_beta_before": gain.best_beta_before, "best_beta_after": gain.best_beta_after}
+    return told | best
+
+
+def _records(table: pd.DataFrame | None) -> list[dict[Hashable, Any]] | None:
+    return None if table is None else table.to_dict("records")
 
 
 def plain(value: Any) -> Any:

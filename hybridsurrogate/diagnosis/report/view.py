@@ -13,6 +13,7 @@ from scipy import special
 from hybridsurrogate.diagnosis.discrepancy import predict_locally
 from hybridsurrogate.diagnosis.evidence import Search, Weighed, kind_of
 from hybridsurrogate.diagnosis.gain import in_one_word
+from hybridsurrogate.diagnosis.trust import has_weight
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.plotting import Prediction
 from hybridsurrogate.priors import FloatArray
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
 _MOST_RIVALS = 4
 _MOST_CAUSES = 8
 _WORTH_DRAWING = 0.005
-# of these a scan over beta takes minutes
-_MANY_COEFFICIENTS = 100
 # a form of the same kind with more than this share of the cause's probability may be it as well
 _AS_PROBABLE = 0.25
 _N_BINS = 5
@@ -76,13 +75,7 @@ class View:
     @property
     def has_weight(self) -> bool:
         """Whether there is a surrogate for whose training runs and measurements compete."""
-        return bool(self.diagnosis.estimator_.posterior_.coefficients.shape[1])
-
-    @property
-    def is_slow(self) -> bool:
-        """Whether the surrogate takes long to fit: by hyperparameters or many coefficients."""
-        model = self.diagnosis.estimator_.posterior_.model
-        return bool(model.n_hyper) or len(model.basis.coefficient_mean) > _MANY_COEFFICIENTS
+        return has_weight(self.diagnosis.estimator_)
 
     @property
     def cause(self) -> Cause | None:
