@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
+from hybridsurrogate.csv_file import read_csv
 from hybridsurrogate.datasets import load_mauna_loa_co2, load_nile, make_log_sin
 from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
 from hybridsurrogate.diagnosis.report.report import ending_of
@@ -172,8 +173,7 @@ def _demo(given: argparse.Namespace) -> int:
 
 
 def _diagnose(given: argparse.Namespace) -> int:
-    runs = pd.read_csv(given.simulation, comment="#", skipinitialspace=True)
-    measured = pd.read_csv(given.measured, comment="#", skipinitialspace=True)
+    runs, measured = read_csv(given.simulation), read_csv(given.measured)
     # a comma at the end of each line makes a column without a cell
     measured = measured.dropna(axis="columns", how="all")
     missing = [name for name in (*given.inputs, given.output) if name not in measured]

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from hybridsurrogate.csv_file import read_csv
 from hybridsurrogate.exceptions import FailedRunsWarning
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulated_ranges import (
@@ -225,8 +226,7 @@ def read_simulation(
     >>> hs.read_simulation("runs.csv", ["t"], parameters={"gravity": prior}, output="distance")
     SimulationData(3 runs: t -> distance, parameters: gravity)
     """
-    frame = pd.read_csv(path, comment="#", skipinitialspace=True)
-    return SimulationData.from_frame(frame, inputs, parameters, output, assumed)
+    return SimulationData.from_frame(read_csv(path), inputs, parameters, output, assumed)
 
 
 def drop_failed(

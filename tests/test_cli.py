@@ -106,6 +106,19 @@ def test_a_mistake_ends_with_one_clear_line(files, capsys, change, message):
     assert len(error.splitlines()) == 1
 
 
+@pytest.mark.parametrize(("separator", "word"), [(";", "semicolons"), ("\t", "tabs")])
+def test_a_table_with_other_separators_is_told_with_what_to_do(files, capsys, separator, word):
+    table = pd.read_csv(files / "measured.csv")
+    table.to_csv(files / "measured.csv", sep=separator, decimal=",", index=False)
+    assert main(arguments(files)) == 2
+    (error,) = capsys.readouterr().err.splitlines()
+    assert f"the columns are separated by {word}" in error
+    # what it says to do is right
+    path = files / "measured.csv"
+    pd.read_csv(path, sep=separator, decimal=",").to_csv(path, index=False)
+    pd.testing.assert_frame_equal(pd.read_csv(path), table)
+
+
 def test_spaces_after_commas_belong_to_no_name(files, capsys):
     for name in ("runs.csv", "measured.csv"):
         text = (files / name).read_text()
