@@ -146,7 +146,7 @@ def _weigh(
     weighed = []
     for cause, fit, evidence in zip([None, *causes], peaks, known, strict=False):
         if np.isnan(evidence):
-            evidence = special.logsumexp(node_evidence(problem, belief, noise, fit, sizes))
+            evidence = np.logaddexp.reduce(node_evidence(problem, belief, noise, fit, sizes))
         weighed.append(Weighed(cause, *fit, float(evidence), -np.inf))
     probability, remainder = probabilities(weighed)
     quick = Search(problem, belief, weighed, probability, remainder, sizes, noise)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy import special
 
 from hybridsurrogate.diagnosis.fits import (
     Fitted,
@@ -167,7 +166,7 @@ def _far_behind(
     """
     sizes = effect_sizes(problem, fits)
     scans = [node_evidence(problem, belief, noise, fit, sizes) for fit in fits]
-    reached = np.array([special.logsumexp(nodes) for nodes in scans])
+    reached = np.array([np.logaddexp.reduce(nodes) for nodes in scans])
     # a curve of any shape reaches high at once: what has a name is compared with its like; what
     # could not be followed at all gets its other starting points, too
     of_any_shape = [any(e.kind == "unexplained" for e in fit.model.effects[-1:]) for fit in fits]

@@ -79,7 +79,7 @@ class CausesOnRows:
     def rows(self, X: FloatArray, values: FloatArray) -> tuple[Rows, Rows, list[Rows]]:
         """Return columns, omega and each cause's theta, every row of every draw after another."""
         J, n = len(values), len(X)
-        rows: Rows = {name: np.tile(X[:, k], J) for k, name in enumerate(self.columns)}
+        rows: Rows = dict(zip(self.columns, np.tile(X.T, J), strict=False))
         repeated = np.repeat(values.T, n, axis=1).T  # columns in one piece
         omega: Rows = {
             **{name: repeated[:, k] for k, name in enumerate(self.parameters)},

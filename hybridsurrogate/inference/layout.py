@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.priors import FloatArray, Prior, prior_range, to_normal
@@ -138,7 +137,8 @@ def at_cells(model: MeasuredModel, plan: Layout, edges: FloatArray) -> Layout:
         plan,
         grid=edges.mean(axis=2),
         edges=edges,
-        log_weight=log_mass - special.logsumexp(log_mass),
+        # scipy's logsumexp costs a fifth of a millisecond, whatever the size
+        log_weight=log_mass - np.logaddexp.reduce(log_mass),
     )
 
 
