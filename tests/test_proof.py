@@ -10,8 +10,8 @@ from sklearn.base import clone
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.folds import folds_beyond, future_folds, random_folds
-from hybridsurrogate.diagnosis.gain import FoldGain, Held, gain_over, pointwise
-from hybridsurrogate.diagnosis.trust import best_betas, scan_beta
+from hybridsurrogate.diagnosis.gain import FoldGain, Held, best_beta, gain_over, pointwise
+from hybridsurrogate.diagnosis.trust import scan_beta
 from hybridsurrogate.estimators.carried import fitted_near
 
 
@@ -256,9 +256,9 @@ def test_trust_rises_once_the_fault_is_named(simulator):
     after = clone(before).set_params(effects=(parabola,))
     betas = np.array([0.05, 0.5, 0.9])
     X = t[:, None]
-    scan = scan_beta((before, after), betas, random_folds(40, 2, 0), X.__getitem__, y)
+    scan = scan_beta((before, after), betas, random_folds(40, 2, 0), X.__getitem__, y, None)
     assert list(scan.columns) == ["beta", "before", "after", "before_error", "after_error"]
-    first, then = best_betas(scan)
+    first, then = best_beta(scan, "before"), best_beta(scan, "after")
     assert first < then
     # the best differs from itself by nothing
     at = scan.set_index("beta")
