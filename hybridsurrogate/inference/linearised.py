@@ -85,7 +85,8 @@ class Linearised:
     def pieces(self, n_responses: int) -> list[Linearised]:
         """Cut the nodes into pieces that stay in the processor's cache, unless responses do not."""
         T, n, q = self.H.shape
-        return [self.at(piece) for piece in blocks(T, n * q, max(BLOCK, n * n_responses))]
+        cuts = blocks(T, n * q, max(BLOCK, n * n_responses))
+        return [self] if len(cuts) == 1 else [self.at(piece) for piece in cuts]
 
     def simplified(self) -> Linearised:
         """Return the same with one mean and G where all nodes share them, as at a size of zero."""
@@ -112,6 +113,8 @@ class Linearised:
 
     def whitened(self, whiten: Callable[[FloatArray, int], FloatArray]) -> Linearised:
         """Return the model of rows ``whiten(rows, axis)``, which no known covariance ties."""
+        if not self.U.size:
+            return self
         return replace(
             self,
             mean=whiten(self.mean, 1),

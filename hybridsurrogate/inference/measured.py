@@ -125,7 +125,7 @@ class MeasuredModel(CausesOnRows):
         self, X: FloatArray, values: FloatArray, c: FloatArray | None, moves: int = 1
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return what `simulated` does; c may be one draw (p,) or one for each of values (J, p)."""
-        if not self.effects and not self.basis.known_depends_on_hyper:
+        if self._only_added and not self.basis.known_depends_on_hyper:
             return *self._unmoved(X, values, c), np.ones((len(values), 1))
         rows, omega, theta = self.rows(X, values)
         known, features = self._moved(X, values, c, rows, omega, theta, moves)
@@ -180,6 +180,8 @@ class MeasuredModel(CausesOnRows):
 
         ``factor`` (p, p) is that of the covariance of its coefficients.
         """
+        if self.basis.is_simulation:
+            return np.empty((len(X), 0))
         rows, omega, theta = self.rows(X, values)
         inputs, points = self._places(rows, omega, theta)
         U = np.hstack(
@@ -194,9 +196,13 @@ class MeasuredModel(CausesOnRows):
         return (
             type(self.basis).factors is not Basis.factors
             and not self.basis.known_depends_on_hyper
-            and not any(effect.touches_simulation for effect in self.effects)
-            and not self.touches_noise
+            and self._only_added
         )
+
+    @property
+    def _only_added(self) -> bool:
+        """Whether causes leave simulation and noise as they are."""
+        return not any(e.touches_simulation or e.touches_noise for e in self.effects)
 
     def factors(self, X: FloatArray, values: FloatArray) -> Factors | None:
         """Return the surrogate's `Factors` of rows X and draws of `values`."""
