@@ -114,8 +114,10 @@ def test_the_gain_says_by_how_much_the_simulation_is_worth_more():
     for word, best in (("before", within.best_beta_before), ("after", within.best_beta_after)):
         assert best == scan["beta"][scan[word] > scan[word].max() - 0.01].max()
     assert diagnosis.gain_on(case.X, case.y).best_beta_after is None
-    # a gain that was stored knows it, too
-    assert pickle.loads(pickle.dumps(beyond)).best_beta_after == beyond.best_beta_after
+    # a gain that was stored knows it, too, and one that was kept stays that of its fit
+    stored, best = pickle.loads(pickle.dumps(beyond)), beyond.best_beta_after
+    diagnosis.set_params(cv=None).fit(case.X, -case.y)
+    assert stored.best_beta_after == beyond.best_beta_after == best
 
 
 def test_a_simulation_that_is_itself_run_has_no_weight(periodic):

@@ -256,7 +256,7 @@ def test_trust_rises_once_the_fault_is_named(simulator):
     after = clone(before).set_params(effects=(parabola,))
     betas = np.array([0.05, 0.5, 0.9])
     X = t[:, None]
-    scan = scan_beta((before, after), betas, random_folds(40, 2, 0), X.__getitem__, y, None)
+    scan = scan_beta((before, after), betas, random_folds(40, 2, 0), X, y, None)
     assert list(scan.columns) == ["beta", "before", "after", "before_error", "after_error"]
     first, then = best_beta(scan, "before"), best_beta(scan, "after")
     assert first < then

@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis import answers
+from hybridsurrogate.diagnosis import trust
 from hybridsurrogate.diagnosis.report import digits
 from hybridsurrogate.diagnosis.report.summary import plain
 
@@ -324,11 +324,11 @@ def test_an_emulator_gets_its_beta_scan(diagnose, monkeypatch):
     # the scan itself takes seconds, and is tested in test_diagnosis
     asked = []
 
-    def scan(models, betas, folds, *rest):
+    def scan(models, betas, folds, X, y, n_jobs):
         asked.append((tuple(betas), [len(held) for _, held in folds]))
         return scan_of([-0.5, -0.9, -1.2], [-0.4, -0.3, -0.6])
 
-    monkeypatch.setattr(answers, "scan_beta", scan)
+    monkeypatch.setattr(trust, "scan_beta", scan)
     diagnosis = diagnose(lambda t: 2 * np.sin(2.5 * t), hs.PolynomialChaos(degree=4), cv=None)
     report = diagnosis.report()
     assert asked == [((0.05, 0.25, 0.5, 0.75, 0.95), held) for held in ([10, 10, 10], [4, 4, 4])]
@@ -337,5 +337,5 @@ def test_an_emulator_gets_its_beta_scan(diagnose, monkeypatch):
     text = flat(report)
     assert "Within the measured range the best weight of the simulation is beta = 0.05" in text
     assert "Beyond it the best weight of the simulation is beta = 0.05" in text
-    (trust,) = (s for s in report.sections if s.title == "Trust in the simulation")
-    assert "beyond it best at beta = 0.05 before and 0.5 after" in trust.pictures[0].description
+    (section,) = (s for s in report.sections if s.title == "Trust in the simulation")
+    assert "beyond it best at beta = 0.05 before and 0.5 after" in section.pictures[0].description

@@ -12,14 +12,11 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
 from hybridsurrogate.diagnosis.averaging import averaged_over
-from hybridsurrogate.diagnosis.folds import Folds, folds_beyond, random_folds, rows_of
 from hybridsurrogate.diagnosis.forward import Step
 from hybridsurrogate.diagnosis.gain import Gain, gain_from, pointwise
 from hybridsurrogate.diagnosis.rehearsal import accepted
-from hybridsurrogate.diagnosis.trust import FEW_BETAS, has_weight, is_slow, scan_beta
+from hybridsurrogate.diagnosis.trust import BetaScans, scan_beta, scan_folds
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
-
-_SCAN_FOLDS = 3
 
 
 class FittedDiagnosis(RegressorMixin, BaseEstimator):
@@ -28,6 +25,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
     estimator_: Any
     extended_estimator_: Any
     n_jobs: int | None
+    _scans: BetaScans
     _steps: tuple[Step, ...]
     _rows: tuple[ArrayLike, ArrayLike]
 
@@ -38,27 +36,17 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         *earlier, last = self._steps
         return averaged_over(last.beside, self.estimator_, accepted(earlier), *self._rows)
 
-    @cached_property
+    @property
     def beta_scan_(self) -> pd.DataFrame | None:
         """`beta_scan` at a few weights; None where it makes no sense or takes minutes."""
         check_is_fitted(self)
-        return self._few_betas(random_folds(len(self.estimator_._measured[1]), _SCAN_FOLDS, 0))
+        return self._scans.within
 
-    @cached_property
+    @property
     def beta_scan_out_of_range_(self) -> pd.DataFrame | None:
         """The same on the rows behind ``gain_out_of_range_``; None without them."""
         check_is_fitted(self)
-        X, _ = self.estimator_._measured
-        return self._few_betas(folds_beyond(self.estimator_.simulation, X))
-
-    def _few_betas(self, folds: Folds) -> pd.DataFrame | None:
-        if not folds or not has_weight(self.estimator_) or is_slow(self.estimator_):
-            return None
-        return self._scan(*self._rows, FEW_BETAS, folds)
-
-    def _scan(self, X: ArrayLike, y: ArrayLike, betas: ArrayLike, folds: Folds) -> pd.DataFrame:
-        models, grid = (self.estimator_, self.extended_estimator_), np.asarray(betas, dtype=float)
-        return scan_beta(models, grid, folds, rows_of(X), np.asarray(y, dtype=float), self.n_jobs)
+        return self._scans.beyond
 
     def gain_on(self, X_test: ArrayLike, y_test: ArrayLike, averaged: bool = False) -> Gain:
         """Return the gain on a test set, from the fitted models before and after.
@@ -96,7 +84,8 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         grid = np.linspace(0, 1, 11) if betas is None else np.unique(np.asarray(betas, dtype=float))
-        return self._scan(X, y, grid, random_folds(len(np.asarray(y)), _SCAN_FOLDS, 0))
+        models = (self.estimator_, self.extended_estimator_)
+        return scan_beta(models, grid, scan_folds(y), X, y, self.n_jobs)
 
     def predict(self, X: ArrayLike, return_std: bool = False) -> Any:
         """Return predictions of the extended estimator.

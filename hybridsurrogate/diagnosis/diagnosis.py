@@ -37,6 +37,7 @@ from hybridsurrogate.diagnosis.rehearsal import (
     extended_simulator,
 )
 from hybridsurrogate.diagnosis.settings import check_rows, check_settings
+from hybridsurrogate.diagnosis.trust import BetaScans
 from hybridsurrogate.diagnosis.verdict import cause_table, credible_kinds, not_reached, verdict_on
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
@@ -252,6 +253,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         causes, problem = accepted(steps), self.search_.problem
         self._steps, self._rows = tuple(steps), deepcopy((X, y))
         self.extended_estimator_ = extended(self.estimator_, causes, X, y)
+        models = self.estimator_, self.extended_estimator_
+        self._scans = BetaScans(models, *self._rows, self.n_jobs)
         posterior = self.extended_estimator_.posterior_
         self.found_causes_ = [finding_of(step, k, posterior) for k, step in enumerate(steps)]
         self.best_cause_ = self.found_causes_[0]
@@ -290,8 +293,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             raise
         # the weights are tried when they are asked for
         self.gain_, self.gain_out_of_range_ = (
-            gain and replace(gain, scan=partial(getattr, self, name))
-            for gain, name in zip(gains, ("beta_scan_", "beta_scan_out_of_range_"), strict=True)
+            gain and replace(gain, scan=partial(getattr, self._scans, where))
+            for gain, where in zip(gains, ("within", "beyond"), strict=True)
         )
 
     def _keep(self, prepared: Prepared, stop: KeyboardInterrupt) -> None:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
 from joblib import delayed
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from sklearn.base import clone
 
-from hybridsurrogate.diagnosis.folds import Folds
+from hybridsurrogate.diagnosis.folds import Folds, folds_beyond, random_folds, rows_of
 from hybridsurrogate.diagnosis.parallel import in_parallel
 from hybridsurrogate.estimators.beta_path import beta_path
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
@@ -20,11 +22,53 @@ from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.scoring.scores import last_of_the_best, paired_difference
 
 # enough to see whether the best weight moved
-FEW_BETAS = (0.05, 0.25, 0.5, 0.75, 0.95)
+_FEW_BETAS, _SCAN_FOLDS = (0.05, 0.25, 0.5, 0.75, 0.95), 3
 # with more of these a scan takes minutes
 _MANY_COEFFICIENTS = 100
 # scores of single weights differ by more than the error of so many draws
 _DRAWS = 200
+
+
+@dataclass(frozen=True)
+class BetaScans:
+    """What `scan_beta` finds at a few weights for a fitted diagnosis, when it is first asked for.
+
+    Attributes
+    ----------
+    models : pair of PowerScaledSurrogate
+        Before and after, fitted.
+    X, y : array-like of shape (n, n_columns), (n,)
+        Measured data.
+    n_jobs : int or None
+    """
+
+    models: tuple[PowerScaledSurrogate, PowerScaledSurrogate]
+    X: ArrayLike
+    y: ArrayLike
+    n_jobs: int | None
+
+    @cached_property
+    def within(self) -> pd.DataFrame | None:
+        """Within the measured range; None where it makes no sense or takes minutes."""
+        return self._few(scan_folds(self.y))
+
+    @cached_property
+    def beyond(self) -> pd.DataFrame | None:
+        """Beyond it; None without such folds, too."""
+        before, _ = self.models
+        assert before.simulation is not None
+        return self._few(folds_beyond(before.simulation, before._measured[0]))
+
+    def _few(self, folds: Folds) -> pd.DataFrame | None:
+        before, _ = self.models
+        if not folds or not has_weight(before) or is_slow(before):
+            return None
+        return scan_beta(self.models, np.array(_FEW_BETAS), folds, self.X, self.y, self.n_jobs)
+
+
+def scan_folds(y: ArrayLike) -> Folds:
+    """Return the folds of a scan within the measured range."""
+    return random_folds(len(np.asarray(y)), _SCAN_FOLDS, 0)
 
 
 def has_weight(estimator: PowerScaledSurrogate) -> bool:
@@ -42,8 +86,8 @@ def scan_beta(
     models: Sequence[PowerScaledSurrogate],
     betas: FloatArray,
     folds: Folds,
-    take: Callable[[NDArray[np.intp]], ArrayLike],
-    y: FloatArray,
+    X: ArrayLike,
+    y: ArrayLike,
     n_jobs: int | None,
 ) -> pd.DataFrame:
     """Return the held-out ELPD per row of the models before and after at each weight.
@@ -57,9 +101,7 @@ def scan_beta(
         Before and after, the cause held fixed.
     betas : ndarray
     folds : list of (train, test)
-    take : callable
-        Returns X at given rows.
-    y : ndarray of shape (n,)
+    X, y : array-like of shape (n, n_columns), (n,)
     n_jobs : int or None
         Folds at the same time, as in `joblib.Parallel`.
 
@@ -69,9 +111,9 @@ def scan_beta(
         Columns beta, before, after, and before_error and after_error: the standard error of each
         score's difference from that at the best weight, paired by rows.
     """
-    before, after = models
+    (before, after), take, values = models, rows_of(X), np.asarray(y, dtype=float)
     tasks = [
-        delayed(_scores_of_fold)(model, betas, take(train), y[train], take(test), y[test])
+        delayed(_scores_of_fold)(model, betas, take(train), values[train], take(test), values[test])
         for model in ([before] if after is before else models)
         for train, test in folds
     ]
