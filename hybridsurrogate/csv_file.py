@@ -20,7 +20,7 @@ def read_csv(path: str | os.PathLike[str]) -> pd.DataFrame:
     # the head first: rows with decimal commas break the reader before it can tell
     head = pd.read_csv(path, comment="#", nrows=0).columns
     for separator, word in _OTHER_SEPARATORS.items():
-        if any(separator in name for name in head):
+        if len(head) == 1 and separator in head[0]:
             raise ValueError(
                 f"{path}: the columns are separated by {word}. Write commas, and points in "
                 f"decimals: pandas.read_csv(path, sep={separator!r}, decimal=',')"

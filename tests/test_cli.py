@@ -119,6 +119,14 @@ def test_a_table_with_other_separators_is_told_with_what_to_do(files, capsys, se
     pd.testing.assert_frame_equal(pd.read_csv(path), table)
 
 
+def test_a_semicolon_in_a_name_is_no_separator(files):
+    table = pd.read_csv(files / "runs.csv").rename(columns={"speed": "speed; m/s"})
+    table.to_csv(files / "runs.csv", index=False)
+    names = {"inputs": ["t"], "parameters": {"speed; m/s": stats.uniform(1, 2)}}
+    runs = hs.read_simulation(files / "runs.csv", **names, output="distance")
+    assert runs.n_runs == 80
+
+
 def test_spaces_after_commas_belong_to_no_name(files, capsys):
     for name in ("runs.csv", "measured.csv"):
         text = (files / name).read_text()

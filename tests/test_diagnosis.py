@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import pickle
 
 import numpy as np
 import pandas as pd
@@ -12,7 +11,6 @@ from scipy.stats import halfnorm, norm, uniform
 from sklearn.base import clone
 
 import hybridsurrogate as hs
-from hybridsurrogate.datasets import make_log_sin
 
 
 def cooling(t, start, rate, ambient):
@@ -96,28 +94,6 @@ def test_a_scan_of_beta_scores_both_models_on_the_same_folds(periodic):
     assert list(scan["beta"]) == [0.25, 0.5]
     # with the wave named, held-out rows are foreseen better at any weight
     assert (scan["after"] > scan["before"] + 0.5).all()
-
-
-def test_the_gain_says_by_how_much_the_simulation_is_worth_more():
-    # case study 1 of the paper: the simulation lacks a wave, its best weight is small without it
-    case = make_log_sin(random_state=0)
-    surrogate = hs.PolynomialChaos(degree=7)
-    model = hs.PowerScaledSurrogate(
-        case.simulation, surrogate=surrogate, n_draws=300, random_state=0
-    )
-    diagnosis = hs.DiscrepancyDiagnosis(model, random_state=0).fit(case.X, case.y)
-    within, beyond = diagnosis.gain_, diagnosis.gain_out_of_range_
-    assert beyond.best_beta_after > beyond.best_beta_before
-    scan = diagnosis.beta_scan_
-    assert len(scan) == len(diagnosis.beta_scan_out_of_range_) == 5
-    # the largest weight that costs less than a hundredth of a nat
-    for word, best in (("before", within.best_beta_before), ("after", within.best_beta_after)):
-        assert best == scan["beta"][scan[word] > scan[word].max() - 0.01].max()
-    assert diagnosis.gain_on(case.X, case.y).best_beta_after is None
-    # a gain that was stored knows it, too, and one that was kept stays that of its fit
-    stored, best = pickle.loads(pickle.dumps(beyond)), beyond.best_beta_after
-    diagnosis.set_params(cv=None).fit(case.X, -case.y)
-    assert stored.best_beta_after == beyond.best_beta_after == best
 
 
 def test_a_simulation_that_is_itself_run_has_no_weight(periodic):

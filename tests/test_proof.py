@@ -10,8 +10,7 @@ from sklearn.base import clone
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.folds import folds_beyond, future_folds, random_folds
-from hybridsurrogate.diagnosis.gain import FoldGain, Held, best_beta, gain_over, pointwise
-from hybridsurrogate.diagnosis.trust import scan_beta
+from hybridsurrogate.diagnosis.gain import FoldGain, Held, gain_over, pointwise
 from hybridsurrogate.estimators.carried import fitted_near
 
 
@@ -240,32 +239,6 @@ def test_folds_are_checked_before_the_search(simulator, setting, match):
     model = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate())
     with pytest.raises((TypeError, ValueError), match=match):
         hs.DiscrepancyDiagnosis(model, **setting).fit(np.zeros((20, 1)), np.zeros(20))
-
-
-def test_trust_rises_once_the_fault_is_named(simulator):
-    rng = np.random.default_rng(0)
-    t = np.sort(rng.uniform(0, 14, 40))
-    y = line(t, 1.0, 1.0) + 3 * (t - 5) ** 2 / 20 + 0.3 * rng.standard_normal(40)
-    before = hs.PowerScaledSurrogate(
-        simulator.run(64, random_state=0),
-        surrogate=hs.PolynomialChaos(degree=2),
-        n_draws=200,
-        random_state=0,
-    )
-    parabola = hs.Trend("t", degree=2, center=7.0, span=14.0)
-    after = clone(before).set_params(effects=(parabola,))
-    betas = np.array([0.05, 0.5, 0.9])
-    X = t[:, None]
-    scan = scan_beta((before, after), betas, random_folds(40, 2, 0), X, y, None)
-    assert list(scan.columns) == ["beta", "before", "after", "before_error", "after_error"]
-    first, then = best_beta(scan, "before"), best_beta(scan, "after")
-    assert first < then
-    # the best differs from itself by nothing
-    at = scan.set_index("beta")
-    assert at.loc[first, "before_error"] == at.loc[then, "after_error"] == 0
-    assert (scan["before_error"] > 0).sum() == (scan["after_error"] > 0).sum() == 2
-    # with most of the weight on the runs, a straight line cannot follow the bend
-    assert scan["after"].iloc[-1] > scan["before"].iloc[-1] + 0.5
 
 
 def test_folds_are_those_asked_for():

@@ -334,6 +334,7 @@ def test_an_emulator_gets_its_beta_scan(diagnose, monkeypatch):
     assert asked == [((0.05, 0.25, 0.5, 0.75, 0.95), held) for held in ([10, 10, 10], [4, 4, 4])]
     told = {"beta": 0.5, "before": -0.9, "after": -0.3, "before_error": 0.1, "after_error": 0.1}
     assert report.to_dict()["beta_scan"][1] == told
+    assert report.to_dict()["best_beta_out_of_range"] == {"before": 0.05, "after": 0.5}
     text = flat(report)
     assert "Within the measured range the best weight of the simulation is beta = 0.05" in text
     assert "Beyond it the best weight of the simulation is beta = 0.05" in text

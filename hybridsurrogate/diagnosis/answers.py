@@ -24,7 +24,6 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
 
     estimator_: Any
     extended_estimator_: Any
-    n_jobs: int | None
     _scans: BetaScans
     _steps: tuple[Step, ...]
     _rows: tuple[ArrayLike, ArrayLike]
@@ -84,8 +83,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         grid = np.linspace(0, 1, 11) if betas is None else np.unique(np.asarray(betas, dtype=float))
-        models = (self.estimator_, self.extended_estimator_)
-        return scan_beta(models, grid, scan_folds(y), X, y, self.n_jobs)
+        return scan_beta(self._scans.models, grid, scan_folds(y), X, y, self._scans.n_jobs)
 
     def predict(self, X: ArrayLike, return_std: bool = False) -> Any:
         """Return predictions of the extended estimator.

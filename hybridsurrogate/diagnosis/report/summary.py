@@ -27,7 +27,8 @@ def summary(
 ) -> dict[str, Any]:
     """Return the numbers and the sentences of a report; ``json.dumps`` takes it as it is."""
     diagnosis = view.diagnosis
-    band, scan = diagnosis.discrepancy_, diagnosis.beta_scan_
+    band = diagnosis.discrepancy_
+    within, beyond = diagnosis.beta_scan_, diagnosis.beta_scan_out_of_range_
     values = {
         "schema_version": SCHEMA_VERSION,
         "title": title,
@@ -61,11 +62,10 @@ def summary(
         "gain_out_of_range": _of(gains["beyond"]),
         "gain_on_test": _of(gains["held back"]),
         "gain_on_test_averaged": _of(gains["averaged"]),
-        "beta_scan": _records(scan),
-        "beta_scan_out_of_range": _records(diagnosis.beta_scan_out_of_range_),
-        "best_beta": None
-        if scan is None
-        else {word: best_beta(scan, word) for word in ("before", "after")},
+        "beta_scan": _records(within),
+        "beta_scan_out_of_range": _records(beyond),
+        "best_beta": _best(within),
+        "best_beta_out_of_range": _best(beyond),
         "next_measurement": diagnosis.next_measurement_,
         "next_information": diagnosis.next_information_,
         "confounded": diagnosis.confounded_.to_dict("records"),
@@ -92,14 +92,18 @@ def summary(
 def _of(gain: Gain | None) -> dict[str, Any] | None:
     if gain is None:
         return None
+    # the scans stand beside the gains, as there are some without folds, too
     told = asdict(replace(gain, scan=None))
     del told["scan"]
-    best = {"best_beta_before": gain.best_beta_before, "best_beta_after": gain.best_beta_after}
-    return told | best
+    return told
 
 
 def _records(table: pd.DataFrame | None) -> list[dict[Hashable, Any]] | None:
     return None if table is None else table.to_dict("records")
+
+
+def _best(scan: pd.DataFrame | None) -> dict[str, float] | None:
+    return None if scan is None else {word: best_beta(scan, word) for word in ("before", "after")}
 
 
 def plain(value: Any) -> Any:

@@ -1,0 +1,70 @@
+"""How much weight the simulation deserves, before and after its fault is named."""
+
+import pickle
+
+import numpy as np
+from pandas.testing import assert_frame_equal
+from scipy.stats import norm
+from sklearn.base import clone
+
+import hybridsurrogate as hs
+from hybridsurrogate.datasets import make_log_sin
+from hybridsurrogate.diagnosis.folds import random_folds
+from hybridsurrogate.diagnosis.gain import best_beta
+from hybridsurrogate.diagnosis.trust import scan_beta
+
+
+def line(t, level, slope):
+    return level + slope * t
+
+
+def test_trust_rises_once_the_fault_is_named():
+    simulator = hs.Simulator(line, {"t": (0, 14)}, {"level": norm(0, 3), "slope": norm(1, 0.5)})
+    rng = np.random.default_rng(0)
+    t = np.sort(rng.uniform(0, 14, 40))
+    y = line(t, 1.0, 1.0) + 3 * (t - 5) ** 2 / 20 + 0.3 * rng.standard_normal(40)
+    before = hs.PowerScaledSurrogate(
+        simulator.run(64, random_state=0),
+        surrogate=hs.PolynomialChaos(degree=2),
+        n_draws=200,
+        random_state=0,
+    )
+    parabola = hs.Trend("t", degree=2, center=7.0, span=14.0)
+    after = clone(before).set_params(effects=(parabola,))
+    betas = np.array([0.05, 0.5, 0.9])
+    X = t[:, None]
+    scan = scan_beta((before, after), betas, random_folds(40, 2, 0), X, y, None)
+    assert list(scan.columns) == ["beta", "before", "after", "before_error", "after_error"]
+    first, then = best_beta(scan, "before"), best_beta(scan, "after")
+    assert first < then
+    # the best differs from itself by nothing
+    at = scan.set_index("beta")
+    assert at.loc[first, "before_error"] == at.loc[then, "after_error"] == 0
+    assert (scan["before_error"] > 0).sum() == (scan["after_error"] > 0).sum() == 2
+    # with most of the weight on the runs, a straight line cannot follow the bend
+    assert scan["after"].iloc[-1] > scan["before"].iloc[-1] + 0.5
+    # however many processes share the folds
+    assert_frame_equal(scan, scan_beta((before, after), betas, random_folds(40, 2, 0), X, y, 2))
+
+
+def test_the_gain_says_by_how_much_the_simulation_is_worth_more():
+    # case study 1 of the paper: the simulation lacks a wave, its best weight is small without it
+    case = make_log_sin(random_state=0)
+    surrogate = hs.PolynomialChaos(degree=7)
+    model = hs.PowerScaledSurrogate(
+        case.simulation, surrogate=surrogate, n_draws=300, random_state=0
+    )
+    diagnosis = hs.DiscrepancyDiagnosis(model, random_state=0).fit(case.X, case.y)
+    within, beyond = diagnosis.gain_, diagnosis.gain_out_of_range_
+    assert beyond.best_beta_after > beyond.best_beta_before
+    scan = diagnosis.beta_scan_
+    assert len(scan) == len(diagnosis.beta_scan_out_of_range_) == 5
+    # the largest weight that costs less than a hundredth of a nat
+    for word, best in (("before", within.best_beta_before), ("after", within.best_beta_after)):
+        assert best == scan["beta"][scan[word] > scan[word].max() - 0.01].max()
+    assert diagnosis.gain_on(case.X, case.y).best_beta_after is None
+    # a gain that was stored knows it, too, and one that was kept stays that of its fit
+    assert pickle.loads(pickle.dumps(beyond)).best_beta_after == beyond.best_beta_after
+    scan = beyond.scan()
+    diagnosis.set_params(cv=None).fit(case.X, case.y)
+    assert beyond.scan() is scan
