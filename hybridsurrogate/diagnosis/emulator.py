@@ -13,7 +13,8 @@ from hybridsurrogate.diagnosis.kriging import KrigedBasis
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.inference.belief import coefficient_belief
 from hybridsurrogate.surrogates import Kriging
-from hybridsurrogate.surrogates.base import Basis, Surrogate
+from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.surrogates.basis import Basis
 
 # more than the noise hides, in its standard deviations; measured rows mend some of what is missed
 MOST_OPEN, MOST_MISSED = 1.0, 2.0

@@ -19,7 +19,7 @@ from hybridsurrogate.cholesky import pivoted_cholesky
 from hybridsurrogate.inference.belief import Belief
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation import SimulationData
-from hybridsurrogate.surrogates.base import Basis, each_with_each
+from hybridsurrogate.surrogates.basis import Basis, each_with_each
 from hybridsurrogate.surrogates.kriging import KrigingBasis
 from hybridsurrogate.surrogates.process import Places, Process, conditioned, process_through
 

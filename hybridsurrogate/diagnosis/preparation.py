@@ -19,7 +19,7 @@ from hybridsurrogate.inference.belief import Belief, coefficient_belief
 from hybridsurrogate.inference.effect_check import check_effects
 from hybridsurrogate.priors import FloatArray, to_normal
 from hybridsurrogate.simulation import SimulationData
-from hybridsurrogate.surrogates.base import Basis
+from hybridsurrogate.surrogates.basis import Basis
 
 # draws of the posterior of which the best is taken
 _TRIED = 200

@@ -8,7 +8,7 @@ import numpy as np
 
 from hybridsurrogate.inference.statistics import Statistics
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.surrogates.base import Basis
+from hybridsurrogate.surrogates.basis import Basis
 
 
 class Belief(NamedTuple):

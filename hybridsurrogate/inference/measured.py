@@ -13,7 +13,7 @@ from hybridsurrogate.blocks import blocks, in_blocks
 from hybridsurrogate.effects.base import SIMULATED, Cause, Rows
 from hybridsurrogate.inference.causes_on_rows import CausesOnRows
 from hybridsurrogate.priors import FloatArray, Prior, from_normal
-from hybridsurrogate.surrogates.base import Basis, Factors
+from hybridsurrogate.surrogates.basis import Basis, Factors
 
 
 class Parts(NamedTuple):

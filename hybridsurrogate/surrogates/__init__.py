@@ -1,6 +1,8 @@
 """Surrogates: one file a family."""
 
-from hybridsurrogate.surrogates.base import Basis, Domain, Factors, Surrogate
+from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.surrogates.basis import Basis, Factors
+from hybridsurrogate.surrogates.domain import Domain
 from hybridsurrogate.surrogates.exact import ExactSurrogate
 from hybridsurrogate.surrogates.feature import FeatureSurrogate
 from hybridsurrogate.surrogates.gaussian_process import GaussianProcess

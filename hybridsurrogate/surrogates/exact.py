@@ -9,7 +9,10 @@ from typing import Any
 import numpy as np
 
 from hybridsurrogate.modification import Modification
-from hybridsurrogate.surrogates.base import Basis, Domain, FloatArray, Surrogate
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.surrogates.basis import Basis
+from hybridsurrogate.surrogates.domain import Domain
 from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
 
 

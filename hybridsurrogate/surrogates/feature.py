@@ -10,7 +10,9 @@ from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 
 from hybridsurrogate.priors import FloatArray, Prior, check_prior
-from hybridsurrogate.surrogates.base import Basis, Domain, Surrogate
+from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.surrogates.basis import Basis
+from hybridsurrogate.surrogates.domain import Domain
 
 _DEFAULT_RELATIVE_SD = 5.0
 

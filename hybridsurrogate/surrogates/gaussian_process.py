@@ -11,7 +11,9 @@ from scipy import stats
 from sklearn.utils import check_scalar
 
 from hybridsurrogate.priors import FloatArray, Prior, check_prior
-from hybridsurrogate.surrogates.base import Basis, Domain, Factors, Surrogate
+from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.surrogates.basis import Basis, Factors
+from hybridsurrogate.surrogates.domain import Domain
 from hybridsurrogate.surrogates.polynomial_chaos import legendre, multi_indices
 
 KERNELS = ("squared-exponential", "matern-5/2", "matern-3/2")

@@ -11,7 +11,9 @@ from hybridsurrogate.blocks import blocks
 from hybridsurrogate.cholesky import nudged_cholesky, pivoted_cholesky
 from hybridsurrogate.design import draw_design
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.surrogates.base import Basis, Domain, Surrogate
+from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.surrogates.basis import Basis
+from hybridsurrogate.surrogates.domain import Domain
 from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
 from hybridsurrogate.surrogates.process import Places, Process, conditioned, process_through
 

@@ -13,7 +13,9 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPRegressor
 
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.surrogates.base import Basis, Domain, Surrogate
+from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.surrogates.basis import Basis
+from hybridsurrogate.surrogates.domain import Domain
 from hybridsurrogate.surrogates.feature import FeatureSurrogate
 from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
 

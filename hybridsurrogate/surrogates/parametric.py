@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from hybridsurrogate.priors import FloatArray, Prior, check_priors
-from hybridsurrogate.surrogates.base import Basis, Domain, Surrogate
+from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.surrogates.basis import Basis
+from hybridsurrogate.surrogates.domain import Domain
 
 Function = Callable[[FloatArray, FloatArray, dict[str, FloatArray]], Any]
 

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.utils import check_scalar
 
-from hybridsurrogate.priors import Prior, check_prior
-from hybridsurrogate.surrogates.base import Basis, Domain, Factors, FloatArray, Surrogate
+from hybridsurrogate.priors import FloatArray, Prior, check_prior
+from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.surrogates.basis import Basis, Factors
+from hybridsurrogate.surrogates.domain import Domain
 
 # scale-aware default: five times the spread of the outputs, as N(0, 5) is for the published
 # case studies, whose outputs have a spread of about one

@@ -12,7 +12,7 @@ from scipy.linalg import solve_triangular
 
 from hybridsurrogate.cholesky import nudged_cholesky
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.surrogates.base import Basis, in_turn
+from hybridsurrogate.surrogates.basis import Basis, in_turn
 from hybridsurrogate.surrogates.covariance import (
     Apart,
     Covariance,

@@ -1,0 +1,241 @@
+"""A surrogate on a domain, as everything that is fitted sees it.
+
+A *basis* is a known part m0(x, omega) plus features phi(x, omega) whose coefficients c have a
+Gaussian prior, ``eta(x, omega; c) = m0(x, omega) + phi(x, omega)' c``. Everything else, from the
+collapsed likelihood to the diagnosis, is written on those two functions.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from hybridsurrogate.blocks import blocks
+from hybridsurrogate.modification import Modification
+from hybridsurrogate.priors import FloatArray, Prior
+
+
+class Factors(NamedTuple):
+    """Parts of ``known + (of_inputs * of_parameters) @ c``: (n,), (n, p) and (J, p).
+
+    Examples
+    --------
+    >>> parts = Factors(np.zeros(2), np.array([[1.0], [2.0]]), np.array([[3.0]]))
+    >>> parts.known + (parts.of_inputs * parts.of_parameters) @ [10.0]
+    array([30., 60.])
+    """
+
+    known: FloatArray
+    of_inputs: FloatArray
+    of_parameters: FloatArray
+
+
+@dataclass(frozen=True)
+class Basis(ABC):
+    """A surrogate on a domain: known part, features, and the prior of the coefficients.
+
+    Attributes
+    ----------
+    coefficient_mean, coefficient_sd : ndarray of shape (p,)
+        Independent normal priors.
+
+    Examples
+    --------
+    A line through the origin, ``eta = c x``:
+
+    >>> class Slope(Basis):
+    ...     def known(self, X, omega, hyper=None):
+    ...         return np.zeros(len(X))
+    ...     def features(self, X, omega):
+    ...         return X
+    >>> Slope(np.zeros(1), np.ones(1)).output(np.array([[1.0], [2.0]]), np.empty((2, 0)), [5.0])
+    array([ 5., 10.])
+    """
+
+    coefficient_mean: FloatArray
+    coefficient_sd: FloatArray
+
+    @property
+    def hyperpriors(self) -> dict[str, Prior]:
+        """Priors of unknowns of the surrogate itself, such as length scales; by default none."""
+        return {}
+
+    def factor(self, hyper: FloatArray, truncated: bool = False) -> FloatArray | None:
+        """Return F with ``coefficients = mean + F v``, v standard normal, for hyperparameters.
+
+        Parameters
+        ----------
+        hyper : ndarray of shape (J, n_hyper)
+        truncated : bool, default=False
+            Leave out columns that are negligible for all J.
+
+        Returns
+        -------
+        ndarray of shape (J, p, r), r <= p, or None
+            None: the coefficients do not depend on hyperparameters, F = diag(coefficient_sd).
+        """
+        return None
+
+    def given(self, hyper: FloatArray) -> Basis:
+        """Return the basis with its hyperparameters fixed at values (n_hyper,)."""
+        if not self.hyperpriors:
+            return self
+        return _GivenBasis(
+            np.zeros(len(self.coefficient_mean)), np.ones(len(self.coefficient_sd)), self, hyper
+        )
+
+    @abstractmethod
+    def known(
+        self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
+    ) -> FloatArray:
+        """Return m0 for rows of inputs (n, n_inputs) and parameters (n, n_parameters): (n,).
+
+        A surrogate that is not linear in its unknowns puts them into ``hyper`` (n, n_hyper), row by
+        row; `known_depends_on_hyper` then is True.
+        """
+
+    @abstractmethod
+    def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return phi for the same rows: (n, p)."""
+
+    def error(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return F (n, r): what the basis misses of the simulation has covariance F F'.
+
+        By default nothing is missed but what the coefficients leave open.
+        """
+        return np.empty((len(X), 0))
+
+    def along(self, directions: FloatArray) -> Basis:
+        """Return the basis with features along directions (p, r) of the coefficients."""
+        r = directions.shape[1]
+        return _BasisAlong(np.zeros(r), np.ones(r), self, directions)
+
+    known_depends_on_hyper = False
+    # whether the known part is the simulation itself, which may fail for some parameters
+    is_simulation = False
+
+    def modified(self, modifications: Sequence[Modification]) -> Basis:
+        """Return the basis of a simulation with changed dynamics.
+
+        Their numbers follow the assumed constants in omega.
+        """
+        raise ValueError(
+            "Causes inside the dynamics need surrogate=ExactSurrogate(): what was trained on runs "
+            "knows no right-hand side."
+        )
+
+    def factors(self, X: FloatArray, omega: FloatArray) -> Factors | None:
+        """Return the features' parts of n inputs and of J parameters; None: they have no such.
+
+        A basis whose features factorise overrides this for speed; its known part does not depend
+        on the parameters.
+
+        Parameters
+        ----------
+        X : ndarray of shape (n, n_inputs)
+        omega : ndarray of shape (J, n_parameters)
+        """
+        return None
+
+    def outer(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return known part (J, n) and features (J, n, p) of n inputs for each of J parameters."""
+        J, n = len(omega), len(X)
+        factors = self.factors(X, omega)
+        if factors is not None:
+            known, of_inputs, of_parameters = factors
+            return np.broadcast_to(known, (J, n)), of_inputs * of_parameters[:, None]
+        rows, points = each_with_each(X, omega)
+        features = self.features(rows, points)
+        return self.known(rows, points).reshape(J, n), features.reshape(J, n, features.shape[1])
+
+    def output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
+        """Return the output for rows of inputs and parameters and one draw of c (p,): (n,)."""
+        return self.known(X, omega) + self.features(X, omega) @ c
+
+    def output_in_turn(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
+        """Return the output (n,) for J draws of c (J, p), the first for the first n / J rows."""
+        n, p = len(X) // len(c), len(self.coefficient_mean)
+        added = np.empty(len(X))
+        for some in blocks(len(c), n * p):
+            rows = slice(some.start * n, some.stop * n)
+            added[rows] = in_turn(self.features(X[rows], omega[rows]), c[some])
+        return self.known(X, omega) + added
+
+    def output_close_by(
+        self, X: FloatArray, omega: FloatArray, c: FloatArray, shape: tuple[int, int, int]
+    ) -> FloatArray:
+        """Return the output of rows of ``shape``: nodes, moves that are short, measured rows.
+
+        The first move of a node is none. A basis that knows its slopes may follow them from there.
+        """
+        return self.output(X, omega, c)
+
+    def outer_output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
+        """Return the output (J, n) of n inputs for each of J parameters.
+
+        For one draw of c (p,), or for one for each parameter (J, p).
+        """
+        factors = self.factors(X, omega)
+        if factors is not None:
+            known, of_inputs, of_parameters = factors
+            return known + (of_parameters * c) @ of_inputs.T
+        output = self.output if c.ndim == 1 else self.output_in_turn
+        return output(*each_with_each(X, omega), c).reshape(len(omega), len(X))
+
+
+def in_turn(features: FloatArray, c: FloatArray) -> FloatArray:
+    """Return the products (n,) of rows (n, p) with c (J, p), the first for the first n / J rows."""
+    groups = features.reshape(len(c), len(features) // len(c), features.shape[1])
+    return (groups @ c[..., None]).ravel()
+
+
+def each_with_each(X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return rows of n inputs for each of J parameters, (J n, ...)."""
+    # columns in one piece, as simulations take them
+    return np.tile(X.T, (1, len(omega))).T, np.repeat(omega.T, len(X), axis=1).T
+
+
+@dataclass(frozen=True)
+class _GivenBasis(Basis):
+    """Another basis at fixed hyperparameters, its features in whitened coordinates."""
+
+    basis: Basis
+    hyper: FloatArray
+
+    def known(
+        self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
+    ) -> FloatArray:
+        rows = np.broadcast_to(self.hyper, (len(X), len(self.hyper)))
+        known = self.basis.known(X, omega, rows)
+        if not len(self.coefficient_mean):
+            return known
+        return known + self.basis.features(X, omega) @ self.basis.coefficient_mean
+
+    def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        features = self.basis.features(X, omega)
+        return features if self._factor is None else features @ self._factor[0]
+
+    @cached_property
+    def _factor(self) -> FloatArray | None:
+        return self.basis.factor(self.hyper[None])
+
+
+@dataclass(frozen=True)
+class _BasisAlong(Basis):
+    """Another basis along some directions of its coefficients; their prior is not asked for."""
+
+    basis: Basis
+    directions: FloatArray
+
+    def known(
+        self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
+    ) -> FloatArray:
+        return self.basis.known(X, omega, hyper)
+
+    def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        return self.basis.features(X, omega) @ self.directions
