@@ -1,10 +1,15 @@
+import os
 import warnings
 
 import numpy as np
 import pytest
+from shared_files import SHARED
 
 import hybridsurrogate as hs
 from hybridsurrogate.simulation import Simulator
+
+# data sets and examples look where the tests look
+os.environ.setdefault("HYBRIDSURROGATE_SHARED", str(SHARED))
 
 
 def fall(t, gravity):

@@ -180,7 +180,9 @@ def test_weights_that_are_no_numbers_weigh_nothing():
 
 @pytest.mark.parametrize("df", [1.5, 4, 30])
 def test_pareto_smoothing_is_that_of_arviz(df, arviz):
-    log_weight = np.random.default_rng(0).standard_t(df, size=2000)
+    # a tail of 3 sqrt(1600) = 120 weights: where that is no whole number ArviZ 1.3 rounds it down
+    # and others up
+    log_weight = np.random.default_rng(0).standard_t(df, size=1600)
     smoothed, khat = pareto_smooth(log_weight)
     smoothed = np.exp(smoothed - special.logsumexp(smoothed))
     if arviz.__version__.startswith("0."):

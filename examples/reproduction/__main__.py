@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -15,7 +16,8 @@ from joblib import Parallel, delayed
 from . import extension, figures, page, scores
 from .cases import CASES, italy
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
 # data sets of what is slow: Italy, of which only the runs and the draws differ from seed to seed,
 # and diagnoses that ask the epidemic of case study 2.1
 N_SLOW = 5
@@ -79,6 +81,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--csv", type=Path, help="keep the scores in this file")
     parser.add_argument("--from-csv", type=Path, help="scores from this file instead of new ones")
     given = parser.parse_args(arguments)
+    # data that are not ours to redistribute may lie beside the checkout, as for measured_data.py
+    os.environ.setdefault("HYBRIDSURROGATE_SHARED", str(ROOT.parent / "shared"))
     start = time.perf_counter()
     if given.from_csv:
         frame = pd.read_csv(given.from_csv, dtype={"case": str})
