@@ -165,4 +165,5 @@ class AveragedSurrogate(SurrogateEstimator):
         log_density = special.logsumexp(
             [part.log_density for part in parts], axis=0, b=self.weights_[:, None]
         )
-        return PointwiseLoo(log_density, np.max([part.khat for part in parts], axis=0))
+        khat = np.max([part.khat for part in parts], axis=0)
+        return PointwiseLoo(log_density, khat, np.any([part.failed for part in parts], axis=0))

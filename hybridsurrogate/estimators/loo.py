@@ -13,7 +13,6 @@ from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.estimators.rows import MeasuredRows
 from hybridsurrogate.inference.ensemble import EnsembleSampler
 from hybridsurrogate.inference.leave_one_out import PointwiseLoo, pointwise_loo
-from hybridsurrogate.inference.pareto import KHAT_LIMIT
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray
 
@@ -38,7 +37,9 @@ class Loo:
     khat : ndarray of shape (n,)
         Pareto k-hat of each row before it was fitted anew.
     n_refits : int
-        Rows for which importance sampling failed and the model was fitted without them.
+        Rows for which importance sampling failed and the model was fitted without them: k-hat above
+        ``min(1 - 1 / log10(n_draws), 0.7)`` (Vehtari, Simpson, Gelman, Yao and Gabry 2024, Journal
+        of Machine Learning Research 25(72)).
 
     Examples
     --------
@@ -73,7 +74,7 @@ def loo_of_rows(
     mean = float(np.average(pointwise, weights=weights))
     spread = np.average((pointwise - mean) ** 2, weights=weights)
     error = float(np.sqrt(spread / max(weights.sum() - 1, 1.0)))
-    return Loo(mean, error, pointwise, khat, int(np.sum(found.khat > KHAT_LIMIT)))
+    return Loo(mean, error, pointwise, khat, int(found.failed.sum()))
 
 
 def loo_of_fit(
@@ -85,11 +86,12 @@ def loo_of_fit(
 ) -> PointwiseLoo:
     """Return leave-one-out densities of the rows given to a fit; bad rows are fitted anew.
 
-    Importance sampling is replaced by a fit without the row where its k-hat exceeds 0.7. Rows
-    without weight have NaN, and a k-hat of minus infinity.
+    Importance sampling is replaced by a fit without the row where its k-hat exceeds what so many
+    draws can bear. Rows without weight have NaN, and a k-hat of minus infinity.
     """
     inside = rows.origin >= 0
-    out = PointwiseLoo(np.full(len(inside), np.nan), np.full(len(inside), -np.inf))
+    n = len(inside)
+    out = PointwiseLoo(np.full(n, np.nan), np.full(n, -np.inf), np.zeros(n, dtype=bool))
     if not inside.any():
         return out
     # equal rows of equal weight are the same question
@@ -103,6 +105,7 @@ def loo_of_fit(
     )
     out.log_density[inside] = found.log_density[which.ravel()]
     out.khat[inside] = found.khat[which.ravel()]
+    out.failed[inside] = found.failed[which.ravel()]
     return out
 
 
@@ -129,7 +132,7 @@ def _loo_of_distinct(
         found = pointwise_loo(
             first, power * less, second.reshape(len(draws), _REPEATS, len(y)), less
         )
-    for i in np.flatnonzero(found.khat > KHAT_LIMIT):
+    for i in np.flatnonzero(found.failed):
         without, powers = _without(problem, fit.powers, index[i], less[i])
         again = fit_problem(without, powers, sampler, fit.first.n_draws, random_state)
         density = _log_likelihood(again.second, X[i : i + 1], y[i : i + 1])

@@ -177,7 +177,8 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
                 parts["measured"].log_density + np.log1p(-weight),
             )
         khat = np.maximum(parts["simulation"].khat, parts["measured"].khat)
-        return PointwiseLoo(log_density, khat)
+        failed = parts["simulation"].failed | parts["measured"].failed
+        return PointwiseLoo(log_density, khat, failed)
 
     def _mixture(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
         if self.simulation_posterior_ is None:

@@ -11,17 +11,28 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import optimize, special
 
-from hybridsurrogate.inference.pareto import pareto_smooth
+from hybridsurrogate.inference.pareto import khat_limit, pareto_smooth
 from hybridsurrogate.priors import FloatArray
 
 
 class PointwiseLoo(NamedTuple):
-    """Log predictive density of each row given the others, (n,), and Pareto k-hat, (n,)."""
+    """Log predictive density of each row given the others, (n,), and whether to trust it.
+
+    Attributes
+    ----------
+    log_density : ndarray of shape (n,)
+    khat : ndarray of shape (n,)
+        Pareto k-hat.
+    failed : ndarray of shape (n,)
+        Rows whose k-hat is above what so many draws can bear: they need a fit of their own.
+    """
 
     log_density: FloatArray
     khat: FloatArray
+    failed: NDArray[np.bool_]
 
 
 def pointwise_loo(
@@ -64,7 +75,7 @@ def pointwise_loo(
         if weights[i]:
             khat[i] = max(k, pareto_smooth(-weights[i] * second[..., i].ravel())[1])
         log_density[i] = special.logsumexp(smoothed + held_out[:, i]) - special.logsumexp(smoothed)
-    return PointwiseLoo(log_density, khat)
+    return PointwiseLoo(log_density, khat, khat > khat_limit(len(first)))
 
 
 def stacking_weight(first: FloatArray, second: FloatArray, weights: FloatArray) -> float:

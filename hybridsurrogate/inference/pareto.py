@@ -12,6 +12,19 @@ KHAT_LIMIT = 0.7
 _MANY, _LEVEL = 1000, float(np.log(10.0))
 
 
+def khat_limit(n_draws: int) -> float:
+    """Return the k-hat above which so many draws do not tell.
+
+    ``min(1 - 1 / log10(n_draws), 0.7)`` (Vehtari et al. 2024): a heavy tail takes more of them.
+
+    Examples
+    --------
+    >>> [round(khat_limit(n), 3) for n in (100, 1000, 10_000)]
+    [0.5, 0.667, 0.7]
+    """
+    return float(min(1 - 1 / np.log10(n_draws), KHAT_LIMIT)) if n_draws > 10 else 0.0
+
+
 def pareto_smooth(log_weight: FloatArray) -> tuple[FloatArray, float]:
     """Smooth the largest importance weights by a generalised Pareto tail.
 
