@@ -242,13 +242,28 @@ def _possible(eta: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArra
 
 
 def arviz_of(
-    posteriors: Sequence[Posterior], X: FloatArray, y: FloatArray, random: np.random.RandomState
+    posteriors: Sequence[Posterior],
+    followed: Sequence[NDArray[np.bool_]] | None,
+    X: FloatArray,
+    y: FloatArray,
+    random: np.random.RandomState,
 ) -> Any:
     """Return an ArviZ object of the draws of all posteriors and of measured rows.
 
     It has what the posteriors have in common: posterior, log likelihood, posterior predictive and
-    observed data.
+    observed data. ``followed`` says which posterior a draw follows at each row, (S, n); what it
+    draws once is that of the posterior which it follows most. None: draws come one after the other.
     """
+
+    def joined(parts: Sequence[FloatArray], chosen: NDArray[np.intp] | None) -> FloatArray:
+        if chosen is None:
+            return np.concatenate(parts)
+        each = np.stack(parts)
+        index = chosen.reshape(1, *chosen.shape, *[1] * (each.ndim - 1 - chosen.ndim))
+        return np.take_along_axis(each, index, axis=0)[0]
+
+    at_rows = None if followed is None else np.argmax(followed, axis=0)
+    once = None if followed is None else np.argmax(np.sum(followed, axis=2), axis=0)
     told: list[FloatArray] = []
     drawn: list[FloatArray] = []
     for p in posteriors:
@@ -258,15 +273,15 @@ def arviz_of(
     named = [p.named() for p in posteriors]
     shared = [k for k in named[0] if all(k in other for other in named)]
     posterior = {
-        k: np.concatenate([other[k] for other in named])
+        k: joined([other[k] for other in named], once)
         for k in shared
         if len({other[k].shape[1:] for other in named}) == 1
     }
     return arviz_groups(
         {
             "posterior": posterior,
-            "log_likelihood": {"y": np.concatenate(told)},
-            "posterior_predictive": {"y": np.concatenate(drawn)},
+            "log_likelihood": {"y": joined(told, at_rows)},
+            "posterior_predictive": {"y": joined(drawn, at_rows)},
             "observed_data": {"y": y},
         }
     )

@@ -2,6 +2,7 @@ import warnings
 
 import numpy as np
 import pytest
+from scipy import special, stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.posterior import Diagnostics, Posterior, arviz_groups
@@ -165,6 +166,35 @@ def test_to_arviz_of_a_mixture(fitted_mixture, measured):
     # coefficients and gravity belong to one of the two surrogates only
     assert set(group(data, "posterior").data_vars) == {"sigma"}
     assert group(data, "log_likelihood")["y"].shape == (1, 400, len(measured[1]))
+
+
+def test_to_arviz_of_weights_that_change_with_the_row():
+    """Each row has the draws that its own weight asks for, not those of the mean weight."""
+    simulator = hs.Simulator(
+        lambda t, level: level + 0 * t, {"t": (0, 10)}, {"level": stats.norm(0, 2)}
+    )
+    t = np.linspace(0, 10, 40)[:, None]
+    y = 3 * np.sin(t[:, 0]) + 0.1 * np.random.default_rng(0).standard_normal(40)
+    model = hs.PredictiveWeightedSurrogate(
+        simulator.run(64, random_state=0),
+        hs.PolynomialChaos(8),
+        beta=lambda X: np.clip(1.4 - 0.2 * X[:, 0], 0, 1),
+        n_draws=2000,
+        random_state=0,
+    ).fit(t, y)
+    weight = model.beta(t)
+    data = model.to_arviz()
+    told = np.asarray(group(data, "log_likelihood")["y"])[0]
+    mean = special.logsumexp(told, axis=0) - np.log(len(told))
+    # densities of the half that the weights leave to the other surrogate are known to a few percent
+    np.testing.assert_allclose(mean, model.log_predictive_density(t, y), atol=0.15)
+    drawn = np.asarray(group(data, "posterior_predictive")["y"])[0]
+    ratio = drawn.std(axis=0) / model.predict(t, return_std=True)[1]
+    # a share of a few percent of the draws is not known to a tenth
+    known = (weight == 0) | ((weight > 0.2) & (weight < 0.8)) | (weight == 1)
+    assert known.sum() > 30
+    assert np.abs(ratio - 1)[known].max() < 0.1
+    assert group(data, "posterior")["sigma"].shape == (1, 2000)
 
 
 def test_groups_of_both_generations_of_arviz(arviz):

@@ -17,7 +17,7 @@ from hybridsurrogate.estimators.columns import check_numbers, matched_columns, w
 from hybridsurrogate.estimators.intervals import central_interval, inside_intervals
 from hybridsurrogate.estimators.loo import Loo, loo_of_rows
 from hybridsurrogate.estimators.mixture import (
-    drawn,
+    curves,
     log_density_of,
     moments,
     noise_free,
@@ -284,8 +284,8 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
     def to_arviz(self) -> Any:
         """Return posterior, log likelihood, posterior predictive and observed data for ArviZ.
 
-        ``arviz.loo`` of it is wrong where the measured likelihood has a power other than one:
-        use `loo`.
+        ``arviz.loo`` of it is wrong where the measured likelihood has a power other than one, and
+        where draws are of two surrogates: use `loo`.
 
         Returns
         -------
@@ -296,7 +296,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         X, y = self._measured
         random = check_random_state(self.random_state)
-        return arviz_of(drawn(self._mixture(), None, random), X, y, random)
+        return arviz_of(*curves(self._mixture(X), None, random), X, y, random)
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()

@@ -7,6 +7,7 @@ from numbers import Integral
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 from sklearn.utils import check_scalar
 
@@ -59,22 +60,33 @@ def samples(
     draw: Draw,
 ) -> FloatArray:
     """Return draws (n_draws, n) of the mixture at each row."""
-    mixture = mixture_at(X)
+    posteriors, followed = curves(mixture_at(X), n_draws, random)
+    values = [draw(posterior, X, random) for posterior in posteriors]
+    return np.concatenate(values) if followed is None else np.select(followed, values)
+
+
+def curves(
+    mixture: Mixture, n_draws: int | None, random: np.random.RandomState
+) -> tuple[list[Posterior], list[NDArray[np.bool_]] | None]:
+    """Return posteriors of n_draws, and which of them each draw follows at each row, (n_draws, n).
+
+    None: their draws come one after the other, n_draws together, and follow their own everywhere.
+    Where weights change with the row, one number a draw decides at all rows: it is a curve that
+    changes its surrogate where the weight passes that number.
+    """
     if all(np.ndim(weight) == 0 for weight, _ in mixture):
-        return np.concatenate([draw(p, X, random) for p in drawn(mixture_at(), n_draws, random)])
-    # weights that change with the row: one number a draw decides at all rows, so a draw is a
-    # curve that changes its surrogate where the weight passes that number
+        return drawn(mixture, n_draws, random), None
     n = mixture[0][1].n_draws if n_draws is None else n_draws
     check_scalar(n, "n_draws", Integral, min_val=1)
     level = random.uniform(size=(n, 1))
-    out, below = np.empty((n, len(X))), np.zeros(len(X))
-    for weight, posterior in mixture:
-        index = random.choice(posterior.n_draws, n, n > posterior.n_draws)
-        values = draw(posterior.take(index), X, random)
-        chosen = (level >= below) & (level < below + weight)
-        below = below + weight
-        out = np.where(chosen, values, out)
-    return out
+    ends = np.cumsum(np.broadcast_arrays(*(weight for weight, _ in mixture)), axis=0)
+    ends[-1] = 1.0
+    followed = np.diff([level < end for end in ends], axis=0, prepend=False)
+    posteriors = [
+        posterior.take(random.choice(posterior.n_draws, n, n > posterior.n_draws))
+        for _, posterior in mixture
+    ]
+    return posteriors, list(followed)
 
 
 def drawn(
