@@ -1,14 +1,10 @@
-"""Draws of a fitted surrogate, what they say, and how far they can be trusted.
-
-The only file that knows ArviZ.
-"""
+"""Draws of a fitted surrogate, what they say, and how far they can be trusted."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,9 +87,13 @@ class Diagnostics:
         """Warn when the draws are not trustworthy."""
         problems = self.problems()
         if problems:
+            ways = [] if self.sampler == "emcee" else ["sampler='emcee'"]
+            if not self.converged:
+                ways.append("EnsembleSampler with a larger max_steps")
+            advice = ", ".join([*ways, "more n_draws", "tighter priors"])
             warnings.warn(
-                f"The posterior draws are doubtful: {'; '.join(problems)}. Try "
-                "sampler='emcee', more n_draws, tighter priors, or a lower surrogate degree.",
+                f"The posterior draws are doubtful: {'; '.join(problems)}. Try {advice}, or a "
+                "lower surrogate degree.",
                 SamplingWarning,
                 stacklevel=3,
             )
@@ -239,73 +239,3 @@ def _possible(eta: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArra
         failed, np.take_along_axis(good_first, turn, axis=0), np.arange(len(eta))[:, None]
     )
     return np.take_along_axis(eta, draw, axis=0), np.take_along_axis(noise, draw, axis=0)
-
-
-def arviz_of(
-    posteriors: Sequence[Posterior],
-    followed: Sequence[NDArray[np.bool_]] | None,
-    X: FloatArray,
-    y: FloatArray,
-    random: np.random.RandomState,
-) -> Any:
-    """Return an ArviZ object of the draws of all posteriors and of measured rows.
-
-    It has what the posteriors have in common: posterior, log likelihood, posterior predictive and
-    observed data. ``followed`` says which posterior a draw follows at each row, (S, n); what it
-    draws once is that of the posterior which it follows most. None: draws come one after the other.
-    """
-
-    def joined(parts: Sequence[FloatArray], chosen: NDArray[np.intp] | None) -> FloatArray:
-        if chosen is None:
-            return np.concatenate(parts)
-        each = np.stack(parts)
-        index = chosen.reshape(1, *chosen.shape, *[1] * (each.ndim - 1 - chosen.ndim))
-        return np.take_along_axis(each, index, axis=0)[0]
-
-    at_rows = None if followed is None else np.argmax(followed, axis=0)
-    once = None if followed is None else np.argmax(np.sum(followed, axis=2), axis=0)
-    told: list[FloatArray] = []
-    drawn: list[FloatArray] = []
-    for p in posteriors:
-        eta, sigma = p.eta(X)
-        told.append(p.likelihood.log_density(y, eta, sigma))
-        drawn.append(p.likelihood.sample(eta, sigma, random))
-    named = [p.named() for p in posteriors]
-    shared = [k for k in named[0] if all(k in other for other in named)]
-    posterior = {
-        k: joined([other[k] for other in named], once)
-        for k in shared
-        if len({other[k].shape[1:] for other in named}) == 1
-    }
-    return arviz_groups(
-        {
-            "posterior": posterior,
-            "log_likelihood": {"y": joined(told, at_rows)},
-            "posterior_predictive": {"y": joined(drawn, at_rows)},
-            "observed_data": {"y": y},
-        }
-    )
-
-
-def arviz_groups(groups: dict[str, dict[str, FloatArray]]) -> Any:
-    """Return an ArviZ object with the given groups; draws come first in every array.
-
-    ArviZ before 1.0 takes groups as keywords and returns InferenceData, later versions take one
-    nested dict and return a DataTree.
-    """
-    with warnings.catch_warnings():
-        # ArviZ 0.x announces its own successor at import
-        warnings.simplefilter("ignore", FutureWarning)
-        import arviz
-
-    shaped = {
-        group: {
-            name: (value if group == "observed_data" else value[None])
-            for name, value in variables.items()
-        }
-        for group, variables in groups.items()
-    }
-    # by number: 1.x warns when it is asked for the names of 0.x
-    if arviz.__version__.startswith("0."):
-        return arviz.from_dict(**shaped)
-    return arviz.from_dict(shaped)

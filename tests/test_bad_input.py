@@ -34,6 +34,7 @@ def power_scaled(simulation, **parameters):
         ({"noise_prior": 0.5}, TypeError, "prior of 'noise_prior' must be a frozen"),
         ({"surrogate": "pce"}, TypeError, "must be a surrogate object such as Polynomial"),
         ({"surrogate": hs.PolynomialChaos}, TypeError, "must be a surrogate object"),
+        ({"likelihood": hs.StudentT(np.inf)}, ValueError, "positive and finite, got inf"),
         ({"effects": hs.Offset()}, TypeError, r"sequence of causes such as \[Trend"),
         ({"effects": ["trend"]}, TypeError, "sequence of causes"),
         ({"effects": [hs.Offset]}, TypeError, "sequence of causes"),
@@ -53,7 +54,7 @@ def power_scaled(simulation, **parameters):
         (
             {"noise_prior": stats.uniform(-2, 1)},
             ValueError,
-            "priors and the data contradict each other",
+            "noise_prior must have mass above zero: .* ends at -1",
         ),
     ],
     # an object without a name of its own would put its address into the test's name
@@ -210,6 +211,25 @@ def test_log_normal_needs_positive_measured_values(simulation, measured, low, es
         estimator(simulation, likelihood="lognormal").fit(
             X, np.where(np.arange(len(y)) == 4, low, y)
         )
+
+
+def test_means_that_one_draw_carries():
+    """Three rows leave the noise of a logarithm so open that its exponential has no mean."""
+    simulator = hs.Simulator(
+        lambda t, rate: 100 * np.exp(rate * t),
+        {"t": (0, 10)},
+        {"rate": hs.truncated_normal(0.8, 0.2, 0.1, 1.5)},
+    )
+    t = np.linspace(0, 10, 3)
+    y = 100 * np.exp(0.7 * t + 0.1 * np.random.default_rng(0).standard_normal(3))
+    model = hs.PredictiveWeightedSurrogate(
+        simulator.run(100, random_state=0), likelihood="lognormal", random_state=0
+    ).fit(t[:, None], y)
+    with pytest.warns(hs.SamplingWarning, match="At 1 rows a single draw makes up more") as record:
+        model.predict([[5.0]])
+    assert record[0].filename == __file__
+    tight = model.set_params(noise_prior=stats.halfnorm(scale=0.5)).fit(t[:, None], y)
+    assert tight.predict([[5.0]])[0] == pytest.approx(100 * np.exp(3.5), rel=0.5)
 
 
 def test_log_normal_needs_positive_values_to_score(simulation, measured):

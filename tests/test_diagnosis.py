@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import copy
+import warnings
 
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import halfnorm, norm, uniform
 from sklearn.base import clone
+from sklearn.exceptions import DataConversionWarning
 
 import hybridsurrogate as hs
+from hybridsurrogate.scoring import SCORERS
 
 
 def cooling(t, start, rate, ambient):
@@ -48,6 +51,21 @@ def measure(effect, seed=0, n=40, noise=0.5):
 def periodic(simulator):
     X, y = measure(lambda t: 2 * np.sin(2 * np.pi * t / 3.1))
     return hs.DiscrepancyDiagnosis(exact(simulator), random_state=0).fit(X, y)
+
+
+def test_a_column_of_outputs_is_flattened(simulator):
+    X, y = measure(lambda t: 2 * np.sin(2 * np.pi * t / 3.1))
+    column = y[:, None]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DataConversionWarning)  # as scikit-learn says
+        model = hs.DiscrepancyDiagnosis(exact(simulator), cv=3, random_state=0).fit(X, column)
+        gain = model.gain_on(X, column)
+        report = model.report(test=(X, column))
+        scores = [scorer(model.extended_estimator_, X, column) for scorer in SCORERS.values()]
+    assert model.gain_.n_rows == 40
+    assert gain.elpd_difference == model.gain_on(X, y).elpd_difference
+    assert "periodic" in str(report)
+    assert scores == [scorer(model.extended_estimator_, X, y) for scorer in SCORERS.values()]
 
 
 def test_every_attribute_of_a_named_cause(periodic):

@@ -1,5 +1,8 @@
 """The ensemble backend: when it stops, what it says, how it goes on."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from moments import assert_gaussian
@@ -92,6 +95,26 @@ def test_resuming_needs_a_seed_and_h5py(tmp_path, simulation, measured, monkeypa
 def test_bad_settings(parameters, match):
     with pytest.raises(ValueError, match=match):
         run(hs.EnsembleSampler(**parameters))
+
+
+def test_one_move_is_enough():
+    import emcee
+
+    move = emcee.moves.StretchMove()
+    assert run(hs.EnsembleSampler(moves=move, max_steps=100)).n_steps == 100
+
+
+def test_a_file_has_one_writer(tmp_path):
+    pytest.importorskip("h5py")
+    path = str(tmp_path / "chain.h5")
+    hold = "import h5py, sys; f = h5py.File(sys.argv[1], 'w'); print(1, flush=True); input()"
+    with subprocess.Popen(
+        [sys.executable, "-c", hold, path], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as other:
+        assert other.stdout.readline()
+        with pytest.raises(OSError, match="n_jobs, cannot share"):
+            run(hs.EnsembleSampler(file=path))
+        other.communicate(b"\n")
 
 
 def test_own_moves_and_walkers_are_used(monkeypatch):

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import norm
+from sklearn.base import clone
 
 import hybridsurrogate as hs
 from hybridsurrogate.datasets import make_log_sin
@@ -130,7 +131,41 @@ def test_equal_priors_may_be_written_in_two_ways():
     assert model.fit(t, y).simulation.n_runs > 50
 
 
+def test_clones_share_the_runs(case):
+    model = several(hs.Source(case.simulation, 0.5))
+    assert clone(model).sources[0].data is case.simulation
+    both = hs.AveragedSurrogate([model, several(hs.Source(case.simulation, 0.2))], [0.5, 0.5])
+    assert np.isfinite(clone(both).fit(case.X, case.y).score(case.X, case.y))
+
+
+@pytest.mark.parametrize(
+    ("sources", "match"),
+    [
+        (lambda simulator: hs.Source(simulator), r"write \[Source"),
+        (lambda simulator: [hs.Source(simulator)], r"Source\(simulator.run\(200\)"),
+    ],
+    ids=["no list", "not run"],
+)
+def test_sources_that_are_none(simulator, measured, sources, match):
+    with pytest.raises(TypeError, match=match):
+        hs.MultiSourceSurrogate(sources(simulator)).fit(*measured)
+
+
 # ------------------------------------------------------------------------------------- no power
+
+
+def test_measured_rows_of_no_power_carry_step_2(case):
+    silent = several(hs.Source(case.simulation), power=0.0).fit(case.X, case.y)
+    whole = hs.PowerScaledSurrogate(case.simulation, CUBIC, 1.0, n_draws=200, random_state=0)
+    whole.fit(case.X, case.y)
+    np.testing.assert_allclose(silent.predict(case.X_in), whole.predict(case.X_in), rtol=1e-6)
+    # all measured sets alike, as where their powers are small and equal
+    halves = slice(None, None, 2), slice(1, None, 2)
+    first, other = ((case.X[half], case.y[half]) for half in halves)
+    parts = several(hs.Source(case.simulation), hs.Source(other, 0.0), power=0.0).fit(*first)
+    assert parts.score(case.X_in, case.y_in) == pytest.approx(
+        whole.score(case.X_in, case.y_in), abs=0.1
+    )
 
 
 def test_effects_beside_a_simulation_of_no_power(case):

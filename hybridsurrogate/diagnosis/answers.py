@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.utils import column_or_1d
 from sklearn.utils.validation import check_is_fitted
 
 from hybridsurrogate.diagnosis.averaging import averaged_over
@@ -58,7 +59,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
             The model after is ``averaged_estimator_`` instead of ``extended_estimator_``.
         """
         check_is_fitted(self)
-        y = np.asarray(y_test, dtype=float)
+        y = column_or_1d(y_test, dtype=float)
         after = self.averaged_estimator_ if averaged else self.extended_estimator_
         return gain_from(pointwise(self.estimator_, X_test, y), pointwise(after, X_test, y))
 

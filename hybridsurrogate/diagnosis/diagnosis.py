@@ -207,7 +207,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             self.feature_names_in_ = self.estimator_.feature_names_in_
         self.gain_: Gain | None = None
         self.gain_out_of_range_: Gain | None = None
-        self._prove(X, np.asarray(y, dtype=float), random)
+        self._prove(X, self.estimator_._measured[1], random)
         return self
 
     def _forget(self) -> None:

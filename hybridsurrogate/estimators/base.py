@@ -13,6 +13,7 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_random_state, check_scalar
 from sklearn.utils.validation import check_is_fitted, validate_data
 
+from hybridsurrogate.arviz_groups import arviz_of
 from hybridsurrogate.estimators.columns import check_numbers, matched_columns, warn_outside
 from hybridsurrogate.estimators.intervals import central_interval, inside_intervals
 from hybridsurrogate.estimators.loo import Loo, loo_of_rows
@@ -24,12 +25,13 @@ from hybridsurrogate.estimators.mixture import (
     noisy,
     row_blocks,
     samples,
+    warn_of_carried,
 )
 from hybridsurrogate.estimators.rows import MeasuredRows, check_weights, merged_rows
 from hybridsurrogate.inference.ensemble import EnsembleSampler
 from hybridsurrogate.inference.leave_one_out import PointwiseLoo
 from hybridsurrogate.likelihoods import Likelihood, as_likelihood
-from hybridsurrogate.posterior import Posterior, arviz_of
+from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray, check_prior
 from hybridsurrogate.simulation import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
@@ -78,6 +80,11 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
             )
         if self.noise_prior is not None:
             check_prior(self.noise_prior, "noise_prior")
+            if self.noise_prior.support()[1] <= 0:
+                raise ValueError(
+                    "noise_prior must have mass above zero: it is that of a standard deviation, "
+                    f"and ends at {self.noise_prior.support()[1]:g}."
+                )
         return surrogate, as_likelihood(self.likelihood)
 
     def _check_beta(self) -> None:
@@ -158,7 +165,8 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
             moments(self._mixture(X[some]), X[some], with_variance=return_std)
             for some in row_blocks(self._mixture, X)
         ]
-        mean, *variance = (np.concatenate(piece) for piece in zip(*pieces, strict=True))
+        mean, carried, *variance = (np.concatenate(piece) for piece in zip(*pieces, strict=True))
+        warn_of_carried(carried)
         return (mean, np.sqrt(variance[0])) if return_std else mean
 
     def predict_interval(self, X: ArrayLike, level: float = 0.9) -> tuple[FloatArray, FloatArray]:
@@ -291,7 +299,8 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         -------
         InferenceData (ArviZ 0.x) or DataTree (ArviZ 1.x)
             Variables: parameters by name, ``sigma``, ``coefficients``, ``y``; one chain. Where a
-            parameter is called so itself: ``noise_sigma``, ``surrogate_coefficients``.
+            parameter is called so itself: ``noise_sigma``, ``surrogate_coefficients``; for one
+            called like a dimension of ArviZ: ``parameter_chain``, ``parameter_draw``.
         """
         check_is_fitted(self)
         X, y = self._measured

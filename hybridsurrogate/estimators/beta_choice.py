@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 from sklearn.model_selection import TimeSeriesSplit, check_cv
-from sklearn.utils import _safe_indexing
+from sklearn.utils import _safe_indexing, column_or_1d
 from sklearn.utils.validation import check_array
 
 from hybridsurrogate.estimators.base import SurrogateEstimator
@@ -86,8 +86,8 @@ def choose_beta(
     >>> choice.estimator.beta == choice.beta
     True
     """
-    grid = np.linspace(0, 1, 21) if betas is None else np.asarray(betas, dtype=float)
-    outputs = np.asarray(y, dtype=float)
+    grid = np.linspace(0, 1, 21) if betas is None else np.atleast_1d(np.asarray(betas, float))
+    outputs = column_or_1d(y, dtype=float)
     if isinstance(cv, str):
         if cv != LEAVE_FUTURE_OUT:
             raise ValueError(f"cv must be as in scikit-learn or {LEAVE_FUTURE_OUT!r}, got {cv!r}.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from numbers import Integral
 from typing import Any
@@ -12,6 +13,7 @@ from scipy import special
 from sklearn.utils import check_scalar
 
 from hybridsurrogate.blocks import blocks
+from hybridsurrogate.exceptions import SamplingWarning
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray
 
@@ -22,6 +24,8 @@ Draw = Callable[[Posterior, FloatArray, np.random.RandomState], FloatArray]
 
 # numbers of all draws at some rows that are in memory at once
 _BLOCK = 10_000_000
+# of so many positive means none carries so large a share, unless their distribution has no mean
+_MANY, _MOST = 50, 0.2
 
 
 def row_blocks(mixture_at: MixtureAt, X: FloatArray) -> list[slice]:
@@ -30,16 +34,17 @@ def row_blocks(mixture_at: MixtureAt, X: FloatArray) -> list[slice]:
     return blocks(len(X), draws, _BLOCK)
 
 
-def moments(mixture: Mixture, X: FloatArray, with_variance: bool) -> list[FloatArray]:
-    """Return mean and, where asked for, variance of y at rows X, noise included: arrays (n,).
+def moments(mixture: Mixture, X: FloatArray, with_variance: bool) -> list[NDArray[Any]]:
+    """Return mean, whether one draw carries it, and perhaps variance of y at rows X: arrays (n,).
 
-    By the law of total variance around the mean, so that a large offset costs no digits.
+    Noise included, by the law of total variance around the mean, so that a large offset costs no
+    digits.
     """
     parts = [(weight, p, *p.eta(X)) for weight, p in mixture]
     means = [p.likelihood.mean(eta, sigma) for _, p, eta, sigma in parts]
     mean = np.sum([w * m.mean(axis=0) for (w, *_), m in zip(parts, means, strict=True)], axis=0)
     if not with_variance:
-        return [mean]
+        return [mean, _carried(means)]
     # far outside the data a log-normal variance is infinite for practical purposes
     with np.errstate(over="ignore"):
         variance = np.sum(
@@ -49,7 +54,31 @@ def moments(mixture: Mixture, X: FloatArray, with_variance: bool) -> list[FloatA
             ],
             axis=0,
         )
-    return [mean, variance]
+    return [mean, _carried(means), variance]
+
+
+def _carried(means: list[FloatArray]) -> NDArray[np.bool_]:
+    """Return at which rows one draw is much of a mean: that of an exponential may be infinite."""
+    with np.errstate(invalid="ignore"):  # rows without a prediction
+        each = [
+            (np.min(m, axis=0) >= 0)
+            & ((np.max(m, axis=0) > _MOST * np.sum(m, axis=0)) | np.isinf(np.max(m, axis=0)))
+            for m in means
+            if len(m) >= _MANY
+        ]
+    return np.any(each, axis=0) if each else np.zeros(means[0].shape[1], dtype=bool)
+
+
+def warn_of_carried(carried: NDArray[np.bool_]) -> None:
+    """Warn of rows whose mean a single draw carries."""
+    if carried.any():
+        warnings.warn(
+            f"At {carried.sum()} rows a single draw makes up more than {100 * _MOST:g} % of the "
+            "mean, which may be infinite: another seed gives another mean. predict_interval does "
+            "not depend on it; a tighter noise_prior or more rows make it finite.",
+            SamplingWarning,
+            stacklevel=3,
+        )
 
 
 def samples(

@@ -25,7 +25,7 @@ from hybridsurrogate.estimators.rows import MeasuredRows, merged_rows
 from hybridsurrogate.inference.ensemble import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.priors import FloatArray, Prior
-from hybridsurrogate.simulation import SimulationData
+from hybridsurrogate.simulation import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
 from hybridsurrogate.variables import priors_of
 
@@ -54,6 +54,10 @@ class Source:
 
     data: SimulationData | tuple[ArrayLike, ArrayLike]
     power: float = 1.0
+
+    def __sklearn_clone__(self) -> Source:
+        """Return itself: it is a value, and clones share its data."""
+        return self
 
 
 class MultiSourceSurrogate(PowerScaledSurrogate):
@@ -118,11 +122,18 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
         return [source for source in self.sources if isinstance(source.data, SimulationData)]
 
     def _check_parameters(self) -> tuple[Surrogate, Likelihood]:
+        if isinstance(self.sources, Source):
+            raise TypeError("sources must be a sequence: write [Source(...)] for one source.")
         for source in self.sources:
             if not isinstance(source, Source):
                 raise TypeError(
                     "sources must hold Source objects such as Source(simulation, power=0.5), got "
                     f"{source!r}."
+                )
+            if isinstance(source.data, Simulator):
+                raise TypeError(
+                    "A source holds runs: write Source(simulator.run(200), ...) instead of "
+                    "Source(simulator, ...)."
                 )
             check_scalar(source.power, "the power of a source", Real, min_val=0, max_val=1)
         check_scalar(self.power, "power", Real, min_val=0, max_val=1)
@@ -148,8 +159,10 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
 
     def _all_rows(self, rows: MeasuredRows, likelihood: Likelihood) -> MeasuredRows:
         """Return the rows of all measured sets, weighed relative to the largest power."""
+        # measured rows that count nowhere in step 1 still carry step 2
         top = self._largest_power()
-        X, y, weights = [rows.X], [rows.y], [rows.weights * (self.power / top)]
+        own = self.power / top if top else 1.0
+        X, y, weights = [rows.X], [rows.y], [rows.weights * own]
         for source in self.sources:
             if isinstance(source.data, SimulationData):
                 continue
@@ -158,12 +171,12 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
             warn_outside(rows.columns, more, self.simulation)
             X.append(more)
             y.append(values)
-            weights.append(np.full(len(values), source.power / top))
+            weights.append(np.full(len(values), source.power / top if top else 1.0))
         merged = merged_rows(
             rows.columns, np.concatenate(X), np.concatenate(y), np.concatenate(weights)
         )
         origin = np.where(rows.origin < 0, -1, merged.origin[rows.origin])
-        return merged._replace(origin=origin, given=rows.given * (self.power / top))
+        return merged._replace(origin=origin, given=rows.given * own)
 
     def _read(
         self, data: tuple[ArrayLike, ArrayLike], columns: tuple[str, ...]
@@ -193,15 +206,10 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
 
     def _largest_power(self) -> float:
         further = [s.power for s in self.sources if not isinstance(s.data, SimulationData)]
-        # measured rows that count nowhere in step 1 still carry step 2
-        return float(max([self.power, *further])) or 1.0
+        return float(max([self.power, *further]))
 
     def _powers(self, X: FloatArray) -> tuple[float, float | FloatArray]:
-        return 1.0, self._largest_power() if self._any_measured_power() else 0.0
-
-    def _any_measured_power(self) -> bool:
-        further = [s.power for s in self.sources if not isinstance(s.data, SimulationData)]
-        return max([self.power, *further]) > 0
+        return 1.0, self._largest_power()
 
 
 def _merged(runs: Sequence[Any]) -> SimulationData | None:

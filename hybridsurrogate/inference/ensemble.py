@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any
@@ -64,7 +63,7 @@ class EnsembleSampler(BaseEstimator):
     ----------
     n_walkers : int or None, default=None
         None: four times the number of dimensions, at least 40.
-    moves : sequence of (emcee move, weight) or None, default=None
+    moves : emcee move, sequence of them or of (move, weight), or None, default=None
         None: preconditioned Crank-Nicolson moves about the Gaussian approximation at the best
         mode, differential evolution, and the stretch move.
     max_steps : int, default=10000
@@ -89,7 +88,7 @@ class EnsembleSampler(BaseEstimator):
     def __init__(
         self,
         n_walkers: int | None = None,
-        moves: Sequence[tuple[Any, float]] | None = None,
+        moves: Any = None,
         max_steps: int = 10_000,
         tol: float = 50.0,
         progress: bool = False,
@@ -133,12 +132,26 @@ class EnsembleSampler(BaseEstimator):
         n_walkers = self.n_walkers or max(40, 4 * d)
         start = _spread_over(modes, n_walkers, log_density, random_state)
         seed = random_state.randint(2**31 - 1)
+        try:
+            sampler, tau, converged = self._sampled(log_density, start, modes[0], seed)
+        except BlockingIOError as error:
+            raise BlockingIOError(
+                f"{self.file} is being written by another process: fits that run side by side, as "
+                "in a search with n_jobs, cannot share EnsembleSampler(file=...). Use n_jobs=1 or "
+                "file=None."
+            ) from error
+        burn = int(min(5 * tau, sampler.iteration // 2))
+        return _thinned(sampler, burn, tau, converged, n_draws, random_state)
+
+    def _sampled(
+        self, log_density: LogDensity, start: FloatArray, about: Gaussian, seed: int
+    ) -> tuple[emcee.EnsembleSampler, float, bool]:
+        """Return the sampler after its run, its autocorrelation time, whether it converged."""
         sampler = emcee.EnsembleSampler(
-            len(start),
-            d,
+            *start.shape,
             log_density,
             vectorize=True,
-            moves=list(self.moves or _moves_about(modes[0])),
+            moves=self.moves or _moves_about(about),
             backend=self._backend(start, seed),
         )
         state = _state(start, seed)
@@ -158,8 +171,7 @@ class EnsembleSampler(BaseEstimator):
             state = sampler.run_mcmc(
                 state, steps, progress=self.progress, skip_initial_state_check=True
             )
-        burn = int(min(5 * tau, sampler.iteration // 2))
-        return _thinned(sampler, burn, tau, converged, n_draws, random_state)
+        return sampler, tau, converged
 
     def _check(self, d: int) -> None:
         check_scalar(self.max_steps, "max_steps", Integral, min_val=1)

@@ -33,8 +33,11 @@ class StudentT(HeavyTailed):
 
     def check(self, y: FloatArray, source: str = "measured") -> None:
         """Accept every finite y; raise ValueError for degrees of freedom that are not positive."""
-        if not self.df > 0:
-            raise ValueError(f"StudentT needs df > 0, got {self.df!r}.")
+        if not 0 < self.df < np.inf:
+            raise ValueError(
+                f"StudentT needs a df that is positive and finite, got {self.df!r}; without end it "
+                "is likelihood='normal'."
+            )
 
     def working(self, y: FloatArray) -> FloatArray:
         """Return y."""

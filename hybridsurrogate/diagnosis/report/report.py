@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
+from sklearn.utils import column_or_1d
 
 from hybridsurrogate.diagnosis.report import (
     html,
@@ -122,6 +123,8 @@ def make_report(diagnosis: DiscrepancyDiagnosis, test: pictures.Test = None) -> 
     Report
     """
     view = View(diagnosis)
+    if test is not None:
+        test = test[0], column_or_1d(test[1], dtype=float)
     on_test = diagnosis.gain_on(*test) if test is not None else None
     # where one cause is named its extension says nearly the same
     unclear = diagnosis.verdict_ in ("ambiguous", "unexplained")
