@@ -10,7 +10,7 @@ class FailedRunsWarning(HybridSurrogateWarning):
 
 
 class ExtrapolationWarning(HybridSurrogateWarning):
-    """Measured or predicted inputs lie outside the simulated range."""
+    """Measured or predicted inputs, or all measured outputs, lie outside what was simulated."""
 
 
 class SamplingWarning(HybridSurrogateWarning):

@@ -203,6 +203,14 @@ def test_predictions_outside_the_simulated_range(simulation, simulator, measured
 
 
 @pytest.mark.parametrize("estimator", ESTIMATORS)
+def test_outputs_of_another_unit(simulation, measured, estimator):
+    X, y = measured
+    with pytest.warns(hs.ExtrapolationWarning, match="the same units") as record:
+        estimator(simulation, n_draws=50).fit(X, 1000 * y + 5000)
+    assert record[0].filename == __file__
+
+
+@pytest.mark.parametrize("estimator", ESTIMATORS)
 @pytest.mark.parametrize("low", [0.0, -3.0])
 def test_log_normal_needs_positive_measured_values(simulation, measured, low, estimator):
     X, y = measured

@@ -3,11 +3,18 @@
 import numpy as np
 import pytest
 from scipy.stats import halfnorm, norm
-from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.base import BaseEstimator, TransformerMixin, clone
 from sklearn.frozen import FrozenEstimator
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Matern
-from sklearn.preprocessing import FunctionTransformer, PolynomialFeatures, SplineTransformer
+from sklearn.kernel_approximation import RBFSampler
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import (
+    FunctionTransformer,
+    PolynomialFeatures,
+    SplineTransformer,
+    StandardScaler,
+)
 
 import hybridsurrogate as hs
 from hybridsurrogate.datasets import make_log_sin
@@ -202,6 +209,18 @@ SURROGATES = {
     "polynomial": hs.FeatureSurrogate(PolynomialFeatures(3)),
     "network": hs.NetworkSurrogate(hidden_layer_sizes=(16,)),
 }
+
+
+@pytest.mark.parametrize(
+    "transformer",
+    [RBFSampler(n_components=30), make_pipeline(StandardScaler(), RBFSampler(n_components=30))],
+    ids=["alone", "in a pipeline"],
+)
+def test_random_features_are_the_same_in_every_fit(simulation, measured, transformer):
+    surrogate = hs.FeatureSurrogate(transformer)
+    model = hs.PowerScaledSurrogate(simulation, surrogate, n_draws=100, random_state=0)
+    first, second = (clone(model).fit(*measured).predict(measured[0]) for _ in range(2))
+    np.testing.assert_array_equal(first, second)
 
 
 @pytest.mark.parametrize("name", SURROGATES)

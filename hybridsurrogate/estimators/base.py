@@ -14,7 +14,12 @@ from sklearn.utils import check_random_state, check_scalar
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from hybridsurrogate.arviz_groups import arviz_of
-from hybridsurrogate.estimators.columns import check_numbers, matched_columns, warn_outside
+from hybridsurrogate.estimators.columns import (
+    check_numbers,
+    matched_columns,
+    warn_elsewhere,
+    warn_outside,
+)
 from hybridsurrogate.estimators.intervals import central_interval, inside_intervals
 from hybridsurrogate.estimators.loo import Loo, loo_of_rows
 from hybridsurrogate.estimators.mixture import (
@@ -130,6 +135,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         rows = rows[:, order]
         self._measured, self._sample_weight = (rows, output), weights
         warn_outside(columns, rows, self.simulation)
+        warn_elsewhere(output, self.simulation)
         return merged_rows(columns, rows, output, weights)
 
     def _check_data(self, X: ArrayLike) -> FloatArray:

@@ -78,6 +78,21 @@ def _free(name: str, taken: tuple[str, ...]) -> str:
     return _free(f"{name}_", taken) if name in taken else name
 
 
+def warn_elsewhere(y: FloatArray, simulation: SimulationData | Simulator | None) -> None:
+    """Warn the caller of ``fit`` of outputs (n,) of which none is near those simulated."""
+    if not isinstance(simulation, SimulationData):
+        return
+    low, high = float(simulation.y.min()), float(simulation.y.max())
+    if y.min() > high or y.max() < low:
+        warnings.warn(
+            f"The measured outputs, {y.min():g} to {y.max():g}, lie outside all that was "
+            f"simulated, {low:g} to {high:g}. Check that both have the same units and the same "
+            "transformation.",
+            ExtrapolationWarning,
+            stacklevel=4,
+        )
+
+
 def warn_outside(
     columns: tuple[str, ...],
     X: FloatArray,

@@ -27,6 +27,8 @@ class FeatureSurrogate(Surrogate):
     Parameters
     ----------
     transformer : scikit-learn transformer
+        Where it draws at random and has no ``random_state``, that is 0: a fit and its repetition
+        have the same features.
     coefficient_prior : frozen scipy.stats distribution or None, default=None
         Prior of each coefficient; its mean and standard deviation are used. None: mean zero and
         such that each feature moves the output by five of its standard deviations.
@@ -59,7 +61,10 @@ class FeatureSurrogate(Surrogate):
             )
         points = domain.scaled(domain.X, domain.omega)
         try:
-            transformer = clone(self.transformer).fit(points, domain.eta)
+            transformer = clone(self.transformer)
+            if seeds := _unseeded(transformer):
+                transformer.set_params(**seeds)
+            transformer.fit(points, domain.eta)
         except NotFittedError as error:
             raise ValueError(
                 f"{self.transformer!r} is not fitted and cannot be: {error} A frozen transformer "
@@ -100,6 +105,15 @@ class _FeatureBasis(Basis):
         out = np.ones((len(X), width + 1))
         out[:, 1:] = _transformed(self.transformer, self.domain.scaled(X, omega), width)
         return out
+
+
+def _unseeded(transformer: Any) -> dict[str, int]:
+    """Return a seed for each random state of a transformer, or of its parts, that has none."""
+    return {
+        name: 0
+        for name, value in transformer.get_params().items()
+        if name.split("__")[-1] == "random_state" and value is None
+    }
 
 
 def _transformed(transformer: Any, points: FloatArray, width: int | None) -> FloatArray:
