@@ -65,7 +65,7 @@ def test_the_whole_catalogue():
         *("offset", "gain", "wrong-constant", "trend", "trend: quadratic", "periodic"),
         *("periodic: overtone", "step", "ramp", "bump", "decay", "saturation", "delay"),
         *("interaction", "step: before", "missing-input", "missing-input: quadratic"),
-        "missing-input: categorical",
+        *("missing-input: categorical", "missing-input: with offset", "interaction: from zero"),
         *("noise", "noise: mean", "noise: tails", "noise: autocorrelation", "unexplained"),
     }
     # a continuous column has no levels, and this simulation has no dynamics
@@ -84,7 +84,7 @@ def test_the_whole_catalogue():
         "batch has 4 distinct values, 8 are needed",
     }
     assert [cause.level for cause in levels] == [1, 2, 3, 4]
-    assert [cause.target for cause in causes if cause.kind == "interaction"] == ["t * dose"]
+    assert [cause.target for cause in causes if cause.kind == "interaction"] == 2 * ["t * dose"]
     assert len(drifts) == 2 * 2 * 4 + 2 * 2
 
 

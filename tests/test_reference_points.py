@@ -39,6 +39,9 @@ def truth(name, rng):
     if name == "three batches":
         batch = rng.integers(0, 3, len(T)).astype(float)
         return batch, np.array([0.2, 0.5, 0.8])[batch.astype(int)]
+    if name == "line right elsewhere":  # such as a temperature in a laboratory at 20 degrees
+        z = rng.uniform(30, 50, len(T))
+        return z, 0.04 * (z - 20)
     z = rng.uniform(0, 1, len(T))
     if name == "line from zero":
         return z, 0.8 * z
@@ -65,6 +68,7 @@ def diagnosed(hidden, seed):
         ("three batches", "missing-input", "z"),
         ("line from zero", "missing-input", "z"),
         ("line about the mean", "missing-input", "z"),
+        ("line right elsewhere", "missing-input", "z"),
         ("before", "step", "t"),
         ("after", "step", "t"),
     ],
@@ -85,6 +89,57 @@ def test_numbers_and_formula_from_zero():
     assert best.estimates["slope"][0] == pytest.approx(0.8, abs=0.2)
     assert re.fullmatch(r"simulation \+ 0\.\d+ z", best.formula)
     assert best.latex.endswith(r"\text{z}")
+
+
+def test_numbers_and_formula_of_a_line_that_is_right_elsewhere():
+    found = diagnosed("line right elsewhere", 0)
+    best = found.best_cause_
+    assert found.extended_estimator_.effects[0].variant == "with offset"
+    low, high = best.estimates["slope"][1:]
+    assert low < 0.04 < high
+    assert best.estimates["offset"][0] == pytest.approx(0.8, abs=0.1)
+    assert re.fullmatch(r"simulation \+ 0\.\d+ \+ 0\.0\d+ \(z - \d+\.\d+\)", best.formula)
+    z = np.array([20.0, 45.0])
+    rows = pd.DataFrame({"t": [1.0, 1.0], "z": z})
+    added = found.predict(rows)[1] - found.predict(rows)[0]
+    assert added == pytest.approx(1.0, abs=0.3)
+
+
+def test_beside_other_causes_an_offset_is_one_of_its_own():
+    context = Context({"t": T, "z": T + 30}, 1, {}, {}, 1.0)
+    for alone in (True, False):
+        forms = [form_of(cause) for cause in catalogue(context, alone=alone)[0]]
+        assert ("missing-input: with offset" in forms) is alone
+
+
+def beam(x, load, stiffness):
+    """A deflection, which is zero without a load and where the beam is held."""
+    return load * x**2 * (3 - x) / stiffness
+
+
+def test_a_product_from_zero():
+    simulator = hs.Simulator(
+        beam, {"x": (0, 1), "load": (0, 10)}, {"stiffness": hs.truncated_normal(4, 0.5, 2, 6)}
+    )
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), n_draws=300, random_state=0
+    )
+    found = []
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        X = pd.DataFrame({"x": rng.uniform(0.1, 1, 48), "load": rng.uniform(0, 8, 48)})
+        y = beam(X["x"], X["load"], 4.2) + 0.15 * X["x"] * X["load"]
+        y += 0.05 * rng.standard_normal(48)
+        found.append(hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(X, y))
+    assert [d.best_cause_.kind for d in found].count("interaction") >= 3
+    assert all("interaction" in d.indistinguishable_ for d in found)
+    slopes = [
+        d.best_cause_.estimates["slope"]
+        for d in found
+        if d.extended_estimator_.effects[0].variant == "from zero"
+    ]
+    assert len(slopes) >= 3
+    assert all(mean == pytest.approx(0.15, abs=high - low) for mean, low, high in slopes)
 
 
 def test_a_jump_that_ends():

@@ -190,7 +190,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self._forget()
         random = check_random_state(self.random_state)
         self.estimator_ = clone(self.estimator).fit(X, y)
-        prepared = prepare(self.estimator_, tuple(self.causes), tuple(self.exclude))
+        own, excluded = tuple(self.causes), tuple(self.exclude)
+        prepared = prepare(self.estimator_, own, excluded, int(self.max_causes))
         prepared.warn()
         model = prepared.problem.model
         check_rows(len(prepared.problem.y), model.columns, [*model.parameters, *model.constants])

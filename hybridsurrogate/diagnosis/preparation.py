@@ -56,7 +56,10 @@ class Prepared(NamedTuple):
 
 
 def prepare(
-    fitted: PowerScaledSurrogate, own: Sequence[Cause], excluded: Collection[str] = ()
+    fitted: PowerScaledSurrogate,
+    own: Sequence[Cause],
+    excluded: Collection[str] = (),
+    max_causes: int = 1,
 ) -> Prepared:
     """Return what a search over the catalogue and the user's own causes needs.
 
@@ -68,6 +71,8 @@ def prepare(
         The user's.
     excluded : collection of str
         Kinds of the catalogue that are left out.
+    max_causes : int, default=1
+        How many may be found beside each other.
 
     Raises
     ------
@@ -101,7 +106,7 @@ def prepare(
             usable.append(cause)
         else:
             unusable.append(Skipped(cause.kind, cause.target, reason))
-    causes, skipped = catalogue(context, usable, excluded)
+    causes, skipped = catalogue(context, usable, excluded, alone=max_causes == 1)
     return Prepared(problem, causes, [*unusable, *skipped], unusable)
 
 

@@ -69,7 +69,7 @@ class Rehearsal:
         draws = min(int(self.estimator.n_draws), FOLD_DRAWS)
         plain = clone(self.estimator).set_params(n_draws=draws)
         before = quickly_fitted(plain, X, y, self.fitted.before)
-        prepared = prepare(before, self.own, self.excluded)
+        prepared = prepare(before, self.own, self.excluded, self.max_causes)
         problem = with_basis(prepared.problem, self.found.problem.model.basis)
         steps = forward_search(
             problem,

@@ -57,6 +57,7 @@ _MIN_DISTINCT = {
     "bump": 8,
     "delay": 5,
     "missing-input: quadratic": 4,
+    "missing-input: with offset": 3,
     "noise: autocorrelation": 12,
 }
 _MIN_ROWS = 4
@@ -80,7 +81,10 @@ class Skipped:
 
 
 def catalogue(
-    context: Context, extra: Sequence[Cause] = (), excluded: Collection[str] = ()
+    context: Context,
+    extra: Sequence[Cause] = (),
+    excluded: Collection[str] = (),
+    alone: bool = True,
 ) -> tuple[list[Cause], list[Skipped]]:
     """Return the prepared causes, and those left out with reasons.
 
@@ -91,13 +95,16 @@ def catalogue(
         The user's own mechanisms; one replaces the built-in cause of its form and target.
     excluded : collection of str
         Kinds of which no built-in cause is weighed.
+    alone : bool, default=True
+        One cause has to explain everything. Otherwise an offset beside a missing input is a cause
+        of its own.
     """
     causes: list[Cause] = []
     skipped = [Skipped(kind, None, "you excluded it") for kind in excluded]
     own = {(cause.kind, cause.variant, cause.target) for cause in extra}
     built_in = [
         (form, cause)
-        for form, cause in _built_in(context)
+        for form, cause in _built_in(context, alone)
         if cause.kind not in excluded and (cause.kind, cause.variant, cause.target) not in own
     ]
     for form, cause in (*built_in, *((cause.kind, cause) for cause in extra)):
@@ -111,7 +118,7 @@ def catalogue(
     return causes, list(dict.fromkeys(skipped))
 
 
-def _built_in(context: Context) -> Iterator[tuple[str, Cause]]:
+def _built_in(context: Context, alone: bool) -> Iterator[tuple[str, Cause]]:
     yield "offset", Offset()
     yield "gain", Gain()
     for constant in context.assumed:
@@ -146,6 +153,8 @@ def _built_in(context: Context) -> Iterator[tuple[str, Cause]]:
         yield "delay", DynamicDelay(state)
     for first, second in combinations(context.inputs, 2):
         yield "interaction", Interaction(first, second)
+        if _begins_at_zero(context.X[first]) and _begins_at_zero(context.X[second]):
+            yield "interaction", Interaction(first, second, centers=(0.0, 0.0))
     for column in context.extras:
         # its order may mean something: a time, a row number
         yield "step", Step(column)
@@ -154,6 +163,8 @@ def _built_in(context: Context) -> Iterator[tuple[str, Cause]]:
         yield "missing-input", MissingInput(column)
         yield "missing-input: quadratic", MissingInput(column, shape="quadratic")
         yield "missing-input: categorical", MissingInput(column, shape="categorical")
+        if alone:
+            yield "missing-input: with offset", MissingInput(column, offset=True)
         levels = np.unique(context.X[column])
         if len(levels) > 2 and _begins_at_zero(context.X[column]):
             # such as a dose, where the simulation knows none

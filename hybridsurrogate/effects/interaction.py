@@ -12,7 +12,8 @@ class Interaction(Cause):
     """A product of two columns that the simulation lacks: one changes what the other does.
 
     ``simulation + slope (x1 - center_1) (x2 - center_2)``, the slope in units of the output per
-    unit of the product. Main effects are left to the simulation.
+    unit of the product. Main effects are left to the simulation: it is right where either column is
+    in its middle, or at zero with ``centers=(0.0, 0.0)``.
 
     Parameters
     ----------
@@ -44,6 +45,11 @@ class Interaction(Cause):
         self.second = second
         self.centers = centers
         self.spans = spans
+
+    @property
+    def variant(self) -> str:
+        """Whether the product is one of the columns as they are."""
+        return "from zero" if self.centers == (0.0, 0.0) else ""
 
     @property
     def target(self) -> str:  # type: ignore[override]

@@ -25,7 +25,8 @@ _MOST_LEVELS, _ROWS_PER_LEVEL = 6, 3
 class MissingInput(OverColumn):
     """An influence of a measured column that the simulation ignores.
 
-    - ``shape="linear"``: ``simulation + slope (x - center)``;
+    - ``shape="linear"``: ``simulation + slope (x - center)``; with ``offset=True``
+      ``simulation + offset + slope (x - center)``: it is right at another value than ``center``;
     - ``shape="quadratic"``: ``... + curvature (x - center)^2``;
     - ``shape="categorical"``: ``simulation + deviation of the row's level``, one number for each
       distinct value of a column such as a batch or a sensor; the deviations have mean zero over
@@ -33,9 +34,9 @@ class MissingInput(OverColumn):
     - ``shape="categorical", level=3``: ``simulation + amplitude`` where the column is 3 and the
       simulation as it is elsewhere: one bad batch.
 
-    Slope, curvature, deviations and amplitude are in units of the output (per unit of the column,
-    per squared unit). The simulation is taken to be right where the column is ``center``: at its
-    mean over the measured rows, unless you know better, such as zero for a dose.
+    Slope, curvature, offset, deviations and amplitude are in units of the output (per unit of the
+    column, per squared unit). The simulation is taken to be right where the column is ``center``:
+    at its mean over the measured rows, unless you know better, such as zero for a dose.
 
     Parameters
     ----------
@@ -49,6 +50,8 @@ class MissingInput(OverColumn):
         measured rows.
     levels : tuple of (value, share of the rows) or None, default=None
         None: those of the measured rows, at most six, each with at least three rows.
+    offset : bool, default=False
+        Nobody knows where the simulation is right; only with the linear shape.
 
     Examples
     --------
@@ -68,11 +71,13 @@ class MissingInput(OverColumn):
         center: float | None = None,
         span: float | None = None,
         levels: tuple[tuple[float, float], ...] | None = None,
+        offset: bool = False,
     ):
         super().__init__(column, center, span)
         self.shape = shape
         self.level = level
         self.levels = levels
+        self.offset = offset
 
     @property
     def name(self) -> str:
@@ -85,12 +90,16 @@ class MissingInput(OverColumn):
         """The shape, or the one level; a straight line is the plain form."""
         if self.level is not None:
             return f"level {self.level:.12g}"
+        if self.offset:
+            return "with offset"
         words = [] if self.shape == "linear" else [self.shape]
         return " ".join([*words, "from zero"] if self.center == 0 else words)
 
     @property
     def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Slope and curvature, one deviation a level, or the amplitude of one level."""
+        """Slope and curvature or offset, one deviation a level, or the amplitude of one level."""
+        if self.offset:
+            return ("slope", "offset")
         if self.shape != "categorical":
             return ("slope", "curvature")[: _SHAPES.index(self.shape) + 1]
         if self.level is not None:
@@ -104,6 +113,8 @@ class MissingInput(OverColumn):
             raise ValueError(f"shape must be one of {list(_SHAPES)}, got {self.shape!r}.")
         if self.level is not None and self.shape != "categorical":
             raise ValueError(f"level={self.level!r} needs shape='categorical'.")
+        if self.offset and self.shape != "linear":
+            raise ValueError(f"offset=True needs shape='linear', got {self.shape!r}.")
         prepared = super().prepare(context)
         if self.center is None:
             prepared.center = float(np.mean(values))
@@ -124,7 +135,8 @@ class MissingInput(OverColumn):
         """Return the scaled column and its square, or what belongs to the levels."""
         if self.shape != "categorical":
             scaled = self.scaled(X)
-            return np.stack([scaled, scaled**2][: len(self.coefficients)], axis=-1)
+            second = np.ones_like(scaled) if self.offset else scaled**2
+            return np.stack([scaled, second][: len(self.coefficients)], axis=-1)
         values = np.asarray(X[self.column])
         if self.level is not None:
             return (values == self.level).astype(float)[:, None]
@@ -134,7 +146,7 @@ class MissingInput(OverColumn):
         return np.where(indicator.any(axis=1, keepdims=True), indicator - shares, 0.0)
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
-        """Return slope and curvature per unit of the column, or deviations, or the amplitude."""
+        """Return slope and curvature per unit of the column, offset, deviations or amplitude."""
         if self.level is not None:
             return {"amplitude": np.asarray(coefficients["amplitude"])}
         if self.shape == "categorical":
@@ -148,6 +160,8 @@ class MissingInput(OverColumn):
         out = {"slope": 2 * coefficients["slope"] / self.span}
         if self.shape == "quadratic":
             out["curvature"] = 4 * coefficients["curvature"] / self.span**2
+        if self.offset:
+            out["offset"] = np.asarray(coefficients["offset"])
         return out
 
     def formula(self, values: Mapping[str, float]) -> str:
@@ -168,7 +182,8 @@ class MissingInput(OverColumn):
         if self.center:
             digits = digits_at(self.center, self.span)
             distance = f"({self.column} {plus(-self.center, digits)})"
-        text = f"simulation {plus(values['slope'])} {distance}"
+        offset = f" {plus(values['offset'])}" if self.offset else ""
+        text = f"simulation{offset} {plus(values['slope'])} {distance}"
         if self.shape == "quadratic":
             text += f" {plus(values['curvature'])} {distance}^2"
         return text
@@ -190,7 +205,8 @@ class MissingInput(OverColumn):
         distance = word(self.column)
         if self.center:
             distance = minus(self.column, self.center, digits_at(self.center, self.span))
-        text = f"{SIMULATION} {signed(values['slope'])} {distance}"
+        offset = f" {signed(values['offset'])}" if self.offset else ""
+        text = f"{SIMULATION}{offset} {signed(values['slope'])} {distance}"
         if self.shape == "quadratic":
             text += f" {signed(values['curvature'])} {distance}^{{2}}"
         return text
