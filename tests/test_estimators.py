@@ -159,7 +159,9 @@ def test_predictive_weighting_draws_from_both_in_proportion(simulation, measured
     # measured data far from the simulation: every draw shows where it came from
     model = hs.PredictiveWeightedSurrogate(
         simulation, surrogate=hs.PolynomialChaos(2), beta=0.25, random_state=0
-    ).fit(X, y + 500)
+    )
+    with pytest.warns(hs.ExtrapolationWarning, match="outside all that was simulated"):
+        model.fit(X, y + 500)
     simulated = at_weight(model, 1).predict(X).mean()
     free = at_weight(model, 0).predict(X).mean()
     assert free - simulated > 100

@@ -195,7 +195,7 @@ def test_custom_normal_is_the_normal(simulation, measured):
     [
         ("poisson", lambda y: y - 200, r"Poisson likelihood needs counts .* is negative"),
         ("negative-binomial", lambda y: y + 0.5, r"negative binomial .* is no whole number"),
-        (hs.StudentT(df=0), lambda y: y, "needs df > 0"),
+        (hs.StudentT(df=0), lambda y: y, "needs a df that is positive"),
         (
             hs.CustomLikelihood(
                 lambda y, eta, sigma: np.full_like(eta, np.nan), lambda e, s: e, lambda e, s, r: e

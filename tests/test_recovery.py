@@ -206,6 +206,7 @@ def test_large_batches_are_cut_without_a_seam(drifting, monkeypatch):
         np.testing.assert_allclose(one, other, rtol=1e-10)
 
 
+@pytest.mark.filterwarnings("ignore:The measured outputs.*outside all that was simulated")
 def test_beta_zero_ignores_the_runs(drifting):
     runs, X, y = drifting
     other = hs.SimulationData(
@@ -219,6 +220,7 @@ def test_beta_zero_ignores_the_runs(drifting):
         np.testing.assert_allclose(getattr(draws[0], name), getattr(draws[1], name), rtol=1e-6)
 
 
+@pytest.mark.filterwarnings("ignore:The measured outputs.*outside all that was simulated")
 def test_beta_one_ignores_the_measured_data_in_step_one(drifting):
     runs, X, y = drifting
     models = [known_sigma_fit(runs, X, values, beta=1.0, degree=2) for values in (y, 5 + y[::-1])]
