@@ -9,15 +9,20 @@ from numpy.typing import NDArray
 
 from hybridsurrogate.priors import FloatArray
 
+# smallest of the eigenvalues, as a share of the largest, that rounding leaves positive
+_SINGULAR = 1e-12
+
 
 def nudged_cholesky(matrices: FloatArray) -> FloatArray:
-    """Return Cholesky factors (J, p, p), all nudged where rounding made one indefinite."""
+    """Return Cholesky factors (J, p, p), nudged where rounding made a matrix indefinite."""
     try:
         return np.linalg.cholesky(matrices)
     except np.linalg.LinAlgError:
         # rounding can make a nearly singular matrix indefinite: nudge by its own size
         size = matrices.shape[-1]
-        nudge = 1e-10 * np.einsum("jkk->jk", matrices)
+        eigenvalue = np.linalg.eigvalsh(matrices)
+        singular = eigenvalue[:, :1] < _SINGULAR * eigenvalue[:, -1:]
+        nudge = 1e-10 * np.einsum("jkk->jk", matrices) * singular
         matrices = matrices.copy()
         matrices[:, np.arange(size), np.arange(size)] += nudge
         return np.linalg.cholesky(matrices)

@@ -66,7 +66,7 @@ class OdeFunction:
     def outputs(self, columns: Columns) -> tuple[FloatArray, str | None]:
         """Return the outputs (n,), NaN where a solution failed, and the first error's words."""
 
-        def observed(solutions: _Solutions, rows: slice) -> FloatArray:
+        def observed(solutions: _Solutions, columns: Columns, rows: slice) -> FloatArray:
             states = solutions.at_rows(rows)
             given = {name: columns[name][rows] for name in self.observe_names}
             values = self.observe(states, **given)
@@ -78,8 +78,11 @@ class OdeFunction:
 
     def solution(self, columns: Columns) -> FloatArray:
         """Return the states (n_states, n), NaN where a solution failed."""
-        taken = _Solutions.at_rows
-        return self._in_batches(columns, taken, (len(self.states),))[0]
+
+        def states(solutions: _Solutions, columns: Columns, rows: slice) -> FloatArray:
+            return solutions.at_rows(rows)
+
+        return self._in_batches(columns, states, (len(self.states),))[0]
 
     def check(self, columns: Columns) -> None:
         """Try the functions out, and raise what is wrong with them."""
@@ -96,7 +99,7 @@ class OdeFunction:
     def _in_batches(
         self,
         columns: Columns,
-        take: Callable[[_Solutions, slice], FloatArray],
+        take: Callable[[_Solutions, Columns, slice], FloatArray],
         shape: tuple[int, ...],
     ) -> tuple[FloatArray, str | None]:
         times = columns[self.time]
@@ -120,7 +123,7 @@ class OdeFunction:
             rows = slice(ends[low], ends[high])
             try:
                 with np.errstate(all="ignore"):
-                    values = take(solutions.part(low, high), rows)
+                    values = take(solutions.part(low, high), columns, rows)
                 out[..., rows] = np.where(np.isfinite(values), values, np.nan)
             except WrongShapeError:
                 raise

@@ -48,6 +48,8 @@ def test_a_column_that_is_not_there(cause):
         (hs.MissingInput("wind", level=2), "level=2 needs shape='categorical'"),
         (hs.MissingInput("wind", shape="categorical"), "wind has 100 distinct values, 2 to 6"),
         (hs.MissingInput("batch", shape="categorical", level=9), "'batch' is never 9"),
+        (hs.Offset("batch"), "an offset at one level needs both"),
+        (hs.Offset("batch", level=9), "'batch' is never 9"),
     ],
 )
 def test_causes_that_cannot_work(cause, message):

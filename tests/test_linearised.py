@@ -12,6 +12,8 @@ from hybridsurrogate.estimators.problem import make_problem
 from hybridsurrogate.inference.belief import coefficient_belief
 from hybridsurrogate.inference.layout import layout
 from hybridsurrogate.inference.linearised import columns_at_nodes, linearise
+from hybridsurrogate.inference.noise import NoiseTable
+from hybridsurrogate.inference.scan import scan
 
 SIMULATOR = hs.Simulator(
     lambda t, rate: np.exp(-rate * t), {"t": (0, 10)}, {"rate": stats.uniform(0.1, 0.5)}
@@ -114,3 +116,40 @@ def test_columns_next_to_nothing_stay_so(monkeypatch, block):
     np.testing.assert_allclose(size, np.minimum(true / (1e-12 * true.max()), 1), rtol=1e-9)
     assert size.min() < 1e-3
     assert not found.own[:, :, 1].any()
+
+
+class Shift(hs.Cause):
+    """A delay whose lag is enumerated."""
+
+    kind = "shift"
+    parameters = {"lag": stats.uniform(-2, 3)}
+
+    def inputs(self, X, omega, theta):
+        return {"t": X["t"] - theta["lag"]}, omega
+
+
+def test_a_node_that_fails_at_a_row_has_no_slopes_there_or_elsewhere():
+    """Slopes of 1e60 beside a row without a number are no reason to give up the other nodes."""
+
+    def runaway(t, rate, start):
+        with np.errstate(over="ignore"):
+            return start * np.where(t < 5, rate * t, 10.0 ** (rate * (t - 5) * 150))
+
+    simulator = hs.Simulator(
+        runaway, {"t": (0, 10)}, {"rate": stats.uniform(0.5, 1), "start": stats.uniform(1, 1)}
+    )
+    t = np.linspace(0, 5, 21)[:-1]
+    problem = make_problem(
+        simulator, hs.ExactSurrogate(), hs.Normal(), None, (Shift(),), ("t",), t[:, None], t
+    )
+    belief = coefficient_belief(problem.model.basis, None)
+    plan = layout(problem.model)
+    around = linearise(problem.model, t[:, None], belief, plan, plan.neutral)
+    failed = ~np.isfinite(around.mean).all(axis=1)
+    assert 0 < failed.sum() < len(failed)
+    assert not around.G[failed].any()
+    assert np.abs(around.G[~failed]).max(axis=(1, 2)).min() > 0
+    noise = NoiseTable(problem.noise_prior, problem.scale, len(t))
+    nodes = scan(around, problem.y[None], 0.1, noise, np.array([1.0]))[0]
+    np.testing.assert_array_equal(np.isfinite(nodes[failed]), False)
+    assert np.isfinite(nodes[np.argmin(np.abs(plan.grid[:, 0]))])

@@ -198,6 +198,24 @@ def test_rows_in_any_order_share_their_solutions():
     np.testing.assert_allclose(values, 2 * np.exp(-rate[order] * (t[order] - 1)), rtol=1e-6)
 
 
+@pytest.mark.parametrize("method", ["rk4", "DOP853"])
+def test_rows_in_any_order_are_observed_with_their_own_numbers(method):
+    """What only ``observe`` takes: an input such as the gain of a sensor, and a parameter."""
+    simulator = hs.OdeSimulator(
+        lambda t, state, rate: -rate * state,
+        [1.0],
+        lambda state, sensor, scale: sensor * scale * state[0],
+        inputs={"t": (0, 4), "sensor": (1, 100)},
+        parameters={"rate": stats.uniform(0.5, 1), "scale": stats.uniform(1, 9)},
+        states=("n",),
+        method=method,
+    )
+    X = np.array([[1.0, 1.0], [1.0, 100.0], [2.0, 1.0], [2.0, 100.0]])
+    omega = np.array([[1.0, 2.0], [1.0, 3.0], [1.0, 2.0], [1.0, 3.0]])
+    exact = X[:, 1] * omega[:, 1] * np.exp(-X[:, 0])
+    np.testing.assert_allclose(simulator(X, omega), exact, rtol=1e-4)
+
+
 # --------------------------------------------------------------------------------------- errors
 
 

@@ -78,7 +78,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         The model before, fitted.
     verdict_ : {"adequate", "named", "ambiguous", "unexplained"}
     p_value_ : float
-        Of the whole search under "the simulation is right".
+        Of the whole search under "the simulation is right": the share of replicates in which the
+        best cause looks as convincing or, where it is less, one over the ratio of the evidence.
     causes_ : pandas.DataFrame
         Columns kind, target, form (which of the kind's forms, such as "parameter-drift: logistic
         over t"), probability, log_evidence (against "none"), remainder (probability that a smooth
@@ -232,7 +233,9 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             self._n_replicates,
             random_state,
         )
-        self.search_, self.p_value_ = steps[0].search, steps[0].p_value
+        test = steps[0].test
+        assert test is not None  # only folds have none
+        self.search_, self._test, self.p_value_ = steps[0].search, test, test.p_value
         warn_if_exact(self.search_)
         self.emulator_check_ = check_emulator(self.search_, prepared.problem.model.basis)
         if self.emulator_check_ is not None:

@@ -17,7 +17,7 @@ from hybridsurrogate.diagnosis.evidence import (
     search,
 )
 from hybridsurrogate.diagnosis.interruption import InterruptedSearch
-from hybridsurrogate.diagnosis.null import null_test
+from hybridsurrogate.diagnosis.null import NullTest, evidence_bound, null_test
 from hybridsurrogate.diagnosis.together import placed_together
 from hybridsurrogate.diagnosis.verdict import leader
 from hybridsurrogate.effects.base import Cause
@@ -34,12 +34,13 @@ _HOPELESS = 12.0
 
 @dataclass(frozen=True)
 class Step:
-    """One search, the p-value of the whole of it, and the cause that it chose.
+    """One search, the test of the whole of it, and the cause that it chose.
 
     Attributes
     ----------
     search : Search
-    p_value : float
+    test : NullTest or None
+        None: probabilities alone decided.
     chosen : Weighed
         The first of ``search.weighed`` where nothing (further) is wrong.
     beside : Search
@@ -47,7 +48,7 @@ class Step:
     """
 
     search: Search
-    p_value: float
+    test: NullTest | None
     chosen: Weighed
     beside: Search
 
@@ -98,16 +99,19 @@ def forward_search(
     try:
         found = search(problem, causes, belief, thorough, nearby=nearby)
         while True:
-            p_value = 0.0
+            test = None
             if n_replicates is not None:
-                p_value = null_test(found, n_replicates, random_state).p_value
+                test = null_test(found, n_replicates, random_state)
+                if not steps:  # beside accepted causes, the evidence holds their places fixed
+                    test = test._replace(bound=evidence_bound(found))
             # the p-value guards against noise, the probability against a cause that is no better
-            if p_value > false_alarm_rate or found.probability[0] > 0.5:
-                return _alone(steps) or [Step(found, p_value, found.weighed[0], found)]
+            by_chance = test is not None and test.p_value > false_alarm_rate
+            if by_chance or found.probability[0] > 0.5:
+                return _alone(steps) or [Step(found, test, found.weighed[0], found)]
             chosen, beside = found.weighed[leader(found)], None
             if len(steps) + 1 < max_causes:
                 chosen, beside = _look_ahead(problem, causes, belief, found, chosen, thorough)
-            steps.append(Step(found, p_value, chosen, found))
+            steps.append(Step(found, test, chosen, found))
             if beside is None:
                 return steps
             problem, causes, found = beside.problem, _others(causes, chosen), beside

@@ -23,6 +23,8 @@ _MOST_NODES, _LEAST_NODE = 4, 0.05
 # probability, which serve narrow rivals beside wide ones as well as rivals that are alike
 _NODES, _SHARES = np.polynomial.legendre.leggauss(24)
 _VALUES, _SHARES = special.ndtri((_NODES + 1) / 2), _SHARES / 2
+# an input with so few values, whole numbers in a row, counts things
+_MOST_NUMBERED = 6
 _N_PLACES, _SWEEPS, _AS_GOOD = 60, 2, 0.98
 
 
@@ -63,7 +65,8 @@ def next_measurement(found: Search, ranges: Mapping[str, tuple[float, float]]) -
     ----------
     found : Search
     ranges : dict of str to (low, high)
-        Of the simulated inputs; other columns keep to values that were measured.
+        Of the simulated inputs; other columns, and inputs that number a few things (0 and 1, say),
+        keep to values that were measured.
     """
     problem = found.problem
     columns = problem.model.columns
@@ -88,10 +91,13 @@ def next_measurement(found: Search, ranges: Mapping[str, tuple[float, float]]) -
 def _values_of(
     name: str, measured: FloatArray, ranges: Mapping[str, tuple[float, float]]
 ) -> FloatArray:
-    if name in ranges:
-        return np.linspace(*ranges[name], _N_PLACES)
-    # between its values a column such as a batch means nothing
     known = np.unique(measured)
+    # between its values a column such as a batch or the number of a sensor means nothing
+    numbers = len(known) <= _MOST_NUMBERED and bool(
+        np.all(np.diff(known) == 1) and known[0] % 1 == 0
+    )
+    if name in ranges and not numbers:
+        return np.linspace(*ranges[name], _N_PLACES)
     return known[np.linspace(0, len(known) - 1, min(len(known), _N_PLACES)).round().astype(int)]
 
 

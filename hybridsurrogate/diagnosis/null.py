@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
-from hybridsurrogate.diagnosis.evidence import Search
+from hybridsurrogate.diagnosis.evidence import Search, kind_of, prior_odds
 from hybridsurrogate.diagnosis.freed import freed
 from hybridsurrogate.inference.layout import layout
 from hybridsurrogate.inference.linearised import Linearised, linearise
@@ -21,17 +21,28 @@ class NullTest(NamedTuple):
 
     Attributes
     ----------
-    p_value : float
-        (1 + #{T_rep >= T}) / (1 + R).
     statistic : float
         T, the log of the best evidence ratio over the whole catalogue.
     replicates : ndarray of shape (R,)
         T of data sets in which nothing is wrong.
+    bound : float
+        What Markov's inequality leaves to such evidence, see `evidence_bound`.
     """
 
-    p_value: float
     statistic: float
     replicates: FloatArray
+    bound: float = 1.0
+
+    @property
+    def share(self) -> float:
+        """(1 + #{T_rep >= T}) / (1 + R)."""
+        exceeding = np.sum(self.replicates >= self.statistic)
+        return float((1 + exceeding) / (1 + len(self.replicates)))
+
+    @property
+    def p_value(self) -> float:
+        """The share or, where it is less, the bound: never less than one in 1 + R."""
+        return min(self.share, max(self.bound, 1 / (1 + len(self.replicates))))
 
 
 def null_test(found: Search, n_replicates: int, random_state: np.random.RandomState) -> NullTest:
@@ -56,10 +67,23 @@ def null_test(found: Search, n_replicates: int, random_state: np.random.RandomSt
             special.logsumexp(scan(parts, responses, null.sigma, found.noise, found.sizes), axis=1)
         )
     if len(evidence) == 1:
-        return NullTest(1.0, 0.0, np.zeros(n_replicates))
+        return NullTest(0.0, np.zeros(n_replicates))
     statistic = np.max(evidence[1:], axis=0) - evidence[0]
-    exceed = int(np.sum(statistic[1:] >= statistic[0]))
-    return NullTest((1 + exceed) / (1 + n_replicates), float(statistic[0]), statistic[1:])
+    return NullTest(float(statistic[0]), statistic[1:])
+
+
+def evidence_bound(found: Search) -> float:
+    """Return how probable evidence like that of a search is at most where nothing is wrong.
+
+    The evidence of all causes together, over that of "nothing is wrong", has an expectation of one
+    where that is true; by Markov's inequality a ratio of r or more has probability 1 / r at most.
+    Coarse, but it holds far from the null fit too, where a first order says nothing: a cause that
+    shifts the phase of an oscillation is far from its tangent.
+    """
+    nothing = found.probability[0]
+    odds = nothing / max(1 - nothing, np.finfo(float).tiny)
+    prior = prior_odds([kind_of(w) for w in found.weighed])[0]
+    return float(min(1.0, odds * (1 - prior) / prior))
 
 
 def _replicates(

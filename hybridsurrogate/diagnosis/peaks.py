@@ -22,7 +22,7 @@ from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.inference.belief import Belief
 from hybridsurrogate.inference.layout import Layout, at_cells, layout, refine
 from hybridsurrogate.inference.measured import MeasuredModel
-from hybridsurrogate.inference.multistart import best_of_many, is_followed
+from hybridsurrogate.inference.multistart import best_from_afar, best_of_many, is_followed
 from hybridsurrogate.inference.noise import NoiseTable
 from hybridsurrogate.inference.scan import Peak, climb
 from hybridsurrogate.priors import FloatArray
@@ -142,6 +142,10 @@ def _once(
     driven_away = np.linalg.norm(null.peak.z[: model.n_parameters]) > _DRIVEN_AWAY
     starts = [start, anew] if driven_away else [start]
     peak = highest(problem, belief, model, plan, starts, sigma)
+    args = model, problem.X, problem.y, belief, plan
+    afar = best_from_afar(*args, null.peak.z, peak.z, _NEGLIGIBLE * null.sigma)
+    if afar is not None:
+        peak = highest(problem, belief, model, plan, [afar], sigma)
     for _ in range(_LOOKS):
         before, sigma = sigma, sigma_of(problem, peak, sigma)
         if not sigma < _MUCH_CLOSER * before:

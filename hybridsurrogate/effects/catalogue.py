@@ -124,6 +124,10 @@ def _built_in(context: Context, alone: bool) -> Iterator[tuple[str, Cause]]:
     for constant in context.assumed:
         yield "wrong-constant", WrongConstant(constant)
     for column in context.inputs:
+        # sensors side by side, or the standards of a calibration
+        if trouble_with_levels(context.X[column], column) is None:
+            for level in np.unique(context.X[column]):
+                yield "offset: level", Offset(column, float(level))
         yield "trend", Trend(column)
         yield "trend: quadratic", Trend(column, degree=2)
         yield "periodic", Periodic(column)

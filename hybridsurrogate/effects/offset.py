@@ -6,34 +6,88 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hybridsurrogate.effects.base import Cause, FloatArray, Rows
-from hybridsurrogate.effects.notation import SIMULATION, plus, signed
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.notation import SIMULATION, plus, signed, where
 
 
 class Offset(Cause):
     """A constant added to the simulation, such as a zero error of the instrument.
 
-    ``simulation + amplitude``, in the units of the output. On a logarithmic scale of the output a
-    constant is a factor: `Gain`.
+    - ``simulation + amplitude``, in the units of the output. On a logarithmic scale of the output a
+      constant is a factor: `Gain`;
+    - ``Offset("sensor", level=2)``: ``simulation + amplitude`` where an input of few values is 2,
+      and the simulation as it is elsewhere: one of several sensors, or one standard of a
+      calibration. Where the simulation ignores the column it is `MissingInput` with a level.
+
+    Parameters
+    ----------
+    column : str or None, default=None
+        An input of the simulation with few values.
+    level : float or None, default=None
+        The value at which the output is off; given with ``column``.
 
     Examples
     --------
     >>> import numpy as np, hybridsurrogate as hs
     >>> hs.Offset().columns({"t": np.array([0.0, 4.0])}, {}).tolist()
     [[1.0], [1.0]]
+    >>> hs.Offset("sensor", level=2).columns({"sensor": np.array([1.0, 2.0])}, {}).tolist()
+    [[0.0], [1.0]]
     """
 
     kind = "offset"
     coefficients = ("amplitude",)
 
+    def __init__(self, column: str | None = None, level: float | None = None):
+        self.column = column
+        self.level = level
+
+    @property
+    def target(self) -> str | None:  # type: ignore[override]
+        """The column of the level, if one is meant."""
+        return self.column
+
+    @property
+    def variant(self) -> str:
+        """The one level; everywhere is the plain form."""
+        return "" if self.level is None else f"level {self.level:.12g}"
+
+    @property
+    def name(self) -> str:
+        """The kind, and the level where one is meant."""
+        return (
+            self.kind if self.level is None else f"{self.kind}({self.column} = {self.level:.12g})"
+        )
+
+    def prepare(self, context: Context) -> Cause:
+        """Look for the level among the measured rows."""
+        if (self.column is None) != (self.level is None):
+            raise ValueError(
+                f"column={self.column!r}, level={self.level!r}: an offset at one level needs both, "
+                "one everywhere neither."
+            )
+        if self.column is not None:
+            found = np.unique(context.column(self.column))
+            if self.level not in found:
+                raise ValueError(f"{self.column!r} is never {self.level!r}; it is {list(found)}.")
+        return self
+
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
-        """Return a column of ones."""
-        return np.ones((len(next(iter(X.values()))), 1))
+        """Return a column of ones, or one where the level is."""
+        if self.column is None:
+            return np.ones((len(next(iter(X.values()))), 1))
+        return (np.asarray(X[self.column]) == self.level).astype(float)[:, None]
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
-        return f"simulation {plus(values['amplitude'])}"
+        if self.level is None:
+            return f"simulation {plus(values['amplitude'])}"
+        there = f"where {self.column} = {self.level:.12g}"
+        return f"simulation, and {values['amplitude']:+.4g} {there}"
 
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""
-        return f"{SIMULATION} {signed(values['amplitude'])}"
+        amplitude = signed(values["amplitude"])
+        if self.column is None or self.level is None:
+            return f"{SIMULATION} {amplitude}"
+        return rf"{SIMULATION} {amplitude} \, {where(self.column, '=', self.level, 12)}"

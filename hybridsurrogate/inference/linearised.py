@@ -257,6 +257,9 @@ def _slopes(
         response = response.reshape(len(runs), len(points), len(X))
         ahead, behind = response[:, 1 : 1 + len(moves)], response[:, 1 + len(moves) :]
         slope = (ahead - behind) / (2 * step) if both else (ahead - response[:, :1]) / step
+        # a node that fails at a row is impossible, and what other rows have there may be any size
+        broken = ~np.isfinite(response[:, 0]).all(axis=1)
+        slope[broken] = 0.0
         slope[~np.isfinite(slope)] = 0.0
         slopes[piece] = slope
         mean[piece] = response[:, 0] - (z - plan.neutral)[directions] @ slope

@@ -1,4 +1,4 @@
-"""Many descents at once, for causes inside the dynamics.
+"""Many starts at once: descents for causes inside the dynamics, and constants seen from afar.
 
 Where a location or a width acts inside the simulation, the parameters that are best for one node of
 a grid say little about the next one, and a climb that moves them together ends where it began. A
@@ -32,6 +32,9 @@ _ROUND = 2
 _NODES = 16
 # sizes start where they change something, to either side
 _MOVE = 1.0
+# places seen from afar, along the size and besides, how far they reach in standard deviations of
+# the prior, and how much better (minus twice the log posterior) one has to be
+_ON_LINE, _REACH, _WORTH_A_CLIMB = 49, 2.4, 2.0
 # residual of a place where the simulation fails, in scales of the output
 _IMPOSSIBLE = 1e6
 
@@ -64,6 +67,45 @@ def best_of_many(
     residual = _Residual(model, X, y, belief, floor)
     best = _descend(residual, z, place)
     return best, float(np.sqrt(residual.variance(residual(best[None]))[0]))
+
+
+def best_from_afar(
+    model: MeasuredModel,
+    X: FloatArray,
+    y: FloatArray,
+    belief: Belief,
+    plan: Layout,
+    centre: FloatArray,
+    known: FloatArray,
+    floor: float,
+) -> FloatArray | None:
+    """Return a place (n_unknowns,) that fits better than one that is known, None without one.
+
+    For the last cause of a model if it has one size and nothing enumerated, such as a wrong
+    constant. A climb follows the tangent where nothing is wrong, and of an oscillation whose
+    frequency is far off it sees nothing. No descent: the places are the size's whole prior at the
+    fit without the cause, and a spread of all unknowns.
+
+    Parameters
+    ----------
+    known : ndarray of shape (n_unknowns,)
+    centre, floor
+        As in `best_of_many`.
+    """
+    if not model.effects[-1].touches_simulation or len(plan.sizes) != 1 or len(plan.nodes):
+        return None
+    line = np.tile(plan.neutral, (_ON_LINE, 1))
+    line[:, : len(centre)] = centre
+    line[:, plan.sizes[0]] = np.linspace(-_REACH, _REACH, _ON_LINE)
+    # a fixed spread, as the search has no randomness of its own
+    spread = np.tile(line[0], (_ON_LINE, 1))
+    place = [*np.arange(model.n_parameters), plan.sizes[0]]
+    spread[:, place] = np.random.RandomState(0).standard_normal((_ON_LINE, len(place)))
+    z = np.vstack([known, line, spread])
+    residual = _Residual(model, X, y, belief, floor)
+    badness = residual.badness(residual(z), z)
+    best = int(np.argmin(badness))
+    return z[best] if badness[best] < badness[0] - _WORTH_A_CLIMB else None
 
 
 def _starts(model: MeasuredModel, plan: Layout, centre: FloatArray) -> FloatArray:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.cholesky import log_det_of
+from hybridsurrogate.cholesky import log_det_of, nudged_cholesky
 from hybridsurrogate.inference.belief import Belief
 from hybridsurrogate.inference.heavy_tails import heavy_fit, heavy_scan
 from hybridsurrogate.inference.layout import Layout
@@ -80,7 +80,7 @@ def _scan(
     G, H = parts.G, parts.H
     d, n = G.shape[2], y.shape[1]
     inner = np.swapaxes(G, 1, 2) @ G + sigma**2 * np.eye(d)
-    factor = np.linalg.cholesky(inner)
+    factor = nudged_cholesky(inner)
     project = np.linalg.solve(factor, np.swapaxes(G, 1, 2))  # (M, d, n)
     residual = y[:, None, :] - parts.mean  # (R, M, n)
     along = np.einsum("mdn,rmn->rmd", project, residual)

@@ -11,6 +11,7 @@ from hybridsurrogate.inference.belief import coefficient_belief
 from hybridsurrogate.inference.collapsed import CollapsedPosterior
 from hybridsurrogate.inference.laplace import LaplacePosterior
 from hybridsurrogate.inference.layout import layout
+from hybridsurrogate.inference.multistart import best_from_afar
 from hybridsurrogate.inference.scan import climb
 from hybridsurrogate.inference.statistics import ROUNDING, Statistics, statistics
 from hybridsurrogate.priors import FloatArray, to_normal
@@ -45,10 +46,17 @@ def starting_points(
         causes = (*causes, cause)
         partial = replace(model, effects=causes)
         plan = layout(partial)
-        z = np.concatenate([z, plan.neutral[len(z) :]])
-        for _ in range(_MOST_CLIMBS):
+        before_it, z = z, np.concatenate([z, plan.neutral[len(z) :]])
+        for round_ in range(_MOST_CLIMBS):
             peak = climb(partial, target.X, target.y, belief, plan, z, sigma, 10 * target.scale)
             z = peak.z.copy()
+            if not round_:
+                floor = ROUNDING * target.scale
+                args = partial, target.X, target.y, belief, plan
+                afar = best_from_afar(*args, before_it, z, floor)
+                if afar is not None:
+                    z = afar
+                    continue
             if len(plan.nodes):
                 priors = [partial.priors[k] for k in plan.nodes]
                 z[plan.nodes] = to_normal(priors, plan.grid[peak.node])

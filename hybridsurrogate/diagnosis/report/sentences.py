@@ -43,6 +43,7 @@ _MEANING = {
     "{column}",
     "missing-input: categorical": "{output} is higher or lower by an amount of its own for each "
     "value of {target}, which the simulation ignores",
+    "offset: level": "{output} is off where {target} has one of its values",
     "missing-input: level": "{output} is off where {target} has one of its values",
 }
 
@@ -106,13 +107,17 @@ def verdict(view: View) -> list[str]:
 def chance(view: View) -> str:
     """Say what the p-value counts."""
     d = view.diagnosis
-    n = d._n_replicates
-    as_bad = max(round(d.p_value_ * (n + 1)) - 1, 0)
+    n, test = d._n_replicates, d._test
+    as_bad = round(test.share * (n + 1)) - 1
     how_many = {0: "none", n: "all"}.get(as_bad, str(as_bad))
+    made_up = f"Of {n} data sets made up by the simulation itself, with noise, and searched"
+    p_value = f"p = {digits.number(d.p_value_, 2)}, where up to {d._limit:g} counts as wrong."
+    if test.p_value == test.share:
+        return f"{made_up} in the same way, {how_many} looked as wrong as yours: {p_value}"
     return (
-        f"Of {n} data sets made up by the simulation itself, with noise, and searched in the same "
-        f"way, {how_many} looked as wrong as yours: p = {digits.number(d.p_value_, 2)}, where up "
-        f"to {d._limit:g} counts as wrong."
+        f"{made_up} by tangents, {how_many} looked as wrong as yours. But in full the evidence "
+        f"against the simulation is {1 / max(test.bound, 1e-300):.2g} to one, and where nothing is "
+        f"wrong that is as rare as one in that many: {p_value}"
     )
 
 

@@ -1,0 +1,63 @@
+"""Outputs side by side, told apart by an input of few values, of which one is off."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import hybridsurrogate as hs
+
+
+def reaction(t, sensor, amount, rate):
+    """Return what is left at sensor 0, and what has formed at sensor 1."""
+    left = amount * np.exp(-rate * t)
+    return np.where(sensor == 1, amount - left, left)
+
+
+REACTION = hs.Simulator(
+    reaction,
+    {"t": (0, 10), "sensor": (0, 1)},
+    {
+        "amount": hs.truncated_normal(5, 1, 2, 8),
+        "rate": hs.truncated_normal(0.4, 0.1, 0.1, 0.9),
+    },
+)
+ROWS = pd.DataFrame({"t": np.tile(np.linspace(0.2, 10, 20), 2), "sensor": np.repeat([0, 1], 20)})
+
+
+def diagnose(amplitude, seed):
+    y = reaction(ROWS.t, ROWS.sensor, 5.3, 0.45) + amplitude * (ROWS.sensor == 0)
+    y = y + 0.2 * np.random.default_rng(seed).standard_normal(40)
+    model = hs.PowerScaledSurrogate(
+        REACTION, surrogate=hs.ExactSurrogate(), n_draws=100, random_state=0
+    )
+    return hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(ROWS, y)
+
+
+def test_the_sensor_that_is_off_is_named():
+    found = [diagnose(-0.6, seed) for seed in range(10, 15)]
+    at_sensor_0 = [
+        d for d in found if "where sensor = 0" in d.best_cause_.formula and d.verdict_ == "named"
+    ]
+    assert len(at_sensor_0) >= 4
+    for d in at_sensor_0:
+        _, low, high = d.best_cause_.estimates["amplitude"]
+        assert low - 0.1 < -0.6 < high + 0.1
+        assert d.best_cause_.target == "sensor"
+    report = str(at_sensor_0[0].report())
+    assert "y is off where sensor has one of its values" in report
+    assert r"\mathbf{1}_{\text{sensor} = 0}" in report
+    # there is no sensor between the two
+    assert all(d.next_measurement_["sensor"] in (0, 1) for d in found)
+
+
+def test_a_level_that_was_not_measured_has_no_offset():
+    d = diagnose(-0.6, 10)
+    effect = hs.Offset("sensor", level=0)
+    model = hs.PowerScaledSurrogate(
+        REACTION, surrogate=hs.ExactSurrogate(), effects=[effect], n_draws=100, random_state=0
+    ).fit(ROWS, d.estimator_._measured[1])
+    plain = model.predict(pd.DataFrame({"t": [5.0, 5.0], "sensor": [0.0, 1.0]}))
+    draws = model.posterior_.estimates(0)["amplitude"]
+    simulated = reaction(5.0, np.array([0, 1]), *model.posterior_.values.mean(axis=0)[:2])
+    assert plain[0] - simulated[0] == pytest.approx(draws.mean(), abs=0.1)
+    assert plain[1] == pytest.approx(simulated[1], abs=0.1)
