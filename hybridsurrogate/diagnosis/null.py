@@ -82,8 +82,8 @@ def evidence_bound(found: Search) -> float:
     """
     nothing = found.probability[0]
     odds = nothing / max(1 - nothing, np.finfo(float).tiny)
-    prior = prior_odds([kind_of(w) for w in found.weighed])[0]
-    return float(min(1.0, odds * (1 - prior) / prior))
+    prior = prior_odds([kind_of(w) for w in found.weighed])
+    return float(min(1.0, odds * prior[1:].sum() / prior[0]))
 
 
 def _replicates(
