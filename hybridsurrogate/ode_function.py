@@ -104,7 +104,10 @@ class OdeFunction:
     ) -> tuple[FloatArray, str | None]:
         times = columns[self.time]
         self._check_times(times)
-        keys = [values for name, values in columns.items() if name != self.time]
+        # rows that differ only in how they are observed are of one solution
+        solved = {*self.rate_names, *self.start_names}
+        solved.update(change.full(name) for change in self.modifications for name in change.neutral)
+        keys = [values for name, values in columns.items() if name in solved - {self.time}]
         first, member = equal_runs(keys, len(times))
         out = np.full((*shape, len(times)), np.nan)
         if not len(times):
