@@ -17,15 +17,25 @@ WAVE = hs.Simulator(
 )
 
 
-def diagnose(rate, seed, drift=0.0, **settings):
-    t = np.linspace(0, 40, 60)
+DAMPED = hs.Simulator(
+    lambda t, height, rate: height * np.exp(-0.02 * t) * np.cos(rate * t),
+    {"t": (0, 40)},
+    {"height": hs.truncated_normal(5, 1, 2, 8), "rate": hs.truncated_normal(1.5, 0.1, 1, 2)},
+)
+ROWS = np.linspace(0, 40, 60)
+
+
+def diagnosis_of(simulator, truth, seed, **settings):
     noise = 0.3 * np.random.default_rng(seed).standard_normal(60)
-    y = 5.3 * np.cos((rate + drift * (t - 20)) * t) + noise
     model = hs.PowerScaledSurrogate(
-        WAVE, surrogate=hs.ExactSurrogate(), n_draws=100, random_state=seed
+        simulator, surrogate=hs.ExactSurrogate(), n_draws=100, random_state=seed
     )
     diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=seed, **settings)
-    return diagnosis.fit(t[:, None], y)
+    return diagnosis.fit(ROWS[:, None], truth + noise)
+
+
+def diagnose(rate, seed, **settings):
+    return diagnosis_of(WAVE, 5.3 * np.cos(rate * ROWS), seed, **settings)
 
 
 @pytest.mark.parametrize("rate", [1.55, 1.62, 1.8, 2.0])
@@ -37,6 +47,27 @@ def test_a_rate_that_is_off_by_many_periods_is_found(rate):
         assert diagnosis.best_cause_.kind == "wrong-constant"
         mean, _, _ = diagnosis.best_cause_.estimates["value"]
         assert mean == pytest.approx(rate, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("shift", "form", "name", "value"),
+    [
+        (0.2 * (ROWS > 20), "step over t", "change", 0.2),
+        (-0.4 * (ROWS > 14), "step over t", "change", -0.4),
+        (0.3 / (1 + np.exp(-(ROWS - 20) / 3)), "logistic over t", "change", 0.3),
+        (0.03 * (ROWS - 20), "parameter-drift", "slope", 0.03),
+        (0.1 * np.sin(2 * np.pi * ROWS / 13), "periodic over t", "amplitude", 0.1),
+    ],
+)
+def test_a_rate_that_drifts_by_many_periods_is_found(shift, form, name, value):
+    """Confidently called noise, or another form of drift, where climbs follow tangents alone."""
+    truth = DAMPED(ROWS, np.column_stack([np.full(60, 5.3), 1.56 + shift]))
+    for seed in range(2):
+        diagnosis = diagnosis_of(DAMPED, truth, seed)
+        assert diagnosis.verdict_ == "named"
+        assert diagnosis.best_cause_.kind == "parameter-drift"
+        assert form in diagnosis.causes_["form"][0]
+        assert diagnosis.best_cause_.estimates[name][0] == pytest.approx(value, rel=0.05)
 
 
 def test_evidence_tells_what_tangents_do_not_see():

@@ -32,9 +32,9 @@ _ROUND = 2
 _NODES = 16
 # sizes start where they change something, to either side
 _MOVE = 1.0
-# places seen from afar, along the size and besides, how far they reach in standard deviations of
-# the prior, and how much better (minus twice the log posterior) one has to be
-_ON_LINE, _REACH, _WORTH_A_CLIMB = 49, 2.4, 2.0
+# places seen from afar: along a size, how far these reach in standard deviations of the prior, and
+# besides; how many are followed, how much better (minus twice the log posterior) one has to be
+_ON_LINE, _REACH, _WIDE, _FOLLOWED, _WORTH_A_CLIMB = 49, 2.4, 400, 16, 2.0
 # residual of a place where the simulation fails, in scales of the output
 _IMPOSSIBLE = 1e6
 
@@ -81,10 +81,11 @@ def best_from_afar(
 ) -> FloatArray | None:
     """Return a place (n_unknowns,) that fits better than one that is known, None without one.
 
-    For the last cause of a model if it has one size and nothing enumerated, such as a wrong
+    For the last cause of a model if it changes the simulation and has a size, such as a wrong
     constant. A climb follows the tangent where nothing is wrong, and of an oscillation whose
-    frequency is far off it sees nothing. No descent: the places are the size's whole prior at the
-    fit without the cause, and a spread of all unknowns.
+    frequency is far off it sees nothing. Here the size runs over its whole prior, at the fit
+    without the cause, and all unknowns over a spread. Where the fit improves and worsens more than
+    once on the way, the best of a wider spread are followed, too.
 
     Parameters
     ----------
@@ -92,20 +93,47 @@ def best_from_afar(
     centre, floor
         As in `best_of_many`.
     """
-    if not model.effects[-1].touches_simulation or len(plan.sizes) != 1 or len(plan.nodes):
+    if not model.effects[-1].touches_simulation or not len(plan.sizes):
         return None
     line = np.tile(plan.neutral, (_ON_LINE, 1))
     line[:, : len(centre)] = centre
+    line[:, plan.nodes] = _at_nodes(model, plan, np.array([len(plan.grid) // 2]))
     line[:, plan.sizes[0]] = np.linspace(-_REACH, _REACH, _ON_LINE)
-    # a fixed spread, as the search has no randomness of its own
-    spread = np.tile(line[0], (_ON_LINE, 1))
-    place = [*np.arange(model.n_parameters), plan.sizes[0]]
-    spread[:, place] = np.random.RandomState(0).standard_normal((_ON_LINE, len(place)))
-    z = np.vstack([known, line, spread])
     residual = _Residual(model, X, y, belief, floor)
-    badness = residual.badness(residual(z), z)
-    best = int(np.argmin(badness))
-    return z[best] if badness[best] < badness[0] - _WORTH_A_CLIMB else None
+
+    def badness(z: FloatArray) -> FloatArray:
+        return residual.badness(residual(z), z)
+
+    along = badness(line)
+    inner = (along[1:-1] < along[:-2]) & (along[1:-1] <= along[2:])
+    is_rugged = np.count_nonzero(inner) > 1
+    if len(plan.nodes) and not is_rugged:
+        return None  # nodes are enumerated, and sizes are followed from each
+    spread = _spread(model, plan, line[0], _WIDE if is_rugged else _ON_LINE)
+    z = np.vstack([known, line, spread])
+    value = np.concatenate([badness(known[None]), along, badness(spread)])
+    if is_rugged:
+        followed = z[np.argsort(value)[:_FOLLOWED]]
+        end = _descend(residual, followed, np.concatenate([plan.fixed, plan.sizes, plan.nodes]))
+        z, value = np.vstack([z, end]), np.append(value, badness(end[None]))
+    best = int(np.argmin(value))
+    return z[best] if value[best] < value[0] - _WORTH_A_CLIMB else None
+
+
+def _spread(model: MeasuredModel, plan: Layout, base: FloatArray, n: int) -> FloatArray:
+    """Return places (n, n_unknowns) of parameters, size and nodes, those of earlier causes held."""
+    # a fixed spread, as the search has no randomness of its own
+    random = np.random.RandomState(0)
+    z = np.tile(base, (n, 1))
+    place = [*np.arange(model.n_parameters), *plan.sizes]
+    z[:, place] = random.standard_normal((n, len(place)))
+    z[:, plan.nodes] = _at_nodes(model, plan, random.randint(len(plan.grid), size=n))
+    return z
+
+
+def _at_nodes(model: MeasuredModel, plan: Layout, index: NDArray[np.intp]) -> FloatArray:
+    """Return the enumerated coordinates of nodes (k,) in standard normal units, (k, n_nodes)."""
+    return to_normal([model.priors[k] for k in plan.nodes], plan.grid[index])
 
 
 def _starts(model: MeasuredModel, plan: Layout, centre: FloatArray) -> FloatArray:
@@ -120,8 +148,7 @@ def _starts(model: MeasuredModel, plan: Layout, centre: FloatArray) -> FloatArra
     base[: len(centre)] = centre
     z = np.tile(base, (len(chosen), len(moves), 1))
     z[:, :, plan.sizes] += moves
-    priors = [model.priors[position] for position in plan.nodes]
-    z[:, :, plan.nodes] = to_normal(priors, plan.grid[chosen])[:, None, :]
+    z[:, :, plan.nodes] = _at_nodes(model, plan, chosen)[:, None, :]
     return np.clip(z.reshape(-1, len(base)), -_BOUND, _BOUND)
 
 
