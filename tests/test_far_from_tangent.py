@@ -95,3 +95,27 @@ def test_the_bound_is_the_ratio_of_the_evidence():
     evidence = np.where(np.isfinite(beside), both, alone)[1:]
     against = special.logsumexp(evidence, b=prior[1:] / prior[1:].sum()) - alone[0]
     assert np.log(evidence_bound(found)) == pytest.approx(-against, abs=1e-6)
+
+
+def test_fits_of_an_oscillation_do_not_stop_at_another_frequency():
+    """Over 35 periods, with phase and damping: 2 of 160 fits had ten times the noise."""
+    priors = {
+        "height": hs.truncated_normal(5, 1, 2, 8),
+        "rate": hs.truncated_normal(1.5, 0.3, 0.5, 2.5),
+        "phase": hs.truncated_normal(0, 1.5, -3.1, 3.1),
+        "damping": hs.truncated_normal(0.02, 0.01, 0, 0.05),
+    }
+
+    def wave(t, height, rate, phase, damping):
+        return height * np.exp(-damping * t) * np.cos(rate * t + phase)
+
+    simulator = hs.Simulator(wave, {"t": (0, 150)}, priors)
+    for seed in range(3000, 3040):
+        rng = np.random.default_rng(seed)
+        t = np.sort(rng.uniform(0, 150, 60))
+        true = [prior.rvs(random_state=seed + k) for k, prior in enumerate(priors.values())]
+        y = wave(t, *true) + 0.1 * rng.standard_normal(60)
+        model = hs.PowerScaledSurrogate(
+            simulator, surrogate=hs.ExactSurrogate(), n_draws=100, random_state=0
+        ).fit(t[:, None], y)
+        assert model.posterior_.sigma.mean() < 0.15, seed

@@ -69,6 +69,24 @@ def best_of_many(
     return best, float(np.sqrt(residual.variance(residual(best[None]))[0]))
 
 
+def best_of_spread(
+    model: MeasuredModel, X: FloatArray, y: FloatArray, belief: Belief, floor: float
+) -> tuple[FloatArray, float]:
+    """Return z (n_unknowns,) of the best fit reached from a spread over the prior, and its sigma.
+
+    Parameters
+    ----------
+    floor : float
+        As in `best_of_many`.
+    """
+    # a fixed spread: what a fit finds does not depend on its random draws
+    z = np.random.RandomState(0).standard_normal((_WIDE, model.n_unknowns))
+    residual = _Residual(model, X, y, belief, floor)
+    value = residual.badness(residual(z), z)
+    best = _descend(residual, z[np.argsort(value)[:_FOLLOWED]], np.arange(model.n_unknowns))
+    return best, float(np.sqrt(residual.variance(residual(best[None]))[0]))
+
+
 def best_from_afar(
     model: MeasuredModel,
     X: FloatArray,

@@ -11,7 +11,7 @@ from hybridsurrogate.inference.belief import coefficient_belief
 from hybridsurrogate.inference.collapsed import CollapsedPosterior
 from hybridsurrogate.inference.laplace import LaplacePosterior
 from hybridsurrogate.inference.layout import layout
-from hybridsurrogate.inference.multistart import best_from_afar
+from hybridsurrogate.inference.multistart import best_from_afar, best_of_spread
 from hybridsurrogate.inference.scan import climb
 from hybridsurrogate.inference.statistics import ROUNDING, Statistics, statistics
 from hybridsurrogate.priors import FloatArray, to_normal
@@ -71,10 +71,12 @@ def further_points(target: CollapsedPosterior | LaplacePosterior, mode: FloatArr
     """Return the other local maxima (m, d) on lines through a mode (d,), one a parameter.
 
     Far in the tail of a parameter's prior a surrogate may bend back to the data; random starts in
-    several dimensions can miss that. The noise scale is free along the lines.
+    several dimensions can miss that. The noise scale is free along the lines. Where a simulation
+    itself has several on one line, as one that oscillates, the best end of many descents joins.
     """
     log_sigma = mode[-1] + np.log([0.3, 0.6, 1.0, 1.7, 3.0])
     out = [np.empty((0, len(mode)))]
+    is_rugged = False
     for k in range(target.model.n_parameters):
         points = np.tile(mode, (len(_LINE), len(log_sigma), 1))
         points[:, :, k] = _LINE[:, None]
@@ -86,6 +88,12 @@ def further_points(target: CollapsedPosterior | LaplacePosterior, mode: FloatArr
         # what lies next to the mode itself is known
         peaks = peaks[np.abs(_LINE[peaks] - mode[k]) > 2 * _SPACING]
         out.append(points[peaks, best[peaks]])
+        is_rugged |= len(peaks) > 1
+    if is_rugged and target.model.basis.is_simulation:
+        model, floor = target.model, ROUNDING * target.scale
+        belief = coefficient_belief(model.basis, None)
+        z, sigma = best_of_spread(model, target.X, target.y, belief, floor)
+        out.append(np.array([[*z, np.log(sigma)]]))
     return np.concatenate(out)
 
 
