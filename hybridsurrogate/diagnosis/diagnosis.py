@@ -36,6 +36,7 @@ from hybridsurrogate.diagnosis.rehearsal import (
     extended,
     extended_simulator,
 )
+from hybridsurrogate.diagnosis.roughness import warn_if_rough
 from hybridsurrogate.diagnosis.settings import check_rows, check_settings
 from hybridsurrogate.diagnosis.trust import BetaScans
 from hybridsurrogate.diagnosis.verdict import cause_table, credible_kinds, not_reached, verdict_on
@@ -198,6 +199,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         check_rows(len(prepared.problem.y), model.columns, [*model.parameters, *model.constants])
         warn_of_copies(prepared.problem.X, prepared.problem.y)
         warn_if_slow(prepared.problem)
+        warn_if_rough(prepared.problem)
         try:
             steps = self._search(prepared, random)
             self._extend(steps, X, y)

@@ -49,10 +49,13 @@ class MeasuredModel(CausesOnRows):
     reference : ndarray of shape (p,) or None
         Coefficients of the surrogate with which noise follows the simulation's output. None: their
         prior means.
+    step : float
+        Step of differences, in standard deviations of the priors, see `difference_step`.
     """
 
     basis: Basis
     reference: FloatArray | None = None
+    step: float = 1e-3
 
     def with_effects(self, effects: Sequence[Cause]) -> MeasuredModel:
         """Return a model without causes with these; some may change an ODE's right-hand side."""
