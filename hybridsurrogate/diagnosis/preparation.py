@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from hybridsurrogate.diagnosis.kriging import krige
-from hybridsurrogate.diagnosis.roughness import difference_step
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.catalogue import Skipped, catalogue
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
@@ -90,9 +89,6 @@ def prepare(
     hyper = fitted.posterior_.values[:, fitted.posterior_.model.n_unknowns :]
     problem = problem.given(np.median(hyper, axis=0))
     problem = replace(problem, good=_best_draw(fitted, problem))
-    if problem.model.basis.is_simulation:
-        step = difference_step(problem.model, problem.X)
-        problem = replace(problem, model=replace(problem.model, step=step))
     context = make_context(
         fitted.simulation,
         columns,

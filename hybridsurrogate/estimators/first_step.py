@@ -77,11 +77,12 @@ def _modes(
     target: CollapsedPosterior | LaplacePosterior, random_state: np.random.RandomState
 ) -> list[Gaussian]:
     starts = starting_points(target, random_state)
-    modes = find_modes(target.search_density, starts, target.step_share)
+    steps = target.step_share, target.model.least_step
+    modes = find_modes(target.search_density, starts, *steps)
     if target.n_dimensions > 2:  # with one unknown beside sigma the starts were all there are
         further = further_points(target, modes[0].mean)
         if len(further):
-            modes += find_modes(target.search_density, further, target.step_share)
+            modes += find_modes(target.search_density, further, *steps)
     return distinct(modes)
 
 

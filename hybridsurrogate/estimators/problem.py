@@ -12,6 +12,7 @@ from hybridsurrogate.inference.belief import coefficient_belief
 from hybridsurrogate.inference.effect_check import check_effects
 from hybridsurrogate.inference.linear_rows import Runs
 from hybridsurrogate.inference.measured import MeasuredModel
+from hybridsurrogate.inference.roughness import least_step
 from hybridsurrogate.inference.statistics import Statistics, statistics
 from hybridsurrogate.likelihoods import Likelihood, TransformedNormal
 from hybridsurrogate.priors import FloatArray, Prior
@@ -152,7 +153,7 @@ def make_problem(
             f"{type(surrogate).__name__} is trained on runs, but simulation is a Simulator that "
             "has not been run: pass simulator.run(100), or surrogate=ExactSurrogate()."
         )
-    model = MeasuredModel(
+    plain = MeasuredModel(
         columns,
         n_inputs,
         dict(world.parameters) if world else {},
@@ -160,7 +161,9 @@ def make_problem(
         (),
         3 * scale,
         basis,
-    ).with_effects([effect.prepare(context) for effect in effects])
+    )
+    plain = replace(plain, least_step=least_step(plain, X))
+    model = plain.with_effects([effect.prepare(context) for effect in effects])
     try:
         check_effects(model, X)
     except KeyError as error:

@@ -49,13 +49,14 @@ class MeasuredModel(CausesOnRows):
     reference : ndarray of shape (p,) or None
         Coefficients of the surrogate with which noise follows the simulation's output. None: their
         prior means.
-    step : float
-        Step of differences, in standard deviations of the priors, see `difference_step`.
+    least_step : float
+        Differences over less, in standard deviations of the priors, mean nothing: how rough the
+        simulation is, see `inference/roughness.py`. Zero for a smooth one.
     """
 
     basis: Basis
     reference: FloatArray | None = None
-    step: float = 1e-3
+    least_step: float = 0.0
 
     def with_effects(self, effects: Sequence[Cause]) -> MeasuredModel:
         """Return a model without causes with these; some may change an ODE's right-hand side."""

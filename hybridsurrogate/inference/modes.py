@@ -30,7 +30,7 @@ class Gaussian:
 
 
 def find_modes(
-    log_density: LogDensity, starts: FloatArray, step_share: float = 0.1
+    log_density: LogDensity, starts: FloatArray, step_share: float = 0.1, least_step: float = 0.0
 ) -> list[Gaussian]:
     """Climb from every start at once by damped Newton steps; return distinct modes, best first.
 
@@ -43,6 +43,8 @@ def find_modes(
     starts : ndarray of shape (S, d)
     step_share : float
         Length of difference steps in standard deviations; longer ones even out a rough density.
+    least_step : float
+        Differences over less mean nothing.
 
     Returns
     -------
@@ -62,7 +64,7 @@ def find_modes(
         return log_density(points)
 
     x, value, hessian = climb(
-        any_start, x[alive], value[alive], step_share, _MOST_MOVES, rivals=True
+        any_start, x[alive], value[alive], step_share, _MOST_MOVES, True, least_step
     )
     return distinct(_approximations(x, value, hessian))
 
@@ -74,13 +76,14 @@ def climb(
     step_share: float,
     max_iter: int,
     rivals: bool,
+    least_step: float = 0.0,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Climb from every start x (S, d) at once; return ends, their log densities and Hessians.
 
     With ``rivals`` all starts climb the same density, and those that trail by far stay behind.
     """
     x, value = x.copy(), value.copy()
-    step = np.full(x.shape, 1e-4)
+    step = np.full(x.shape, max(1e-4, least_step))
     damping = np.full(len(x), 1e-3)
     active = np.ones(len(x), dtype=bool)
     for iteration in range(max_iter):
@@ -98,7 +101,8 @@ def climb(
         value[index[better]] = trial_value[better]
         damping[index] = np.clip(np.where(better, 0.1, 8.0) * damping[index], 1e-9, 1e9)
         diagonal = np.abs(np.einsum("jkk->jk", curvature))
-        step[index] = step_share * np.clip(1 / np.sqrt(np.maximum(diagonal, 1e-8)), 1e-7, 0.5)
+        share = step_share * np.clip(1 / np.sqrt(np.maximum(diagonal, 1e-8)), 1e-7, 0.5)
+        step[index] = np.maximum(share, least_step)
         done = (better & (gain < 1e-3)) | (damping[index] > 1e4)
         active[index[done]] = False
     _, hessian = _differences(log_density, np.arange(len(x)), x, value, step)
