@@ -155,6 +155,11 @@ class Simulator:
         names = (self.input_names, self.parameter_names, self.assumed_names)
         return f"{type(self).__name__}({describe(self.name, *names, self.output)})"
 
+    @property
+    def is_quick(self) -> bool:
+        """Whether many runs take hardly longer than one: a function of arrays, no ODE."""
+        return self.vectorized and not self.is_in_time
+
     def __call__(
         self, X: ArrayLike, omega: ArrayLike | None = None, n_jobs: int | None = None
     ) -> FloatArray:

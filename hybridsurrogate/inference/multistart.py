@@ -35,6 +35,9 @@ _MOVE = 1.0
 # places seen from afar: along a size, how far these reach in standard deviations of the prior, and
 # besides; how many are followed, how much better (minus twice the log posterior) one has to be
 _ON_LINE, _REACH, _WIDE, _FOLLOWED, _WORTH_A_CLIMB = 49, 2.4, 400, 16, 2.0
+# of an oscillation whose rate swings few places are near enough to be followed to the right end:
+# there are more of them where a run is quick and rows are few
+_WIDEST, _SIMULATED_ROWS, _FOLLOWED_OF_MANY = 8000, 800_000, 32
 # residual of a place where the simulation fails, in scales of the output
 _IMPOSSIBLE = 1e6
 
@@ -127,11 +130,15 @@ def best_from_afar(
     is_rugged = np.count_nonzero(inner) > 1
     if len(plan.nodes) and not is_rugged:
         return None  # nodes are enumerated, and sizes are followed from each
-    spread = _spread(model, plan, line[0], _WIDE if is_rugged else _ON_LINE)
+    wide, most = _WIDE if is_rugged else _ON_LINE, _FOLLOWED
+    if is_rugged and model.basis.is_quick:
+        wide = int(np.clip(_SIMULATED_ROWS // len(y), _WIDE, _WIDEST))
+        most = _FOLLOWED_OF_MANY
+    spread = _spread(model, plan, line[0], wide)
     z = np.vstack([known, line, spread])
     value = np.concatenate([badness(known[None]), along, badness(spread)])
     if is_rugged:
-        followed = z[np.argsort(value)[:_FOLLOWED]]
+        followed = z[np.argsort(value)[:most]]
         end = _descend(residual, followed, np.concatenate([plan.fixed, plan.sizes, plan.nodes]))
         z, value = np.vstack([z, end]), np.append(value, badness(end[None]))
     best = int(np.argmin(value))
@@ -144,7 +151,8 @@ def _spread(model: MeasuredModel, plan: Layout, base: FloatArray, n: int) -> Flo
     random = np.random.RandomState(0)
     z = np.tile(base, (n, 1))
     place = [*np.arange(model.n_parameters), *plan.sizes]
-    z[:, place] = random.standard_normal((n, len(place)))
+    # far out in a heavy tail an ODE would be solved for many times the measured span
+    z[:, place] = np.clip(random.standard_normal((n, len(place))), -_REACH, _REACH)
     z[:, plan.nodes] = _at_nodes(model, plan, random.randint(len(plan.grid), size=n))
     return z
 

@@ -119,6 +119,11 @@ class Basis(ABC):
     # whether the known part is the simulation itself, which may fail for some parameters
     is_simulation = False
 
+    @property
+    def is_quick(self) -> bool:
+        """Whether the known part is a simulation of which thousands of runs take no time."""
+        return False
+
     def modified(self, modifications: Sequence[Modification]) -> Basis:
         """Return the basis of a simulation with changed dynamics.
 
