@@ -55,11 +55,12 @@ _MIN_DISTINCT = {
     "periodic": 8,
     "periodic: overtone": 12,
     "bump": 8,
-    "delay": 5,
     "missing-input: quadratic": 4,
     "missing-input: with offset": 3,
     "noise: autocorrelation": 12,
 }
+# a shift is one number and no shape, but one from label to label means nothing
+_MIN_DISTINCT_OF_LABELS = 5
 _MIN_ROWS = 4
 # two standard deviations are compared, and those of a few rows say nothing
 _MIN_ROWS_OF_NOISE = 8
@@ -214,11 +215,22 @@ def _reason_to_skip(form: str, cause: Cause, context: Context) -> str | None:
     for column in cause.reads:
         if column not in context.X:
             continue
-        distinct = len(np.unique(context.X[column]))
+        values = np.unique(context.X[column])
         needed = _MIN_DISTINCT.get(form, 2)
-        if distinct < needed:
-            return f"{column} has {distinct} distinct values, {needed} are needed"
+        if len(values) < needed:
+            return f"{column} has {len(values)} distinct values, {needed} are needed"
+        if isinstance(cause, Delay) and _may_be_labels(values):
+            return (
+                f"{column} has {len(values)} distinct values one apart, which may be labels; "
+                f"{_MIN_DISTINCT_OF_LABELS} are needed"
+            )
     return None
+
+
+def _may_be_labels(distinct: np.ndarray) -> bool:
+    """Tell whether values, rising, are few whole numbers side by side, such as those of sensors."""
+    few = len(distinct) < _MIN_DISTINCT_OF_LABELS
+    return few and bool(np.all(distinct == np.round(distinct)) and np.all(np.diff(distinct) == 1))
 
 
 def _trouble_with_categories(values: np.ndarray, column: str) -> str | None:
