@@ -23,7 +23,7 @@ def numbers_of(column: pd.Series, file: str, finite: bool = True) -> pd.Series:
     wrong = np.flatnonzero(~np.isfinite(values) if finite else np.isnan(values))
     if len(wrong):
         row = int(wrong[0])
-        told = "empty" if pd.isna(column.iloc[row]) else repr(column.iloc[row])
+        told = "empty or n/a" if pd.isna(column.iloc[row]) else repr(column.iloc[row])
         raise ValueError(
             f"{file}: {len(wrong)} of {len(column)} values of {column.name!r} are no numbers, the "
             f"first, {told}, in row {column.index[row] + 1} of the data. Correct it, or leave "

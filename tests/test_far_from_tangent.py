@@ -5,7 +5,7 @@ import pytest
 from scipy import special
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.evidence import kind_of, prior_odds
+from hybridsurrogate.diagnosis.evidence import prior_odds
 from hybridsurrogate.diagnosis.null import evidence_bound
 from hybridsurrogate.effects.catalogue import KINDS
 
@@ -102,7 +102,7 @@ def test_nothing_is_found_where_nothing_is_wrong():
 
 def test_the_bound_is_the_ratio_of_the_evidence():
     found = diagnose(1.55, 0).search_
-    prior = prior_odds([kind_of(w) for w in found.weighed])
+    prior = prior_odds([w.cause for w in found.weighed])
     alone = np.array([w.log_evidence for w in found.weighed])
     beside = np.array([w.log_evidence_with_remainder for w in found.weighed])
     # a named cause leaves a smooth remainder with a probability of a tenth

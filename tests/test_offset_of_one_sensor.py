@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.evidence import prior_odds
 
 
 def reaction(t, sensor, amount, rate):
@@ -61,3 +62,40 @@ def test_a_level_that_was_not_measured_has_no_offset():
     simulated = reaction(5.0, np.array([0, 1]), *model.posterior_.values.mean(axis=0)[:2])
     assert plain[0] - simulated[0] == pytest.approx(draws.mean(), abs=0.1)
     assert plain[1] == pytest.approx(simulated[1], abs=0.1)
+
+
+def test_levels_share_the_prior_of_one_form():
+    """Four levels took four fifths of what an offset of all rows had: decay was named."""
+    levels = [hs.Offset("sensor", level=level) for level in (0, 1, 2, 3)]
+    odds = prior_odds([None, hs.Offset(), *levels, hs.Gain()])
+    whole = odds[-1]
+    assert odds[1] == pytest.approx(whole / 2)
+    np.testing.assert_allclose(odds[2:-1], whole / 8)
+
+
+def enzyme(substrate, inhibitor, fastest, half, inhibition):
+    return fastest * substrate / (half * (1 + inhibitor / inhibition) + substrate)
+
+
+def test_an_offset_of_all_rows_is_as_probable_where_an_input_has_few_values():
+    priors = {
+        "fastest": hs.truncated_normal(100, 15, 50, 160),
+        "half": hs.truncated_normal(2, 0.5, 0.5, 5),
+        "inhibition": hs.truncated_normal(3, 1, 0.8, 8),
+    }
+    simulator = hs.Simulator(enzyme, {"substrate": (0.1, 20), "inhibitor": (0, 10)}, priors)
+    named = []
+    for seed in range(6):
+        random = np.random.default_rng(seed)
+        X = np.column_stack(
+            [random.choice([0.25, 0.5, 1, 2, 5, 10, 20], 56), random.choice([0, 1, 3, 10], 56)]
+        )
+        true = random.normal([100, 2, 3], [10, 0.3, 0.5])
+        y = enzyme(*X.T, *true) + 8 + random.normal(0, 3, 56)
+        model = hs.PowerScaledSurrogate(
+            simulator, surrogate=hs.ExactSurrogate(), n_draws=100, random_state=0
+        )
+        found = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(X, y)
+        assert "offset" in found.indistinguishable_
+        named += [found.best_cause_.kind] if found.verdict_ == "named" else []
+    assert set(named) <= {"offset"}

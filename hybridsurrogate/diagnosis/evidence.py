@@ -7,6 +7,7 @@ covariance (DESIGN section 6).
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -116,7 +117,7 @@ def search(
     else:
         null = nothing_further(problem, Fitted(*accepted[1:5]), belief, noise)
     ends = _ends_of(nearby, causes)
-    odds = prior_odds(["none", *(cause.kind for cause in causes)])
+    odds = prior_odds([None, *causes])
     fits: Sequence[Fitted] = []
     try:
         fits, behind = best_peaks(problem, causes, belief, noise, null, np.log(odds), ends)
@@ -230,22 +231,27 @@ def _weigh_remainder(
     return out
 
 
-def prior_odds(kinds: Sequence[str]) -> FloatArray:
-    """Return the prior probability of each cause, given their kinds.
+def prior_odds(causes: Sequence[Cause | None]) -> FloatArray:
+    """Return the prior probability of each cause, None for nothing that is wrong.
 
-    Kinds share the prior equally, the causes of a kind share that of their kind.
+    Kinds share the prior equally, the forms of a kind share that of their kind, and causes that
+    differ only in the level that is meant share that of one form.
     """
-    named = {kind for kind in kinds if kind not in ("none", "unexplained")}
-    prior = np.empty(len(kinds))
-    for k, kind in enumerate(kinds):
-        if kind == "none":
-            prior[k] = _PRIOR_NONE
-        elif kind == "unexplained":
-            prior[k] = _PRIOR_UNEXPLAINED
-        else:
-            share = (1 - _PRIOR_NONE - _PRIOR_UNEXPLAINED) / len(named)
-            prior[k] = share / kinds.count(kind)
-    return prior
+    kinds = ["none" if cause is None else cause.kind for cause in causes]
+    forms = [
+        (kind, cause.target if cause is not None and cause.is_one_level else k)
+        for k, (kind, cause) in enumerate(zip(kinds, causes, strict=True))
+    ]
+    of_kind = Counter(kind for kind, _ in set(forms))
+    of_form = Counter(forms)
+    fixed = {"none": _PRIOR_NONE, "unexplained": _PRIOR_UNEXPLAINED}
+    share = (1 - sum(fixed.values())) / max(len(of_kind.keys() - fixed.keys()), 1)
+    return np.array(
+        [
+            fixed.get(kind) or share / of_kind[kind] / of_form[form]
+            for kind, form in zip(kinds, forms, strict=True)
+        ]
+    )
 
 
 def probabilities(weighed: Sequence[Weighed]) -> tuple[FloatArray, FloatArray]:
@@ -257,7 +263,7 @@ def probabilities(weighed: Sequence[Weighed]) -> tuple[FloatArray, FloatArray]:
     with np.errstate(divide="ignore"):
         plain = alone + np.where(splits, np.log1p(-_PRIOR_REMAINDER), 0.0)
         extra = np.where(splits, beside + np.log(_PRIOR_REMAINDER), -np.inf)
-    log_total = np.logaddexp(plain, extra) + np.log(prior_odds([kind_of(w) for w in weighed]))
+    log_total = np.logaddexp(plain, extra) + np.log(prior_odds([w.cause for w in weighed]))
     remainder = np.exp(extra - np.logaddexp(plain, extra))
     return np.exp(log_total - special.logsumexp(log_total)), remainder
 

@@ -11,7 +11,6 @@ from scipy import special
 from hybridsurrogate.diagnosis.evidence import (
     Search,
     Weighed,
-    kind_of,
     prior_odds,
     remainders,
     search,
@@ -147,7 +146,7 @@ def _look_ahead(
         extended = replace(problem, model=problem.model.with_effects(effects))
         return search(extended, _others(causes, first), belief, False, first)
 
-    log_prior = np.log(prior_odds([kind_of(w) for w in found.weighed]))
+    log_prior = np.log(prior_odds([w.cause for w in found.weighed]))
     order = [int(k) for k in np.argsort(-found.probability)]
     at = next(k for k in order if found.weighed[k] is leading)
     named = [k for k in order if not ends_search(found.weighed[k])]
@@ -192,7 +191,7 @@ def _look_ahead(
 def _companions(beside: Search) -> float:
     """Return the log of how much better a cause explains with whatever second, or none."""
     evidence = np.array([w.log_evidence for w in beside.weighed])
-    odds = prior_odds([kind_of(w) for w in beside.weighed])
+    odds = prior_odds([w.cause for w in beside.weighed])
     # two causes are the same two in either order, and each order has this prior
     odds[1:] *= 2
     return float(special.logsumexp(evidence - evidence[0] + np.log(odds)))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
-from hybridsurrogate.diagnosis.evidence import Search, kind_of, prior_odds
+from hybridsurrogate.diagnosis.evidence import Search, prior_odds
 from hybridsurrogate.diagnosis.freed import freed
 from hybridsurrogate.inference.layout import layout
 from hybridsurrogate.inference.linearised import Linearised, linearise
@@ -82,7 +82,7 @@ def evidence_bound(found: Search) -> float:
     """
     nothing = found.probability[0]
     odds = nothing / max(1 - nothing, np.finfo(float).tiny)
-    prior = prior_odds([kind_of(w) for w in found.weighed])
+    prior = prior_odds([w.cause for w in found.weighed])
     return float(min(1.0, odds * prior[1:].sum() / prior[0]))
 
 

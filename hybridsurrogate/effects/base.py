@@ -41,6 +41,8 @@ class Cause(BaseEstimator):
         What the cause means for the one who wrote the simulation, for a report; None: as its kind.
     is_process : bool
         Whether the columns are the basis of one random curve, so that they share one size.
+    is_one_level : bool
+        Whether it is one of several that differ only in the level of a column that is meant.
     follows_mean : bool
         Whether ``noise`` looks at the simulation's output: ``X[SIMULATED]``, on the scale of eta.
 
@@ -77,6 +79,7 @@ class Cause(BaseEstimator):
     coefficient_sd: float | None = None
     meaning: str | None = None
     is_process: bool = False
+    is_one_level: bool = False
     follows_mean: bool = False
 
     def prepare(self, context: Context) -> Cause:

@@ -53,6 +53,11 @@ class Offset(Cause):
         return "" if self.level is None else f"level {self.level:.12g}"
 
     @property
+    def is_one_level(self) -> bool:  # type: ignore[override]
+        """Whether a level is meant."""
+        return self.level is not None
+
+    @property
     def name(self) -> str:
         """The kind, and the level where one is meant."""
         return (

@@ -14,7 +14,7 @@ from hybridsurrogate.simulation import SimulationData, Simulator
 
 
 def check_numbers(X: ArrayLike) -> None:
-    """Raise ValueError that names the columns of a DataFrame which hold names or dates."""
+    """Raise ValueError that names columns of a DataFrame which hold names, dates or nothing."""
     if not isinstance(X, pd.DataFrame):
         return
     wrong = [name for name, column in X.items() if not _is_numeric(column)]
@@ -25,6 +25,14 @@ def check_numbers(X: ArrayLike) -> None:
             "(X[name] - pandas.Timestamp('2020-01-01')) / pandas.Timedelta('1D'); or leave them "
             "out."
         )
+    for name, column in X.items():
+        missing = np.flatnonzero(column.isna())
+        if len(missing):
+            raise ValueError(
+                f"{len(missing)} of {len(column)} values of the column {name!r} are missing (NaN), "
+                f"the first in row {missing[0] + 1}. Leave out the rows, "
+                f"rows = X[{name!r}].notna(), X[rows] and y[rows], or the column."
+            )
 
 
 def _is_numeric(column: pd.Series) -> bool:
