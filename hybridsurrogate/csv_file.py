@@ -23,7 +23,7 @@ def read_csv(path: str | os.PathLike[str]) -> pd.DataFrame:
     ------
     ValueError
         Where the columns are separated by something else, as some spreadsheets do; where lines
-        have more cells than the header; where the file is empty or not in UTF-8.
+        have more cells than the header or are broken; where the file is empty or not in UTF-8.
     """
     try:
         # the head first: rows with decimal commas break the reader before it can tell
@@ -42,6 +42,8 @@ def read_csv(path: str | os.PathLike[str]) -> pd.DataFrame:
             table = _table(lambda: StringIO("\n".join(lines)))
     except pd.errors.EmptyDataError:
         raise ValueError(f"{path}: the file is empty, there are no columns.") from None
+    except pd.errors.ParserError as error:
+        raise ValueError(f"{path}: {str(error).strip()}.") from None
     except UnicodeError as error:
         raise ValueError(f"{path}: the file is not in UTF-8 ({error}). Save it as UTF-8.") from None
     if table is None:

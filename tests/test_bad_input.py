@@ -151,18 +151,6 @@ def test_columns_that_hold_no_numbers(simulation, measured, column, estimator):
         fitted.predict(frame)
 
 
-@pytest.mark.parametrize("estimator", ESTIMATORS)
-def test_a_missing_number_is_told_with_its_column_and_row(simulation, measured, estimator):
-    frame = pd.DataFrame({"t": measured[0][:20, 0], "wind": np.arange(20.0)})
-    holed = frame.assign(wind=frame.wind.where(frame.wind != 6))
-    match = r"1 of 20 values of the column 'wind' are missing \(NaN\), the first in row 7"
-    with pytest.raises(ValueError, match=match):
-        estimator(simulation, n_draws=100).fit(holed, measured[1][:20])
-    fitted = estimator(simulation, n_draws=100, random_state=0).fit(frame, measured[1][:20])
-    with pytest.raises(ValueError, match=match):
-        fitted.predict(holed)
-
-
 def two_inputs(t, height, gravity):
     return height - gravity / 2 * t**2
 

@@ -43,6 +43,7 @@ def test_the_sign_of_a_comment_may_be_part_of_a_name(tmp_path):
     ("text", "encoding", "message"),
     [
         ("a,b,y\n1,3,5,9\n2,4,6,9\n", "utf-8", "more cells than the header"),
+        ("a,b,y\n1,3,5\n2,4,6,9\n", "utf-8", "Expected 3 fields in line 3, saw 4"),
         ("", "utf-8", "no columns"),
         ("a,b [°C],y\n1,3,5\n", "latin-1", "UTF-8"),
         ("a,b,y\n1,3,5\n", "utf-16", "UTF-8"),

@@ -71,6 +71,8 @@ def test_levels_share_the_prior_of_one_form():
     whole = odds[-1]
     assert odds[1] == pytest.approx(whole / 2)
     np.testing.assert_allclose(odds[2:-1], whole / 8)
+    # half is on none, 2 % are kept for what has no name (docs/index.md)
+    assert odds.sum() == pytest.approx(0.98)
 
 
 def enzyme(substrate, inhibitor, fastest, half, inhibition):

@@ -127,6 +127,7 @@ def test_nothing_is_named_where_a_rough_simulation_is_right():
 
 
 def test_jumps_as_large_as_the_noise_are_warned_of_with_their_size():
+    # the error of rounding to whole numbers has a standard deviation of 1 / sqrt(12) = 0.29
     with pytest.warns(hs.DiagnosisWarning, match="The simulation is rough: .* about 0.[23]"):
         diagnosis_of(rounded(0), measured(rounded(0), 1))
 

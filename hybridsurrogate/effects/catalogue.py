@@ -219,7 +219,7 @@ def _reason_to_skip(form: str, cause: Cause, context: Context) -> str | None:
         needed = _MIN_DISTINCT.get(form, 2)
         if len(values) < needed:
             return f"{column} has {len(values)} distinct values, {needed} are needed"
-        if isinstance(cause, Delay) and _may_be_labels(values):
+        if form == "delay" and _may_be_labels(values):
             return (
                 f"{column} has {len(values)} distinct values one apart, which may be labels; "
                 f"{_MIN_DISTINCT_OF_LABELS} are needed"

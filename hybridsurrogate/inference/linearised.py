@@ -20,7 +20,6 @@ from hybridsurrogate.inference.layout import Layout
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.priors import FloatArray
 
-_STEP = 1e-3
 # an emulator is smooth to rounding: a short step to one side is enough, at half the price
 _SHORT_STEP = 1e-4
 _ABSURD = 1e100
@@ -237,7 +236,7 @@ def _slopes(
     """
     directions = np.concatenate([plan.fixed, plan.sizes])
     both = model.basis.is_simulation
-    step = max(_STEP, model.least_step) if both else _SHORT_STEP
+    step = model.step if both else _SHORT_STEP
     moves = step * np.eye(len(z))[directions]
     points = z + np.vstack([np.zeros((1, len(z))), moves, *([-moves] if both else [])])
     values = model.values(points)

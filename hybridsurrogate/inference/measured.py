@@ -15,6 +15,9 @@ from hybridsurrogate.inference.causes_on_rows import CausesOnRows
 from hybridsurrogate.priors import FloatArray, Prior, from_normal
 from hybridsurrogate.surrogates.basis import Basis, Factors
 
+# differences along a parameter of a smooth simulation
+_STEP = 1e-3
+
 
 class Parts(NamedTuple):
     """What measured rows are made of, for J draws and n rows.
@@ -75,6 +78,11 @@ class MeasuredModel(CausesOnRows):
     def all_priors(self) -> list[Prior]:
         """Priors of omega, of theta, then of the surrogate's hyperparameters."""
         return [*self.priors, *self.basis.hyperpriors.values()]
+
+    @property
+    def step(self) -> float:
+        """Length of a difference along a parameter, in standard deviations of the priors."""
+        return max(_STEP, self.least_step)
 
     @property
     def n_hyper(self) -> int:

@@ -20,7 +20,6 @@ from hybridsurrogate.inference.layout import Layout
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.priors import FloatArray, to_normal
 
-_STEP = 1e-3
 _BOUND = 6.0
 _MAX_STEPS = 25
 # the longest step, in standard deviations of the priors
@@ -206,7 +205,7 @@ class _Residual:
     def with_slopes(self, z: FloatArray, place: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
         """Return residuals (J, n) and their slopes downwards (J, len(place), n) in one call."""
         points = np.repeat(z[:, None], 1 + len(place), axis=1)
-        step = max(_STEP, self.model.least_step)
+        step = self.model.step
         points[:, 1 + np.arange(len(place)), place] += step
         residual = self(points.reshape(-1, z.shape[1])).reshape(len(z), 1 + len(place), -1)
         return residual[:, 0], (residual[:, :1] - residual[:, 1:]) / step

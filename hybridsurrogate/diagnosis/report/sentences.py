@@ -31,7 +31,8 @@ _MEANING = {
     "decay": "a gap at the start of {column} dies away",
     "saturation": "a gap grows over {column} and levels off",
     "interaction": "the columns {target} act together, which the simulation ignores",
-    "delay": "the measurements lag behind the simulation, or run ahead of it, in {column}",
+    "delay": "the measurements lag behind the simulation, or run ahead of it, in {column}, as "
+    "where its clock or its sensor is off",
     "missing-term": "{target} gains or loses something that its equation leaves out",
     "noise": "the scatter of the measurements changes over {column}",
     # forms that are another thing than the plain one of their kind, by their first word
