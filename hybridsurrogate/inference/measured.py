@@ -55,23 +55,30 @@ class MeasuredModel(CausesOnRows):
     least_step : float
         Differences over less, in standard deviations of the priors, mean nothing: how rough the
         simulation is, see `inference/roughness.py`. Zero for a smooth one.
+    unchanged : tuple of Basis and dict, or None
+        Basis and constants before causes changed the right-hand side; None where none did.
     """
 
     basis: Basis
     reference: FloatArray | None = None
     least_step: float = 0.0
+    unchanged: tuple[Basis, dict[str, float]] | None = None
 
     def with_effects(self, effects: Sequence[Cause]) -> MeasuredModel:
-        """Return a model without causes with these; some may change an ODE's right-hand side."""
+        """Return the model with these causes instead; some may change an ODE's right-hand side."""
+        basis, constants = self.unchanged or (self.basis, self.constants)
         changes = [e.modification for e in effects if e.modification is not None]
         if not changes:
-            return replace(self, effects=tuple(effects))
+            return replace(
+                self, basis=basis, constants=constants, effects=tuple(effects), unchanged=None
+            )
         numbers = {name: value for change in changes for name, value in change.constants.items()}
         return replace(
             self,
-            basis=self.basis.modified(changes),
-            constants={**self.constants, **numbers},
+            basis=basis.modified(changes),
+            constants={**constants, **numbers},
             effects=tuple(effects),
+            unchanged=(basis, constants),
         )
 
     @cached_property
