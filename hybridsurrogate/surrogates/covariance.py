@@ -149,24 +149,19 @@ def between(points: FloatArray, ranges: FloatArray) -> FloatArray:
 def bent(points: FloatArray, bends: FloatArray) -> FloatArray:
     """Return points (n, d) from 0 to 1 stretched where the simulation changes fast, -1 to 1.
 
-    The map is log(1 + (exp(b) - 1) u) / b for each coordinate, as warped inputs (Snoek and others
-    2014, Proceedings of Machine Learning Research 32:1674) with one number each: the logarithm of
-    the distance from somewhere beyond the range, at which levels, powers and saturating curves are
-    steep.
+    The map is (exp(b u) - 1) / (exp(b) - 1) for each coordinate, as warped inputs (Snoek and others
+    2014, Proceedings of Machine Learning Research 32:1674) with one number each.
     """
-    bends = _at_least_straight(bends)
-    return 2 * np.log1p(np.expm1(bends) * points) / bends - 1
+    bends = np.where(np.abs(bends) < _STRAIGHT, _STRAIGHT, bends)
+    return 2 * np.expm1(bends * points) / np.expm1(bends) - 1
 
 
 def _bent_by(points: FloatArray, bends: FloatArray) -> FloatArray:
     """Return the slopes of `bent` in the bends."""
-    bends = _at_least_straight(bends)
-    inner = np.expm1(bends) * points
-    return 2 * (np.exp(bends) * points / (1 + inner) - np.log1p(inner) / bends) / bends
-
-
-def _at_least_straight(bends: FloatArray) -> FloatArray:
-    return np.where(np.abs(bends) < _STRAIGHT, _STRAIGHT, bends)
+    bends = np.where(np.abs(bends) < _STRAIGHT, _STRAIGHT, bends)
+    whole = np.expm1(bends)
+    rise = points * np.exp(bends * points) * whole - np.expm1(bends * points) * np.exp(bends)
+    return 2 * rise / whole**2
 
 
 def learned(points: FloatArray, terms: FloatArray, residual: FloatArray) -> Covariance:
