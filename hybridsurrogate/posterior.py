@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hybridsurrogate.digits import number
 from hybridsurrogate.exceptions import FailedRunsWarning, SamplingWarning
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.pareto import KHAT_LIMIT
@@ -229,7 +230,7 @@ def _possible(eta: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArra
     )
     warnings.warn(
         f"At {failed.any(axis=0).sum()} of {eta.shape[1]} rows the simulation fails for up to "
-        f"{share:.2g} % of the draws: they count as impossible there.{never}",
+        f"{number(share, 2)} % of the draws: they count as impossible there.{never}",
         FailedRunsWarning,
         stacklevel=4,
     )

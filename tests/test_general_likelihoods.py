@@ -219,5 +219,5 @@ def test_bad_values_and_functions(likelihood, spoil, match, measured):
 
 def test_diagnosis_names_the_likelihoods_that_it_can_use(simulation, measured):
     model = hs.PowerScaledSurrogate(simulation, likelihood="student-t", n_draws=50)
-    with pytest.raises(ValueError, match="normal or log-normal likelihood"):
+    with pytest.raises(ValueError, match="For heavy tails use likelihood='normal'"):
         hs.DiscrepancyDiagnosis(model).fit(*measured)

@@ -13,8 +13,8 @@ import pandas as pd
 import pytest
 
 import hybridsurrogate as hs
+from hybridsurrogate import digits
 from hybridsurrogate.diagnosis import trust
-from hybridsurrogate.diagnosis.report import digits
 from hybridsurrogate.diagnosis.report.summary import plain
 
 

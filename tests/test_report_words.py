@@ -8,8 +8,10 @@ import pandas as pd
 import pytest
 
 import hybridsurrogate as hs
+from hybridsurrogate import digits
+from hybridsurrogate.diagnosis.emulator import EmulatorCheck
 from hybridsurrogate.diagnosis.gain import FoldGain, Gain
-from hybridsurrogate.diagnosis.report import digits, scores, sentences, weight
+from hybridsurrogate.diagnosis.report import scores, sentences, weight
 from hybridsurrogate.diagnosis.report.view import label_of_cause
 
 
@@ -97,6 +99,16 @@ def test_the_words_for_a_gain_beyond_the_measured_range():
     assert "predicts worse: do not use it for rows like these" in text
     assert "Of these 2 searches none chose step" in text
     assert "cannot be foreseen from those before them" in text
+
+
+def test_the_words_for_what_runs_leave_open():
+    estimator = SimpleNamespace(surrogate=hs.PolynomialChaos())
+    view = SimpleNamespace(
+        diagnosis=SimpleNamespace(emulator_check_=EmulatorCheck(4e-7, 163.4), estimator_=estimator)
+    )
+    known, missed = scores.emulator(view)
+    assert "leave the simulation open by less than a thousandth of the noise, which" in known
+    assert "misses what they tell by 163 times the noise there" in missed
 
 
 def test_a_weight_that_takes_minutes_to_try_is_not_tried():

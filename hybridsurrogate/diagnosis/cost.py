@@ -7,6 +7,7 @@ from time import perf_counter
 
 import numpy as np
 
+from hybridsurrogate.digits import number
 from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.exceptions import DiagnosisWarning
 
@@ -43,10 +44,10 @@ def warn_if_slow(problem: Problem) -> None:
     if each < _SLOW:
         return
     warnings.warn(
-        f"The simulation takes {1000 * each:.2g} ms for one set of parameters, and a search runs "
-        f"at least {_RUNS} of them: {_RUNS * each / 60:.2g} minutes or much more, and several "
-        "times as many with folds. Runs of it, simulator.run(200) with surrogate=Kriging(), are "
-        "searched in seconds; cv=None leaves the folds out.",
+        f"The simulation takes {number(1000 * each, 2)} ms for one set of parameters, and a search "
+        f"runs at least {_RUNS} of them: {number(_RUNS * each / 60, 2)} minutes or much more, and "
+        "several times as many with folds. Runs of it, simulator.run(200) with "
+        "surrogate=Kriging(), are searched in seconds; cv=None leaves the folds out.",
         DiagnosisWarning,
         stacklevel=3,
     )

@@ -6,6 +6,7 @@ import warnings
 
 import numpy as np
 
+from hybridsurrogate.digits import number
 from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.inference.roughness import LONGEST_STEP, around, output
@@ -34,8 +35,9 @@ def warn_if_rough(problem: Problem) -> None:
     if not jump > _LARGE * noise:
         return
     warnings.warn(
-        f"The simulation is rough: its output jumps by about {jump:.2g} where parameters change "
-        f"by a tenth of a standard deviation of their priors, and what it misses is {noise:.2g}. "
+        f"The simulation is rough: its output jumps by about {number(jump, 2)} where parameters "
+        "change by a tenth of a standard deviation of their priors, and what it misses is "
+        f"{number(noise, 2)}. "
         "Is the output rounded, is a solver's tolerance loose, or does it draw random numbers? "
         "Effects of this size get lost. A smoother output helps, or runs of it: "
         "simulator.run(200) with surrogate=PolynomialChaos() averages over jumps.",

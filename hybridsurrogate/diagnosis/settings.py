@@ -92,6 +92,7 @@ def _check_estimator(estimator: PowerScaledSurrogate | None) -> None:
     if not isinstance(likelihood, TransformedNormal):
         raise ValueError(
             "The diagnosis weighs causes in closed form, which needs a normal or log-normal "
-            f"likelihood, not a {likelihood.name} one. For counts use likelihood='lognormal' "
-            "on y + 1, measured and simulated."
+            f"likelihood, not a {likelihood.name} one. For heavy tails use likelihood='normal': "
+            "outliers are among the causes; for counts 'lognormal' on y + 1, measured and "
+            "simulated."
         )

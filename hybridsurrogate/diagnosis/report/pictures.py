@@ -10,10 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from hybridsurrogate import plotting
+from hybridsurrogate import digits, plotting
 from hybridsurrogate.diagnosis.gain import COVERAGE_LEVEL, Gain, best_beta
 from hybridsurrogate.diagnosis.next_measurement import information_at
-from hybridsurrogate.diagnosis.report import digits
 from hybridsurrogate.diagnosis.report.section import Picture
 from hybridsurrogate.diagnosis.report.view import View, label_of, prediction
 from hybridsurrogate.plotting import AFTER, BEFORE

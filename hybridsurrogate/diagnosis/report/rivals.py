@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hybridsurrogate.diagnosis.report import digits
+from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.report.scores import is_worse
 from hybridsurrogate.diagnosis.report.tables import noise_of
 from hybridsurrogate.diagnosis.report.view import View, label, label_of, label_of_cause

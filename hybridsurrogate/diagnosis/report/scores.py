@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
+from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.emulator import MOST_MISSED, MOST_OPEN, advice
 from hybridsurrogate.diagnosis.gain import COVERAGE_LEVEL, HALF, Gain
-from hybridsurrogate.diagnosis.report import digits
 from hybridsurrogate.diagnosis.report.view import View
 from hybridsurrogate.posterior import KHAT_LIMIT
 
@@ -90,19 +90,23 @@ def emulator(view: View) -> list[str]:
     if check is None:
         return []
     return [
-        f"At the measured rows the runs leave the simulation open by {check.left_open:.2g} times "
+        f"At the measured rows the runs leave the simulation open by {_times(check.left_open)} "
         "the noise, which is part of every comparison above"
         + (
             ": effects that are not larger cannot be found." if check.left_open > MOST_OPEN else "."
         ),
-        f"The surrogate, trained on the runs alone, misses what they tell by {check.missed:.2g} "
-        "times the noise there. The comparisons do without it"
+        "The surrogate, trained on the runs alone, misses what they tell by "
+        f"{_times(check.missed)} the noise there. The comparisons do without it"
         + (
             f", but the predictions rest on it: {advice(view.diagnosis.estimator_.surrogate)}."
             if check.missed > MOST_MISSED
             else "."
         ),
     ]
+
+
+def _times(ratio: float) -> str:
+    return "less than a thousandth of" if ratio < 1e-3 else f"{digits.number(ratio, 2)} times"
 
 
 def draws(view: View) -> list[str]:

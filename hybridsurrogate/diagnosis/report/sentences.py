@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.confounding import confounded, told
-from hybridsurrogate.diagnosis.report import digits
 from hybridsurrogate.diagnosis.report.tables import noise_of, thirds, unit_of
 from hybridsurrogate.diagnosis.report.view import View, label_of, label_of_cause
 from hybridsurrogate.diagnosis.verdict import kind_shares
@@ -115,10 +115,11 @@ def chance(view: View) -> str:
     p_value = f"p = {digits.number(d.p_value_, 2)}, where up to {d._limit:g} counts as wrong."
     if test.p_value == test.share:
         return f"{made_up} in the same way, {how_many} looked as wrong as yours: {p_value}"
+    odds = digits.number(1 / max(test.bound, 1e-300), 2)
     return (
         f"{made_up} by tangents, {how_many} looked as wrong as yours. But in full the evidence "
-        f"against the simulation is {1 / max(test.bound, 1e-300):.2g} to one, and where nothing is "
-        f"wrong that is as rare as one in that many: {p_value}"
+        f"against the simulation is {odds} to one, and where nothing is wrong that is as "
+        f"rare as one in that many: {p_value}"
     )
 
 

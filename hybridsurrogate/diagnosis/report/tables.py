@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.discrepancy import Third, shares_of_thirds
-from hybridsurrogate.diagnosis.report import digits
 from hybridsurrogate.diagnosis.report.view import View
 from hybridsurrogate.diagnosis.verdict import form_of
 from hybridsurrogate.effects.base import Cause

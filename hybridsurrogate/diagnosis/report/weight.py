@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from hybridsurrogate.diagnosis.report import digits
+from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.report.view import View
 from hybridsurrogate.scoring.scores import last_of_the_best
 
