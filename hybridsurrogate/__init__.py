@@ -45,6 +45,7 @@ from hybridsurrogate.exceptions import (
     HybridSurrogateWarning,
     PriorWarning,
     SamplingWarning,
+    SolverWarning,
 )
 from hybridsurrogate.inference.ensemble import EnsembleSampler
 from hybridsurrogate.likelihoods import (
@@ -123,6 +124,7 @@ __all__ = [
     "Saturation",
     "SimulationData",
     "Simulator",
+    "SolverWarning",
     "Source",
     "Step",
     "StudentT",

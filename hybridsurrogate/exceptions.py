@@ -17,6 +17,10 @@ class SamplingWarning(HybridSurrogateWarning):
     """The draws from a posterior are not trustworthy."""
 
 
+class SolverWarning(HybridSurrogateWarning):
+    """The solutions of an ODE depend on the step of the solver."""
+
+
 class PriorWarning(HybridSurrogateWarning):
     """A prior and the simulated range hardly overlap."""
 

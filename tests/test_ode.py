@@ -220,6 +220,7 @@ def test_rows_in_any_order_are_observed_with_their_own_numbers(method):
 
 
 @pytest.mark.filterwarnings("ignore::hybridsurrogate.exceptions.PriorWarning")
+@pytest.mark.filterwarnings("ignore::hybridsurrogate.exceptions.SolverWarning")
 @pytest.mark.parametrize("method", ["rk4", "RK45"])
 def test_solutions_that_fail_are_nan(method):
     def explosive(t, state, rate):
