@@ -18,6 +18,8 @@ LogDensity = Callable[[FloatArray], FloatArray]
 PairLogDensity = Callable[[FloatArray, NDArray[np.intp]], FloatArray]
 
 _MOST_MOVES = 40
+# densities are told apart to a hundredth of a nat
+_MOST_ROUNDING = 1e-2
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,11 @@ def find_modes(
     -------
     list of Gaussian
         Laplace approximations with their log masses.
+
+    Raises
+    ------
+    ValueError
+        If no start is possible, or the density at the best is lost in rounding.
     """
     x = np.array(starts, dtype=float)
     value = log_density(x)
@@ -66,6 +73,12 @@ def find_modes(
     x, value, hessian = climb(
         any_start, x[alive], value[alive], step_share, _MOST_MOVES, True, least_step
     )
+    if np.spacing(np.abs(value.max())) > _MOST_ROUNDING:
+        raise ValueError(
+            f"At the best parameters the log density is {value.max():.1g}, so low that rounding "
+            "hides how it changes: the data are further from the simulation than any noise that "
+            "its prior allows. Check that both have the same units and the same transformation."
+        )
     return distinct(_approximations(x, value, hessian))
 
 
