@@ -7,7 +7,8 @@ import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.evidence import search
 from hybridsurrogate.diagnosis.verdict import form_of
 from hybridsurrogate.effects.catalogue import catalogue
-from hybridsurrogate.estimators.problem import make_context, make_problem
+from hybridsurrogate.estimators.context import make_context
+from hybridsurrogate.estimators.problem import make_problem
 from hybridsurrogate.inference.belief import coefficient_belief
 from hybridsurrogate.likelihoods import as_likelihood
 

@@ -8,7 +8,8 @@ from scipy.special import logsumexp
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.evidence import search
-from hybridsurrogate.estimators.problem import make_context, make_problem
+from hybridsurrogate.estimators.context import make_context
+from hybridsurrogate.estimators.problem import make_problem
 from hybridsurrogate.inference.belief import coefficient_belief
 from hybridsurrogate.inference.layout import layout
 from hybridsurrogate.likelihoods import as_likelihood

@@ -8,7 +8,8 @@ import pytest
 import hybridsurrogate as hs
 from hybridsurrogate.dynamics import TimeVaryingParameter
 from hybridsurrogate.effects.dynamic_drift import DynamicDrift
-from hybridsurrogate.estimators.problem import make_context, make_problem
+from hybridsurrogate.estimators.context import make_context
+from hybridsurrogate.estimators.problem import make_problem
 from hybridsurrogate.inference.belief import coefficient_belief
 from hybridsurrogate.inference.layout import layout
 from hybridsurrogate.inference.multistart import best_of_many

@@ -14,7 +14,7 @@ from hybridsurrogate.diagnosis.discrepancy import predict_locally
 from hybridsurrogate.diagnosis.evidence import kind_of, search
 from hybridsurrogate.diagnosis.verdict import form_of
 from hybridsurrogate.effects.catalogue import catalogue
-from hybridsurrogate.estimators.problem import make_context
+from hybridsurrogate.estimators.context import make_context
 from hybridsurrogate.inference.belief import coefficient_belief
 from hybridsurrogate.inference.layout import layout
 from hybridsurrogate.inference.linearised import linearise

@@ -5,7 +5,8 @@ import pandas as pd
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.estimators.problem import make_context, make_problem
+from hybridsurrogate.estimators.context import make_context
+from hybridsurrogate.estimators.problem import make_problem
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.surrogates.exact import ExactBasis
 

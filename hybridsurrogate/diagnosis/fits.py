@@ -17,7 +17,7 @@ from hybridsurrogate.inference.scan import Peak, climb, scan
 from hybridsurrogate.priors import FloatArray
 
 # effects between a fraction of the noise and a few times the spread of the output
-_SMALLEST_SIZE, LARGEST_SIZE = 0.3, 3.0
+_SMALLEST_SIZE, _LARGEST_SIZE = 0.3, 3.0
 # prior scales of the effects' sizes
 _N_SIZES = 10
 # measurements that are precise to a millionth of the output know a wave as many times better than
@@ -40,10 +40,15 @@ class Fitted(NamedTuple):
     sigma: float
 
 
+def largest_size(problem: Problem) -> float:
+    """Return the largest prior scale of an effect's size, in units of y."""
+    return max(_LARGEST_SIZE * problem.scale, problem.reach)
+
+
 def effect_sizes(problem: Problem, fits: Sequence[Fitted]) -> FloatArray:
     """Return the prior scales of effects' sizes, in units of y, equally probable."""
     smallest = _SMALLEST_SIZE * min(fit.sigma for fit in fits)
-    return np.geomspace(smallest, max(LARGEST_SIZE * problem.scale, 2 * smallest), _N_SIZES)
+    return np.geomspace(smallest, max(largest_size(problem), 2 * smallest), _N_SIZES)
 
 
 def best_null(problem: Problem, belief: Belief, noise: NoiseTable) -> Fitted:
@@ -73,7 +78,7 @@ def highest(
     sigma: float,
 ) -> Peak:
     """Climb from every start and return the best fit; one at infinity where there is no start."""
-    largest = LARGEST_SIZE * problem.scale
+    largest = largest_size(problem)
     peaks = [climb(model, problem.X, problem.y, belief, plan, z, sigma, largest) for z in starts]
     nowhere = Peak(plan.neutral, np.inf, np.inf, 0)
     return min(peaks, key=lambda found: badness(problem, found, sigma), default=nowhere)
@@ -109,7 +114,7 @@ def settled(problem: Problem, belief: Belief, noise: NoiseTable, fit: Fitted) ->
     model, plan, peak, sigma = fit
     if not np.isfinite(peak.objective):
         return fit
-    largest = LARGEST_SIZE * problem.scale
+    largest = largest_size(problem)
     columns = columns_at_nodes(model, problem.X, plan, peak.z)
     levels: FloatArray = np.empty(0)
     fruitless = 0

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from hybridsurrogate.diagnosis.fits import (
-    LARGEST_SIZE,
     Fitted,
     highest,
+    largest_size,
     node_evidence,
     settled,
     sigma_of,
@@ -76,7 +76,7 @@ def _mean_node(problem: Problem, accepted: Fitted, belief: Belief, noise: NoiseT
     A node is only as near as its cell is small, and what it misses would look like another cause.
     """
     plan = accepted.plan
-    sizes = np.array([LARGEST_SIZE * problem.scale])
+    sizes = np.array([largest_size(problem)])
     log_evidence = node_evidence(problem, belief, noise, accepted, sizes)
     best = int(np.argmax(log_evidence))
     reach = _NEIGHBOURS * np.diff(plan.edges[best], axis=1)[:, 0]

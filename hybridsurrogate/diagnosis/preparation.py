@@ -12,8 +12,9 @@ import numpy as np
 from hybridsurrogate.diagnosis.kriging import krige
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.catalogue import Skipped, catalogue
+from hybridsurrogate.estimators.context import make_context, mismatch
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
-from hybridsurrogate.estimators.problem import Problem, make_context, make_problem
+from hybridsurrogate.estimators.problem import Problem, make_problem
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.inference.belief import Belief, coefficient_belief
 from hybridsurrogate.inference.effect_check import check_effects
@@ -89,6 +90,7 @@ def prepare(
     hyper = fitted.posterior_.values[:, fitted.posterior_.model.n_unknowns :]
     problem = problem.given(np.median(hyper, axis=0))
     problem = replace(problem, good=_best_draw(fitted, problem))
+    told = coefficient_belief(problem.model.basis, problem.simulation).mean
     context = make_context(
         fitted.simulation,
         columns,
@@ -98,7 +100,9 @@ def prepare(
         likelihood,
         problem.model.basis,
         float(np.mean(problem.y)),
+        mismatch(problem.model, problem.X, told, problem.y, problem.weights),
     )
+    problem = replace(problem, reach=context.reach)
     usable, unusable = [], []
     for cause in own:
         reason = _lacks(cause, context, problem)

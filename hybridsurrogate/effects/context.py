@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,6 +12,9 @@ import numpy as np
 from hybridsurrogate.priors import FloatArray, Prior
 
 Rows = Mapping[str, FloatArray]  # a name and its values in n rows
+
+# logarithm of a factor, six scales of its usual prior
+_ANOTHER_ORDER = 2.0
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,11 @@ class Context:
         Whether eta is the logarithm of the output.
     location : float
         Mean of the output on the scale of eta.
+    distance : float
+        How far that is from the mean of what the simulation gives for the measured rows, at the
+        medians of its priors.
+    ratio : float
+        Root mean square of the output, in shares of that of the simulation there.
     states : dict of str to float
         Typical sizes of the states of an `OdeSimulator` that is its own surrogate, else empty.
     remembers : bool
@@ -57,10 +66,37 @@ class Context:
     scale: float
     log_scale: bool = False
     location: float = 0.0
+    distance: float = 0.0
+    ratio: float = 1.0
     states: Mapping[str, float] = field(default_factory=dict)
     remembers: bool = False
     rates: tuple[str, ...] = ()
     starts: tuple[str, ...] = ()
+
+    @property
+    def sd_of_shift(self) -> float | None:
+        """Prior sd of a constant added to the simulation, None where the usual one will do.
+
+        Mistaken units put outputs hundreds of spreads away from the simulation, where a prior as
+        wide as the spread leaves nothing but noise to explain them.
+        """
+        needed = abs(self.distance) / 3
+        return needed if needed > 3 * self.scale else None
+
+    @property
+    def scale_of_gain(self) -> float | None:
+        """Prior scale of the logarithm of a factor, None where the usual one will do."""
+        log_ratio = abs(float(np.log(self.ratio)))
+        return log_ratio / 3 if log_ratio > _ANOTHER_ORDER else None
+
+    @property
+    def reach(self) -> float:
+        """Size of an effect, on the scale of eta, that may be needed to get to the output.
+
+        A factor is followed along its logarithm's tangent, so that many times the output counts.
+        """
+        factor = 3 * (self.scale_of_gain or 0.0) * math.hypot(self.location, self.scale)
+        return max(3 * self.scale, self.sd_of_shift or 0.0, factor)
 
     @property
     def inputs(self) -> tuple[str, ...]:

@@ -11,19 +11,27 @@ from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, number
 from hybridsurrogate.priors import Prior, frozen
 
+_LAPLACE_SCALE = 1 / 3
+
 
 class Gain(Cause):
     """A factor on the simulation, such as a sensor that reads too high.
 
-    ``gain * simulation``; the logarithm of the gain is Laplace with scale 1/3. On a logarithmic
-    scale of the output a factor is an added constant, and is treated as one: its logarithm is
-    normal with three times the spread of the logarithmic output. The estimate is the factor, which
-    has no unit.
+    ``gain * simulation``; the logarithm of the gain is Laplace with scale 1/3, or more where
+    measured and simulated outputs are of another order, as if units were mistaken. On a
+    logarithmic scale of the output a factor is an added constant, and is treated as one: its
+    logarithm is normal with three times the spread of the logarithmic output. The estimate is the
+    factor, which has no unit.
 
     Parameters
     ----------
     log_scale : bool, default=False
         Whether the output is logarithmic; told by the likelihood.
+    scale : float or None, default=None
+        Scale of the prior of the gain's logarithm: Laplace's, or on a logarithmic scale the
+        normal's standard deviation. None: as said above. More is a third of the logarithm of the
+        ratio of measured to simulated outputs at the medians of the priors where that exceeds 2,
+        or on a logarithmic scale a third of the distance of their means.
 
     Examples
     --------
@@ -34,13 +42,23 @@ class Gain(Cause):
 
     kind = "gain"
 
-    def __init__(self, log_scale: bool = False):
+    def __init__(self, log_scale: bool = False, scale: float | None = None):
         self.log_scale = log_scale
+        self.scale = scale
 
     @property
     def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the factor: log gain is Laplace with scale 1/3."""
-        return {} if self.log_scale else {"gain": frozen(stats.loglaplace, 3.0)}
+        """The prior of the factor: log gain is Laplace."""
+        return {} if self.log_scale else {"gain": frozen(stats.loglaplace, 1 / self._scale)}
+
+    @property
+    def coefficient_sd(self) -> float | None:  # type: ignore[override]
+        """Standard deviation of the logarithm of the factor where the output is logarithmic."""
+        return self.scale
+
+    @property
+    def _scale(self) -> float:
+        return _LAPLACE_SCALE if self.scale is None else self.scale
 
     @property
     def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -48,8 +66,13 @@ class Gain(Cause):
         return ("log_gain",) if self.log_scale else ()
 
     def prepare(self, context: Context) -> Cause:
-        """Choose the form that fits the scale of the output."""
-        return self.filled(log_scale=context.log_scale)
+        """Choose the form that fits the scale of the output, and the prior its size."""
+        scale = self.scale
+        if scale is None and context.log_scale:
+            scale = context.sd_of_shift
+        elif scale is None:
+            scale = context.scale_of_gain
+        return self.filled(log_scale=context.log_scale, scale=scale)
 
     def gain(self, X: Rows, theta: Rows) -> FloatArray | float:
         """Return the factor."""

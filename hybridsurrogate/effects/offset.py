@@ -25,6 +25,10 @@ class Offset(Cause):
         An input of the simulation with few values.
     level : float or None, default=None
         The value at which the output is off; given with ``column``.
+    sd : float or None, default=None
+        Standard deviation of the amplitude's prior, which has mean zero. None: three times the
+        spread of the measured output; everywhere, a third of the distance of its mean from the
+        simulation's at the medians of the priors where that is more, as if units were mistaken.
 
     Examples
     --------
@@ -38,9 +42,17 @@ class Offset(Cause):
     kind = "offset"
     coefficients = ("amplitude",)
 
-    def __init__(self, column: str | None = None, level: float | None = None):
+    def __init__(
+        self, column: str | None = None, level: float | None = None, sd: float | None = None
+    ):
         self.column = column
         self.level = level
+        self.sd = sd
+
+    @property
+    def coefficient_sd(self) -> float | None:  # type: ignore[override]
+        """Standard deviation of the amplitude's prior."""
+        return self.sd
 
     @property
     def target(self) -> str | None:  # type: ignore[override]
@@ -65,16 +77,17 @@ class Offset(Cause):
         )
 
     def prepare(self, context: Context) -> Cause:
-        """Look for the level among the measured rows."""
+        """Look for the level among the measured rows, or choose the size of the prior."""
         if (self.column is None) != (self.level is None):
             raise ValueError(
                 f"column={self.column!r}, level={self.level!r}: an offset at one level needs both, "
                 "one everywhere neither."
             )
-        if self.column is not None:
-            found = np.unique(context.column(self.column))
-            if self.level not in found:
-                raise ValueError(f"{self.column!r} is never {self.level!r}; it is {list(found)}.")
+        if self.column is None:
+            return self if self.sd is not None else self.filled(sd=context.sd_of_shift)
+        found = np.unique(context.column(self.column))
+        if self.level not in found:
+            raise ValueError(f"{self.column!r} is never {self.level!r}; it is {list(found)}.")
         return self
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hybridsurrogate.effects.base import Cause, Context
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.estimators.context import make_context, mismatch
 from hybridsurrogate.estimators.transformed_simulation import TransformedSimulation
 from hybridsurrogate.inference.belief import coefficient_belief
 from hybridsurrogate.inference.effect_check import check_effects
@@ -41,6 +42,8 @@ class Problem:
     noise_prior : prior of sigma
     scale : float
         Spread of the measured output on the scale of eta.
+    reach : float
+        Size of an effect that may be needed to get from the simulation to what was measured.
     good : ndarray of shape (k, n_parameters)
         Parameters, as standard normal z, that are known to fit well.
     """
@@ -55,6 +58,7 @@ class Problem:
     runs: Runs | None
     noise_prior: Prior
     scale: float
+    reach: float = 0.0
     good: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
@@ -145,8 +149,6 @@ def make_problem(
             f"no columns ({error}). If it needs parameters, override of_measured_data to return a "
             "surrogate without, such as PolynomialChaos(), for predictive weighting."
         ) from error
-    location = float(np.average(eta, weights=weights))
-    context = make_context(world, columns, n_inputs, X, scale, likelihood, basis, location)
     trained = bool(len(basis.coefficient_mean) or basis.hyperpriors)
     if isinstance(world, Simulator) and trained:
         raise ValueError(
@@ -163,7 +165,13 @@ def make_problem(
         basis,
     )
     plain = replace(plain, least_step=least_step(plain, X))
-    model = plain.with_effects([effect.prepare(context) for effect in effects])
+    if effects:
+        told = _reference(basis, domain, run_weights)
+        location = float(np.average(eta, weights=weights))
+        far = mismatch(plain, X, told, eta, weights)
+        context = make_context(world, columns, n_inputs, X, scale, likelihood, basis, location, far)
+        effects = tuple(effect.prepare(context) for effect in effects)
+    model = plain.with_effects(effects)
     try:
         check_effects(model, X)
     except KeyError as error:
@@ -236,36 +244,6 @@ def _check_shape(what: str, values: FloatArray, shape: tuple[int, ...]) -> None:
         )
     if not np.isfinite(values).all():
         raise ValueError(f"{what} returned NaN or infinity on the training rows.")
-
-
-def make_context(
-    simulation: SimulationData | Simulator | None,
-    columns: tuple[str, ...],
-    n_inputs: int,
-    X: FloatArray,
-    scale: float,
-    likelihood: Likelihood,
-    basis: Basis,
-    location: float,
-) -> Context:
-    """Return what causes may know about the measured rows."""
-    simulator = simulation.simulator if simulation is not None else None
-    starts = simulator.starts if simulator else ()
-    if not basis.is_simulation:
-        simulator = None  # an emulator has no dynamics inside
-    return Context(
-        dict(zip(columns, X.T, strict=True)),
-        n_inputs,
-        dict(simulation.parameters) if simulation else {},
-        dict(simulation.assumed) if simulation else {},
-        scale,
-        log_scale=likelihood.log_scale,
-        location=location,
-        states=simulator.typical_states(X[:, :n_inputs]) if simulator else {},
-        remembers=simulator.remembers if simulator else False,
-        rates=simulator.rates if simulator else (),
-        starts=starts,
-    )
 
 
 def _ranges_of_inputs(

@@ -115,11 +115,12 @@ def chance(view: View) -> str:
     p_value = f"p = {digits.number(d.p_value_, 2)}, where up to {d._limit:g} counts as wrong."
     if test.p_value == test.share:
         return f"{made_up} in the same way, {how_many} looked as wrong as yours: {p_value}"
-    odds = digits.number(1 / max(test.bound, 1e-300), 2)
+    million = test.bound < 1e-6
+    odds = "more than a million" if million else digits.number(1 / test.bound, 2)
     return (
         f"{made_up} by tangents, {how_many} looked as wrong as yours. But in full the evidence "
-        f"against the simulation is {odds} to one, and where nothing is wrong that is as "
-        f"rare as one in that many: {p_value}"
+        f"against the simulation is {odds} to one, and where nothing is wrong that "
+        f"happens {'less often than' if million else 'as rarely as'} once in that many: {p_value}"
     )
 
 
