@@ -105,3 +105,13 @@ def test_outputs_too_far_for_doubles_are_told(sampler):
     y = pressure(X[:, 0], 1.0) + 1e13
     with pytest.raises(ValueError, match="further from the simulation than any noise"):
         model.fit(X, y + np.random.default_rng(0).standard_normal(40))
+
+
+@pytest.mark.filterwarnings("ignore:The measured outputs:hybridsurrogate.ExtrapolationWarning")
+@pytest.mark.parametrize("runs", [False, True])
+def test_another_sign_is_told(runs):
+    with pytest.warns(hs.DiagnosisWarning, match="Check the sign conventions"):
+        d = diagnose(temperature, lambda y: -y, 0, runs=runs)
+    assert d.verdict_ == "unexplained"
+    # below zero for another reason
+    assert diagnose(temperature, lambda y: y - 273.15, 0, runs=runs).best_cause_.kind == "offset"

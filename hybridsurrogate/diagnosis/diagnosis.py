@@ -19,7 +19,7 @@ from hybridsurrogate.diagnosis.beside import beside_others
 from hybridsurrogate.diagnosis.confounding import confounded, confounding, told
 from hybridsurrogate.diagnosis.cost import warn_if_slow
 from hybridsurrogate.diagnosis.discrepancy import estimate_discrepancy
-from hybridsurrogate.diagnosis.doubtful_data import warn_if_exact, warn_of_copies
+from hybridsurrogate.diagnosis.doubtful_data import warn_if_exact, warn_if_mirrored, warn_of_copies
 from hybridsurrogate.diagnosis.emulator import check_emulator
 from hybridsurrogate.diagnosis.finding import finding_of
 from hybridsurrogate.diagnosis.folds import folds_beyond, random_folds
@@ -206,6 +206,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         except KeyboardInterrupt as stop:
             self._keep(prepared, stop)
             raise
+        if self.verdict_ != "named":
+            warn_if_mirrored(prepared.problem)
         self.n_features_in_ = self.estimator_.n_features_in_
         if hasattr(self.estimator_, "feature_names_in_"):
             self.feature_names_in_ = self.estimator_.feature_names_in_

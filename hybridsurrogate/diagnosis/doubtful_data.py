@@ -1,4 +1,4 @@
-"""Measured data of which a diagnosis had better not be believed: copies, and no noise."""
+"""Measured data of which a diagnosis had better not be believed: copies, a wrong sign, no noise."""
 
 from __future__ import annotations
 
@@ -8,13 +8,18 @@ import numpy as np
 
 from hybridsurrogate.diagnosis.evidence import Search
 from hybridsurrogate.diagnosis.fits import FLOOR
+from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.exceptions import DiagnosisWarning
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.inference.belief import coefficient_belief
+from hybridsurrogate.priors import FloatArray, from_normal
 
 # one or two rows may agree by chance where the output is rounded
 _FEWEST = 3
 # the search knows no noise below the floor; what a few times more leaves open is no better known
 _NEAR = 3.0
+# cosine between what is measured and simulated from which the sign looks wrong; the best fit of
+# parameters has moved it towards zero
+_MIRRORED = 0.7
 
 
 def copies(X: FloatArray, y: FloatArray) -> int:
@@ -42,6 +47,27 @@ def warn_of_copies(X: FloatArray, y: FloatArray) -> None:
             "output. Copies count as measurements made again, so that the noise looks "
             "autocorrelated and causes look surer than they are: drop them, "
             "DataFrame.drop_duplicates(), unless each was measured.",
+            DiagnosisWarning,
+            stacklevel=3,
+        )
+
+
+def warn_if_mirrored(problem: Problem) -> None:
+    """Warn the caller of ``fit`` where the output is that of the simulation with the other sign."""
+    model = problem.model
+    if problem.likelihood.log_scale or not len(problem.good):
+        return
+    told = coefficient_belief(model.basis, problem.simulation).mean
+    with np.errstate(over="ignore", invalid="ignore"):
+        simulated = model.simulated(problem.X, from_normal(model.priors, problem.good), told)[0][0]
+        sizes = np.linalg.norm(simulated) * np.linalg.norm(problem.y)
+        likeness = float(simulated @ problem.y) / sizes if sizes > 0 else 0.0
+    # a cosine: positive where the simulation has anything of the output
+    if likeness < -_MIRRORED:
+        warnings.warn(
+            "Even at its best fit the simulation has the other sign than the measured output: "
+            f"the cosine between the two is {likeness:.2f}. No cause that is searched for changes "
+            "a sign. Check the sign conventions of both, such as up or down, gain or loss.",
             DiagnosisWarning,
             stacklevel=3,
         )
