@@ -22,6 +22,7 @@ def draw_design(
     n_runs: int,
     design: str = "sobol",
     random_state: Any = None,
+    ends: Sequence[float] = (),
 ) -> FloatArray:
     """Draw points that fill a box evenly.
 
@@ -33,6 +34,9 @@ def draw_design(
     design : {"sobol", "latin-hypercube"}
         A scrambled Sobol sequence, or a Latin hypercube.
     random_state : None, int, numpy Generator or RandomState
+    ends : sequence of at most k floats
+        Shares of the points that are moved to each end of the first ranges, other points for each:
+        none lie there otherwise, where functions are steepest and nothing is known beyond.
 
     Returns
     -------
@@ -55,6 +59,12 @@ def draw_design(
         unit = qmc.LatinHypercube(len(ranges), **engine_options).random(n_runs)
     else:
         raise ValueError(f"design must be one of {', '.join(_DESIGNS)}, got {design!r}.")
+    moved = n_runs
+    for j, share in enumerate(ends):
+        for end in (0.0, 1.0):
+            first = max(moved - round(share * n_runs), 0)
+            unit[first:moved, j] = end
+            moved = first
     low, high = np.asarray(ranges, dtype=float).T
     return low + unit * (high - low)
 

@@ -240,8 +240,9 @@ def test_means_that_one_draw_carries():
     assert tight.predict([[5.0]])[0] == pytest.approx(100 * np.exp(3.5), rel=0.5)
 
 
-def test_log_normal_needs_positive_values_to_score(simulation, measured):
-    model = power_scaled(simulation, likelihood="lognormal").fit(*measured)
+def test_log_normal_needs_positive_values_to_score(simulator, measured):
+    above_ground = simulator.run(32, random_state=0, ends=0)
+    model = power_scaled(above_ground, likelihood="lognormal").fit(*measured)
     with pytest.raises(ValueError, match="1 of 1 measured values"):
         model.score([[1.0]], [0.0])
 

@@ -91,7 +91,7 @@ def make_log_sin(
     return Bunch(
         simulator=simulator,
         # last, as how many random numbers a design takes depends on the version of scipy
-        simulation=simulator.run(n_runs, random_state=rng),
+        simulation=simulator.run(n_runs, random_state=rng, ends=0),
         X=x[""][:, None],
         y=y[""],
         X_in=x["_in"][:, None],

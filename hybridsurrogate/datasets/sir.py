@@ -200,7 +200,9 @@ def make_sir(
         ReportedInfected(add_one), {"t": _SIMULATED_RANGE}, unknown, output="infected"
     )
     # last, as how many random numbers a design takes depends on the version of scipy
-    simulation, simulation_fixed = (sim.run(n_runs, random_state=rng) for sim in (simulator, fixed))
+    simulation, simulation_fixed = (
+        sim.run(n_runs, random_state=rng, ends=0) for sim in (simulator, fixed)
+    )
     if round_counts:
         simulation_fixed = _rounded_at_random(simulation_fixed, rng)
     return Bunch(

@@ -16,6 +16,7 @@ import numpy as np
 
 from hybridsurrogate.blocks import blocks
 from hybridsurrogate.cholesky import pivoted_cholesky
+from hybridsurrogate.diagnosis.local_error import LocalError
 from hybridsurrogate.inference.belief import Belief
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation import SimulationData
@@ -23,7 +24,7 @@ from hybridsurrogate.surrogates.basis import Basis, each_with_each
 from hybridsurrogate.surrogates.kriging import KrigingBasis
 from hybridsurrogate.surrogates.process import Places, Process, conditioned, process_through
 
-# what is left of a variance when its factor has enough columns, in shares of the largest
+# what is left of a variance when its factor has enough columns, in shares of the median
 _NEGLIGIBLE = 1e-4
 # rows whose whole covariance is sooner made than the columns that are asked for
 _FEW = 600
@@ -46,6 +47,8 @@ class KrigedBasis(Basis):
         Inverse of the lower factor of the runs' covariance in units of the process's variance.
     sd : float
         Of the process.
+    local : LocalError
+        Factors on the error where the runs show that it is larger.
     """
 
     process: Process
@@ -54,6 +57,7 @@ class KrigedBasis(Basis):
     weights: FloatArray
     whiten: FloatArray
     sd: float
+    local: LocalError
 
     def known(
         self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
@@ -90,18 +94,21 @@ class KrigedBasis(Basis):
         """Return F (n, r): the covariance of what is unknown of the simulation is F F'."""
         places = self.process.places(X, omega)
         white = places.alike(self.runs) @ self.whiten.T
+        sd = self.sd * self.local.at(places.points)
 
         square = places.alike(places) - white @ white.T if len(X) <= _FEW else None
 
         def column(k: int) -> FloatArray:
             if square is not None:
-                return square[k]
-            return places.alike(places.of(slice(k, k + 1)))[:, 0] - white @ white[k]
+                return sd[k] * sd * square[k]
+            alike = places.alike(places.of(slice(k, k + 1)))[:, 0] - white @ white[k]
+            return sd[k] * sd * alike
 
-        diagonal = np.maximum(places.variances() - np.sum(white**2, axis=1), 0.0)
-        least = _NEGLIGIBLE * float(np.max(diagonal, initial=0.0))
+        diagonal = sd**2 * np.maximum(places.variances() - np.sum(white**2, axis=1), 0.0)
+        # at a steep end of a range variances can be a million times those elsewhere
+        least = max(_NEGLIGIBLE * float(np.median(diagonal)), 1e-12 * float(np.max(diagonal)))
         factor, _ = pivoted_cholesky(diagonal, column, least, len(diagonal))
-        return self.sd * factor
+        return factor
 
     def _terms(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         trend = self.process.trend
@@ -154,12 +161,15 @@ def krige(
         process = process_through(basis, np.array(ranges, dtype=float), X, omega, run_eta)
     runs = process.some(X, omega, run_eta)
     matrix = runs.places.alike(runs.places)
-    weights, whiten, sd = conditioned(matrix, process.covariance.nugget, runs.residual)
+    told = conditioned(matrix, process.covariance.nugget, runs.residual)
     prior = process.trend.coefficient_mean
     used = slice(None if len(process.term_sd) or np.any(prior) else 0)
     c = prior[used].copy()
     if len(process.term_sd):
-        c += process.term_sd * (runs.places.terms.T @ weights)
+        c += process.term_sd * (runs.places.terms.T @ told.weights)
     none = np.empty(0)
-    kriged = KrigedBasis(none, none, process, c, runs.places, weights, whiten, sd)
+    local = LocalError.of(runs.places.points, told.misses)
+    kriged = KrigedBasis(
+        none, none, process, c, runs.places, told.weights, told.whiten, told.sd, local
+    )
     return kriged, Belief(none, np.empty((0, 0)))

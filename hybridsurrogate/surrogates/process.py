@@ -65,13 +65,18 @@ class Places(NamedTuple):
         Rows are of ``shape``: nodes, short moves of which the first is none, and measured rows.
         Along the moves these sums follow their slopes.
         """
-        points = self.halves.right[:, :-2].reshape(*shape, -1)
+        points = self.points.reshape(*shape, -1)
         first = np.arange(len(self.terms)).reshape(shape)[:, 0].ravel()
         value, slopes = weighed(self.of(first).halves, others.halves, weights)
         nodes, _, n = shape
         moved = points - points[:, :1]
         along = np.einsum("tmnd,tnd->tmn", moved, slopes.reshape(nodes, n, -1))
         return (value.reshape(nodes, 1, n) + along).ravel()
+
+    @property
+    def points(self) -> FloatArray:
+        """Stretched inputs and parameters in lengths of the process, (n, d)."""
+        return self.halves.right[:, :-2]
 
     def variances(self) -> FloatArray:
         """Return variances (n,)."""
@@ -187,11 +192,14 @@ class Conditioned(NamedTuple):
         Inverse of the lower factor of their covariance in units of the process's variance.
     sd : float
         Of the process.
+    misses : ndarray of shape (n,)
+        Squared errors at runs foreseen from all others, in units of their variance.
     """
 
     weights: FloatArray
     whiten: FloatArray
     sd: float
+    misses: FloatArray
 
 
 def conditioned(matrix: FloatArray, nugget: float, residual: FloatArray) -> Conditioned:
@@ -204,4 +212,5 @@ def conditioned(matrix: FloatArray, nugget: float, residual: FloatArray) -> Cond
     # the covariance is right
     deviation = weights**2 / np.sum(whiten**2, axis=0)
     variance = max(float(residual @ weights), float(np.sum(deviation))) / n
-    return Conditioned(weights, whiten, float(np.sqrt(variance)))
+    misses = deviation / max(variance, 1e-300)  # outputs that are all the same vary by nothing
+    return Conditioned(weights, whiten, float(np.sqrt(variance)), misses)

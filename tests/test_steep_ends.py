@@ -1,0 +1,119 @@
+"""Simulations that are steep at an end of a range, known from runs only."""
+
+import warnings
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.local_error import LocalError
+
+RATES = {
+    "power": hs.truncated_normal(90, 5, 70, 110),
+    "absorption": hs.truncated_normal(0.05, 0.02, 0, 0.12),
+}
+
+
+def inverse_square(r, power, absorption):
+    return power / r**2 + 0.01 * absorption * r
+
+
+def root(r, power, absorption):
+    return power * np.sqrt(r) / 30 + absorption * r
+
+
+def decay(r, power, absorption):
+    return power * np.exp(-6 * absorption * r)
+
+
+STEEP = {
+    "inverse square": (inverse_square, 1.0, 0.5),
+    "root": (root, 0.0, 0.2),
+    "decay": (decay, 0.0, 0.5),
+}
+
+
+def problem(name, seed, **options):
+    """Return runs, and 36 rows from the very end of the range on, without a fault."""
+    function, first, noise = STEEP[name]
+    runs = hs.Simulator(function, {"r": (first, 60)}, RATES).run(200, random_state=seed, **options)
+    rng = np.random.default_rng(1000 + seed)
+    r = np.concatenate([np.full(3, first), np.geomspace(max(first, 0.5), 60, 11).repeat(3)])
+    true = [prior.rvs(random_state=rng) for prior in RATES.values()]
+    return runs, r[:, None], function(r, *true) + noise * rng.standard_normal(36)
+
+
+def diagnosed(runs, X, y, surrogate):
+    model = hs.PowerScaledSurrogate(runs, surrogate, n_draws=300, random_state=0)
+    with warnings.catch_warnings():
+        # the polynomial misses the simulation: the search does without it
+        warnings.filterwarnings("ignore", "At the measured rows", hs.exceptions.DiagnosisWarning)
+        return hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(X, y)
+
+
+def test_some_runs_lie_at_each_end_of_each_input():
+    inputs = {"t": (0, 4), "x": (-1, 1)}
+    simulator = hs.Simulator(lambda t, x, a: a * t + x, inputs, {"a": stats.uniform(1, 2)})
+    plain, runs = (simulator.run(100, random_state=0, **k) for k in ({"ends": 0}, {}))
+    assert not np.any(np.isin(plain.X, [0, 4, -1, 1]))
+    for column, ends in zip(runs.X.T, inputs.values(), strict=True):
+        for end in ends:
+            assert np.sum(column == end) == 2
+    # other runs for each end, the others as they were, parameters too
+    assert np.sum(np.any(runs.X != plain.X, axis=1)) == 8
+    assert np.sum(runs.X != plain.X) == 8
+    np.testing.assert_array_equal(runs.omega, plain.omega)
+    few = simulator.run(20, random_state=0)
+    np.testing.assert_array_equal(few.X, simulator.run(20, random_state=0, ends=0).X)
+    with pytest.raises(ValueError, match="ends"):
+        simulator.run(20, ends=0.5)
+
+
+def test_errors_as_told_are_left_and_larger_ones_are_met():
+    rng = np.random.default_rng(0)
+    points = rng.uniform(size=(300, 2))
+    for square in (1.0, 0.1):  # as told, or smaller: not narrowed
+        factors = LocalError.of(points, np.full(300, square)).at(rng.uniform(size=(50, 2)))
+        np.testing.assert_allclose(factors, 1)
+    # ten times as large near the end of the second axis
+    sd = np.where(points[:, 1] < 0.1, 10.0, 1.0)
+    local = LocalError.of(points, (sd * rng.standard_normal(300)) ** 2)
+    near, far = (
+        np.column_stack([rng.uniform(size=200), rng.uniform(*u, 200)])
+        for u in ((0.0, 0.06), (0.2, 1.0))
+    )
+    assert 5 < np.median(local.at(near)) < 15
+    assert np.median(local.at(far)) < 2
+    # beyond the runs as at the last of them
+    np.testing.assert_array_equal(
+        *(local.at(np.array([[0.5, x]])) for x in (-3.0, points[:, 1].min()))
+    )
+
+
+def test_a_few_runs_weigh_by_hand():
+    # in order of the axis the squares are 9, 1, 4
+    local = LocalError.of(np.array([[0.5], [0.9], [0.1]]), np.array([1.0, 4.0, 9.0]))
+    near = np.exp(-np.array([0, 1, 2]) / 3)
+    expected = (2 + near @ [9, 1, 4]) / (2 + near.sum())
+    assert local.at(np.array([[0.1]]))[0] == pytest.approx(np.sqrt(expected))
+
+
+@pytest.mark.parametrize("name", STEEP)
+def test_a_steep_end_is_not_blamed_on_the_simulation(name):
+    polynomial = hs.PolynomialChaos()
+    verdicts = [diagnosed(*problem(name, seed), polynomial).verdict_ for seed in range(6)]
+    assert verdicts.count("adequate") >= 5  # alarms of 5 % make two in six once in 30 times
+
+
+@pytest.mark.parametrize("name", STEEP)
+def test_what_is_wrong_there_is_found_all_the_same(name):
+    for seed in range(2):
+        runs, X, y = problem(name, seed)
+        noise = STEEP[name][2]
+        wrong = y + 4 * noise * np.sin(0.4 * X[:, 0])
+        found = diagnosed(runs, X, wrong, hs.Kriging())
+        assert found.best_cause_.kind == "periodic"
+        period, low, high = found.best_cause_.estimates["period"]
+        # twice as far as intervals of 90 % reach: 3.3 standard deviations
+        assert abs(period - 2 * np.pi / 0.4) < high - low
