@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from hybridsurrogate.priors import FloatArray
@@ -22,7 +23,6 @@ def draw_design(
     n_runs: int,
     design: str = "sobol",
     random_state: Any = None,
-    ends: Sequence[float] = (),
 ) -> FloatArray:
     """Draw points that fill a box evenly.
 
@@ -34,9 +34,6 @@ def draw_design(
     design : {"sobol", "latin-hypercube"}
         A scrambled Sobol sequence, or a Latin hypercube.
     random_state : None, int, numpy Generator or RandomState
-    ends : sequence of at most k floats
-        Shares of the points that are moved to each end of the first ranges, other points for each:
-        none lie there otherwise, where functions are steepest and nothing is known beyond.
 
     Returns
     -------
@@ -59,14 +56,39 @@ def draw_design(
         unit = qmc.LatinHypercube(len(ranges), **engine_options).random(n_runs)
     else:
         raise ValueError(f"design must be one of {', '.join(_DESIGNS)}, got {design!r}.")
-    moved = n_runs
-    for j, share in enumerate(ends):
-        for end in (0.0, 1.0):
-            first = max(moved - round(share * n_runs), 0)
-            unit[first:moved, j] = end
-            moved = first
     low, high = np.asarray(ranges, dtype=float).T
     return low + unit * (high - low)
+
+
+def with_ends(
+    points: FloatArray, ranges: Sequence[tuple[float, float]], share: float
+) -> FloatArray:
+    """Return points of which a share is moved to each end of each of the first ranges.
+
+    A space-filling design has none at the ends, where functions are steepest and nothing is known
+    beyond. Other points go to each end, the last ones first.
+    """
+    moved, last = points.copy(), len(points)
+    for j, ends in enumerate(ranges):
+        for end in ends:
+            first = max(last - round(share * len(points)), 0)
+            moved[first:last, j] = end
+            last = first
+    return moved
+
+
+def out_of_line(y: FloatArray, suspects: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which suspects have no output, or one further beyond all others than these are apart.
+
+    A source has no level at a distance of zero, or any level, and runs there would tell nothing of
+    the simulation elsewhere.
+    """
+    others = y[~suspects & np.isfinite(y)]
+    if not others.size:
+        return suspects & ~np.isfinite(y)
+    low, high = others.min(), others.max()
+    within = (y >= 2 * low - high) & (y <= 2 * high - low)
+    return suspects & ~within
 
 
 def random_generator(random_state: Any) -> np.random.Generator:

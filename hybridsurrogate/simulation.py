@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from sklearn.utils import check_scalar
 from tqdm import tqdm
 
-from hybridsurrogate.design import draw_design
+from hybridsurrogate.design import draw_design, out_of_line, with_ends
 from hybridsurrogate.modification import Modification
 from hybridsurrogate.priors import FloatArray, Prior, prior_range
 from hybridsurrogate.simulation_data import SimulationData, drop_failed, read_simulation
@@ -209,7 +209,8 @@ class Simulator:
         ends : float
             Share of the runs, from 0 to 0.1, that are moved to each end of the range of each input:
             at a steep end, a source or a start, the runs beside it do not tell. Fewer than 25 runs
-            have none there.
+            have none there, and an end where the simulation fails, or is further beyond all other
+            runs than these are apart, has none either.
 
         Returns
         -------
@@ -227,10 +228,19 @@ class Simulator:
         """
         ranges = [*self.input_ranges.values(), *self.parameter_ranges.values()]
         check_scalar(ends, "ends", numbers.Real, min_val=0, max_val=0.1)
-        shares = [ends] * len(self.input_names)
-        points = draw_design(ranges, n_runs, design, random_state, shares)
-        X, omega = np.split(points, [len(self.input_names)], axis=1)
-        y, error = self._evaluate(X, omega, n_jobs=n_jobs, progress=progress)
+        points = draw_design(ranges, n_runs, design, random_state)
+        k = len(self.input_names)
+        moved = with_ends(points, ranges[:k], ends)
+        at_end = np.any(moved != points, axis=1)
+        # what fails at an end is told by its output, not by numpy's warnings
+        with np.errstate(all="ignore" if at_end.any() else None):
+            y, error = self._evaluate(moved[:, :k], moved[:, k:], n_jobs, progress)
+        back = out_of_line(y, at_end)
+        if back.any():
+            moved[back] = points[back]
+            y[back], again = self._evaluate(moved[back, :k], moved[back, k:], n_jobs)
+            error = again or error
+        X, omega = np.split(moved, [k], axis=1)
         X, omega, y = drop_failed(X, omega, y, f"runs of {self.name!r}", error)
         return SimulationData(
             X, omega, y, self.input_ranges, self.parameters, self.assumed, self.output, self

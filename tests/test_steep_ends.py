@@ -70,6 +70,30 @@ def test_some_runs_lie_at_each_end_of_each_input():
         simulator.run(20, ends=0.5)
 
 
+@pytest.mark.parametrize("softened", [0.0, 1e-3])
+def test_no_run_lies_at_an_end_without_an_output_like_the_others(softened):
+    inputs = {"r": (0, 60)}
+    source = hs.Simulator(
+        lambda r, power: power / (r + softened) ** 2, inputs, {"power": RATES["power"]}
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        runs, plain = (source.run(100, random_state=0, **k) for k in ({}, {"ends": 0}))
+    assert runs.X.min() == plain.X.min() > 0
+    assert np.sum(runs.X == 60) == 2
+    np.testing.assert_allclose(runs.y, source(runs.X, runs.omega))
+
+
+def test_a_simulation_that_fails_elsewhere_still_says_so():
+    def fragile(r, power):
+        return 1 / r if r < 50 else 1 / 0
+
+    simulator = hs.Simulator(fragile, {"r": (0, 60)}, {"power": RATES["power"]}, vectorized=False)
+    with pytest.warns(hs.exceptions.FailedRunsWarning, match="of 50 runs"):
+        runs = simulator.run(50, random_state=0)
+    assert 0 < runs.X.min() < runs.X.max() < 50
+
+
 def test_errors_as_told_are_left_and_larger_ones_are_met():
     rng = np.random.default_rng(0)
     points = rng.uniform(size=(300, 2))

@@ -78,7 +78,8 @@ def next_measurement(found: Search, ranges: Mapping[str, tuple[float, float]]) -
             values = _values_of(name, problem.X[:, k], ranges)
             grid = np.repeat(point[None], len(values), axis=0)
             grid[:, k] = values
-            bits = _information(found, components, grid)
+            # where nothing at all is foreseen, nothing can be told either
+            bits = np.nan_to_num(_information(found, components, grid))
             # of places that are as good, the one nearest to what is known
             good = np.flatnonzero(bits >= _AS_GOOD * bits.max())
             best = good[np.argmin(np.abs(grid[good, k] - point[k]))]
