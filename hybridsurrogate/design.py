@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from hybridsurrogate.priors import FloatArray
@@ -60,13 +59,30 @@ def draw_design(
     return low + unit * (high - low)
 
 
-def with_ends(
-    points: FloatArray, ranges: Sequence[tuple[float, float]], share: float
-) -> FloatArray:
-    """Return points of which a share is moved to each end of each of the first ranges.
+def run_with_ends(
+    outputs: Callable[[FloatArray], tuple[FloatArray, str | None]],
+    points: FloatArray,
+    ranges: Sequence[tuple[float, float]],
+    share: float,
+) -> tuple[FloatArray, FloatArray, str | None]:
+    """Run points of which a share is moved to each end of each of the first ranges.
 
     A space-filling design has none at the ends, where functions are steepest and nothing is known
-    beyond. Other points go to each end, the last ones first.
+    beyond. Other points go to each end, the last ones first. Those stay where they were that have
+    no output at the end, or one further beyond all others than these are apart: a source has any
+    level at a distance of zero, and tells nothing there of what it is elsewhere.
+
+    Parameters
+    ----------
+    outputs : callable
+        ``outputs(points) -> (n,), str or None``, and what the first run that failed said.
+    points : ndarray of shape (n, k)
+    ranges : sequence of at most k pairs (low, high)
+    share : float
+
+    Returns
+    -------
+    points (n, k), outputs (n,), and what the first run that failed said.
     """
     moved, last = points.copy(), len(points)
     for j, ends in enumerate(ranges):
@@ -74,21 +90,18 @@ def with_ends(
             first = max(last - round(share * len(points)), 0)
             moved[first:last, j] = end
             last = first
-    return moved
-
-
-def out_of_line(y: FloatArray, suspects: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which suspects have no output, or one further beyond all others than these are apart.
-
-    A source has no level at a distance of zero, or any level, and runs there would tell nothing of
-    the simulation elsewhere.
-    """
-    others = y[~suspects & np.isfinite(y)]
-    if not others.size:
-        return suspects & ~np.isfinite(y)
-    low, high = others.min(), others.max()
-    within = (y >= 2 * low - high) & (y <= 2 * high - low)
-    return suspects & ~within
+    # what fails at an end is told by its output, not by numpy's warnings
+    with np.errstate(all="ignore" if last < len(points) else None):
+        y, error = outputs(moved)
+    others = y[:last][np.isfinite(y[:last])]
+    low, high = (others.min(), others.max()) if others.size else (-np.inf, np.inf)
+    within = np.isfinite(y) & (y >= 2 * low - high) & (y <= 2 * high - low)
+    back = last + np.flatnonzero(~within[last:])
+    if back.size:
+        moved[back] = points[back]
+        y[back], again = outputs(points[back])
+        error = again or error
+    return moved, y, error
 
 
 def random_generator(random_state: Any) -> np.random.Generator:

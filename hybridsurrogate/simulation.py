@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from sklearn.utils import check_scalar
 from tqdm import tqdm
 
-from hybridsurrogate.design import draw_design, out_of_line, with_ends
+from hybridsurrogate.design import draw_design, run_with_ends
 from hybridsurrogate.modification import Modification
 from hybridsurrogate.priors import FloatArray, Prior, prior_range
 from hybridsurrogate.simulation_data import SimulationData, drop_failed, read_simulation
@@ -228,19 +228,14 @@ class Simulator:
         """
         ranges = [*self.input_ranges.values(), *self.parameter_ranges.values()]
         check_scalar(ends, "ends", numbers.Real, min_val=0, max_val=0.1)
-        points = draw_design(ranges, n_runs, design, random_state)
         k = len(self.input_names)
-        moved = with_ends(points, ranges[:k], ends)
-        at_end = np.any(moved != points, axis=1)
-        # what fails at an end is told by its output, not by numpy's warnings
-        with np.errstate(all="ignore" if at_end.any() else None):
-            y, error = self._evaluate(moved[:, :k], moved[:, k:], n_jobs, progress)
-        back = out_of_line(y, at_end)
-        if back.any():
-            moved[back] = points[back]
-            y[back], again = self._evaluate(moved[back, :k], moved[back, k:], n_jobs)
-            error = again or error
-        X, omega = np.split(moved, [k], axis=1)
+
+        def outputs(points: FloatArray) -> tuple[FloatArray, str | None]:
+            return self._evaluate(points[:, :k], points[:, k:], n_jobs, progress)
+
+        points = draw_design(ranges, n_runs, design, random_state)
+        points, y, error = run_with_ends(outputs, points, ranges[:k], ends)
+        X, omega = np.split(points, [k], axis=1)
         X, omega, y = drop_failed(X, omega, y, f"runs of {self.name!r}", error)
         return SimulationData(
             X, omega, y, self.input_ranges, self.parameters, self.assumed, self.output, self

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_solve, cholesky
+from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.optimize import minimize
 
 from hybridsurrogate.blocks import blocks
@@ -236,8 +236,12 @@ def _foresight(z: FloatArray, points: FloatArray, gram: FloatArray, residual: Fl
     n, d = points.shape
     halves = Apart.of(bent(points, z[d + 2 :]) / np.exp(z[:d]))
     matrix = alike(halves, halves) + np.exp(z[d + 1]) * gram + np.exp(z[d]) * np.eye(n)
-    inverse = np.linalg.inv(matrix)
-    weights, diagonal = inverse @ residual, np.diagonal(inverse)
+    try:
+        lower = cholesky(matrix, lower=True)
+    except np.linalg.LinAlgError:
+        return -np.inf
+    whiten = solve_triangular(lower, np.eye(n), lower=True)
+    weights, diagonal = whiten.T @ (whiten @ residual), np.sum(whiten**2, axis=0)
     variance = max(float(residual @ weights), float(np.sum(weights**2 / diagonal))) / n
     spread = variance / diagonal + (_DIGITS * np.std(residual)) ** 2
     return float(-0.5 * np.sum(np.log(spread) + (weights / diagonal) ** 2 / spread))
