@@ -103,10 +103,10 @@ def test_the_words_for_a_gain_beyond_the_measured_range():
 
 def test_the_words_for_what_runs_leave_open():
     estimator = SimpleNamespace(surrogate=hs.PolynomialChaos())
-    view = SimpleNamespace(
-        diagnosis=SimpleNamespace(emulator_check_=EmulatorCheck(4e-7, 163.4), estimator_=estimator)
-    )
-    known, missed = scores.emulator(view)
+    check = EmulatorCheck(4e-7, 163.4, {"distance": 3, "t": 1})
+    view = SimpleNamespace(diagnosis=SimpleNamespace(emulator_check_=check, estimator_=estimator))
+    known, missed, beyond = scores.emulator(view)
+    assert "(3 along distance, 1 along t)" in beyond
     assert "leave the simulation open by less than a thousandth of the noise, which" in known
     assert "misses what they tell by 163 times the noise there" in missed
 

@@ -130,6 +130,19 @@ def test_a_steep_end_is_not_blamed_on_the_simulation(name):
     assert verdicts.count("adequate") >= 5  # alarms of 5 % make two in six once in 30 times
 
 
+def test_rows_beyond_all_runs_are_counted():
+    runs, X, y = problem("decay", 0, ends=0)
+    assert runs.X.min() > 0
+    found = diagnosed(runs, X, y, hs.PolynomialChaos())
+    first, last = runs.X.min(), runs.X.max()
+    beyond = np.sum((first > X) | (last < X))
+    assert found.emulator_check_.beyond == {"r": beyond}
+    text = " ".join(str(found.report()).split())
+    assert f"further out than every run ({beyond} along r)" in text
+    runs, X, y = problem("decay", 0)
+    assert diagnosed(runs, X, y, hs.PolynomialChaos()).emulator_check_.beyond == {}
+
+
 @pytest.mark.parametrize("name", STEEP)
 def test_what_is_wrong_there_is_found_all_the_same(name):
     for seed in range(2):

@@ -241,7 +241,9 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         assert test is not None  # only folds have none
         self.search_, self._test, self.p_value_ = steps[0].search, test, test.p_value
         warn_if_exact(self.search_)
-        self.emulator_check_ = check_emulator(self.search_, prepared.problem.model.basis)
+        self.emulator_check_ = check_emulator(
+            self.search_, prepared.problem.model.basis, self.estimator_.simulation
+        )
         if self.emulator_check_ is not None:
             self.emulator_check_.warn(self.estimator_._check_parameters()[0])
         steps = beside_others(steps, problem, prepared.causes)

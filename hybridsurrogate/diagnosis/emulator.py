@@ -12,6 +12,7 @@ from hybridsurrogate.diagnosis.evidence import Search
 from hybridsurrogate.diagnosis.kriging import KrigedBasis
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.inference.belief import coefficient_belief
+from hybridsurrogate.simulation import SimulationData
 from hybridsurrogate.surrogates import Kriging
 from hybridsurrogate.surrogates.base import Surrogate
 from hybridsurrogate.surrogates.basis import Basis
@@ -26,7 +27,7 @@ def advice(surrogate: Surrogate | None) -> str:
 
 
 class EmulatorCheck(NamedTuple):
-    """Root mean squares over the measured rows, in standard deviations of the noise.
+    """Root mean squares over the measured rows, in standard deviations of the noise; rows beyond.
 
     Attributes
     ----------
@@ -35,10 +36,13 @@ class EmulatorCheck(NamedTuple):
     missed : float
         What the surrogate, trained on the runs alone, misses of what they do tell. The search does
         without it; the estimators predict with it.
+    beyond : dict of str to int
+        Measured rows that lie further out along an input than every run, by its name.
     """
 
     left_open: float
     missed: float
+    beyond: dict[str, int]
 
     def warn(self, surrogate: Surrogate) -> None:
         """Warn where the noise does not hide it."""
@@ -60,7 +64,7 @@ class EmulatorCheck(NamedTuple):
             )
 
 
-def check_emulator(found: Search, surrogate: Basis) -> EmulatorCheck | None:
+def check_emulator(found: Search, surrogate: Basis, runs: SimulationData) -> EmulatorCheck | None:
     """Return how well the surrogate's basis tells the simulation at the best fit of all.
 
     None where the simulation itself is run, or its runs leave nothing open.
@@ -78,4 +82,9 @@ def check_emulator(found: Search, surrogate: Basis) -> EmulatorCheck | None:
     alone = replace(w.model, basis=surrogate, reference=own)
     missed = alone.simulated(problem.X, values, own)[0] - told
     rms = np.sqrt([np.mean(np.sum(U**2, axis=1)), np.mean(missed**2)]) / w.sigma
-    return EmulatorCheck(*rms.tolist())
+    X = problem.X[:, : runs.X.shape[1]]
+    low, high = runs.X.min(axis=0), runs.X.max(axis=0)
+    outside = np.sum((low > X) | (high < X), axis=0).tolist()
+    beyond = {name: k for name, k in zip(runs.input_names, outside, strict=True) if k}
+    left_open, missed_by = rms.tolist()
+    return EmulatorCheck(left_open, missed_by, beyond)

@@ -89,6 +89,11 @@ def emulator(view: View) -> list[str]:
     check = view.diagnosis.emulator_check_
     if check is None:
         return []
+    where = ", ".join(f"{rows} along {name}" for name, rows in check.beyond.items())
+    beyond = [
+        f"Measured rows lie further out than every run ({where}): there the simulation is "
+        "continued, not known, and is called wrong more easily. Give runs at the ends of its range."
+    ]
     return [
         f"At the measured rows the runs leave the simulation open by {_times(check.left_open)} "
         "the noise, which is part of every comparison above"
@@ -102,6 +107,7 @@ def emulator(view: View) -> list[str]:
             if check.missed > MOST_MISSED
             else "."
         ),
+        *(beyond if check.beyond else []),
     ]
 
 
