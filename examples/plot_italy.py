@@ -31,7 +31,7 @@ SHOWN = (0, 1, 2) if FAST else (0, 5, 9, 15, 20)
 data = fetch_covid19_italy(folders[0] if folders else None)
 t, y = data.data.to_numpy(), data.target.to_numpy()
 train, later = slice(N_TRAIN), slice(N_TRAIN, None)
-runs = data.simulator.run(200 if FAST else 1000, random_state=0)
+runs = data.simulator.run(200 if FAST else 1000, random_state=0, ends=0)
 simulation = hs.SimulationData(
     runs.X, runs.omega, runs.y + 1, runs.input_ranges, runs.parameters, output=runs.output
 )

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hidden_effects.pairs import make_pair
+from hidden_effects.several import make_several
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.evidence import kind_of
@@ -70,7 +70,7 @@ def test_the_report_tells_of_it(both):
 
 def test_a_cause_gives_way_to_one_that_is_better_beside_the_other():
     """A trend was taken for a ramp as long as the other column was not known."""
-    case = make_pair("trend+missing-input", 2.0, 2144293775, 80)
+    case = make_several("trend+missing-input", 2.0, 2144293775, 80)
     model = hs.PowerScaledSurrogate(
         case.simulator, surrogate=hs.ExactSurrogate(), n_draws=300, random_state=0
     )

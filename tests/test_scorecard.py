@@ -213,16 +213,25 @@ def test_noise_is_held_against_the_best_test():
     assert tables.noise_limits(found[found["kind"] == "step"]).empty
 
 
-def test_both_named():
+def test_all_named():
     found = table(
         row("trend+step", "trend", several="trend|step"),
         row("trend+step", "step", several="step|trend"),
         row("trend+step", "trend", several="trend|bump"),
         row("trend+step", "none", several="none"),
     )
-    named = tables.both_named(found).loc["all"]
-    assert (named["both"], named["one"], named["wrong"]) == (0.5, 0.25, 0.25)
+    named = tables.all_named(found, 2).loc["all"]
+    assert (named["every"], named["but_one"], named["wrong"]) == (0.5, 0.25, 0.25)
     assert tables.single(found).empty
+    assert tables.all_named(found, 3).empty
+    three = table(
+        row("trend+step+missing-input", "trend", rows=120, several="trend|missing-input|step"),
+        row("trend+step+missing-input", "trend", rows=120, several="trend|missing-input"),
+        row("trend+step+missing-input", "step", rows=120, several="step|bump"),
+    )
+    named = tables.all_named(three, 3).loc["trend+step+missing-input"]
+    assert tuple(named[["cases", "every", "but_one", "wrong"]]) == (3, 1 / 3, 1 / 3, 1 / 3)
+    assert tables.all_named(three, 2).empty
 
 
 # --------------------------------------------------------------------------- an interrupted run
@@ -236,7 +245,7 @@ def test_an_interrupted_run_is_carried_on(tmp_path, monkeypatch, capsys):
         return row(found="step", **asdict(task))
 
     monkeypatch.setattr(run, "score", score)
-    todo = run.tasks(["step", "trend"], [1, 2], [40], range(2), range(1), range(1), ["trend+step"])
+    todo = run.tasks(["step", "trend"], [1, 2], [40], range(2), range(1), {"trend+step": range(1)})
     assert len(todo) == 10
     assert {task.seed for task in todo[:6]} == {0}  # some of everything first
     results = run.run_into(path, todo)
@@ -269,6 +278,10 @@ def test_the_page_tells_one_command_for_each_number_of_seeds():
         row("none", "none", size=0.0, rows=120, seed=7),
     )
     start = "python -m tests.scorecard "
+    three = table(
+        row("trend+step+missing-input", "step", rows=120, seed=7), row("none", "none", seed=7)
+    )
+    assert "--nulls 1 --pairs 0 --triples 1 --first-seed 7" in page.commands(three)[0]
     assert page.commands(found) == [
         start + "--kinds step 'noise: mean' --sizes 2 --rows 40 --seeds 2 --nulls 0 --pairs 0"
         " --first-seed 7",
@@ -350,10 +363,13 @@ def test_only_numbers_of_the_hidden_form_are_compared(diagnosed):
     assert run._estimates(case, line | {"curvature": (0.0, -1.0, 1.0)}) == {}
 
 
-def test_pairs_are_two_causes(monkeypatch):
+@pytest.mark.parametrize("name", ["trend+missing-input", "trend+step+missing-input"])
+def test_several_effects_are_as_many_causes(monkeypatch, name):
     monkeypatch.setattr(run.hs.DiscrepancyDiagnosis, "fit", lambda self, X, y: self)
-    task = Task("trend+missing-input", 2.0, 80, 0)
-    assert run._diagnose(run._make(task), task).max_causes == 2
+    (task,) = run.tasks((), (), (), range(0), range(0), {name: range(1)})
+    number = len(name.split("+"))
+    assert task == Task(name, 2.0, 40 * number, 0)
+    assert run._diagnose(run._make(task), task).max_causes == number
 
 
 # -------------------------------------------------------------------------------------- likeness

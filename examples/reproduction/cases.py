@@ -100,7 +100,7 @@ def italy(seed: int, n_runs: int = 1000) -> CaseStudy:
     """Case study 2.2: Italy's first wave; the seed is that of the runs, as the data are given."""
     data = fetch_covid19_italy(download_if_missing=False)
     t, y = data.data.to_numpy(), data.target.to_numpy()
-    runs = data.simulator.run(n_runs, random_state=seed)
+    runs = data.simulator.run(n_runs, random_state=seed, ends=0)
     # the authors' code adds one to the runs and none to the data
     simulation = hs.SimulationData(
         runs.X, runs.omega, runs.y + 1, runs.input_ranges, runs.parameters, output=runs.output

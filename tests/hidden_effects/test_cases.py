@@ -21,9 +21,9 @@ from .cases import (
 )
 from .fits import fit_kind
 from .forms import forms
-from .pairs import PAIR_NAMES, make_pair
 from .problem import predict
 from .rates import by_hand_rates
+from .several import PAIR_NAMES, TRIPLE_NAMES, make_several
 
 EFFECTS = KINDS[1:]
 FIRSTS = {"step": 13.86451818003362, "none": 11.39040988361373, "gain": 1.1415688647607047}
@@ -261,14 +261,14 @@ def test_the_catalogue_can_draw_what_is_changed_inside(form):
         assert off.sum() <= (1 if form.endswith("step") else 0)
 
 
-@pytest.mark.parametrize("name", PAIR_NAMES)
-def test_pairs(name):
-    case, again = (make_pair(name, 2.0, 3, n_rows=40) for _ in range(2))
+@pytest.mark.parametrize("name", [*PAIR_NAMES, *TRIPLE_NAMES])
+def test_several(name):
+    case, again = (make_several(name, 2.0, 3, n_rows=40) for _ in range(2))
     np.testing.assert_array_equal(case.y, again.y)
     assert "+".join(case.truth["kinds"]) == name
     left = left_over(case.simulator, case.X, case.truth["mu"])
-    # each is twice the noise: together between once, where they oppose each other, and twice that
-    assert 2 <= rms(left) / case.truth["noise_sd"] <= 4.2
+    # each is twice the noise: together between once, where they oppose each other, and all of them
+    assert 2 <= rms(left) / case.truth["noise_sd"] <= 2.1 * len(case.truth["kinds"])
 
 
 @pytest.mark.parametrize("form", ["noise: mean", "noise: tails", "noise: autocorrelation"])

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hidden_effects.cases import FORMS
-from hidden_effects.pairs import PAIR_NAMES
+from hidden_effects.several import PAIR_NAMES, TRIPLE_NAMES
 
 from . import page, plots, tables
 from .run import run_into, tasks
@@ -23,6 +23,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--seeds", type=int, default=10, help="cases of every kind, size and rows")
     made.add_argument("--nulls", type=int, default=100, help="cases in which nothing is hidden")
     made.add_argument("--pairs", type=int, default=5, help="cases of every pair of effects")
+    made.add_argument("--triples", type=int, default=0, help="cases of every three effects")
     made.add_argument("--first-seed", type=int, default=20_000)
     made.add_argument("--runs", type=int, default=0, help="of an emulated simulation")
     made.add_argument("--jobs", type=int, default=1)
@@ -46,8 +47,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             given.rows,
             range(first, first + given.seeds),
             range(first, first + given.nulls),
-            range(first, first + given.pairs),
-            PAIR_NAMES,
+            dict.fromkeys(PAIR_NAMES, range(first, first + given.pairs))
+            | dict.fromkeys(TRIPLE_NAMES, range(first, first + given.triples)),
             given.runs,
         )
         try:

@@ -29,8 +29,8 @@ _NAMES = {
     "inside_averaged": "averaged",
     "rate": "false alarms",
     "upper": "upper 95 % limit",
-    "both": "both named",
-    "one": "one of them",
+    "every": "all named",
+    "but_one": "all but one",
     "wrong": "something else too",
     "limit": "best test detects",
     "low": "95 % low",
@@ -38,7 +38,9 @@ _NAMES = {
 }
 _INSIDE = ("inside_plain", "inside_named", "inside_averaged")
 _RATES = (*_INSIDE, "detected", "exact", "alike", "same", "covered", "rate", "upper", "limit")
-_SHARES = frozenset([*_RATES, "coverage", "right", "stated", "both", "one", "wrong", "low", "high"])
+_SHARES = frozenset(
+    [*_RATES, "coverage", "right", "stated", "every", "but_one", "wrong", "low", "high"]
+)
 
 
 def sections(table: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
@@ -95,7 +97,9 @@ def sections(table: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
         "detects less.",
         tables.noise_limits(table),
     )
-    yield "Two effects at once", "Size 2 each, 80 rows, `max_causes=2`.", tables.both_named(table)
+    for n, word in ((2, "Two"), (3, "Three")):
+        why = f"Size 2 each, {40 * n} rows, `max_causes={n}`."
+        yield f"{word} effects at once", why, tables.all_named(table, n)
     yield "Most frequent confusions", "", tables.confusions(table)
     yield "Diagnoses that failed", "", tables.failures(table)
 
@@ -150,11 +154,11 @@ def report(table: pd.DataFrame, shape: Callable[[pd.DataFrame], str], heading: s
 
 def commands(table: pd.DataFrame) -> list[str]:
     """Return the commands whose results these are, from the rows: one for each number of seeds."""
-    single, pairs = tables.single(table), table[table["pair"]]
-    n_pairs = pairs["seed"].nunique()
+    single = tables.single(table)
+    n_pairs, n_triples = (table[table["n_hidden"] == n]["seed"].nunique() for n in (2, 3))
     seeds = single.groupby(["rows", "size"])["seed"].nunique()
     found = []
-    for rows, part in table[~table["pair"]].groupby("rows"):
+    for rows, part in table[table["n_hidden"] == 1].groupby("rows"):
         n_nulls = part[part["word"] == "none"]["seed"].nunique()
         mine = seeds[seeds.index.get_level_values("rows") == rows].droplevel("rows")
         for n_seeds in sorted(mine.unique(), reverse=True) or [0]:
@@ -164,9 +168,10 @@ def commands(table: pd.DataFrame) -> list[str]:
             words = ["python -m tests.scorecard", *_kinds_option(list(kinds))]
             words += ["--sizes", *(f"{size:g}" for size in sizes), f"--rows {rows}"]
             words.append(f"--seeds {n_seeds} --nulls {n_nulls} --pairs {n_pairs}")
+            words += [f"--triples {n_triples}"] if n_triples else []
             words += [f"--runs {n_runs}" for n_runs in table["runs"].unique() if n_runs]
             found.append(" ".join(words) + f" --first-seed {table['seed'].min()}")
-            n_nulls = n_pairs = 0  # they are said once
+            n_nulls = n_pairs = n_triples = 0  # they are said once
     return found
 
 

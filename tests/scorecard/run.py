@@ -6,7 +6,7 @@ import csv
 import json
 import time
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
 from io import StringIO
@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from hidden_effects.cases import Case, InfeasibleError, make_case, rms
-from hidden_effects.pairs import make_pair
+from hidden_effects.several import make_several
 
 import hybridsurrogate as hs
 
@@ -62,7 +62,7 @@ _DRAWS = 200
 class Task:
     """One case to be diagnosed: everything that its result depends on."""
 
-    kind: str  # one of hidden_effects.cases.FORMS, or two kinds with a plus between them
+    kind: str  # one of hidden_effects.cases.FORMS, or two or three with a plus between them
     size: float
     rows: int
     seed: int
@@ -127,7 +127,7 @@ def score(task: Task) -> dict[str, Any]:
 
 
 def _make(task: Task) -> Case:
-    make = make_pair if "+" in task.kind else make_case
+    make = make_several if "+" in task.kind else make_case
     # one seed of the test bed has the same noise at every size: pooled, such cases would count
     # several times, and limits that rest on independent cases would be too narrow
     entropy = (task.seed, round(1000 * task.size), task.rows)
@@ -143,7 +143,7 @@ def _diagnose(case: Case, task: Task) -> hs.DiscrepancyDiagnosis:
         n_draws=_DRAWS,
         random_state=task.seed,
     )
-    n_causes = 2 if "+" in task.kind else 1
+    n_causes = 1 + task.kind.count("+")
     diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, max_causes=n_causes, random_state=task.seed)
     with warnings.catch_warnings():
         # doubtful draws show in the coverage; a simulation left its domain in a rival only
@@ -221,17 +221,23 @@ def tasks(
     rows: Sequence[int],
     seeds: range,
     nulls: range,
-    pair_seeds: range = range(0),
-    pairs: Sequence[str] = (),
+    several: Mapping[str, range] | None = None,
     runs: int = 0,
 ) -> list[Task]:
-    """List the cases by seed, so that an interrupted run has some of everything."""
+    """List the cases by seed, so that an interrupted run has some of everything.
+
+    ``several`` are seeds of several effects at once, 40 rows for each.
+    """
     found: list[Task] = []
-    for seed in sorted({*seeds, *nulls, *pair_seeds}):
+    several = several or {}
+    for seed in sorted({*seeds, *nulls}.union(*several.values())):
         if seed in seeds:
             found += [Task(k, float(s), n, seed, runs) for k in kinds for s in sizes for n in rows]
-        if seed in pair_seeds:
-            found += [Task(pair, 2.0, 80, seed, runs) for pair in pairs]
+        found += [
+            Task(name, 2.0, 40 * len(name.split("+")), seed, runs)
+            for name, own in several.items()
+            if seed in own
+        ]
         if seed in nulls:
             found += [Task("none", 0.0, n, seed, runs) for n in rows]
     return found

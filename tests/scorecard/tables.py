@@ -61,7 +61,7 @@ def judged(table: pd.DataFrame) -> pd.DataFrame:
     words = table["kind"].str.partition(":")[0]
     failed = table["trouble"] != ""
     table["word"] = words
-    table["pair"] = table["kind"].str.contains("+", regex=False)
+    table["n_hidden"] = 1 + table["kind"].str.count(r"\+")
     table["detected"] = ~table["verdict"].isin(["adequate", ""]) & ~failed
     table["exact"] = (table["found"] == words) & ~failed
     table["alike"] = table["exact"] | (
@@ -82,7 +82,7 @@ def judged(table: pd.DataFrame) -> pd.DataFrame:
 
 def single(table: pd.DataFrame) -> pd.DataFrame:
     """Return the cases with one hidden effect."""
-    return table[~table["pair"] & (table["word"] != "none")]
+    return table[(table["n_hidden"] == 1) & (table["word"] != "none")]
 
 
 # ------------------------------------------------------------------------------------ statistics
@@ -266,17 +266,20 @@ def noise_limits(table: pd.DataFrame) -> pd.DataFrame:
     return found
 
 
-def both_named(table: pd.DataFrame) -> pd.DataFrame:
-    """Return how often two hidden effects are both named, one, and something beside them."""
-    found = table[table["pair"]]
+def all_named(table: pd.DataFrame, n_hidden: int) -> pd.DataFrame:
+    """Return how often several hidden effects are all named, all but one, and something beside."""
+    found = table[table["n_hidden"] == n_hidden]
     if found.empty:
-        return pd.DataFrame(columns=["cases", "both", "one", "wrong", "detected"])
-    rows = []
-    for name, part in [*found.groupby("kind"), ("all", found)]:
-        right = part["n_right"]
-        shares = [(right == 2).mean(), (right == 1).mean(), (part["n_wrong"] > 0).mean()]
-        rows.append((name, len(part), *shares, part["detected"].mean()))
-    columns = ["kinds", "cases", "both", "one", "wrong", "detected"]
+        return pd.DataFrame(columns=["cases", "every", "but_one", "wrong", "detected", "seconds"])
+    right = found["n_right"]
+    found = found.assign(every=right == n_hidden, but_one=right == n_hidden - 1)
+    found["wrong"] = found["n_wrong"] > 0
+    shares = ["every", "but_one", "wrong", "detected"]
+    parts = [*found.groupby("kind"), ("all", found)]
+    rows = [
+        (name, len(part), *part[shares].mean(), part["seconds"].median()) for name, part in parts
+    ]
+    columns = ["kinds", "cases", *shares, "seconds"]
     return pd.DataFrame(rows, columns=columns).set_index("kinds")
 
 
