@@ -282,6 +282,10 @@ def test_the_page_tells_one_command_for_each_number_of_seeds():
         row("trend+step+missing-input", "step", rows=120, seed=7), row("none", "none", seed=7)
     )
     assert "--nulls 1 --pairs 0 --triples 1 --first-seed 7" in page.commands(three)[0]
+    alone = page.commands(three[three["n_hidden"] == 3])
+    assert alone == [
+        start + "--sizes --rows 40 --seeds 0 --nulls 0 --pairs 0 --triples 1 --first-seed 7"
+    ]
     assert page.commands(found) == [
         start + "--kinds step 'noise: mean' --sizes 2 --rows 40 --seeds 2 --nulls 0 --pairs 0"
         " --first-seed 7",

@@ -158,7 +158,9 @@ def commands(table: pd.DataFrame) -> list[str]:
     n_pairs, n_triples = (table[table["n_hidden"] == n]["seed"].nunique() for n in (2, 3))
     seeds = single.groupby(["rows", "size"])["seed"].nunique()
     found = []
-    for rows, part in table[table["n_hidden"] == 1].groupby("rows"):
+    alone = table[table["n_hidden"] == 1]
+    # several effects without any single ones have a command, too
+    for rows, part in alone.groupby("rows") if len(alone) else [(40, alone)]:
         n_nulls = part[part["word"] == "none"]["seed"].nunique()
         mine = seeds[seeds.index.get_level_values("rows") == rows].droplevel("rows")
         for n_seeds in sorted(mine.unique(), reverse=True) or [0]:
