@@ -68,9 +68,10 @@ def run_with_ends(
     """Run points of which a share is moved to each end of each of the first ranges.
 
     A space-filling design has none at the ends, where functions are steepest and nothing is known
-    beyond. Other points go to each end, the last ones first. Those stay where they were that have
-    no output at the end, or one further beyond all others than these are apart: a source has any
-    level at a distance of zero, and tells nothing there of what it is elsewhere.
+    beyond. Other points go to each end, the last ones first, a quarter of all at the most. Those
+    stay where they were that have no output at the end, or one further beyond all others than these
+    are apart: a source has any level at a distance of zero, and tells nothing there of what it is
+    elsewhere.
 
     Parameters
     ----------
@@ -84,24 +85,31 @@ def run_with_ends(
     -------
     points (n, k), outputs (n,), and what the first run that failed said.
     """
-    moved, last = points.copy(), len(points)
+    n = len(points)
+    each = min(round(share * n), n // (8 * len(ranges)))
+    moved, last = points.copy(), n
     for j, ends in enumerate(ranges):
         for end in ends:
-            first = max(last - round(share * len(points)), 0)
-            moved[first:last, j] = end
-            last = first
-    # what fails at an end is told by its output, not by numpy's warnings
-    with np.errstate(all="ignore" if last < len(points) else None):
-        y, error = outputs(moved)
-    others = y[:last][np.isfinite(y[:last])]
+            moved[last - each : last, j] = end
+            last -= each
+    y, error = outputs(points[:last])
+    if last == n:
+        return points, y, error
+    try:
+        # what fails at an end is told by its output, not by numpy's warnings
+        with np.errstate(all="ignore"):
+            at_ends, _ = outputs(moved[last:])
+    except Exception:  # of a function of arrays, that some ends make fail for all
+        at_ends = np.full(n - last, np.nan)
+    others = y[np.isfinite(y)]
     low, high = (others.min(), others.max()) if others.size else (-np.inf, np.inf)
-    within = np.isfinite(y) & (y >= 2 * low - high) & (y <= 2 * high - low)
-    back = last + np.flatnonzero(~within[last:])
-    if back.size:
+    within = np.isfinite(at_ends) & (at_ends >= 2 * low - high) & (at_ends <= 2 * high - low)
+    if not within.all():
+        back = last + np.flatnonzero(~within)
         moved[back] = points[back]
-        y[back], again = outputs(points[back])
-        error = again or error
-    return moved, y, error
+        at_ends[~within], again = outputs(points[back])
+        error = error or again
+    return moved, np.concatenate([y, at_ends]), error
 
 
 def random_generator(random_state: Any) -> np.random.Generator:

@@ -208,9 +208,9 @@ class Simulator:
             Show a progress bar if the function does one run at a time.
         ends : float
             Share of the runs, from 0 to 0.1, that are moved to each end of the range of each input:
-            at a steep end, a source or a start, the runs beside it do not tell. Fewer than 25 runs
-            have none there, and an end where the simulation fails, or is further beyond all other
-            runs than these are apart, has none either.
+            at a steep end, a source or a start, the runs beside it do not tell. A quarter of all at
+            the most; fewer than 25 runs have none there, and an end where the simulation fails, or
+            is further beyond all other runs than these are apart, has none either.
 
         Returns
         -------

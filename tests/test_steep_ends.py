@@ -84,6 +84,34 @@ def test_no_run_lies_at_an_end_without_an_output_like_the_others(softened):
     np.testing.assert_allclose(runs.y, source(runs.X, runs.omega))
 
 
+def test_a_function_of_arrays_may_refuse_an_end():
+    def refusing(r, power):
+        if np.any(r == 0):
+            raise ZeroDivisionError("no distance")
+        return power / r
+
+    runs = hs.Simulator(refusing, {"r": (0, 60)}, {"power": RATES["power"]}).run(50, random_state=0)
+    assert runs.n_runs == 50
+    assert runs.X.min() > 0
+
+
+def test_warnings_of_runs_between_the_ends_are_heard():
+    simulator = hs.Simulator(
+        lambda r, power: power * np.log(r - 30), {"r": (0, 60)}, {"power": RATES["power"]}
+    )
+    with pytest.warns(RuntimeWarning, match="invalid value"), pytest.warns(hs.FailedRunsWarning):
+        simulator.run(50, random_state=0)
+
+
+def test_many_inputs_leave_three_quarters_of_the_runs_between_the_ends():
+    inputs = {f"x{k}": (0, 1) for k in range(12)}
+    simulator = hs.Simulator(lambda **x: sum(x.values()), inputs)
+    runs = simulator.run(200, random_state=0, ends=0.1)
+    at_end = np.isin(runs.X, [0, 1])
+    assert np.all(at_end.sum(axis=0) == 4)
+    assert at_end.sum() == 48
+
+
 def test_a_simulation_that_fails_elsewhere_still_says_so():
     def fragile(r, power):
         return 1 / r if r < 50 else 1 / 0

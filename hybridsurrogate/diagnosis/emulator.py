@@ -27,7 +27,9 @@ def advice(surrogate: Surrogate | None) -> str:
 
 
 class EmulatorCheck(NamedTuple):
-    """Root mean squares over the measured rows, in standard deviations of the noise; rows beyond.
+    """What the runs and the surrogate tell of the simulation at the measured rows.
+
+    Root mean squares over these rows, in standard deviations of the noise, and rows beyond.
 
     Attributes
     ----------

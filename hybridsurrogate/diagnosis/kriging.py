@@ -106,7 +106,8 @@ class KrigedBasis(Basis):
 
         diagonal = sd**2 * np.maximum(places.variances() - np.sum(white**2, axis=1), 0.0)
         # at a steep end of a range variances can be a million times those elsewhere
-        least = max(_NEGLIGIBLE * float(np.median(diagonal)), 1e-12 * float(np.max(diagonal)))
+        typical = float(np.median(diagonal)) if len(diagonal) else 0.0
+        least = max(_NEGLIGIBLE * typical, 1e-12 * float(np.max(diagonal, initial=0.0)))
         factor, _ = pivoted_cholesky(diagonal, column, least, len(diagonal))
         return factor
 
