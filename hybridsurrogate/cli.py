@@ -21,6 +21,7 @@ from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
 from hybridsurrogate.diagnosis.report.report import ending_of
 from hybridsurrogate.estimators import PowerScaledSurrogate
 from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning
+from hybridsurrogate.likelihoods import LIKELIHOODS
 from hybridsurrogate.measured_table import numbers_of, with_levels
 from hybridsurrogate.priors import Prior, truncated_normal
 from hybridsurrogate.simulated_ranges import check_support
@@ -128,7 +129,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NAME=MEAN,SD",
         help="normal prior of a parameter, cut off at the range of the runs; else uniform",
     )
-    own.add_argument("--likelihood", default="normal", choices=("normal", "lognormal"))
+    own.add_argument("--likelihood", default="normal", choices=tuple(LIKELIHOODS))
     own.add_argument(
         "--degree",
         type=int,

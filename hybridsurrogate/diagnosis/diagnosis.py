@@ -40,6 +40,7 @@ from hybridsurrogate.diagnosis.roughness import warn_if_rough
 from hybridsurrogate.diagnosis.settings import check_rows, check_settings
 from hybridsurrogate.diagnosis.trust import BetaScans
 from hybridsurrogate.diagnosis.verdict import cause_table, credible_kinds, not_reached, verdict_on
+from hybridsurrogate.diagnosis.working_rows import on_working_rows
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import ConfoundingWarning, DiagnosisWarning
@@ -226,6 +227,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
 
     def _search(self, prepared: Prepared, random_state: np.random.RandomState) -> list[Step]:
         problem, belief = trained_emulator(prepared.problem, self.estimator_)
+        problem = on_working_rows(problem, self.estimator_.posterior_)
         # a report tells of this fit, whatever set_params says later
         self._limit, self._n_replicates = self.false_alarm_rate, int(self.n_replicates)
         steps = forward_search(
@@ -272,7 +274,9 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             self.estimator_.simulation.simulator, causes, problem
         )
         self.discrepancy_ = estimate_discrepancy(self.search_, steps[0].chosen.cause)
-        self.confounded_ = confounding(self.estimator_, self.extended_estimator_, problem.X)
+        self.confounded_ = confounding(
+            self.estimator_, self.extended_estimator_, self.estimator_._measured[0]
+        )
         for sentence in told(confounded(self.confounded_)):
             warnings.warn(sentence, ConfoundingWarning, stacklevel=3)
 

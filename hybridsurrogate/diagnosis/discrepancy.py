@@ -189,6 +189,7 @@ def estimate_discrepancy(found: Search, cause: Cause | None) -> Discrepancy:
     first = measured.first
     simulated = measured.offset + measured.design[:, :first] @ local.mean[:first]
     band = mean - _Z90 * sd, mean + _Z90 * sd
+    grid = grid[:, : len(problem.model.columns)]
     return Discrepancy(grid, column, mean, *band, problem.y - simulated)
 
 

@@ -26,7 +26,7 @@ from hybridsurrogate.inference.heavy_tails import settled
 from hybridsurrogate.inference.layout import Layout, layout
 from hybridsurrogate.inference.linearised import linearise
 from hybridsurrogate.inference.measured import MeasuredModel
-from hybridsurrogate.inference.noise import NoiseTable
+from hybridsurrogate.inference.noise import KnownNoise, LogMarginal, NoiseTable
 from hybridsurrogate.inference.scan import Peak, scan
 from hybridsurrogate.priors import FloatArray
 
@@ -65,7 +65,7 @@ class Search:
         Probability that a smooth remainder is needed beside each cause.
     sizes : ndarray
         Prior scales of effect sizes, in units of eta.
-    noise : NoiseTable
+    noise : LogMarginal
         Sigma integrated out under the problem's prior.
     """
 
@@ -75,7 +75,7 @@ class Search:
     probability: FloatArray
     remainder: FloatArray
     sizes: FloatArray
-    noise: NoiseTable
+    noise: LogMarginal
 
 
 def search(
@@ -111,7 +111,12 @@ def search(
         On an interrupt: it holds the search over the causes that were fitted by then.
     """
     problem = replace(problem, model=replace(problem.model, reference=belief.mean))
-    noise = NoiseTable(problem.noise_prior, problem.scale, len(problem.y))
+    n = len(problem.y)
+    noise = (
+        KnownNoise(n)
+        if problem.noise_is_known
+        else NoiseTable(problem.noise_prior, problem.scale, n)
+    )
     if accepted is None:
         null = best_null(problem, belief, noise)
     else:
@@ -134,7 +139,7 @@ def _weigh(
     problem: Problem,
     causes: Sequence[Cause],
     belief: Belief,
-    noise: NoiseTable,
+    noise: LogMarginal,
     peaks: Sequence[Fitted],
     known: FloatArray,
     with_remainder: bool,
@@ -174,7 +179,7 @@ def _ends_of(nearby: Search | None, causes: Sequence[Cause]) -> list[Fitted] | N
 def _weigh_remainder(
     problem: Problem,
     belief: Belief,
-    noise: NoiseTable,
+    noise: LogMarginal,
     weighed: list[Weighed],
     sizes: FloatArray,
 ) -> list[Weighed]:

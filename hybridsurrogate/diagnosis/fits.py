@@ -12,7 +12,7 @@ from hybridsurrogate.inference.belief import Belief
 from hybridsurrogate.inference.layout import Layout, best_levels, layout, refine
 from hybridsurrogate.inference.linearised import Columns, columns_at_nodes, linearise
 from hybridsurrogate.inference.measured import MeasuredModel
-from hybridsurrogate.inference.noise import NoiseTable
+from hybridsurrogate.inference.noise import LogMarginal
 from hybridsurrogate.inference.scan import Peak, climb, scan
 from hybridsurrogate.priors import FloatArray
 
@@ -47,11 +47,11 @@ def largest_size(problem: Problem) -> float:
 
 def effect_sizes(problem: Problem, fits: Sequence[Fitted]) -> FloatArray:
     """Return the prior scales of effects' sizes, in units of y, equally probable."""
-    smallest = _SMALLEST_SIZE * min(fit.sigma for fit in fits)
+    smallest = _SMALLEST_SIZE * problem.unit_noise * min(fit.sigma for fit in fits)
     return np.geomspace(smallest, max(largest_size(problem), 2 * smallest), _N_SIZES)
 
 
-def best_null(problem: Problem, belief: Belief, noise: NoiseTable) -> Fitted:
+def best_null(problem: Problem, belief: Belief, noise: LogMarginal) -> Fitted:
     """Fit "nothing is wrong" from several starting points."""
     model = problem.model
     plan = layout(model)
@@ -64,7 +64,7 @@ def best_null(problem: Problem, belief: Belief, noise: NoiseTable) -> Fitted:
     squares = np.where(np.isfinite(squares), squares, np.inf)
     # a parameter without a slope, such as the place of a jump, is not found by climbing
     starts = [z[0], *z[np.argsort(squares)[:2]], *problem.good]
-    sigma = 0.3 * problem.scale
+    sigma = 1.0 if problem.noise_is_known else 0.3 * problem.scale
     peak = highest(problem, belief, model, plan, starts, sigma)
     return settled(problem, belief, noise, Fitted(model, plan, peak, sigma))
 
@@ -92,6 +92,8 @@ def badness(problem: Problem, peak: Peak, sigma: float) -> float:
     """
     if not np.isfinite(peak.objective):
         return np.inf
+    if problem.noise_is_known:
+        return peak.objective
     squares = max(peak.squares, len(problem.y) * (FLOOR * problem.scale) ** 2)
     return float(len(problem.y) * np.log(squares) + peak.objective - peak.squares / sigma**2)
 
@@ -99,7 +101,7 @@ def badness(problem: Problem, peak: Peak, sigma: float) -> float:
 def node_evidence(
     problem: Problem,
     belief: Belief,
-    noise: NoiseTable,
+    noise: LogMarginal,
     fit: Fitted,
     sizes: FloatArray,
     columns: Columns | None = None,
@@ -109,7 +111,7 @@ def node_evidence(
     return scan(parts, problem.y[None], fit.sigma, noise, sizes)[0]
 
 
-def settled(problem: Problem, belief: Belief, noise: NoiseTable, fit: Fitted) -> Fitted:
+def settled(problem: Problem, belief: Belief, noise: LogMarginal, fit: Fitted) -> Fitted:
     """Climb on with the noise that the fit suggests, and a finer grid where the evidence is."""
     model, plan, peak, sigma = fit
     if not np.isfinite(peak.objective):
@@ -142,6 +144,6 @@ def settled(problem: Problem, belief: Belief, noise: NoiseTable, fit: Fitted) ->
 
 def sigma_of(problem: Problem, peak: Peak, sigma: float) -> float:
     """Return the noise that a fit suggests; the one it was made with where it failed."""
-    if not np.isfinite(peak.objective):
+    if problem.noise_is_known or not np.isfinite(peak.objective):
         return sigma
     return max(float(np.sqrt(peak.squares / len(problem.y))), FLOOR * problem.scale)

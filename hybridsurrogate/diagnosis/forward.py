@@ -15,6 +15,7 @@ from hybridsurrogate.diagnosis.evidence import (
     remainders,
     search,
 )
+from hybridsurrogate.diagnosis.exact_scores import scored
 from hybridsurrogate.diagnosis.interruption import InterruptedSearch
 from hybridsurrogate.diagnosis.null import NullTest, evidence_bound, null_test
 from hybridsurrogate.diagnosis.together import placed_together
@@ -96,7 +97,7 @@ def forward_search(
     found: Search | None = None
     thorough = n_replicates is not None
     try:
-        found = search(problem, causes, belief, thorough, nearby=nearby)
+        found = scored(search(problem, causes, belief, thorough, nearby=nearby))
         while True:
             test = None
             if n_replicates is not None:
@@ -185,7 +186,7 @@ def _look_ahead(
     if other in searches and _companion(searches[other]).cause is found.weighed[best].cause:
         best = max(best, other, key=lambda k: found.probability[k])
     chosen = searches[best]
-    return found.weighed[best], remainders(chosen) if thorough else chosen
+    return found.weighed[best], scored(remainders(chosen) if thorough else chosen)
 
 
 def _companions(beside: Search) -> float:

@@ -19,7 +19,7 @@ from hybridsurrogate.estimators.problem import Problem
 from hybridsurrogate.inference.belief import Belief
 from hybridsurrogate.inference.layout import at_cells, layout
 from hybridsurrogate.inference.measured import MeasuredModel
-from hybridsurrogate.inference.noise import NoiseTable
+from hybridsurrogate.inference.noise import LogMarginal
 from hybridsurrogate.priors import FloatArray, to_normal
 
 # cells to either side of the best node that belong to the same peak
@@ -27,7 +27,7 @@ _NEIGHBOURS = 6
 
 
 def nothing_further(
-    problem: Problem, accepted: Fitted, belief: Belief, noise: NoiseTable
+    problem: Problem, accepted: Fitted, belief: Belief, noise: LogMarginal
 ) -> Fitted:
     """Fit "nothing else is wrong" from where the accepted cause was found."""
     model = problem.model.with_effects((*problem.model.effects, Nothing()))
@@ -38,7 +38,7 @@ def nothing_further(
     return Fitted(model, plan, peak, sigma_of(problem, peak, accepted.sigma))
 
 
-def held(problem: Problem, accepted: Fitted, belief: Belief, noise: NoiseTable) -> list[FloatArray]:
+def held(problem: Problem, accepted: Fitted, belief: Belief, noise: LogMarginal) -> list[FloatArray]:
     """Return where an accepted cause can be held: at the mean of its place, or at the best node.
 
     The mean is the better place, but only on the hill on which the best node is.
@@ -62,7 +62,7 @@ def placed_anew(
     sigma: float,
     edges: FloatArray,
     belief: Belief,
-    noise: NoiseTable,
+    noise: LogMarginal,
 ) -> Fitted:
     """Fit a model from starts near its peak, its last cause's grid as fine as it already was."""
     plan = at_cells(model, layout(model), edges)
@@ -70,7 +70,7 @@ def placed_anew(
     return settled(problem, belief, noise, Fitted(model, plan, peak, sigma))
 
 
-def _mean_node(problem: Problem, accepted: Fitted, belief: Belief, noise: NoiseTable) -> FloatArray:
+def _mean_node(problem: Problem, accepted: Fitted, belief: Belief, noise: LogMarginal) -> FloatArray:
     """Return the mean of the enumerated coordinates, (len(nodes),), around the best node.
 
     A node is only as near as its cell is small, and what it misses would look like another cause.

@@ -84,7 +84,7 @@ def next_measurement(found: Search, ranges: Mapping[str, tuple[float, float]]) -
             good = np.flatnonzero(bits >= _AS_GOOD * bits.max())
             best = good[np.argmin(np.abs(grid[good, k] - point[k]))]
             point, information = grid[best], float(bits[best])
-    place = {name: float(value) for name, value in zip(columns, point, strict=True)}
+    place = {name: float(value) for name, value in zip(columns, point, strict=False)}
     weight = np.bincount([c.rival for c in components], [c.weight for c in components])
     return NextMeasurement(place, information, float(special.entr(weight).sum() / np.log(2)))
 

@@ -107,5 +107,8 @@ def _replicates(
     factor = np.linalg.cholesky(np.linalg.inv(precision))
     g = mean + random_state.standard_normal((n, d)) @ factor.T
     emulator = random_state.standard_normal((n, U.shape[1])) @ U.T
+    if problem.working_point is not None:
+        eta = unequal * (unit.mean[0] + g @ G.T + emulator)
+        return problem.working_point.replicates(eta, random_state)
     noise = sigma[:, None] * random_state.standard_normal((n, rows))
     return unequal * (unit.mean[0] + g @ G.T + emulator + noise)

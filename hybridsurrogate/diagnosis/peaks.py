@@ -23,7 +23,7 @@ from hybridsurrogate.inference.belief import Belief
 from hybridsurrogate.inference.layout import Layout, at_cells, layout, refine
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.multistart import best_from_afar, best_of_many, is_followed
-from hybridsurrogate.inference.noise import NoiseTable
+from hybridsurrogate.inference.noise import LogMarginal
 from hybridsurrogate.inference.scan import Peak, climb
 from hybridsurrogate.priors import FloatArray
 
@@ -54,7 +54,7 @@ def best_peaks(
     problem: Problem,
     causes: Sequence[Cause],
     belief: Belief,
-    noise: NoiseTable,
+    noise: LogMarginal,
     null: Fitted,
     log_prior: FloatArray,
     nearby: Sequence[Fitted] | None = None,
@@ -104,7 +104,7 @@ def best_peaks(
 def _followed(
     problem: Problem,
     belief: Belief,
-    noise: NoiseTable,
+    noise: LogMarginal,
     model: MeasuredModel,
     plan: Layout,
     null: Fitted,
@@ -137,7 +137,8 @@ def _once(
     start, anew = starts[0], starts[len(starts) // 2]
     if _is_noise_process(model):
         # left free it would take all the noise there is: it has the size of the noise
-        peak = climb(model, problem.X, problem.y, belief, plan, start, sigma, sigma)
+        size = sigma * problem.unit_noise
+        peak = climb(model, problem.X, problem.y, belief, plan, start, sigma, size)
         return Fitted(model, plan, peak, sigma)
     driven_away = np.linalg.norm(null.peak.z[: model.n_parameters]) > _DRIVEN_AWAY
     starts = [start, anew] if driven_away else [start]
@@ -158,7 +159,7 @@ def _once(
 def _far_behind(
     problem: Problem,
     belief: Belief,
-    noise: NoiseTable,
+    noise: LogMarginal,
     fits: Sequence[Fitted],
     log_prior: FloatArray,
     margins: Margins,
@@ -189,7 +190,7 @@ def _far_behind(
 def _between_nodes(
     problem: Problem,
     belief: Belief,
-    noise: NoiseTable,
+    noise: LogMarginal,
     fit: Fitted,
     nodes: FloatArray,
     sizes: FloatArray,

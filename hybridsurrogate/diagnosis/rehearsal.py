@@ -16,6 +16,7 @@ from hybridsurrogate.diagnosis.extension import extend_simulator
 from hybridsurrogate.diagnosis.forward import Step, forward_search
 from hybridsurrogate.diagnosis.gain import in_one_word
 from hybridsurrogate.diagnosis.preparation import prepare, with_basis
+from hybridsurrogate.diagnosis.working_rows import on_working_rows
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.carried import fitted_near
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
@@ -71,6 +72,7 @@ class Rehearsal:
         before = quickly_fitted(plain, X, y, self.fitted.before)
         prepared = prepare(before, self.own, self.excluded, self.max_causes)
         problem = with_basis(prepared.problem, self.found.problem.model.basis)
+        problem = on_working_rows(problem, before.posterior_)
         steps = forward_search(
             problem,
             prepared.causes,

@@ -11,7 +11,6 @@ from sklearn.utils import check_scalar
 
 from hybridsurrogate.effects.catalogue import KINDS
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
-from hybridsurrogate.likelihoods import TransformedNormal, as_likelihood
 
 if TYPE_CHECKING:
     from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
@@ -87,12 +86,4 @@ def _check_estimator(estimator: PowerScaledSurrogate | None) -> None:
         raise ValueError(
             "The estimator has effects already. Diagnose the estimator without them: a cause "
             "found now is named beside the catalogue, not beside another cause."
-        )
-    likelihood = as_likelihood(estimator.likelihood)
-    if not isinstance(likelihood, TransformedNormal):
-        raise ValueError(
-            "The diagnosis weighs causes in closed form, which needs a normal or log-normal "
-            f"likelihood, not a {likelihood.name} one. For heavy tails use likelihood='normal': "
-            "outliers are among the causes; for counts 'lognormal' on y + 1, measured and "
-            "simulated."
         )

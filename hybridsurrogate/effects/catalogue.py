@@ -204,6 +204,10 @@ def _reason_to_skip(form: str, cause: Cause, context: Context) -> str | None:
         return f"{n} rows are too few"
     if form == "offset" and context.log_scale:
         return "on a logarithmic scale a constant is a factor, weighed as gain"
+    if cause.has_outliers and not context.gaussian:
+        return "the likelihood is not normal, and outliers are part of it or impossible"
+    if cause.touches_noise and not context.scales_noise:
+        return "the likelihood has no scale of the noise that could change"
     if cause.modification is not None and context.states:
         distinct = len(np.unique(context.X[context.inputs[0]]))
         if distinct < _MIN_TIMES:

@@ -50,6 +50,8 @@ class Context:
         Those parameters and assumed constants that its right-hand side takes.
     starts : tuple of str
         Those parameters that set the initial state of a simulation in time and nothing else.
+    gaussian, scales_noise : bool
+        Whether the likelihood is normal on the scale of eta, and whether it has a scale of noise.
 
     Examples
     --------
@@ -72,6 +74,8 @@ class Context:
     remembers: bool = False
     rates: tuple[str, ...] = ()
     starts: tuple[str, ...] = ()
+    gaussian: bool = True
+    scales_noise: bool = True
 
     @property
     def sd_of_shift(self) -> float | None:

@@ -52,6 +52,8 @@ def make_context(
         remembers=simulator.remembers if simulator else False,
         rates=simulator.rates if simulator else (),
         starts=starts,
+        gaussian=likelihood.gaussian,
+        scales_noise=likelihood.scales_noise,
     )
 
 

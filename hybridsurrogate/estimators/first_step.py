@@ -33,6 +33,8 @@ _LARGE_BATCH = 12_000
 _ENOUGH_EFFECTIVE = 0.1
 # from this share of the best one's mass on, a further mode makes the posterior multimodal
 _MODE_SHARE = 0.02
+# starts from which an evidence's modes are sought
+_FOLLOWED = 4
 # a mode with less than this share gets no proposals of its own
 _PROPOSAL_SHARE = 1e-5
 
@@ -58,19 +60,56 @@ def first_step(
     random_state: np.random.RandomState,
 ) -> FirstStep:
     """Draw all unknowns of step 1."""
-    modes = _modes(target, random_state)
-    best = modes[0].log_mass
-    minor = [mode for mode in modes if mode.log_mass > best + np.log(_PROPOSAL_SHARE)]
-    lines = with_lines(target, minor)
-    best = max(line.mode.log_mass for line in lines)
-    minor = [proposal for line in lines for proposal in line.proposals]
-    modes = [line.mode for line in lines if line.mode.log_mass > best + np.log(_MODE_SHARE)]
+    modes, minor = _approximations(target, _modes(target, random_state))
     if isinstance(target, CollapsedPosterior):
         u, diagnostics, proposals = _collapsed_draws(
             target, modes, minor, sampler, n_draws, random_state
         )
         return FirstStep(u, *target.draw_coefficients(u, random_state), diagnostics, proposals)
     return _full_draws(target, modes, minor, sampler, n_draws, random_state)
+
+
+def _approximations(
+    target: CollapsedPosterior | LaplacePosterior, found: list[Gaussian]
+) -> tuple[list[Gaussian], list[Gaussian]]:
+    """Return the modes that matter, and what is proposed around them and lesser ones."""
+    best = found[0].log_mass
+    minor = [mode for mode in found if mode.log_mass > best + np.log(_PROPOSAL_SHARE)]
+    lines = with_lines(target, minor)
+    best = max(line.mode.log_mass for line in lines)
+    proposals = [proposal for line in lines for proposal in line.proposals]
+    return [line.mode for line in lines if line.mode.log_mass > best + np.log(_MODE_SHARE)], (
+        proposals
+    )
+
+
+def evidence_around(
+    target: CollapsedPosterior | LaplacePosterior,
+    starts: FloatArray,
+    random_state: np.random.RandomState,
+) -> float:
+    """Return the log evidence of a density whose modes are near starts u (k, d), by importance.
+
+    NaN where no start is possible, or the weights of the draws are not to be trusted at all.
+    """
+    value = target.search_density(starts)
+    if not np.isfinite(value).any():
+        return np.nan
+    steps = target.step_share, target.model.least_step
+    starts = starts[np.argsort(-value)[:_FOLLOWED]]
+    modes, minor = _approximations(target, find_modes(target.search_density, starts, *steps))
+    sampled = importance_draws(
+        target.extended_log_density,
+        minor,
+        _MIN_PROPOSALS,
+        1,
+        random_state,
+        n_noise=target.n_noise,
+        modes=modes,
+    )
+    # densities leave out the constants of standard normal z and v
+    n_normal = target.n_dimensions - 1 + target.n_noise
+    return sampled.log_evidence - 0.5 * n_normal * float(np.log(2 * np.pi))
 
 
 def _modes(

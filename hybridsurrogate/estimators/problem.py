@@ -15,7 +15,8 @@ from hybridsurrogate.inference.linear_rows import Runs
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.roughness import least_step
 from hybridsurrogate.inference.statistics import Statistics, statistics
-from hybridsurrogate.likelihoods import Likelihood, TransformedNormal
+from hybridsurrogate.inference.working_point import WorkingPoint
+from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
@@ -46,6 +47,9 @@ class Problem:
         Size of an effect that may be needed to get from the simulation to what was measured.
     good : ndarray of shape (k, n_parameters)
         Parameters, as standard normal z, that are known to fit well.
+    working_point : WorkingPoint or None
+        In a search over a likelihood that is not normal: where its rows are expanded. ``y`` is then
+        their working response, and the last column of ``X`` their noise.
     """
 
     model: MeasuredModel
@@ -60,13 +64,26 @@ class Problem:
     scale: float
     reach: float = 0.0
     good: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    working_point: WorkingPoint | None = None
+
+    @property
+    def noise_is_known(self) -> bool:
+        """Whether rows have the noise that they carry, and no scale of it is inferred."""
+        return self.working_point is not None and not self.likelihood.scales_noise
+
+    @property
+    def unit_noise(self) -> float:
+        """Typical noise of a row where sigma is one."""
+        if not self.model.has_row_noise:
+            return 1.0
+        return float(np.exp(np.mean(np.log(self.X[:, -1]))))
 
     @property
     def collapses(self) -> bool:
         """Whether the coefficients are Gaussian given everything else."""
         linear = not self.model.basis.known_depends_on_hyper
         linear &= not any(effect.has_outliers for effect in self.model.effects)
-        return linear and isinstance(self.likelihood, TransformedNormal)
+        return linear and self.likelihood.gaussian
 
     def given(self, hyper: FloatArray) -> Problem:
         """Return the problem with the surrogate's hyperparameters fixed at values (n_hyper,)."""
@@ -194,7 +211,7 @@ def make_problem(
 
 
 def _check_outliers(likelihood: Likelihood) -> None:
-    if not isinstance(likelihood, TransformedNormal):
+    if not likelihood.gaussian:
         raise ValueError(
             "Outliers are a share of rows beside a normal or log-normal likelihood, not beside a "
             f"{likelihood.name} one."

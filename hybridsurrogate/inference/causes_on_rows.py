@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, reduce
 
 import numpy as np
@@ -12,6 +12,10 @@ from hybridsurrogate.blocks import in_blocks
 from hybridsurrogate.effects.base import SIMULATED, Cause, Rows
 from hybridsurrogate.likelihoods import Contaminated, Likelihood, TransformedNormal
 from hybridsurrogate.priors import FloatArray, Prior
+
+
+# the name under which rows carry their own noise factor
+_ROW_NOISE = "noise of the row"
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,8 @@ class CausesOnRows:
         Prepared causes.
     default_sd : float
         Prior sd of column coefficients for causes that name none.
+    has_row_noise : bool
+        Whether rows X carry, in a last column that has no name, a factor on their noise.
     """
 
     columns: tuple[str, ...]
@@ -38,6 +44,7 @@ class CausesOnRows:
     constants: dict[str, float]
     effects: tuple[Cause, ...]
     default_sd: float
+    has_row_noise: bool = field(default=False, kw_only=True)
 
     @cached_property
     def theta_names(self) -> tuple[tuple[int, str], ...]:
@@ -73,13 +80,14 @@ class CausesOnRows:
 
     @property
     def touches_noise(self) -> bool:
-        """Whether a cause changes the noise of single rows."""
-        return any(effect.touches_noise for effect in self.effects)
+        """Whether single rows have a noise of their own."""
+        return self.has_row_noise or any(effect.touches_noise for effect in self.effects)
 
     def rows(self, X: FloatArray, values: FloatArray) -> tuple[Rows, Rows, list[Rows]]:
         """Return columns, omega and each cause's theta, every row of every draw after another."""
         J, n = len(values), len(X)
-        rows: Rows = dict(zip(self.columns, np.tile(X.T, J), strict=False))
+        names = (*self.columns, _ROW_NOISE) if self.has_row_noise else self.columns
+        rows: Rows = dict(zip(names, np.tile(X.T, J), strict=False))
         repeated = np.repeat(values.T, n, axis=1).T  # columns in one piece
         omega: Rows = {
             **{name: repeated[:, k] for k, name in enumerate(self.parameters)},
@@ -161,6 +169,8 @@ class CausesOnRows:
 
     def _noise(self, rows: Rows, theta: Sequence[Rows], J: int, n: int) -> FloatArray:
         noise: FloatArray = np.ones((J, 1))
+        if self.has_row_noise:
+            noise = np.array(rows[_ROW_NOISE]).reshape(J, n)
         for effect, own in zip(self.effects, theta, strict=True):
             factor = np.asarray(effect.noise(rows, own))
             if factor.ndim or factor != 1.0:

@@ -204,7 +204,7 @@ def _noise_at_nodes(
     if not model.touches_noise:
         return None
     values = _values_at_nodes(model, plan, z)
-    values = values if model.effects[-1].touches_noise else values[:1]
+    values = values if model.effects and model.effects[-1].touches_noise else values[:1]
     noise = model.noise(X, values, np.nan_to_num(simulated))
     return None if noise.shape[1] == 1 else noise
 

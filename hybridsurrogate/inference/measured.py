@@ -221,7 +221,9 @@ class MeasuredModel(CausesOnRows):
     @property
     def _only_added(self) -> bool:
         """Whether causes leave simulation and noise as they are."""
-        return not any(e.touches_simulation or e.touches_noise for e in self.effects)
+        return not self.has_row_noise and not any(
+            e.touches_simulation or e.touches_noise for e in self.effects
+        )
 
     def factors(self, X: FloatArray, values: FloatArray) -> Factors | None:
         """Return the surrogate's `Factors` of rows X and draws of `values`."""

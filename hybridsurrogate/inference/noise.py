@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from hybridsurrogate.blocks import blocks
@@ -9,6 +11,9 @@ from hybridsurrogate.inference.statistics import ROUNDING
 from hybridsurrogate.priors import FloatArray, Prior
 
 _N_TABLE = 1500
+
+# log integral over sigma of prior times likelihood, for residual sums of squares
+LogMarginal = Callable[[FloatArray], FloatArray]
 
 
 def noise_grid(noise_prior: Prior, scale: float, n: float) -> tuple[FloatArray, FloatArray]:
@@ -89,3 +94,20 @@ class NoiseTable:
         position = np.maximum((np.log(squares) - self._low) / step, 0.0)
         index = np.fmin(position, _N_TABLE - 2.0).astype(np.intp)
         return self._values[index] + self._slopes[index] * (position - index)
+
+
+class KnownNoise:
+    """As `NoiseTable` where every row has the noise that it carries: sigma is one.
+
+    Parameters
+    ----------
+    n : int
+        Number of rows.
+    """
+
+    def __init__(self, n: int):
+        self._constant = -0.5 * n * float(np.log(2 * np.pi))
+
+    def __call__(self, squares: FloatArray) -> FloatArray:
+        """Return the log density of rows with these sums of squares."""
+        return self._constant - 0.5 * squares

@@ -1,6 +1,7 @@
 """Likelihoods: one file a family."""
 
 from hybridsurrogate.likelihoods.base import Likelihood
+from hybridsurrogate.likelihoods.binomial import Binomial
 from hybridsurrogate.likelihoods.contaminated import Contaminated
 from hybridsurrogate.likelihoods.counts import NegativeBinomial, Poisson
 from hybridsurrogate.likelihoods.custom import CustomLikelihood
@@ -8,6 +9,7 @@ from hybridsurrogate.likelihoods.normal import LogNormal, Normal, TransformedNor
 from hybridsurrogate.likelihoods.student_t import StudentT
 
 __all__ = [
+    "Binomial",
     "Contaminated",
     "CustomLikelihood",
     "Likelihood",
@@ -26,6 +28,7 @@ LIKELIHOODS: dict[str, Likelihood] = {
     "student-t": StudentT(),
     "negative-binomial": NegativeBinomial(),
     "poisson": Poisson(),
+    "binomial": Binomial(),
 }
 
 
@@ -35,7 +38,8 @@ def as_likelihood(likelihood: str | Likelihood) -> Likelihood:
     Parameters
     ----------
     likelihood : str or Likelihood
-        "normal", "lognormal", "student-t", "negative-binomial", "poisson", or an object.
+        "normal", "lognormal", "student-t", "negative-binomial", "poisson", "binomial" (one
+        trial a row), or an object.
 
     Returns
     -------

@@ -8,6 +8,9 @@ import numpy as np
 
 from hybridsurrogate.priors import FloatArray, Prior
 
+# samples of a row from which its Fisher information is averaged where no formula is given
+_SAMPLES = 400
+
 
 class Likelihood(ABC):
     """How a measured value scatters around what the surrogate says.
@@ -29,6 +32,9 @@ class Likelihood(ABC):
         than what rounding leaves.
     rough : bool
         Whether the density may have kinks in eta, so that derivatives at a point mislead.
+    gaussian : bool
+        Whether ``working(y)`` is normal around eta with standard deviation sigma, so that whatever
+        is linear in eta can be integrated out in closed form.
 
     Examples
     --------
@@ -42,6 +48,7 @@ class Likelihood(ABC):
     has_scale = True
     scales_noise = False
     rough = False
+    gaussian = False
 
     @abstractmethod
     def check(self, y: FloatArray, source: str = "measured") -> None:
@@ -87,6 +94,31 @@ class Likelihood(ABC):
     @abstractmethod
     def noise_prior(self, scale: float) -> Prior:
         """Return the default prior of sigma for outputs with this spread on the scale of eta."""
+
+    def information(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the Fisher information of each row about its eta, in the shape of eta.
+
+        By default the mean square of the score over samples of y.
+        """
+        random_state = np.random.RandomState(0)
+        total = np.zeros(np.shape(eta))
+        for _ in range(_SAMPLES):
+            score, _ = self.derivatives(self.sample(eta, sigma, random_state), eta, sigma)
+            total += np.nan_to_num(np.square(score), posinf=0.0)
+        return np.maximum(total / _SAMPLES, np.finfo(float).tiny)
+
+    def working_rows(
+        self, y: FloatArray, eta: FloatArray, sigma: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return rows z that are normal around eta to first order, and their noise.
+
+        Fisher scoring (McCullagh and Nelder 1989, Generalized Linear Models, section 2.5):
+        ``z = eta + score / information`` with variance ``1 / information``, for which only the
+        score depends on y.
+        """
+        information = self.information(eta, sigma)
+        score, _ = self.derivatives(y, eta, sigma)
+        return eta + score / information, information**-0.5
 
     def take(self, index: FloatArray) -> Likelihood:
         """Return the likelihood of some of the draws, where it has something of each."""

@@ -81,6 +81,10 @@ class Poisson(_Counts):
         """Return the prior of a number that nothing depends on."""
         return stats.lognorm(1.0)
 
+    def information(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the mean."""
+        return self.inverse(eta) + 1e-12
+
     def derivatives(
         self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
@@ -134,6 +138,11 @@ class NegativeBinomial(_Counts):
     def noise_prior(self, scale: float) -> Prior:
         """Return a half-normal prior with scale one: a relative scatter of up to 200 %."""
         return stats.halfnorm(scale=1.0)
+
+    def information(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return mu / (1 + sigma^2 mu)."""
+        mean = self.inverse(eta)
+        return mean / (1 + np.square(sigma) * mean) + 1e-12
 
     def derivatives(
         self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None

@@ -31,6 +31,11 @@ class TransformedNormal(Likelihood):
     """
 
     scales_noise = True
+    gaussian = True
+
+    def information(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return 1 / sigma^2."""
+        return np.broadcast_to(np.asarray(sigma) ** -2.0, np.shape(eta))
 
     @abstractmethod
     def log_jacobian(self, y: FloatArray) -> FloatArray:

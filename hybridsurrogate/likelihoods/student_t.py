@@ -78,6 +78,11 @@ class StudentT(HeavyTailed):
         """Return a half-normal prior with the spread of the output as scale."""
         return stats.halfnorm(scale=scale)
 
+    def information(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return (df + 1) / (df + 3) / sigma^2 (Lange, Little and Taylor 1989, JASA 84:881)."""
+        share = (self.df + 1) / (self.df + 3)
+        return np.broadcast_to(share * np.asarray(sigma) ** -2.0, np.shape(eta))
+
     def precision(self, residual: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the expected precision of each row in the scale mixture of normals."""
         return (self.df + 1) / (self.df + np.square(residual / sigma)) / np.square(sigma)

@@ -1,0 +1,44 @@
+"""Measured rows of any likelihood as rows that are normal to first order.
+
+Screening needs normal rows. Around the fit without a cause, rows of any likelihood are replaced by
+those of one step of Fisher scoring: a working response and a noise of each row, of which the latter
+does not depend on what was measured. Measured and replicated data meet the same approximation, so
+that a p-value is right whatever it neglects; what leads is scored by the likelihood itself
+(`diagnosis/exact_scores.py`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hybridsurrogate.estimators.problem import Problem
+from hybridsurrogate.inference.working_point import WorkingPoint
+from hybridsurrogate.posterior import Posterior
+
+
+def on_working_rows(problem: Problem, posterior: Posterior) -> Problem:
+    """Return the problem as a search sees it: the same where rows are normal and alike.
+
+    Parameters
+    ----------
+    problem : Problem
+        Without effects.
+    posterior : Posterior
+        Of the estimator without effects.
+    """
+    likelihood, weights = problem.likelihood, problem.weights
+    if likelihood.gaussian:
+        return problem
+    eta = posterior.eta(problem.X)[0]
+    eta = np.mean(eta[np.isfinite(eta).all(axis=1)], axis=0)
+    point = WorkingPoint(likelihood, eta, float(np.median(posterior.sigma)), posterior.sigma)
+    noise = point.noise() / np.sqrt(weights)
+    return replace(
+        problem,
+        model=replace(problem.model, has_row_noise=True),
+        X=np.column_stack([problem.X, noise]),
+        y=point.response(problem.observed),
+        working_point=point,
+    )
