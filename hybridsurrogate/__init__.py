@@ -49,6 +49,7 @@ from hybridsurrogate.exceptions import (
 )
 from hybridsurrogate.inference.ensemble import EnsembleSampler
 from hybridsurrogate.likelihoods import (
+    Binomial,
     CustomLikelihood,
     LogNormal,
     NegativeBinomial,
@@ -76,6 +77,7 @@ __all__ = [
     "Assumed",
     "Autocorrelation",
     "AveragedSurrogate",
+    "Binomial",
     "Bump",
     "Cause",
     "CauseFinding",

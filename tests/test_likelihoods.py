@@ -126,7 +126,7 @@ def test_names():
     own = LogNormal()
     assert as_likelihood(own) is own
     for wrong in ("gamma", None, ["normal"]):
-        with pytest.raises(ValueError, match=r"one of \['lognormal', 'negative"):
+        with pytest.raises(ValueError, match=r"one of \['binomial', 'lognormal', 'neg"):
             as_likelihood(wrong)
 
 

@@ -115,7 +115,7 @@ class _Rows(NamedTuple):
 def _rows(found: Search, w: Weighed, X: FloatArray, node: int | None = None) -> tuple[_Rows, _Rows]:
     """Return the measured rows and rows X; what an emulator leaves open they have in common."""
     n = len(found.problem.X)
-    both = np.vstack([found.problem.X, X])
+    both = np.vstack([found.problem.X, found.problem.with_noise(X)])
     parts = _at_node(found, w, both, w.peak.node if node is None else node)
     H = parts.H[0] * parts.H_rms[0]
     design = np.hstack([parts.G[0], parts.U, H])

@@ -7,18 +7,24 @@ have the prior of the search. Of the rest the screening's evidence stands, relat
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from hybridsurrogate.diagnosis.evidence import Search, Weighed, prior_odds, probabilities
+from hybridsurrogate.diagnosis.discrepancy import predict_locally
+from hybridsurrogate.diagnosis.evidence import Search, Weighed, prior_odds, probabilities, search
+from hybridsurrogate.diagnosis.working_rows import expanded
+from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.sized import Sized
 from hybridsurrogate.estimators.first_step import evidence_around
 from hybridsurrogate.estimators.fitting import make_target
 from hybridsurrogate.estimators.problem import Problem
+from hybridsurrogate.inference.belief import Belief
 from hybridsurrogate.inference.linearised import linearise
 from hybridsurrogate.inference.measured import MeasuredModel
 from hybridsurrogate.inference.scan import scan
+from hybridsurrogate.inference.working_point import WorkingPoint
 from hybridsurrogate.priors import FloatArray, to_normal
 
 # nats behind the best, prior odds included, that the screening may be off by, and causes at most
@@ -27,14 +33,34 @@ _WITHIN_REACH, _MOST = 8.0, 12
 _PLACES, _SHARES = 4, (-0.5, 0.5, 1.3)
 
 
+def screened_at_best(found: Search, causes: Sequence[Cause], belief: Belief) -> Search:
+    """Return the search repeated with rows expanded at what leads, where something is wrong.
+
+    Where rows are normal there is nothing to expand.
+
+    Parameters
+    ----------
+    found : Search
+        With the rows expanded where nothing is wrong.
+    causes : sequence of Cause
+        Those of the search.
+    belief : Belief
+    """
+    best = found.weighed[int(np.argmax(found.probability))]
+    if found.problem.working_point is None or best.cause is None:
+        return found
+    again = expanded(found.problem, _point_at(found, best))
+    return search(again, causes, belief, bool(np.any(found.remainder)))
+
+
 def scored(found: Search) -> Search:
     """Return the search with its leading causes scored by the likelihood of the measured rows.
 
     The search stays as it is where rows are normal (the closed form agrees there with importance
-    sampling to 0.1 nats) and where an emulator stands for the simulation.
+    sampling to 0.1 nats); where an emulator stands for the simulation, the screening's evidence
+    stands.
     """
-    problem = found.problem
-    if problem.working_point is None or not problem.model.basis.is_simulation:
+    if found.problem.working_point is None or not found.problem.model.basis.is_simulation:
         return found
     screened = np.array([w.log_evidence for w in found.weighed])
     weight = screened + np.log(prior_odds([w.cause for w in found.weighed]))
@@ -44,15 +70,25 @@ def scored(found: Search) -> Search:
     exact = {k: value for k, value in exact.items() if np.isfinite(value)}
     if 0 not in exact:
         return found
+    nearest = max(exact, key=lambda k: weight[k])
     weighed = []
     for k, w in enumerate(found.weighed):
-        moved = exact.get(k, screened[k] + exact[0] - screened[0]) - screened[k]
+        moved = exact.get(k, screened[k] + exact[nearest] - screened[nearest]) - screened[k]
         beside = w.log_evidence_with_remainder + moved
         weighed.append(
             w._replace(log_evidence=w.log_evidence + moved, log_evidence_with_remainder=beside)
         )
     probability, remainder = probabilities(weighed)
     return replace(found, weighed=weighed, probability=probability, remainder=remainder)
+
+
+def _point_at(found: Search, w: Weighed) -> WorkingPoint:
+    """Return the working point at the fit of one cause."""
+    point = found.problem.working_point
+    assert point is not None
+    eta, _ = predict_locally(found, w, found.problem.X)
+    sigma = w.sigma if found.problem.likelihood.scales_noise else point.sigma
+    return replace(point, eta=eta, sigma=sigma)
 
 
 def _log_evidence(found: Search, w: Weighed) -> float:

@@ -15,7 +15,7 @@ from hybridsurrogate.diagnosis.evidence import (
     remainders,
     search,
 )
-from hybridsurrogate.diagnosis.exact_scores import scored
+from hybridsurrogate.diagnosis.exact_scores import scored, screened_at_best
 from hybridsurrogate.diagnosis.interruption import InterruptedSearch
 from hybridsurrogate.diagnosis.null import NullTest, evidence_bound, null_test
 from hybridsurrogate.diagnosis.together import placed_together
@@ -97,12 +97,15 @@ def forward_search(
     found: Search | None = None
     thorough = n_replicates is not None
     try:
-        found = scored(search(problem, causes, belief, thorough, nearby=nearby))
+        found = search(problem, causes, belief, thorough, nearby=nearby)
         while True:
             test = None
             if n_replicates is not None:
                 test = null_test(found, n_replicates, random_state)
-                if not steps:  # beside accepted causes, the evidence holds their places fixed
+            if not steps:
+                found = scored(screened_at_best(found, causes, belief))
+                problem = found.problem
+                if test is not None:  # beside accepted causes, the evidence holds their places fixed
                     test = test._replace(bound=evidence_bound(found))
             # the p-value guards against noise, the probability against a cause that is no better
             by_chance = test is not None and test.p_value > false_alarm_rate

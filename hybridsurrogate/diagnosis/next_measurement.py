@@ -172,7 +172,7 @@ def _information(found: Search, components: list[_Component], grid: FloatArray) 
 
 
 def _between_measured(found: Search, grid: FloatArray) -> NDArray[np.bool_]:
-    X = found.problem.X
+    X, grid = found.problem.X, found.problem.with_noise(grid)
     return np.all((grid >= X.min(axis=0)) & (grid <= X.max(axis=0)), axis=1)
 
 

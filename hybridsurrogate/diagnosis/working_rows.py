@@ -28,17 +28,19 @@ def on_working_rows(problem: Problem, posterior: Posterior) -> Problem:
     posterior : Posterior
         Of the estimator without effects.
     """
-    likelihood, weights = problem.likelihood, problem.weights
-    if likelihood.gaussian:
+    if problem.likelihood.gaussian:
         return problem
     eta = posterior.eta(problem.X)[0]
     eta = np.mean(eta[np.isfinite(eta).all(axis=1)], axis=0)
-    point = WorkingPoint(likelihood, eta, float(np.median(posterior.sigma)), posterior.sigma)
-    noise = point.noise() / np.sqrt(weights)
-    return replace(
-        problem,
-        model=replace(problem.model, has_row_noise=True),
-        X=np.column_stack([problem.X, noise]),
-        y=point.response(problem.observed),
-        working_point=point,
-    )
+    sigma = float(np.median(posterior.sigma))
+    point = WorkingPoint(problem.likelihood, eta, sigma, posterior.sigma)
+    model = replace(problem.model, has_row_noise=True)
+    X = np.column_stack([problem.X, np.ones(len(eta))])
+    return expanded(replace(problem, model=model, X=X), point)
+
+
+def expanded(problem: Problem, point: WorkingPoint) -> Problem:
+    """Return a problem whose rows carry their noise, expanded at a point."""
+    X = problem.X.copy()
+    X[:, -1] = point.noise() / np.sqrt(problem.weights)
+    return replace(problem, X=X, y=point.response(problem.observed), working_point=point)

@@ -85,6 +85,15 @@ class Problem:
         linear &= not any(effect.has_outliers for effect in self.model.effects)
         return linear and self.likelihood.gaussian
 
+    def with_noise(self, X: FloatArray) -> FloatArray:
+        """Return rows of the user's with the typical noise of the measured ones, if rows carry it.
+
+        Rows that carry it already stay as they are.
+        """
+        if X.shape[1] == self.X.shape[1]:
+            return X
+        return np.column_stack([X, np.full(len(X), self.unit_noise)])
+
     def given(self, hyper: FloatArray) -> Problem:
         """Return the problem with the surrogate's hyperparameters fixed at values (n_hyper,)."""
         if not self.model.n_hyper:

@@ -252,5 +252,5 @@ def _draw_model(
 
 
 def _log_axis(ax: Axes, view: View, y: np.ndarray) -> None:
-    if view.log_scale and np.log10(y.max() / y.min()) > _DECADES_FOR_LOG_AXIS:
+    if view.log_scale and y.min() > 0 and np.log10(y.max() / y.min()) > _DECADES_FOR_LOG_AXIS:
         ax.set_yscale("log")

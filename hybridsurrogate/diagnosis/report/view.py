@@ -218,10 +218,18 @@ class View:
         return found.problem.likelihood.inverse(predict_locally(found, rival, X)[0])
 
     def standardised(self, model: Any) -> FloatArray:
-        """Return residuals at the measured rows that are standard normal if the model is right."""
+        """Return residuals at the measured rows that are standard normal if the model is right.
+
+        Where y is not normal, from the share of simulated measurements below it, half of those that
+        are equal among them (Dunn and Smyth 1996, J. Comput. Graph. Stat. 5:236).
+        """
         eta, noise = model.posterior_.eta(self.X)
-        working = model.posterior_.likelihood.working(self.y)
-        below = np.mean(special.ndtr((working - eta) / noise), axis=0)
+        likelihood = model.posterior_.likelihood
+        if likelihood.gaussian:
+            below = np.mean(special.ndtr((likelihood.working(self.y) - eta) / noise), axis=0)
+        else:
+            drawn = likelihood.sample(eta, noise, np.random.RandomState(0))
+            below = np.mean(drawn < self.y, axis=0) + 0.5 * np.mean(drawn == self.y, axis=0)
         return special.ndtri(np.clip(below, 1e-9, 1 - 1e-9))
 
     def working_residuals(self, model: Any) -> FloatArray:
