@@ -47,6 +47,9 @@ class Diagnostics:
         Steps of the ensemble (0 for importance sampling).
     converged : bool
         Whether the ensemble ran long enough for its stopping rule.
+    log_evidence, log_evidence_error : float
+        Log of the integral of prior times likelihoods of step 1, each to its power, and its Monte
+        Carlo standard error (NaN for emcee, which does not tell it).
     """
 
     sampler: str
@@ -59,6 +62,8 @@ class Diagnostics:
     second_effective_draws: float = np.nan
     n_steps: int = 0
     converged: bool = True
+    log_evidence: float = np.nan
+    log_evidence_error: float = np.nan
 
     def problems(self) -> list[str]:
         """Return what is wrong with the draws, in words; empty when nothing is."""

@@ -177,3 +177,31 @@ def test_binomial_is_scipys():
 def test_what_are_no_successes_is_refused(y, word):
     with pytest.raises(ValueError, match=word):
         Binomial(trials=12).check(np.array(y))
+
+
+@pytest.mark.parametrize("likelihood", ["normal", "poisson"])
+def test_a_fit_tells_its_evidence_and_the_error(likelihood):
+    """By quadrature over the rate, and over sigma where there is one."""
+    year = np.arange(1960, 1980.0)
+    counts = np.random.default_rng(1).poisson(20, 20).astype(float)
+    noise = stats.halfnorm(scale=5)
+    model = hs.PowerScaledSurrogate(
+        RATE,
+        surrogate=hs.ExactSurrogate(),
+        likelihood=likelihood,
+        noise_prior=noise if likelihood == "normal" else None,
+        random_state=0,
+    ).fit(year[:, None], counts)
+    rate = np.linspace(10, 35, 801)
+    if likelihood == "poisson":
+        log_density = stats.poisson(rate[:, None]).logpmf(counts).sum(axis=1)
+    else:
+        sigma = np.linspace(1, 15, 600)
+        rows = stats.norm(rate[:, None], sigma[:, None, None]).logpdf(counts[:, None, None].T[0])
+        given_sigma = np.exp(rows.sum(axis=2) + 60) * noise.pdf(sigma)[:, None]
+        log_density = np.log(integrate.trapezoid(given_sigma, sigma, axis=0)) - 60
+    density = RATE.parameters["rate"].pdf(rate) * np.exp(log_density + 60)
+    expected = np.log(integrate.trapezoid(density, rate)) - 60
+    told = model.diagnostics_
+    assert 0 < told.log_evidence_error < 0.05
+    assert abs(told.log_evidence - expected) < 4 * told.log_evidence_error

@@ -105,7 +105,9 @@ def forward_search(
             if not steps:
                 found = scored(screened_at_best(found, causes, belief))
                 problem = found.problem
-                if test is not None:  # beside accepted causes, the evidence holds their places fixed
+                if (
+                    test is not None
+                ):  # beside accepted causes, the evidence holds their places fixed
                     test = test._replace(bound=evidence_bound(found))
             # the p-value guards against noise, the probability against a cause that is no better
             by_chance = test is not None and test.p_value > false_alarm_rate

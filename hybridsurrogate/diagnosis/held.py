@@ -38,7 +38,9 @@ def nothing_further(
     return Fitted(model, plan, peak, sigma_of(problem, peak, accepted.sigma))
 
 
-def held(problem: Problem, accepted: Fitted, belief: Belief, noise: LogMarginal) -> list[FloatArray]:
+def held(
+    problem: Problem, accepted: Fitted, belief: Belief, noise: LogMarginal
+) -> list[FloatArray]:
     """Return where an accepted cause can be held: at the mean of its place, or at the best node.
 
     The mean is the better place, but only on the hill on which the best node is.
@@ -70,7 +72,9 @@ def placed_anew(
     return settled(problem, belief, noise, Fitted(model, plan, peak, sigma))
 
 
-def _mean_node(problem: Problem, accepted: Fitted, belief: Belief, noise: LogMarginal) -> FloatArray:
+def _mean_node(
+    problem: Problem, accepted: Fitted, belief: Belief, noise: LogMarginal
+) -> FloatArray:
     """Return the mean of the enumerated coordinates, (len(nodes),), around the best node.
 
     A node is only as near as its cell is small, and what it misses would look like another cause.

@@ -56,7 +56,7 @@ def carried(
     if not (sampled.khat <= KHAT_LIMIT and sampled.effective_draws >= _MIN_EFFECTIVE):
         return None
     drawn = target.resolved(sampled.draws, random_state)
-    step = FirstStep(*drawn, of_importance(sampled, 1), sampled.proposals)
+    step = FirstStep(*drawn, of_importance(target, sampled, 1), sampled.proposals)
     return finish(problem, powers, step, random_state)
 
 

@@ -107,9 +107,7 @@ def evidence_around(
         n_noise=target.n_noise,
         modes=modes,
     )
-    # densities leave out the constants of standard normal z and v
-    n_normal = target.n_dimensions - 1 + target.n_noise
-    return sampled.log_evidence - 0.5 * n_normal * float(np.log(2 * np.pi))
+    return log_evidence_of(target, sampled)
 
 
 def _modes(
@@ -151,7 +149,7 @@ def _collapsed_draws(
             sampled = again if again.khat <= max(sampled.khat, KHAT_LIMIT) else sampled
             trusted = sampled.khat <= KHAT_LIMIT
         if sampler == "importance" or (trusted and len(modes) == 1):
-            return sampled.draws, of_importance(sampled, len(modes)), sampled.proposals
+            return sampled.draws, of_importance(target, sampled, len(modes)), sampled.proposals
         if trusted:
             # the shares of far modes are right already; the ensemble only smooths
             run = short_ensemble(log_density, sampled.draws, n_draws, random_state)
@@ -180,7 +178,7 @@ def _full_draws(
         )
         if sampler == "importance" or sampled.khat <= KHAT_LIMIT:
             drawn = target.resolved(sampled.draws, random_state)
-            return FirstStep(*drawn, of_importance(sampled, len(modes)), sampled.proposals)
+            return FirstStep(*drawn, of_importance(target, sampled, len(modes)), sampled.proposals)
         doubt = sampled.khat
     backend = sampler if isinstance(sampler, EnsembleSampler) else EnsembleSampler()
     start = _around(target, minor, random_state)
@@ -208,9 +206,30 @@ def _around(
     return out
 
 
-def of_importance(sampled: ImportanceDraws, n_modes: int) -> Diagnostics:
+def of_importance(
+    target: CollapsedPosterior | LaplacePosterior, sampled: ImportanceDraws, n_modes: int
+) -> Diagnostics:
     """Return what an estimator reports of importance draws."""
-    return Diagnostics("importance", sampled.khat, sampled.effective_draws, np.nan, n_modes)
+    return Diagnostics(
+        "importance",
+        sampled.khat,
+        sampled.effective_draws,
+        np.nan,
+        n_modes,
+        log_evidence=log_evidence_of(target, sampled),
+        log_evidence_error=sampled.log_evidence_error,
+    )
+
+
+def log_evidence_of(
+    target: CollapsedPosterior | LaplacePosterior, sampled: ImportanceDraws
+) -> float:
+    """Return the log evidence of draws of a density, with the constants that densities leave out.
+
+    These are of the standard normal coordinates z and, where they are drawn, v.
+    """
+    n_normal = target.n_dimensions - 1 + target.n_noise
+    return sampled.log_evidence - 0.5 * n_normal * float(np.log(2 * np.pi))
 
 
 def _of_ensemble(run: EnsembleDraws, n_modes: int, doubt: float = np.nan) -> Diagnostics:

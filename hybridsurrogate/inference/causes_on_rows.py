@@ -13,7 +13,6 @@ from hybridsurrogate.effects.base import SIMULATED, Cause, Rows
 from hybridsurrogate.likelihoods import Contaminated, Likelihood, TransformedNormal
 from hybridsurrogate.priors import FloatArray, Prior
 
-
 # the name under which rows carry their own noise factor
 _ROW_NOISE = "noise of the row"
 

@@ -58,6 +58,8 @@ class ImportanceDraws:
         1 / sum of squared normalised weights.
     log_evidence : float
         Log of the mean weight, an estimate of the log normalising constant.
+    log_evidence_error : float
+        Its standard error, from the spread of the weights.
     proposals : Proposals
         Of all rounds.
     """
@@ -66,6 +68,7 @@ class ImportanceDraws:
     khat: float
     effective_draws: float
     log_evidence: float
+    log_evidence_error: float
     proposals: Proposals
 
 
@@ -125,9 +128,15 @@ def importance_draws(
             spread = np.sqrt(weight @ np.einsum("jk,jk->j", noise, noise) / n_noise)
             scale = float(np.clip(spread, 0.5, 2.0))
     index = systematic_resample(weight, n_draws, random_state)
-    log_evidence = float(special.logsumexp(log_weight) - np.log(len(log_weight)))
     proposals = Proposals(points, log_proposal)
-    return ImportanceDraws(points[index], khat, effective, log_evidence, proposals)
+    return ImportanceDraws(points[index], khat, effective, *log_mean(log_weight), proposals)
+
+
+def log_mean(log_weight: FloatArray) -> tuple[float, float]:
+    """Return the log of the mean weight and its standard error, by the spread of the weights."""
+    value = float(special.logsumexp(log_weight) - np.log(len(log_weight)))
+    relative = np.exp(log_weight - value)
+    return value, float(np.std(relative) / np.sqrt(len(relative)))
 
 
 class _Round(NamedTuple):

@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
-from hybridsurrogate.inference.importance import ImportanceDraws, Proposals, systematic_resample
+from hybridsurrogate.inference.importance import (
+    ImportanceDraws,
+    Proposals,
+    log_mean,
+    systematic_resample,
+)
 from hybridsurrogate.inference.modes import LogDensity
 from hybridsurrogate.inference.pareto import KHAT_LIMIT, pareto_smooth
 from hybridsurrogate.priors import FloatArray
@@ -61,7 +66,7 @@ def matched_draws(
         proposals.points[index],
         khat,
         float(1 / np.sum(weight**2)),
-        float(special.logsumexp(log_weight) - np.log(len(log_weight))),
+        *log_mean(log_weight),
         proposals,
     )
 
