@@ -1,4 +1,4 @@
-"""The diagnosis under likelihoods that are not normal: counts, successes, heavy tails, one's own."""
+"""The diagnosis under likelihoods that are not normal: counts, heavy tails, one's own."""
 
 from __future__ import annotations
 
@@ -108,7 +108,9 @@ def test_a_step_is_found_under_heavy_tails(name):
     assert found.p_value_ < 0.05
     assert "step" in found.indistinguishable_
     _, low, high = found.best_cause_.estimates["location"]
-    assert low < 20.34 and high > 19.66  # between the rows to either side
+    # between the rows to either side
+    assert low < 20.34
+    assert high > 19.66
 
 
 def test_successes_name_what_makes_them_fewer():

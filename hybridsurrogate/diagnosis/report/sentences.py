@@ -197,8 +197,8 @@ def extension(view: View) -> list[str]:
     out = []
     if view.log_scale:
         out.append(
-            f"Under the {d.search_.problem.likelihood.name} likelihood the cause acts on log {view.output}: adding 0.1 "
-            f"there makes {view.output} larger by a factor of 1.105."
+            f"Under the {view.likelihood} likelihood the cause acts on log {view.output}: adding "
+            f"0.1 there makes {view.output} larger by a factor of 1.105."
         )
     if len(view.found) > 1:
         out.append(

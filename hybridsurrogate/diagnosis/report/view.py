@@ -68,6 +68,11 @@ class View:
         return bool(self.diagnosis.search_.problem.likelihood.log_scale)
 
     @property
+    def likelihood(self) -> str:
+        """The word for the likelihood."""
+        return self.diagnosis.search_.problem.likelihood.name
+
+    @property
     def extended(self) -> bool:
         """Whether there is a model after, other than the one before."""
         return self.diagnosis.extended_estimator_ is not self.diagnosis.estimator_
