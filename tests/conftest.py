@@ -4,9 +4,15 @@ import warnings
 import numpy as np
 import pytest
 from shared_files import SHARED
+from threadpoolctl import threadpool_limits
 
 import hybridsurrogate as hs
 from hybridsurrogate.simulation import Simulator
+
+# processes share the cores already, and sums split among threads are rounded otherwise: one thread
+# for what is loaded, and for what is yet to be loaded here and in processes of their own
+threadpool_limits(1)
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # data sets and examples look where the tests look
 os.environ.setdefault("HYBRIDSURROGATE_SHARED", str(SHARED))

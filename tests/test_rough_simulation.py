@@ -77,23 +77,26 @@ def diagnosis_of(function, y):
 
 
 @pytest.mark.parametrize(
-    ("function", "vectorized", "step"),
+    ("function", "vectorized", "is_rough"),
     [
-        (rise, True, 0.0),
-        (fast_wave, True, 0.0),
-        (place_of_a_jump, True, 0.0),
-        (solved(1e-9), False, 0.0),
-        (rounded(1), True, 1e-1),
-        (rounded(0), True, 1e-1),
-        (with_its_own_random_numbers, True, 1e-1),
-        (looked_up, True, 1e-1),
+        (rise, True, False),
+        (fast_wave, True, False),
+        (place_of_a_jump, True, False),
+        (solved(1e-9), False, False),
+        (rounded(1), True, True),
+        (rounded(0), True, True),
+        (with_its_own_random_numbers, True, True),
+        (looked_up, True, True),
     ],
 )
-def test_slopes_are_taken_over_steps_that_jumps_do_not_rule(function, vectorized, step):
+def test_slopes_are_taken_over_steps_that_jumps_do_not_rule(function, vectorized, is_rough):
     X, model = T[::4, None], model_of(function, vectorized)
     rows = model._check_parameters()
     problem = make_problem(model.simulation, *rows, None, (), ("t",), X, X[:, 0])
-    assert least_step(problem.model, problem.X) == problem.model.least_step == step
+    step = least_step(problem.model, problem.X)
+    assert step == problem.model.least_step
+    # a hundredth or a tenth of a standard deviation: slopes decide which, and rounding with them
+    assert step >= 1e-2 if is_rough else step == 0
 
 
 @pytest.mark.parametrize(

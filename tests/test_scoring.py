@@ -81,7 +81,8 @@ def test_interval_score_is_best_for_the_true_quantiles():
         reach: interval_score(y, np.full_like(y, -reach), np.full_like(y, reach), 0.8).mean()
         for reach in (1.1, stats.norm.ppf(0.9), 1.5)
     }
-    assert min(mean_score, key=mean_score.get) == stats.norm.ppf(0.9)
+    _, true, _ = mean_score.values()
+    assert true < min(mean_score[1.1], mean_score[1.5])
 
 
 def normal_crps(y):
@@ -253,8 +254,9 @@ def search_with_all(small_model, measured):
 
 def test_search_over_beta_with_all_scorers(search_with_all):
     results = search_with_all.cv_results_
-    best = np.argmax(results["mean_test_elpd"])
-    assert search_with_all.best_params_ == {"beta": [0.0, 0.5, 1.0][best]}
+    best = search_with_all.best_index_
+    # of weights equal but for rounding either may be the best
+    assert results["mean_test_elpd"][best] >= results["mean_test_elpd"].max() - 1e-9
     for name in SCORERS:
         assert np.isfinite(results[f"mean_test_{name}"]).all()
     # normal noise with sd 1: what a perfect prediction has, and some loss
@@ -269,5 +271,5 @@ def test_search_over_beta_with_one_scorer(name, search_with_all, small_model, me
     alone = search(small_model, measured, SCORERS[name])
     scores = search_with_all.cv_results_[f"mean_test_{name}"]
     np.testing.assert_allclose(alone.cv_results_["mean_test_score"], scores)
-    assert alone.best_index_ == np.argmax(scores)
+    assert scores[alone.best_index_] >= scores.max() - 1e-9
     assert hasattr(alone.best_estimator_, "posterior_")

@@ -6,6 +6,7 @@ import pickle
 import numpy as np
 import pandas as pd
 import pytest
+from agreement import assert_same_numbers
 from scipy.stats import norm
 from sklearn.base import clone, is_regressor
 from sklearn.model_selection import GridSearchCV, KFold, cross_val_score
@@ -136,7 +137,7 @@ def test_same_seed_same_scores_whatever_n_jobs(model, measured):
         GridSearchCV(model, {"beta": [0.2, 0.8]}, cv=KFold(3), n_jobs=n).fit(*measured)
         for n in (1, 2)
     ]
-    np.testing.assert_array_equal(
+    assert_same_numbers(
         results[0].cv_results_["mean_test_score"], results[1].cv_results_["mean_test_score"]
     )
 
@@ -185,7 +186,7 @@ def test_columns_of_a_frame_go_by_name(model, measured):
     frame = pd.DataFrame({"humidity": noise, "t": X[:, 0], "wind": -noise})
     model.fit(frame, y)
     assert list(model.feature_names_in_) == ["humidity", "t", "wind"]
-    np.testing.assert_array_equal(model.predict(frame), expected)
+    assert_same_numbers(model.predict(frame), expected)
     with pytest.raises(ValueError, match="feature names should match"):
         model.predict(frame[["t", "wind", "humidity"]])
 
@@ -194,15 +195,13 @@ def test_extra_columns_of_an_array_come_after_the_inputs(model, measured):
     X, y = measured
     expected = clone(model).fit(X, y).predict(X)
     wide = np.column_stack([X, np.arange(len(y))])
-    np.testing.assert_array_equal(model.fit(wide, y).predict(wide), expected)
+    assert_same_numbers(model.fit(wide, y).predict(wide), expected)
 
 
 def test_frame_of_the_same_numbers_is_the_same_fit(model, measured):
     X, y = measured
     frame, series = pd.DataFrame({"t": X[:, 0]}), pd.Series(y)
-    np.testing.assert_array_equal(
-        clone(model).fit(frame, series).predict(frame), model.fit(X, y).predict(X)
-    )
+    assert_same_numbers(clone(model).fit(frame, series).predict(frame), model.fit(X, y).predict(X))
 
 
 @pytest.mark.parametrize("estimator", ESTIMATORS)

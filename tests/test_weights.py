@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from agreement import assert_same_numbers
 from scipy import stats
 from scipy.stats import halfnorm, norm
 from shared_files import ReferenceCase, needs_reference
@@ -66,7 +67,7 @@ def test_a_source_of_no_power_is_not_there(case):
         hs.MultiSourceSurrogate(sources, surrogate=CUBIC, random_state=0).fit(case.X, case.y)
         for sources in (with_it, with_it[:1])
     ]
-    np.testing.assert_array_equal(models[0].predict(case.X_in), models[1].predict(case.X_in))
+    assert_same_numbers(models[0].predict(case.X_in), models[1].predict(case.X_in))
 
 
 @pytest.mark.parametrize(
@@ -93,7 +94,7 @@ def test_a_row_of_weight_two_is_two_rows(case, estimator):
     weighted = clone(model).fit(case.X, case.y, sample_weight=weights)
     index = np.repeat(np.arange(30), weights.astype(int))
     repeated = clone(model).fit(case.X[index], case.y[index])
-    np.testing.assert_array_equal(weighted.predict(case.X_out), repeated.predict(case.X_out))
+    assert_same_numbers(weighted.predict(case.X_out), repeated.predict(case.X_out))
 
 
 @pytest.mark.parametrize(
@@ -297,7 +298,7 @@ def test_path_of_a_mixture_is_one_fit(case):
     path = hs.beta_path(model, case.X, case.y, [0.0, 0.4, 1.0])
     assert path.n_refits == 1
     direct = clone(model).set_params(beta=0.4).fit(case.X, case.y)
-    assert path.score(case.X_in, case.y_in)[1] == direct.score(case.X_in, case.y_in)
+    assert_same_numbers(path.score(case.X_in, case.y_in)[1], direct.score(case.X_in, case.y_in))
 
 
 def test_bad_paths(case):
@@ -314,7 +315,8 @@ def test_choice_of_beta(case, cv):
     )
     choice = hs.choose_beta(model, case.X, case.y, betas=[0.0, 0.5, 1.0], cv=cv)
     table = choice.table.set_index("beta")
-    assert choice.beta == table["elpd"].idxmax()
+    # the same density summed otherwise: of equal weights either may be the best
+    assert table.loc[choice.beta, "elpd"] >= table["elpd"].max() - 1e-9
     assert choice.estimator.beta == choice.beta
     assert table.loc[choice.beta, "difference"] == 0
     with pytest.raises(ValueError, match="leave-future-out"):

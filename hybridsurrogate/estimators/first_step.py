@@ -19,6 +19,7 @@ from hybridsurrogate.inference.lines import with_lines
 from hybridsurrogate.inference.mixtures import moment_match
 from hybridsurrogate.inference.modes import Gaussian, distinct, find_modes
 from hybridsurrogate.inference.pareto import KHAT_LIMIT
+from hybridsurrogate.inference.ridges import ridge_through
 from hybridsurrogate.inference.starts import further_points, starting_points
 from hybridsurrogate.posterior import Diagnostics
 from hybridsurrogate.priors import FloatArray
@@ -60,10 +61,10 @@ def first_step(
     random_state: np.random.RandomState,
 ) -> FirstStep:
     """Draw all unknowns of step 1."""
-    modes, minor = _approximations(target, _modes(target, random_state))
+    modes, minor, has_lines = _approximations(target, _modes(target, random_state))
     if isinstance(target, CollapsedPosterior):
         u, diagnostics, proposals = _collapsed_draws(
-            target, modes, minor, sampler, n_draws, random_state
+            target, modes, minor, has_lines, sampler, n_draws, random_state
         )
         return FirstStep(u, *target.draw_coefficients(u, random_state), diagnostics, proposals)
     return _full_draws(target, modes, minor, sampler, n_draws, random_state)
@@ -71,16 +72,15 @@ def first_step(
 
 def _approximations(
     target: CollapsedPosterior | LaplacePosterior, found: list[Gaussian]
-) -> tuple[list[Gaussian], list[Gaussian]]:
-    """Return the modes that matter, and what is proposed around them and lesser ones."""
+) -> tuple[list[Gaussian], list[Gaussian], bool]:
+    """Return the modes that matter, what is proposed around all, and whether some is along lines."""
     best = found[0].log_mass
     minor = [mode for mode in found if mode.log_mass > best + np.log(_PROPOSAL_SHARE)]
     lines = with_lines(target, minor)
     best = max(line.mode.log_mass for line in lines)
+    modes = [line.mode for line in lines if line.mode.log_mass > best + np.log(_MODE_SHARE)]
     proposals = [proposal for line in lines for proposal in line.proposals]
-    return [line.mode for line in lines if line.mode.log_mass > best + np.log(_MODE_SHARE)], (
-        proposals
-    )
+    return modes, proposals, any(line.position is not None for line in lines)
 
 
 def evidence_around(
@@ -97,7 +97,7 @@ def evidence_around(
         return np.nan
     steps = target.step_share, target.model.least_step
     starts = starts[np.argsort(-value)[:_FOLLOWED]]
-    modes, minor = _approximations(target, find_modes(target.search_density, starts, *steps))
+    modes, minor, _ = _approximations(target, find_modes(target.search_density, starts, *steps))
     sampled = importance_draws(
         target.extended_log_density,
         minor,
@@ -127,6 +127,7 @@ def _collapsed_draws(
     target: CollapsedPosterior,
     modes: list[Gaussian],
     minor: list[Gaussian],
+    has_lines: bool,
     sampler: str | EnsembleSampler,
     n_draws: int,
     random_state: np.random.RandomState,
@@ -137,6 +138,13 @@ def _collapsed_draws(
         sampled = importance_draws(log_density, minor, n, n_draws, random_state, modes=modes)
         trusted = sampled.khat <= KHAT_LIMIT
         few = not trusted or sampled.effective_draws < _ENOUGH_EFFECTIVE * n
+        # draws of a Gaussian on a bent ridge look good where all of them lie close to its middle
+        adapted = len(sampled.proposals.points) > n
+        if adapted and sampler == "auto" and not has_lines and target.n_dimensions > 2:
+            along = _ridge_draws(target, minor, n, n_draws, random_state)
+            if along is not None and along.khat <= KHAT_LIMIT:
+                sampled, trusted, modes = along, True, modes[:1]
+                few = sampled.effective_draws < _ENOUGH_EFFECTIVE * n
         if few and sampler == "auto":
             # one large batch of better proposals costs less than the many steps of an ensemble
             weight = np.full(n_draws, 1 / n_draws)
@@ -158,6 +166,26 @@ def _collapsed_draws(
     backend = sampler if isinstance(sampler, EnsembleSampler) else EnsembleSampler()
     run = backend.run(log_density, modes, n_draws, random_state)
     return run.draws, _of_ensemble(run, len(modes), doubt), None
+
+
+def _ridge_draws(
+    target: CollapsedPosterior,
+    modes: list[Gaussian],
+    n: int,
+    n_draws: int,
+    random_state: np.random.RandomState,
+) -> ImportanceDraws | None:
+    """Return importance draws in coordinates in which the ridge through all modes is straight."""
+    ridge = ridge_through(target, modes[0])
+    if ridge is None or not all(ridge.is_on(mode.mean) for mode in modes[1:]):
+        return None
+
+    def straight(v: FloatArray) -> FloatArray:
+        return target.log_density(ridge.points(v))
+
+    drawn = importance_draws(straight, [ridge.approximation], n, n_draws, random_state)
+    proposals = replace(drawn.proposals, points=ridge.points(drawn.proposals.points))
+    return replace(drawn, draws=ridge.points(drawn.draws), proposals=proposals)
 
 
 def _full_draws(
