@@ -85,11 +85,13 @@ def _scan(
     residual = y[:, None, :] - parts.mean  # (R, M, n)
     along = np.einsum("mdn,rmn->rmd", project, residual)
     squares = np.einsum("rmn,rmn->rm", residual, residual) - np.einsum("rmd,rmd->rm", along, along)
+    # of rounding `log_marginal` takes care, in shares of the spread of y: y itself may be far from
+    # zero, and all normal noise would be as large as the rounding of its squares
+    least = np.finfo(float).tiny
     log_base = -log_det_of(factor) + d * np.log(sigma)
     T, _, q = H.shape
-    floor = 1e-12 * np.maximum(np.einsum("rn,rn->r", y, y), 1e-300)[:, None]
     if not q:
-        out = log_marginal(np.maximum(squares, floor)) + log_base + parts.log_weight
+        out = log_marginal(np.maximum(squares, least)) + log_base + parts.log_weight
         return np.where(np.isnan(out), -np.inf, out)
     rest = H - np.swapaxes(project, 1, 2) @ (project @ H)  # (T, n, q), G projected out
     eigenvalue, vector = np.linalg.eigh(np.swapaxes(H, 1, 2) @ rest)
@@ -107,7 +109,7 @@ def _scan(
         ridge = ((sigma / scale) ** 2)[:, None, :, None]
         reduced = squares - np.sum(along_h**2 / (eigenvalue + ridge), axis=3)
         log_det_h = 0.5 * np.sum(np.log1p(eigenvalue / ridge), axis=3)
-        terms.append(log_marginal(np.maximum(reduced, floor)) - log_det_h)
+        terms.append(log_marginal(np.maximum(reduced, least)) - log_det_h)
     # NaN marks a simulation that failed, and is sorted out here
     with np.errstate(invalid="ignore"):
         out = np.logaddexp.reduce(np.concatenate(terms), axis=0) - np.log(len(sizes))
