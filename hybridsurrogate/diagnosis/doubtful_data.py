@@ -63,11 +63,8 @@ def check_digits(problem: Problem) -> None:
             "If they did differ, double precision does not hold by how little: subtract a constant "
             "from measurements and simulation alike, before their digits are lost."
         )
-    eta = {"measured outputs": problem.y}
-    if problem.runs is not None:
-        eta["simulated outputs"] = problem.likelihood.working(problem.runs.y)
-    columns = zip(problem.model.columns, problem.X.T, strict=True)
-    for what, values in [*eta.items(), *((f"values of {name!r}", x) for name, x in columns)]:
+    names = ["measured outputs", *(f"values of {name!r}" for name in problem.model.columns)]
+    for what, values in zip(names, [problem.y, *problem.X.T], strict=True):
         sd, lost = float(np.std(values)), float(np.spacing(np.max(np.abs(values))))
         if np.ptp(values) > 0 and lost > FLOOR * sd:
             raise ValueError(
