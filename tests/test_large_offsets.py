@@ -238,6 +238,12 @@ def test_digits_that_are_lost_are_told(scale, what):
         diagnose(nothing, scale)
 
 
+def test_runs_that_are_all_the_same_for_their_digits_are_lost_are_told():
+    """Kriging ended in a LinAlgError before the diagnosis saw the measured outputs."""
+    with pytest.raises(ValueError, match=r"^All measured outputs are 1000000000: .*double precision"):
+        diagnose(bump_of_kriging, Scale(1e18, 1e-9))
+
+
 @pytest.mark.parametrize("level", [0.0, 1e6, 1e7])
 def test_a_wide_prior_of_the_level_hides_nothing(level):
     """It sets the level, as far from its prior's centre as the level is from zero."""
