@@ -240,7 +240,9 @@ def test_digits_that_are_lost_are_told(scale, what):
 
 def test_runs_that_are_all_the_same_for_their_digits_are_lost_are_told():
     """Kriging ended in a LinAlgError before the diagnosis saw the measured outputs."""
-    with pytest.raises(ValueError, match=r"^All measured outputs are 1000000000: .*double precision"):
+    with pytest.raises(
+        ValueError, match=r"^All measured outputs are 1000000000: .*double precision"
+    ):
         diagnose(bump_of_kriging, Scale(1e18, 1e-9))
 
 
