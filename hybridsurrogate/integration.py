@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -183,17 +184,49 @@ def adaptive(
         return out
     span = (start, float(times[later].max()))
     settings: dict[str, Any] = {"method": method, "rtol": 1e-8, "max_step": max_step}
-    size = 1 + np.abs(state)
+    size, origin = 1 + np.abs(state), np.zeros(len(state))
     while True:
-        found = solve_ivp(slope, span, state, dense_output=True, atol=1e-10 * size, **settings)
+        found = solve_ivp(
+            partial(_from_origin, slope, origin),
+            span,
+            state - origin,
+            dense_output=True,
+            # slopes know a state far from zero no better than it is rounded
+            atol=np.maximum(1e-10 * size, np.spacing(np.abs(origin))),
+            **settings,
+        )
         # what was reached before a failure is not kept: a solution that breaks down is no solution
         if not (found.success and found.sol is not None and np.isfinite(found.y).all()):
             return out
         # states in units that make them small need as many digits
         reached = np.max(np.abs(found.y), axis=1)
+        changed = extent(found.y)
+        # a tolerance in shares of a level far from zero would be more than all that happens there
+        far = changed < reached
         coarse = (reached > 0) & (reached < 0.01 * size)
-        if not coarse.any():
+        if not (coarse | far).any():
             break
-        size = np.where(coarse, reached, size)
-    out[:, later] = found.sol(times[later])
+        size = np.where(far, changed, np.where(coarse, reached, size))
+        origin = np.where(far, state, origin)
+    out[:, later] = found.sol(times[later]) + origin[:, None]
     return out
+
+
+def _from_origin(
+    slope: Callable[[float, FloatArray], FloatArray],
+    origin: FloatArray,
+    t: float,
+    state: FloatArray,
+) -> FloatArray:
+    return slope(t, state + origin)
+
+
+def extent(states: FloatArray) -> FloatArray:
+    """Return the largest size of states (..., n) over n times, (...), of which errors are shares.
+
+    Of states that stay far from zero it is how much they change.
+    """
+    largest, change = np.max(np.abs(states), axis=-1), np.ptp(states, axis=-1)
+    # what hardly changes is rounding
+    far = (change < 0.01 * largest) & (change > 1e-10 * largest)
+    return np.where(far, change, largest)

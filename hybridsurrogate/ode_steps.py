@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.exceptions import SolverWarning
+from hybridsurrogate.integration import extent
 from hybridsurrogate.ode_function import Columns, OdeFunction
 from hybridsurrogate.priors import FloatArray
 
 # steps over the range of time
 _FEWEST, _MOST = 400, 6400
-# errors of a state in shares of its largest value. Where a right-hand side jumps, errors are of
+# errors of a state in shares of its extent. Where a right-hand side jumps, errors are of
 # first order in the step, and small ones are not to be had
 _SMALL, _SMALL_WITH_JUMPS, _DOUBTFUL = 1e-4, 3e-3, 1e-2
 # of fourth order: half a step leaves a sixteenth of the error (Hairer, Norsett and Wanner 1993,
@@ -91,12 +92,12 @@ def _known(solutions: FloatArray) -> NDArray[np.bool_]:
 
 
 def _change(coarse: FloatArray, fine: FloatArray, known: NDArray[np.bool_]) -> float:
-    """Return the largest difference of known solutions, in shares of each state's largest value."""
+    """Return the largest difference of known solutions, in shares of each state's extent."""
     coarse, fine = coarse[:, known], fine[:, known]
     if not fine.size:
         return 0.0
     with np.errstate(all="ignore"):
-        size = np.max(np.abs(fine), axis=2, keepdims=True)
+        size = extent(fine)[..., None]
         size = np.maximum(size, max(_ROUNDING * float(np.max(size)), np.finfo(float).tiny))
         change = np.abs(coarse - fine) / size
     return float(np.max(np.where(np.isfinite(change), change, np.inf)))

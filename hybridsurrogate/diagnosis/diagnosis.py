@@ -19,7 +19,12 @@ from hybridsurrogate.diagnosis.beside import beside_others
 from hybridsurrogate.diagnosis.confounding import confounded, confounding, told
 from hybridsurrogate.diagnosis.cost import warn_if_slow
 from hybridsurrogate.diagnosis.discrepancy import estimate_discrepancy
-from hybridsurrogate.diagnosis.doubtful_data import warn_if_exact, warn_if_mirrored, warn_of_copies
+from hybridsurrogate.diagnosis.doubtful_data import (
+    check_digits,
+    warn_if_exact,
+    warn_if_mirrored,
+    warn_of_copies,
+)
 from hybridsurrogate.diagnosis.emulator import check_emulator
 from hybridsurrogate.diagnosis.finding import finding_of
 from hybridsurrogate.diagnosis.folds import folds_beyond, random_folds
@@ -198,6 +203,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         prepared.warn()
         model = prepared.problem.model
         check_rows(len(prepared.problem.y), model.columns, [*model.parameters, *model.constants])
+        check_digits(prepared.problem)
         warn_of_copies(prepared.problem.X, prepared.problem.y)
         warn_if_slow(prepared.problem)
         warn_if_rough(prepared.problem)

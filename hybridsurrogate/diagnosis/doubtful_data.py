@@ -1,4 +1,4 @@
-"""Measured data of which a diagnosis had better not be believed: copies, a wrong sign, no noise."""
+"""Measured data of which a diagnosis had better not be believed: copies, lost digits, no noise."""
 
 from __future__ import annotations
 
@@ -50,6 +50,29 @@ def warn_of_copies(X: FloatArray, y: FloatArray) -> None:
             DiagnosisWarning,
             stacklevel=3,
         )
+
+
+def check_digits(problem: Problem) -> None:
+    """Raise ValueError for data so far from zero that doubles hold little of their spread.
+
+    What they lose must be less than the `FLOOR` below which noise is rounding.
+    """
+    if np.ptp(problem.y) == 0:
+        raise ValueError(
+            f"All measured outputs are {problem.observed[0]:.12g}: there is no spread to diagnose. "
+            "If they did differ, double precision does not hold by how little: subtract a constant "
+            "from measurements and simulation alike, before their digits are lost."
+        )
+    names = ["measured outputs", *(f"values of {name!r}" for name in problem.model.columns)]
+    for what, values in zip(names, [problem.y, *problem.X.T], strict=True):
+        sd, lost = float(np.std(values)), float(np.spacing(np.max(np.abs(values))))
+        if np.ptp(values) > 0 and lost > FLOOR * sd:
+            raise ValueError(
+                f"The {what} lie around {np.mean(values):g} with a standard deviation of {sd:g}, "
+                f"but double precision holds such numbers to {lost:g} only, too little for a "
+                "diagnosis. Subtract a constant from measurements and simulation alike, before "
+                "their digits are lost."
+            )
 
 
 def warn_if_mirrored(problem: Problem) -> None:

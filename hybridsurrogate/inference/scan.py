@@ -84,17 +84,26 @@ def _scan(
     project = np.linalg.solve(factor, np.swapaxes(G, 1, 2))  # (M, d, n)
     residual = y[:, None, :] - parts.mean  # (R, M, n)
     along = np.einsum("mdn,rmn->rmd", project, residual)
-    squares = np.einsum("rmn,rmn->rm", residual, residual) - np.einsum("rmd,rmd->rm", along, along)
+    # the square that G leaves, |r - G g|^2 + sigma^2 |g|^2 at its optimum g: as |r|^2 less what G
+    # explains it would lose all digits where a parameter with a wide prior sets the level of y
+    g = np.linalg.solve(np.swapaxes(factor, 1, 2), along[..., None])[..., 0]
+    residual = residual - np.einsum("mnd,rmd->rmn", G, g)
+    squares = np.einsum("rmn,rmn->rm", residual, residual) + sigma**2 * np.sum(g**2, axis=2)
+    # rounding is the affair of `log_marginal`, in shares of the spread of y: y itself may be far
+    # from zero, and a share of its own square would be more than the noise
+    least = np.finfo(float).tiny
     log_base = -log_det_of(factor) + d * np.log(sigma)
     T, _, q = H.shape
-    floor = 1e-12 * np.maximum(np.einsum("rn,rn->r", y, y), 1e-300)[:, None]
     if not q:
-        out = log_marginal(np.maximum(squares, floor)) + log_base + parts.log_weight
+        out = log_marginal(np.maximum(squares, least)) + log_base + parts.log_weight
         return np.where(np.isnan(out), -np.inf, out)
     rest = H - np.swapaxes(project, 1, 2) @ (project @ H)  # (T, n, q), G projected out
     eigenvalue, vector = np.linalg.eigh(np.swapaxes(H, 1, 2) @ rest)
-    eigenvalue = np.maximum(eigenvalue, 0.0)
-    rotated = rest @ vector
+    # what G can draw as well leaves rounding, by the rule of `numpy.linalg.matrix_rank`
+    rounding = n * np.finfo(float).eps * np.einsum("tnq,tnq->t", H, H)[:, None]
+    told = eigenvalue > rounding
+    eigenvalue = np.where(told, eigenvalue, 0.0)
+    rotated = H @ (vector * told[:, None, :])
     if len(residual[0]) == 1:
         along_h = residual[:, 0] @ rotated.transpose(1, 0, 2).reshape(n, -1)
         along_h = along_h.reshape(len(y), T, q)
@@ -107,7 +116,7 @@ def _scan(
         ridge = ((sigma / scale) ** 2)[:, None, :, None]
         reduced = squares - np.sum(along_h**2 / (eigenvalue + ridge), axis=3)
         log_det_h = 0.5 * np.sum(np.log1p(eigenvalue / ridge), axis=3)
-        terms.append(log_marginal(np.maximum(reduced, floor)) - log_det_h)
+        terms.append(log_marginal(np.maximum(reduced, least)) - log_det_h)
     # NaN marks a simulation that failed, and is sorted out here
     with np.errstate(invalid="ignore"):
         out = np.logaddexp.reduce(np.concatenate(terms), axis=0) - np.log(len(sizes))

@@ -87,7 +87,7 @@ class Kriging(Surrogate):
         sd = conditioned(matrix, process.covariance.nugget, runs.residual).sd
         # outputs that are all the same would leave nothing to learn
         sd = max(sd, 1e-6 * domain.scale)
-        spread = float(np.var(domain.eta)) / sd**2
+        spread = float(np.var(domain.eta)) / sd**2 if np.ptp(domain.eta) else 1.0
         stands = _stands(process, runs.places, matrix, spread, len(domain.input_ranges))
         lower = nudged_cholesky(stands.alike(stands)[None])[0]
         p = len(lower)
