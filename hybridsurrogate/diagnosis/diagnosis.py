@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from sklearn.base import clone
 from sklearn.utils import check_random_state
 
+from hybridsurrogate.arrays import as_numbers, complete_table
 from hybridsurrogate.diagnosis.answers import FittedDiagnosis
 from hybridsurrogate.diagnosis.beside import beside_others
 from hybridsurrogate.diagnosis.confounding import confounded, confounding, told
@@ -189,6 +190,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self
         """
         check_settings(self)
+        X, y = complete_table(X), None if y is None else as_numbers(y, "y")
         self._forget()
         random = check_random_state(self.random_state)
         self.estimator_ = clone(self.estimator).fit(X, y)

@@ -12,6 +12,7 @@ import numpy as np
 from sklearn.base import BaseEstimator
 from sklearn.utils import check_scalar
 
+from hybridsurrogate.arrays import check_number
 from hybridsurrogate.inference.mixtures import student_draws
 from hybridsurrogate.inference.modes import Gaussian, LogDensity
 from hybridsurrogate.priors import FloatArray
@@ -175,7 +176,7 @@ class EnsembleSampler(BaseEstimator):
 
     def _check(self, d: int) -> None:
         check_scalar(self.max_steps, "max_steps", Integral, min_val=1)
-        check_scalar(self.tol, "tol", Real, min_val=0, include_boundaries="neither")
+        check_number(self.tol, "tol", Real, min_val=0, include_boundaries="neither")
         if self.n_walkers is not None:
             check_scalar(self.n_walkers, "n_walkers", Integral, min_val=2)
             if self.n_walkers < 2 * d or self.n_walkers % 2:
