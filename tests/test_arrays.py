@@ -432,3 +432,34 @@ def test_numbers_that_are_none(plane_simulator, plane_runs, rows):
     for call in refused:
         with pytest.raises(ValueError, match="must be a number, got NaN"):
             call()
+
+
+def test_settings_of_a_diagnosis_that_are_no_numbers(plane_simulator, rows):
+    exact = power_scaled(plane_simulator, surrogate=hs.ExactSurrogate())
+    for wrong, error in [
+        ({"false_alarm_rate": float("nan")}, ValueError),
+        ({"false_alarm_rate": "low"}, TypeError),
+        ({"n_replicates": float("nan")}, TypeError),
+        ({"n_replicates": "many"}, TypeError),
+    ]:
+        with pytest.raises(error, match=next(iter(wrong))):
+            hs.DiscrepancyDiagnosis(exact, **wrong).fit(*rows)
+
+
+# ----------------------------------------------------------------- inputs far away
+
+
+@pytest.mark.filterwarnings("ignore::hybridsurrogate.exceptions.ExtrapolationWarning")
+@pytest.mark.parametrize("surrogate", [hs.PolynomialChaos(2), hs.Kriging()])
+@pytest.mark.parametrize("estimator", [hs.PowerScaledSurrogate, hs.PredictiveWeightedSurrogate])
+def test_inputs_at_which_a_surrogate_has_no_numbers(plane_runs, rows, surrogate, estimator):
+    far = one_of(rows[0], 1e20).astype(float)
+    match = r"1 of 20 rows have 'x2' so far outside the simulated range .* 1e\+20 in row 2"
+    model = estimator(plane_runs, surrogate=surrogate, n_draws=50, random_state=0)
+    with pytest.raises(ValueError, match=match):
+        model.fit(far, rows[1])
+    model.fit(*rows)
+    with pytest.raises(ValueError, match=match):
+        model.predict(far)
+    with pytest.raises(ValueError, match=match):
+        model.score(far, rows[1])

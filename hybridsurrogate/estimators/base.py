@@ -22,6 +22,7 @@ from hybridsurrogate.arrays import (
 )
 from hybridsurrogate.arviz_groups import arviz_of
 from hybridsurrogate.estimators.columns import (
+    check_reach,
     column_names,
     matched_columns,
     warn_elsewhere,
@@ -141,18 +142,24 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         likelihood.check_training(output)
         rows = rows[:, order]
         self._measured, self._sample_weight = (rows, output), weights
+        check_reach(columns, rows, self.simulation)
         warn_outside(columns, rows, self.simulation)
         warn_elsewhere(output, self.simulation)
         return merged_rows(columns, rows, output, weights)
 
     def _check_data(self, X: ArrayLike) -> FloatArray:
         check_is_fitted(self)
-        rows = validate_data(self, self._in_order(X), reset=False, dtype=np.float64)
-        check_size(rows, "X")
-        rows = rows[:, self._column_order]
+        rows = self._known_columns(validate_data(self, self._in_order(X), reset=False, dtype=float))
         if isinstance(self.simulation, SimulationData):
             # a simulation that is run itself extrapolates nothing
             warn_outside(self._columns, rows, self.simulation, self._measured[0])
+        return rows
+
+    def _known_columns(self, rows: FloatArray) -> FloatArray:
+        """Return rows with the simulation's inputs first, none of them out of all bounds."""
+        check_size(rows, "X")
+        rows = rows[:, self._column_order]
+        check_reach(self._columns, rows, self.simulation)
         return rows
 
     def _in_order(self, X: ArrayLike) -> Any:
@@ -269,9 +276,8 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         X, y = self._in_order(X), None if y is None else as_numbers(y, "y")
         rows, output = validate_data(self, X, y, reset=False, dtype=np.float64)
-        check_size(rows, "X")
         check_size(output, "y")
-        rows = rows[:, self._column_order]
+        rows = self._known_columns(rows)
         self._mixture(rows[:1])[0][1].likelihood.check(output)
         return np.concatenate(
             [

@@ -67,6 +67,29 @@ def warn_elsewhere(y: FloatArray, simulation: SimulationData | Simulator | None)
         )
 
 
+def check_reach(
+    columns: tuple[str, ...], X: FloatArray, simulation: SimulationData | Simulator | None
+) -> None:
+    """Raise ValueError for inputs beside which all runs are one point, to the digits of doubles.
+
+    Powers of such inputs, scaled to the runs, are no numbers. A simulation that is run itself
+    needs none.
+    """
+    if not isinstance(simulation, SimulationData):
+        return
+    for name, values in zip(columns, X.T, strict=False):
+        if name not in simulation.input_ranges:
+            continue
+        low, high = simulation.input_ranges[name]
+        far = np.flatnonzero(np.abs(values - low) > (high - low) / np.finfo(float).eps)
+        if len(far):
+            raise ValueError(
+                f"{len(far)} of {len(values)} rows have {name!r} so far outside the simulated "
+                f"range [{low:g}, {high:g}] that a surrogate has no numbers there, the first "
+                f"{values[far[0]]:g} in row {far[0] + 1}. Check the units, or leave out such rows."
+            )
+
+
 def warn_outside(
     columns: tuple[str, ...],
     X: FloatArray,

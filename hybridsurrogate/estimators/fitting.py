@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
+from threadpoolctl import ThreadpoolController
 
 from hybridsurrogate.estimators.first_step import FirstStep, first_step
 from hybridsurrogate.estimators.problem import Problem
@@ -91,8 +93,16 @@ def fit_problem(
         alpha_R may be an array with one power for each measured row.
     """
     powers = powers_used(problem, powers)
-    drawn = first_step(make_target(problem, *powers), sampler, n_draws, random_state)
-    return finish(problem, powers, drawn, random_state)
+    # many small products: threads of BLAS wait for each other, twenty times as long beside others
+    with _threads().limit(limits=1, user_api="blas"):
+        drawn = first_step(make_target(problem, *powers), sampler, n_draws, random_state)
+        return finish(problem, powers, drawn, random_state)
+
+
+@lru_cache(maxsize=1)
+def _threads() -> ThreadpoolController:
+    # it takes milliseconds to look through the libraries that are loaded
+    return ThreadpoolController()
 
 
 def powers_used(

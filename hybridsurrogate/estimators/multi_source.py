@@ -14,6 +14,7 @@ from sklearn.utils.validation import check_X_y
 from hybridsurrogate.arrays import as_numbers, check_number, check_size, complete_table
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.columns import (
+    check_reach,
     column_names,
     matched_columns,
     warn_outside,
@@ -167,6 +168,7 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
                 continue
             more, values = self._read(source.data, rows.columns)
             likelihood.check_training(values)
+            check_reach(rows.columns, more, self.simulation)
             warn_outside(rows.columns, more, self.simulation)
             X.append(more)
             y.append(values)

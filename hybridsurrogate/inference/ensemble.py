@@ -141,6 +141,14 @@ class EnsembleSampler(BaseEstimator):
                 "in a search with n_jobs, cannot share EnsembleSampler(file=...). Use n_jobs=1 or "
                 "file=None."
             ) from error
+        except OSError as error:
+            if self.file is None:
+                raise
+            raise OSError(
+                f"EnsembleSampler(file={str(self.file)!r}) cannot be read or written ({error}). "
+                "Where its folder is there, the file is damaged or no HDF5 file: name another one, "
+                "or delete it to sample anew."
+            ) from error
         burn = int(min(5 * tau, sampler.iteration // 2))
         return _thinned(sampler, burn, tau, converged, n_draws, random_state)
 
@@ -199,6 +207,12 @@ class EnsembleSampler(BaseEstimator):
         backend = emcee.backends.HDFBackend(str(self.file), name=f"run_{digest}")
         if not backend.initialized:
             backend.reset(*start.shape)
+            return backend
+        try:
+            if backend.iteration:
+                backend.get_last_sample()
+        except (KeyError, RuntimeError, TypeError, ValueError) as error:
+            raise OSError(f"its steps cannot be read: {error}") from error
         return backend
 
 
