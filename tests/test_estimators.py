@@ -8,10 +8,8 @@ import pytest
 from conftest import fall
 from mixing import at_weight
 from scipy import stats
-from threadpoolctl import threadpool_info, threadpool_limits
 
 import hybridsurrogate as hs
-from hybridsurrogate.estimators import fitting
 
 N_DRAWS = 400
 
@@ -316,24 +314,3 @@ def test_gain_of_one_number_counts(simulation, measured):
     # twice the scatter, seen through three times the noise
     ratio = doubled.posterior_.sigma.mean() / plain.posterior_.sigma.mean()
     assert ratio == pytest.approx(2 / 3, rel=0.1)
-
-
-def test_a_fit_keeps_blas_to_one_thread(simulation, measured, monkeypatch):
-    """Threads of many small products wait for each other: 455 terms took 107 s instead of 5 s."""
-    counts = []
-
-    def noted(problem, *rest):
-        counts.extend(library["num_threads"] for library in threadpool_info() if blas(library))
-        return make_target(problem, *rest)
-
-    def blas(library):
-        return library["user_api"] == "blas"
-
-    make_target = fitting.make_target
-    monkeypatch.setattr(fitting, "make_target", noted)
-    before = [library["num_threads"] for library in threadpool_info() if blas(library)]
-    with threadpool_limits(2, user_api="blas"):
-        hs.PowerScaledSurrogate(simulation, n_draws=20, random_state=0).fit(*measured)
-    assert counts
-    assert set(counts) == {1}
-    assert before == [library["num_threads"] for library in threadpool_info() if blas(library)]

@@ -45,6 +45,7 @@ from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import ConfoundingWarning, DiagnosisWarning
 from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.threads import one_blas_thread
 
 
 class DiscrepancyDiagnosis(FittedDiagnosis):
@@ -203,8 +204,9 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         warn_if_slow(prepared.problem)
         warn_if_rough(prepared.problem)
         try:
-            steps = self._search(prepared, random)
-            self._extend(steps, X, y)
+            with one_blas_thread():
+                steps = self._search(prepared, random)
+                self._extend(steps, X, y)
         except KeyboardInterrupt as stop:
             self._keep(prepared, stop)
             raise
@@ -215,7 +217,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             self.feature_names_in_ = self.estimator_.feature_names_in_
         self.gain_: Gain | None = None
         self.gain_out_of_range_: Gain | None = None
-        self._prove(X, self.estimator_._measured[1], random)
+        with one_blas_thread():
+            self._prove(X, self.estimator_._measured[1], random)
         return self
 
     def _forget(self) -> None:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
-from threadpoolctl import ThreadpoolController
 
 from hybridsurrogate.estimators.first_step import FirstStep, first_step
 from hybridsurrogate.estimators.problem import Problem
@@ -18,6 +16,7 @@ from hybridsurrogate.inference.laplace import LaplacePosterior
 from hybridsurrogate.inference.two_step import MeasuredDraws, second_step
 from hybridsurrogate.posterior import Diagnostics, Posterior
 from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.threads import one_blas_thread
 
 
 @dataclass(frozen=True)
@@ -93,16 +92,9 @@ def fit_problem(
         alpha_R may be an array with one power for each measured row.
     """
     powers = powers_used(problem, powers)
-    # many small products: threads of BLAS wait for each other, twenty times as long beside others
-    with _threads().limit(limits=1, user_api="blas"):
+    with one_blas_thread():
         drawn = first_step(make_target(problem, *powers), sampler, n_draws, random_state)
         return finish(problem, powers, drawn, random_state)
-
-
-@lru_cache(maxsize=1)
-def _threads() -> ThreadpoolController:
-    # it takes milliseconds to look through the libraries that are loaded
-    return ThreadpoolController()
 
 
 def powers_used(
