@@ -71,6 +71,8 @@ def _frame_of(values: Any, word: str) -> pd.DataFrame | None:
     """Return a frame with the columns that go by name; None where there are none."""
     if isinstance(values, pd.DataFrame):
         return values
+    if type(values) is np.ndarray and not values.dtype.names:
+        return None
     if getattr(getattr(values, "dtype", None), "names", None):
         _check_masks(values, word)
         return pd.DataFrame({name: np.asarray(values[name]) for name in values.dtype.names})
@@ -101,6 +103,9 @@ def as_numbers(values: Any, word: str) -> FloatArray:
     >>> as_numbers([1, None, "2.5"], "y")
     array([1. , nan, 2.5])
     """
+    # most calls of a simulation: thousands in a search
+    if type(values) is np.ndarray and values.dtype == np.float64:
+        return values.copy()
     _check_masks(values, word)
     if sparse.issparse(values):
         raise TypeError(f"{word} is sparse, but dense data is required: pass {word}.toarray().")
