@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from hybridsurrogate.arrays import as_numbers, as_table
 from hybridsurrogate.modification import Modification
 from hybridsurrogate.ode_checks import accepted_names
 from hybridsurrogate.ode_function import OdeFunction
@@ -292,11 +293,12 @@ class OdeSimulator(Simulator):
 
     def _check_points(self, X: ArrayLike, omega: ArrayLike | None) -> tuple[FloatArray, FloatArray]:
         names = (*self.parameter_ranges, *self.modifiers)
+        omega = None if omega is None else as_table(omega, "omega")
         if isinstance(omega, pd.DataFrame):
             if not set(names) <= set(omega.columns):
                 return super()._check_points(X, omega)
             omega = omega[list(names)]
-        values = np.empty((0, 0)) if omega is None else np.array(omega, dtype=float)
+        values = np.empty((0, 0)) if omega is None else as_numbers(omega, "omega")
         if not self.modifiers or values.shape[1:] != (len(names),):
             return super()._check_points(X, omega)
         own, numbers = np.split(values, [len(self.parameter_ranges)], axis=1)

@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 from numpy.typing import ArrayLike
-from sklearn.utils import check_scalar
 from tqdm import tqdm
 
+from hybridsurrogate.arrays import as_numbers, as_table, check_number
 from hybridsurrogate.design import draw_design, run_with_ends
 from hybridsurrogate.modification import Modification
 from hybridsurrogate.priors import FloatArray, Prior, prior_range
@@ -227,7 +227,7 @@ class Simulator:
             If runs gave NaN, infinity or an exception; the others are kept.
         """
         ranges = [*self.input_ranges.values(), *self.parameter_ranges.values()]
-        check_scalar(ends, "ends", numbers.Real, min_val=0, max_val=0.1)
+        check_number(ends, "ends", numbers.Real, min_val=0, max_val=0.1)
         k = len(self.input_names)
 
         def outputs(points: FloatArray) -> tuple[FloatArray, str | None]:
@@ -243,23 +243,21 @@ class Simulator:
 
     def _check_points(self, X: ArrayLike, omega: ArrayLike | None) -> tuple[FloatArray, FloatArray]:
         X = as_matrix(X, "X", self.input_names)
-        if omega is None:
-            omega = np.empty((len(X), 0))
+        table = as_table(np.empty((len(X), 0)) if omega is None else omega, "omega")
         names = tuple(self.parameter_ranges)
-        if isinstance(omega, pd.DataFrame):
-            complete = set(self.assumed_names) <= set(omega.columns)
+        if isinstance(table, pd.DataFrame):
+            complete = set(self.assumed_names) <= set(table.columns)
         else:
-            omega = np.asarray(omega, dtype=float)
-            omega = omega[:, None] if omega.ndim == 1 else omega
-            complete = omega.shape[1:] == (len(names),)
+            table = table[:, None] if table.ndim == 1 else table
+            complete = table.shape[1:] == (len(names),)
         if complete:
-            omega = as_matrix(omega, "omega", names)
+            points = as_matrix(table, "omega", names)
         else:
-            omega = as_matrix(omega, "omega", self.parameter_names)
+            points = as_matrix(table, "omega", self.parameter_names)
             values = [constant.value for constant in self.assumed.values()]
-            omega = np.column_stack([omega, np.tile(values, (len(omega), 1))])
-        check_lengths({"X": X, "omega": omega})
-        return X, omega
+            points = np.column_stack([points, np.tile(values, (len(points), 1))])
+        check_lengths({"X": X, "omega": points})
+        return X, points
 
     def _evaluate(
         self, X: FloatArray, omega: FloatArray, n_jobs: int | None, progress: bool = False
@@ -269,7 +267,7 @@ class Simulator:
         columns = np.ascontiguousarray(np.concatenate([X.T, omega.T]))
         if self.vectorized:
             arguments = dict(zip(names, columns, strict=True))
-            y = np.asarray(self.function(**arguments), dtype=float)
+            y = as_numbers(self.function(**arguments), f"The output of {self.name!r}")
             self._check_output(y.shape, (len(X),))
             return y, None
         runs = Parallel(n_jobs=n_jobs, return_as="generator")(

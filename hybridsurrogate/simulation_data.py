@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from hybridsurrogate.arrays import as_numbers, as_table, check_spread
 from hybridsurrogate.csv_file import read_csv
 from hybridsurrogate.exceptions import FailedRunsWarning
 from hybridsurrogate.priors import FloatArray, Prior
@@ -122,11 +123,13 @@ class SimulationData:
         X = as_matrix(X, "X", fields["input_names"])
         omega = np.empty((len(X), 0)) if omega is None else omega
         omega = as_matrix(omega, "omega", tuple(priors))
-        y = np.array(y, dtype=float)
+        y = as_numbers(y, "y")
         if y.ndim != 1:
             raise ValueError(f"y must have shape (n_runs,), got {y.shape}.")
         check_lengths({"X": X, "omega": omega, "y": y})
         X, omega, y = drop_failed(X, omega, y, "runs", error=None)
+        for word, values in {"X": X, "omega": omega, "y": y}.items():
+            check_spread(values, f"{word} of the runs")
         varied = varied_ranges(X, omega, fields)
         fields |= {
             "X": X,
@@ -150,7 +153,7 @@ class SimulationData:
     @classmethod
     def from_frame(
         cls,
-        frame: pd.DataFrame,
+        frame: Any,
         inputs: Mapping[str, Range] | Sequence[str],
         parameters: Mapping[str, Prior] | None = None,
         output: str = "y",
@@ -160,7 +163,7 @@ class SimulationData:
 
         Parameters
         ----------
-        frame : DataFrame
+        frame : DataFrame of pandas, polars or another library
             One run a row; other columns are ignored.
         inputs, parameters, assumed
             As in SimulationData; their names are columns.
@@ -175,6 +178,12 @@ class SimulationData:
         omega_names = [*(parameters or {}), *(assumed or {})]
         if output in [*inputs, *omega_names]:
             raise ValueError(f"The output {output!r} is also an input, parameter or constant.")
+        frame = as_table(frame, "The table of runs")
+        if not isinstance(frame, pd.DataFrame):
+            raise TypeError(
+                "from_frame takes a DataFrame, whose columns have names; give arrays to "
+                "SimulationData(X, omega, y, ...)."
+            )
         table = select_columns(frame, [*inputs, *omega_names, output], "The simulation runs")
         X, omega, y = table[list(inputs)], table[omega_names], table[output]
         return cls(X, omega, y, inputs, parameters, assumed, output)

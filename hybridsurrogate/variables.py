@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from hybridsurrogate.arrays import as_numbers, as_table, check_spread, is_numeric
 from hybridsurrogate.priors import FloatArray, Prior, check_prior, check_priors, prior_range
 
 Range = tuple[float, float]
@@ -96,6 +97,7 @@ def check_ranges(ranges: Mapping[str, Range]) -> dict[str, Range]:
             raise ValueError(
                 f"The range of {name!r} must be finite, from low to high, got ({low!r}, {high!r})."
             )
+        check_spread(np.array([low, high], dtype=float), f"The range of {name!r}")
         checked[name] = (float(low), float(high))
     return checked
 
@@ -125,16 +127,17 @@ def select_columns(frame: pd.DataFrame, names: Sequence[str], title: str) -> pd.
             f"there are {', '.join(map(str, frame.columns))}."
         )
     for name in names:
-        if not pd.api.types.is_numeric_dtype(frame[name]):
-            raise ValueError(f"The column {name!r} must hold numbers, but some are text.")
+        if not is_numeric(frame[name]):
+            raise ValueError(f"The column {name!r} must hold numbers, but some are text or dates.")
     return frame[list(names)]
 
 
 def as_matrix(values: ArrayLike, word: str, names: Sequence[str]) -> FloatArray:
-    """Return a float copy with one column a name; the columns of a DataFrame go by name."""
-    if isinstance(values, pd.DataFrame) and any(isinstance(c, str) for c in values.columns):
-        values = select_columns(values, names, word)
-    matrix = np.array(values, dtype=float)
+    """Return a float copy with one column a name; those of a frame go by name."""
+    table = as_table(values, word)
+    if isinstance(table, pd.DataFrame) and any(isinstance(c, str) for c in table.columns):
+        table = select_columns(table, names, word)
+    matrix = as_numbers(table, word)
     if matrix.ndim == 1 and len(names) == 1:
         matrix = matrix[:, None]
     if matrix.ndim != 2 or matrix.shape[1] != len(names):

@@ -226,3 +226,8 @@ def test_a_warning_is_printed_once(files, capsys):
     # another run of the same process tells it anew
     assert main(arguments(files)) == 0
     assert capsys.readouterr().err.splitlines() == told
+
+
+def test_a_degree_without_end(files, capsys):
+    assert main([*arguments(files), "--degree", "1000000000"]) == 2
+    assert "PolynomialChaos(degree=1000000000) has 5e+17 terms" in capsys.readouterr().err

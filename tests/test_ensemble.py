@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import warnings
 
 import numpy as np
 import pytest
@@ -206,3 +207,30 @@ def test_two_modes_go_to_the_ensemble():
     omega = model.posterior_.values[:, 0]
     assert np.mean(omega > 0) == pytest.approx(0.5, abs=0.1)
     assert np.abs(omega).mean() == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize("damage", ["truncated", "no HDF5", "a missing array", "no folder"])
+def test_a_damaged_file_is_told_with_its_path(damage, tmp_path, simulator, measured):
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / ("missing/chain.h5" if damage == "no folder" else "chain.h5")
+    model = hs.PowerScaledSurrogate(
+        simulator,
+        surrogate=hs.ExactSurrogate(),
+        sampler=hs.EnsembleSampler(max_steps=200, file=str(path)),
+        n_draws=20,
+        random_state=0,
+    )
+    if damage != "no folder":
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", hs.exceptions.SamplingWarning)
+            model.fit(*measured)
+    if damage == "truncated":
+        path.write_bytes(path.read_bytes()[:2000])
+    if damage == "no HDF5":
+        path.write_text("t,height\n1,2\n")
+    if damage == "a missing array":
+        with h5py.File(path, "a") as file:
+            (run,) = file.values()
+            del run["chain"]
+    with pytest.raises(OSError, match=r"chain.h5'\) cannot be read or written .* damaged"):
+        model.fit(*measured)

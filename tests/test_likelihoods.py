@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+import hybridsurrogate as hs
 from hybridsurrogate.likelihoods import (
     CustomLikelihood,
     LogNormal,
@@ -164,3 +165,10 @@ def test_kinks_of_a_users_density_are_smoothed_for_proposals():
     )
     # the second derivative of E|h e| is 2 phi(0) / h; nine nodes see the kink but roughly
     np.testing.assert_allclose(curvature, 2 * stats.norm.pdf(0) / 0.5, rtol=0.25)
+
+
+def test_tails_without_squares_are_refused():
+    # the quantile at a rounding error of 2e-16 is about 1e157 for a df of 0.1, 1e142 for 0.11
+    with pytest.raises(ValueError, match=r"StudentT\(0.01\) has tails so heavy"):
+        hs.StudentT(0.01).check(np.ones(3))
+    hs.StudentT(0.11).check(np.ones(3))

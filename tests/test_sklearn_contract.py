@@ -187,8 +187,9 @@ def test_columns_of_a_frame_go_by_name(model, measured):
     model.fit(frame, y)
     assert list(model.feature_names_in_) == ["humidity", "t", "wind"]
     assert_same_numbers(model.predict(frame), expected)
+    assert_same_numbers(model.predict(frame[["t", "wind", "humidity"]]), expected)
     with pytest.raises(ValueError, match="feature names should match"):
-        model.predict(frame[["t", "wind", "humidity"]])
+        model.predict(frame[["t", "wind"]])
 
 
 def test_extra_columns_of_an_array_come_after_the_inputs(model, measured):

@@ -149,3 +149,14 @@ def test_a_surrogate_of_the_users_own(simulation, measured):
     assert model.posterior_.coefficients.shape == (1000, 3)
     # the fall is no line, but the line falls
     assert model.predict([[0.5]]) > model.predict([[3.5]]) + 30
+
+
+@pytest.mark.parametrize("degree", [10**9, 10_000, 40])
+def test_more_terms_than_memory(degree):
+    simulator = hs.Simulator(
+        lambda a, b, c, d: a * b + c * d, dict.fromkeys("abcd", (0, 1)), {}, vectorized=True
+    )
+    runs = simulator.run(32, random_state=0)
+    model = hs.PowerScaledSurrogate(runs, surrogate=hs.PolynomialChaos(degree))
+    with pytest.raises(ValueError, match=rf"PolynomialChaos\(degree={degree}\) has .* terms in 4"):
+        model.fit(runs.X, runs.y)

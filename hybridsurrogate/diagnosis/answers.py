@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, RegressorMixin
-from sklearn.utils import column_or_1d
 from sklearn.utils.validation import check_is_fitted
 
+from hybridsurrogate.arrays import as_outputs, complete_table
 from hybridsurrogate.diagnosis.averaging import averaged_over
 from hybridsurrogate.diagnosis.forward import Step
 from hybridsurrogate.diagnosis.gain import Gain, gain_from, pointwise
@@ -59,7 +59,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
             The model after is ``averaged_estimator_`` instead of ``extended_estimator_``.
         """
         check_is_fitted(self)
-        y = column_or_1d(y_test, dtype=float)
+        y = as_outputs(y_test, "y_test")
         after = self.averaged_estimator_ if averaged else self.extended_estimator_
         return gain_from(pointwise(self.estimator_, X_test, y), pointwise(after, X_test, y))
 
@@ -84,6 +84,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         grid = np.linspace(0, 1, 11) if betas is None else np.unique(np.asarray(betas, dtype=float))
+        X, y = complete_table(X), as_outputs(y)
         return scan_beta(self._scans.models, grid, scan_folds(y), X, y, self._scans.n_jobs)
 
     def predict(self, X: ArrayLike, return_std: bool = False) -> Any:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from sklearn.base import clone
 from sklearn.utils import check_random_state
 
+from hybridsurrogate.arrays import as_numbers, complete_table
 from hybridsurrogate.diagnosis.answers import FittedDiagnosis
 from hybridsurrogate.diagnosis.beside import beside_others
 from hybridsurrogate.diagnosis.confounding import confounded, confounding, told
@@ -50,6 +51,7 @@ from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import ConfoundingWarning, DiagnosisWarning
 from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.threads import one_blas_thread
 
 
 class DiscrepancyDiagnosis(FittedDiagnosis):
@@ -195,6 +197,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self
         """
         check_settings(self)
+        X, y = complete_table(X), None if y is None else as_numbers(y, "y")
         self._forget()
         random = check_random_state(self.random_state)
         self.estimator_ = clone(self.estimator).fit(X, y)
@@ -208,8 +211,9 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         warn_if_slow(prepared.problem)
         warn_if_rough(prepared.problem)
         try:
-            steps = self._search(prepared, random)
-            self._extend(steps, X, y)
+            with one_blas_thread():
+                steps = self._search(prepared, random)
+                self._extend(steps, X, y)
         except KeyboardInterrupt as stop:
             self._keep(prepared, stop)
             raise
@@ -220,7 +224,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             self.feature_names_in_ = self.estimator_.feature_names_in_
         self.gain_: Gain | None = None
         self.gain_out_of_range_: Gain | None = None
-        self._prove(X, self.estimator_._measured[1], random)
+        with one_blas_thread():
+            self._prove(X, self.estimator_._measured[1], random)
         return self
 
     def _forget(self) -> None:

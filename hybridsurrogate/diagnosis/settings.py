@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from numbers import Integral
+from numbers import Integral, Real
 from typing import TYPE_CHECKING
 
 from sklearn.utils import check_scalar
 
+from hybridsurrogate.arrays import check_number
 from hybridsurrogate.effects.catalogue import KINDS
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
 
@@ -36,6 +37,8 @@ def check_settings(diagnosis: DiscrepancyDiagnosis) -> None:
             f"exclude must be a sequence of kinds of the catalogue, got {exclude!r}; the kinds are "
             f"{', '.join(KINDS)}."
         )
+    check_number(diagnosis.false_alarm_rate, "false_alarm_rate", Real)
+    check_scalar(diagnosis.n_replicates, "n_replicates", Integral)
     rate, n = diagnosis.false_alarm_rate, diagnosis.n_replicates
     if not 0 < rate < 1:
         raise ValueError(f"false_alarm_rate must be in (0, 1), got {rate}.")

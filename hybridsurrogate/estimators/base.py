@@ -13,9 +13,17 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_random_state, check_scalar
 from sklearn.utils.validation import check_is_fitted, validate_data
 
+from hybridsurrogate.arrays import (
+    as_numbers,
+    check_number,
+    check_size,
+    check_spread,
+    complete_table,
+)
 from hybridsurrogate.arviz_groups import arviz_of
 from hybridsurrogate.estimators.columns import (
-    check_numbers,
+    check_reach,
+    column_names,
     matched_columns,
     warn_elsewhere,
     warn_outside,
@@ -119,12 +127,12 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         likelihood: Likelihood,
         sample_weight: ArrayLike | None = None,
     ) -> MeasuredRows:
-        check_numbers(X)
-        rows, output = validate_data(
-            self, X, y, reset=True, dtype=np.float64, y_numeric=True, ensure_min_samples=2
-        )
+        X, y = complete_table(X), None if y is None else as_numbers(y, "y")
+        rows, output = validate_data(self, X, y, reset=True, dtype=np.float64, ensure_min_samples=2)
         # what is kept of a fit must not change with the arrays of the caller
         output = np.array(output, dtype=float)
+        check_spread(rows, "X")
+        check_spread(output, "y")
         names = [str(name) for name in getattr(self, "feature_names_in_", [])]
         columns, order = matched_columns(names, self.n_features_in_, self.simulation)
         self._columns, self._column_order = columns, order
@@ -134,18 +142,35 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         likelihood.check_training(output)
         rows = rows[:, order]
         self._measured, self._sample_weight = (rows, output), weights
+        check_reach(columns, rows, self.simulation)
         warn_outside(columns, rows, self.simulation)
         warn_elsewhere(output, self.simulation)
         return merged_rows(columns, rows, output, weights)
 
     def _check_data(self, X: ArrayLike) -> FloatArray:
         check_is_fitted(self)
-        check_numbers(X)
-        rows = validate_data(self, X, reset=False, dtype=np.float64)[:, self._column_order]
+        rows = self._known_columns(validate_data(self, self._in_order(X), reset=False, dtype=float))
         if isinstance(self.simulation, SimulationData):
             # a simulation that is run itself extrapolates nothing
             warn_outside(self._columns, rows, self.simulation, self._measured[0])
         return rows
+
+    def _known_columns(self, rows: FloatArray) -> FloatArray:
+        """Return rows with the simulation's inputs first, none of them out of all bounds."""
+        check_size(rows, "X")
+        rows = rows[:, self._column_order]
+        check_reach(self._columns, rows, self.simulation)
+        return rows
+
+    def _in_order(self, X: ArrayLike) -> Any:
+        """Return columns with the names of those in ``fit`` in their order there."""
+        table = complete_table(X)
+        order = list(getattr(self, "feature_names_in_", self._columns))
+        if sorted(column_names(table)) != sorted(order):
+            return table  # scikit-learn says which are missing, or new
+        # names that ``fit`` had of the simulation alone are none to scikit-learn
+        named = hasattr(self, "feature_names_in_")
+        return table[order] if named else as_numbers(table[order], "X")
 
     # ------------------------------------------------------------------------- predictions
 
@@ -190,7 +215,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         -------
         lower, upper : ndarray of shape (n,)
         """
-        check_scalar(level, "level", Real, min_val=0, max_val=1, include_boundaries="neither")
+        check_number(level, "level", Real, min_val=0, max_val=1, include_boundaries="neither")
         X = self._check_data(X)
         return central_interval(self._mixture, X, level)
 
@@ -249,9 +274,10 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         ndarray of shape (n,)
         """
         check_is_fitted(self)
-        check_numbers(X)
-        rows, output = validate_data(self, X, y, reset=False, dtype=np.float64, y_numeric=True)
-        rows, output = rows[:, self._column_order], np.asarray(output, dtype=float)
+        X, y = self._in_order(X), None if y is None else as_numbers(y, "y")
+        rows, output = validate_data(self, X, y, reset=False, dtype=np.float64)
+        check_size(output, "y")
+        rows = self._known_columns(rows)
         self._mixture(rows[:1])[0][1].likelihood.check(output)
         return np.concatenate(
             [

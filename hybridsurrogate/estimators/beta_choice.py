@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 from sklearn.model_selection import TimeSeriesSplit, check_cv
-from sklearn.utils import _safe_indexing, column_or_1d
-from sklearn.utils.validation import check_array
+from sklearn.utils import _safe_indexing
 
+from hybridsurrogate.arrays import as_numbers, as_outputs, complete_table
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.beta_path import beta_path
 
@@ -87,11 +87,11 @@ def choose_beta(
     True
     """
     grid = np.linspace(0, 1, 21) if betas is None else np.atleast_1d(np.asarray(betas, float))
-    outputs = column_or_1d(y, dtype=float)
+    X, outputs = complete_table(X), as_outputs(y)
     if isinstance(cv, str):
         if cv != LEAVE_FUTURE_OUT:
             raise ValueError(f"cv must be as in scikit-learn or {LEAVE_FUTURE_OUT!r}, got {cv!r}.")
-        order = np.argsort(check_array(X)[:, 0], kind="stable")
+        order = np.argsort(as_numbers(X, "X")[:, 0], kind="stable")
         folds = TimeSeriesSplit(_FUTURE_SPLITS).split(order)
         splits = [(order[train], order[test]) for train, test in folds]
     else:

@@ -13,40 +13,6 @@ from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation import SimulationData, Simulator
 
 
-def check_numbers(X: ArrayLike) -> None:
-    """Raise ValueError that names columns of a DataFrame which hold names, dates or nothing."""
-    if not isinstance(X, pd.DataFrame):
-        return
-    wrong = [name for name, column in X.items() if not _is_numeric(column)]
-    if wrong:
-        raise ValueError(
-            f"The columns {wrong} hold no numbers. Number levels such as a batch, "
-            "X[name].map({'A': 0, 'B': 1}); count dates from a fixed day, "
-            "(X[name] - pandas.Timestamp('2020-01-01')) / pandas.Timedelta('1D'); or leave them "
-            "out."
-        )
-    for name, column in X.items():
-        missing = np.flatnonzero(column.isna())
-        if len(missing):
-            raise ValueError(
-                f"{len(missing)} of {len(column)} values of the column {name!r} are missing (NaN), "
-                f"the first in row {missing[0] + 1}. Leave out the rows, "
-                f"rows = X[{name!r}].notna(), X[rows] and y[rows], or the column."
-            )
-
-
-def _is_numeric(column: pd.Series) -> bool:
-    if pd.api.types.is_numeric_dtype(column):
-        return True
-    if pd.api.types.is_datetime64_any_dtype(column) or pd.api.types.is_timedelta64_dtype(column):
-        return False
-    try:  # numbers may be stored as objects, text or categories
-        np.asarray(column, dtype=float)
-    except (TypeError, ValueError):
-        return False
-    return True
-
-
 def column_names(X: ArrayLike) -> list[str]:
     """Return the names of a DataFrame's columns; none where some are not text, or for an array."""
     names = list(X.columns) if isinstance(X, pd.DataFrame) else []
@@ -99,6 +65,29 @@ def warn_elsewhere(y: FloatArray, simulation: SimulationData | Simulator | None)
             ExtrapolationWarning,
             stacklevel=4,
         )
+
+
+def check_reach(
+    columns: tuple[str, ...], X: FloatArray, simulation: SimulationData | Simulator | None
+) -> None:
+    """Raise ValueError for inputs beside which all runs are one point, to the digits of doubles.
+
+    Powers of such inputs, scaled to the runs, are no numbers. A simulation that is run itself
+    needs none.
+    """
+    if not isinstance(simulation, SimulationData):
+        return
+    for name, values in zip(columns, X.T, strict=False):
+        if name not in simulation.input_ranges:
+            continue
+        low, high = simulation.input_ranges[name]
+        far = np.flatnonzero(np.abs(values - low) > (high - low) / np.finfo(float).eps)
+        if len(far):
+            raise ValueError(
+                f"{len(far)} of {len(values)} rows have {name!r} so far outside the simulated "
+                f"range [{low:g}, {high:g}] that a surrogate has no numbers there, the first "
+                f"{values[far[0]]:g} in row {far[0] + 1}. Check the units, or leave out such rows."
+            )
 
 
 def warn_outside(

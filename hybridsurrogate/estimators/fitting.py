@@ -16,6 +16,7 @@ from hybridsurrogate.inference.laplace import LaplacePosterior
 from hybridsurrogate.inference.two_step import MeasuredDraws, second_step
 from hybridsurrogate.posterior import Diagnostics, Posterior
 from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.threads import one_blas_thread
 
 
 @dataclass(frozen=True)
@@ -91,8 +92,9 @@ def fit_problem(
         alpha_R may be an array with one power for each measured row.
     """
     powers = powers_used(problem, powers)
-    drawn = first_step(make_target(problem, *powers), sampler, n_draws, random_state)
-    return finish(problem, powers, drawn, random_state)
+    with one_blas_thread():
+        drawn = first_step(make_target(problem, *powers), sampler, n_draws, random_state)
+        return finish(problem, powers, drawn, random_state)
 
 
 def powers_used(

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.utils import check_scalar
 from sklearn.utils.validation import check_X_y
 
+from hybridsurrogate.arrays import as_numbers, check_number, check_size, complete_table
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.columns import (
-    check_numbers,
+    check_reach,
     column_names,
     matched_columns,
     warn_outside,
@@ -135,8 +135,8 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
                     "A source holds runs: write Source(simulator.run(200), ...) instead of "
                     "Source(simulator, ...)."
                 )
-            check_scalar(source.power, "the power of a source", Real, min_val=0, max_val=1)
-        check_scalar(self.power, "power", Real, min_val=0, max_val=1)
+            check_number(source.power, "the power of a source", Real, min_val=0, max_val=1)
+        check_number(self.power, "power", Real, min_val=0, max_val=1)
         if not any(source.power > 0 for source in self.sources) and not self.power:
             raise ValueError("The powers of all sources are zero: there is nothing to train on.")
         return super()._check_parameters()
@@ -168,6 +168,7 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
                 continue
             more, values = self._read(source.data, rows.columns)
             likelihood.check_training(values)
+            check_reach(rows.columns, more, self.simulation)
             warn_outside(rows.columns, more, self.simulation)
             X.append(more)
             y.append(values)
@@ -182,11 +183,12 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
         self, data: tuple[ArrayLike, ArrayLike], columns: tuple[str, ...]
     ) -> tuple[FloatArray, FloatArray]:
         """Return a measured source with its columns in the order of those in ``fit``."""
-        X, y = data
-        check_numbers(X)
+        X, y = complete_table(data[0]), as_numbers(data[1], "y")
         # an array has the columns of the X in ``fit``
         order, names = self._column_order, column_names(X)
-        more, values = check_X_y(X, y, dtype=np.float64, y_numeric=True)
+        more, values = check_X_y(X, y, dtype=np.float64)
+        check_size(more, "X")
+        check_size(values, "y")
         if more.shape[1] != self.n_features_in_:
             raise ValueError(
                 f"A measured source must have X of shape (n, {self.n_features_in_}), got "
@@ -202,7 +204,7 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
             order = [names.index(name) for name in columns]
         elif names:
             order = matched_columns(names, len(names), self.simulation)[1]
-        return more[:, order], np.asarray(values, dtype=float)
+        return more[:, order], values
 
     def _largest_power(self) -> float:
         further = [s.power for s in self.sources if not isinstance(s.data, SimulationData)]

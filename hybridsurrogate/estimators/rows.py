@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hybridsurrogate.arrays import as_numbers, check_size
 from hybridsurrogate.priors import FloatArray
 
 
@@ -36,13 +37,14 @@ def check_weights(sample_weight: ArrayLike | None, n: int) -> FloatArray:
     """
     if sample_weight is None:
         return np.ones(n)
-    weights = np.array(sample_weight, dtype=float)
+    weights = as_numbers(sample_weight, "sample_weight")
     if weights.ndim == 0:
         weights = np.full(n, float(weights))
     if weights.shape != (n,):
         raise ValueError(f"sample_weight must have shape ({n},), got {weights.shape}.")
     if not (np.isfinite(weights) & (weights >= 0)).all():
         raise ValueError("sample_weight must be finite and not negative.")
+    check_size(weights, "sample_weight")
     if not weights.sum() > 0:
         raise ValueError("sample_weight sums to zero: no measured row would count.")
     return weights

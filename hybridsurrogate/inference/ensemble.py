@@ -12,6 +12,7 @@ import numpy as np
 from sklearn.base import BaseEstimator
 from sklearn.utils import check_scalar
 
+from hybridsurrogate.arrays import check_number
 from hybridsurrogate.inference.mixtures import student_draws
 from hybridsurrogate.inference.modes import Gaussian, LogDensity
 from hybridsurrogate.priors import FloatArray
@@ -140,6 +141,14 @@ class EnsembleSampler(BaseEstimator):
                 "in a search with n_jobs, cannot share EnsembleSampler(file=...). Use n_jobs=1 or "
                 "file=None."
             ) from error
+        except OSError as error:
+            if self.file is None:
+                raise
+            raise OSError(
+                f"EnsembleSampler(file={str(self.file)!r}) cannot be read or written ({error}). "
+                "Where its folder is there, the file is damaged or no HDF5 file: name another one, "
+                "or delete it to sample anew."
+            ) from error
         burn = int(min(5 * tau, sampler.iteration // 2))
         return _thinned(sampler, burn, tau, converged, n_draws, random_state)
 
@@ -175,7 +184,7 @@ class EnsembleSampler(BaseEstimator):
 
     def _check(self, d: int) -> None:
         check_scalar(self.max_steps, "max_steps", Integral, min_val=1)
-        check_scalar(self.tol, "tol", Real, min_val=0, include_boundaries="neither")
+        check_number(self.tol, "tol", Real, min_val=0, include_boundaries="neither")
         if self.n_walkers is not None:
             check_scalar(self.n_walkers, "n_walkers", Integral, min_val=2)
             if self.n_walkers < 2 * d or self.n_walkers % 2:
@@ -198,6 +207,12 @@ class EnsembleSampler(BaseEstimator):
         backend = emcee.backends.HDFBackend(str(self.file), name=f"run_{digest}")
         if not backend.initialized:
             backend.reset(*start.shape)
+            return backend
+        try:
+            if backend.iteration:
+                backend.get_last_sample()
+        except (KeyError, RuntimeError, TypeError, ValueError) as error:
+            raise OSError(f"its steps cannot be read: {error}") from error
         return backend
 
 

@@ -32,11 +32,18 @@ class StudentT(HeavyTailed):
     name = "Student-t"
 
     def check(self, y: FloatArray, source: str = "measured") -> None:
-        """Accept every finite y; raise ValueError for degrees of freedom that are not positive."""
+        """Accept every finite y; raise ValueError for degrees of freedom without use."""
         if not 0 < self.df < np.inf:
             raise ValueError(
                 f"StudentT needs a df that is positive and finite, got {self.df!r}; without end it "
                 "is likelihood='normal'."
+            )
+        # P(|z| > r) falls as r^-df: where it has come to the rounding error, r^2 is a number or not
+        double = np.finfo(float)
+        if self.df < -2 * np.log(double.eps) / np.log(double.max):
+            raise ValueError(
+                f"StudentT({self.df!r}) has tails so heavy that squares of its draws are no "
+                "numbers. Most data have a df of 2 to 30."
             )
 
     def working(self, y: FloatArray) -> FloatArray:

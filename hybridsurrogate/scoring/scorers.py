@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.utils import column_or_1d
 
+from hybridsurrogate.arrays import as_outputs
 from hybridsurrogate.scoring.scores import crps, elpd, interval_score, same_rows
 
 # of y, behind a continuous ranked probability score
@@ -69,7 +69,7 @@ def neg_crps_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
     """
     sample = _method(estimator, "sample_posterior_predictive", "neg_crps_scorer")
     draws = sample(X, n_draws=_N_DRAWS, random_state=0)
-    return -float(crps(draws, column_or_1d(y)).mean())
+    return -float(crps(draws, as_outputs(y)).mean())
 
 
 def neg_rmse_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
@@ -94,7 +94,7 @@ def neg_rmse_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
     -2.0
     """
     predict = _method(estimator, "predict", "neg_rmse_scorer")
-    predicted, y = same_rows({"predict(X)": predict(X), "y": column_or_1d(y)})
+    predicted, y = same_rows({"predict(X)": predict(X), "y": as_outputs(y)})
     return -float(np.sqrt(np.mean((predicted - y) ** 2)))
 
 
@@ -124,7 +124,7 @@ def interval_score_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
     """
     interval = _method(estimator, "predict_interval", "interval_score_scorer")
     lower, upper = interval(X, level=_LEVEL)
-    return -float(interval_score(column_or_1d(y), lower, upper, _LEVEL).mean())
+    return -float(interval_score(as_outputs(y), lower, upper, _LEVEL).mean())
 
 
 #: All scorers by name, as in ``GridSearchCV(model, grid, scoring=SCORERS, refit="elpd")``.

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hybridsurrogate.arrays import as_numbers
 from hybridsurrogate.design import random_generator
 from hybridsurrogate.priors import FloatArray
 
@@ -27,7 +28,7 @@ def elpd(log_predictive_density: ArrayLike) -> tuple[float, float]:
     >>> elpd([-1.0, -2.0, -3.0])[0]
     -2.0
     """
-    values = np.asarray(log_predictive_density, dtype=float)
+    values = as_numbers(log_predictive_density, "log_predictive_density")
     return float(values.mean()), _standard_error(values)
 
 
@@ -47,7 +48,7 @@ def rmse(draws: ArrayLike, truth: ArrayLike) -> float:
     >>> rmse([[0.0, 1.0], [0.0, 3.0]], [0.0, 2.0])
     0.5
     """
-    error = np.asarray(draws, dtype=float) - np.asarray(truth, dtype=float)
+    error = as_numbers(draws, "draws") - as_numbers(truth, "truth")
     return float(np.sqrt(np.mean(error**2, axis=0)).mean())
 
 
@@ -235,7 +236,7 @@ def paired_difference(after: ArrayLike, before: ArrayLike) -> PairedDifference:
     >>> paired_difference([1.0, 3.0], [0.0, 1.0]).difference
     1.5
     """
-    values = np.asarray(after, dtype=float) - np.asarray(before, dtype=float)
+    values = as_numbers(after, "after") - as_numbers(before, "before")
     return PairedDifference(float(values.mean()), _standard_error(values))
 
 
@@ -250,13 +251,13 @@ def last_of_the_best(scores: ArrayLike) -> int:
     >>> last_of_the_best([-0.501, -0.5, -0.502, -0.7])
     2
     """
-    values = np.asarray(scores, dtype=float)
+    values = as_numbers(scores, "scores")
     return int(np.flatnonzero(values >= values.max() - _LEVEL)[-1])
 
 
 def same_rows(arrays: dict[str, ArrayLike]) -> list[FloatArray]:
     """Return the arrays as floats; ValueError unless all have one shape (n,), n at least 1."""
-    values = {name: np.asarray(array, dtype=float) for name, array in arrays.items()}
+    values = {name: as_numbers(array, name) for name, array in arrays.items()}
     shapes = {array.shape for array in values.values()}
     if len(shapes) > 1 or len(shape := shapes.pop()) != 1 or shape == (0,):
         got = ", ".join(f"{name} {array.shape}" for name, array in values.items())
@@ -266,7 +267,7 @@ def same_rows(arrays: dict[str, ArrayLike]) -> list[FloatArray]:
 
 def _draws_and_rows(draws: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Return both as floats; ValueError unless they are finite and of shapes (S, n) and (n,)."""
-    draws = np.asarray(draws, dtype=float)
+    draws = as_numbers(draws, "draws")
     (y,) = same_rows({"y": y})
     if draws.ndim != 2 or draws.shape[1] != len(y) or len(draws) == 0:
         raise ValueError(

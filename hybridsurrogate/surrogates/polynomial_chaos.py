@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import comb
 from numbers import Integral
 
 import numpy as np
@@ -17,6 +18,8 @@ from hybridsurrogate.surrogates.domain import Domain
 # scale-aware default: five times the spread of the outputs, as N(0, 5) is for the published
 # case studies, whose outputs have a spread of about one
 _DEFAULT_RELATIVE_SD = 5.0
+# a fit holds several matrices of terms x terms: of 10,000 terms each has 0.8 GB
+_MOST_TERMS = 10_000
 
 
 class PolynomialChaos(Surrogate):
@@ -52,6 +55,13 @@ class PolynomialChaos(Surrogate):
         """Return the basis on a domain."""
         check_scalar(self.degree, "degree", Integral, min_val=1)
         ranges = np.vstack([domain.input_ranges, domain.parameter_ranges])
+        n_terms = comb(len(ranges) + int(self.degree), len(ranges))
+        if n_terms > _MOST_TERMS:
+            raise ValueError(
+                f"PolynomialChaos(degree={self.degree}) has {n_terms:.3g} terms in {len(ranges)} "
+                f"dimensions, more than the {_MOST_TERMS} for which there is memory: choose a "
+                "lower degree, or Kriging()."
+            )
         powers = multi_indices(len(ranges), int(self.degree))
         if self.coefficient_prior is None:
             mean = np.zeros(len(powers))

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
-from sklearn.utils import column_or_1d
 
+from hybridsurrogate.arrays import as_outputs
 from hybridsurrogate.diagnosis.report import (
     html,
     pictures,
@@ -124,7 +124,7 @@ def make_report(diagnosis: DiscrepancyDiagnosis, test: pictures.Test = None) -> 
     """
     view = View(diagnosis)
     if test is not None:
-        test = test[0], column_or_1d(test[1], dtype=float)
+        test = test[0], as_outputs(test[1], "y_test")
     on_test = diagnosis.gain_on(*test) if test is not None else None
     # where one cause is named its extension says nearly the same
     unclear = diagnosis.verdict_ in ("ambiguous", "unexplained")

@@ -1,0 +1,231 @@
+"""The one door for tables, arrays and numbers that a user gives: what holds no numbers stops here.
+
+A frame of any library goes on as a pandas DataFrame, so that columns go by name from there on.
+"""
+
+from __future__ import annotations
+
+import datetime
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
+from scipy import sparse
+from sklearn.utils import check_scalar, column_or_1d
+
+from hybridsurrogate.priors import FloatArray
+
+# doubles end at 1e308, and sums of squares are formed of everything
+_LARGEST = 1e150
+
+_COUNT_DATES = (
+    "Count dates from a fixed day, (dates - numpy.datetime64('2020-01-01')) / "
+    "numpy.timedelta64(1, 'D'), and durations in a unit, durations / numpy.timedelta64(1, 's')."
+)
+
+
+def as_table(values: Any, word: str = "X") -> Any:
+    """Return columns with names as a pandas DataFrame, and all else as an array of floats.
+
+    Parameters
+    ----------
+    values : DataFrame of any library, or array-like
+        A frame has ``columns`` or ``column_names``, and gives a column for a name; a structured
+        array has fields.
+    word : str
+        What to call it in an error.
+
+    Examples
+    --------
+    >>> as_table(np.array([(1.0, 2.0)], dtype=[("t", float), ("dose", float)])).columns.tolist()
+    ['t', 'dose']
+    >>> as_table([[1, 2]])
+    array([[1., 2.]])
+    """
+    frame = _frame_of(values, word)
+    if frame is None:
+        return as_numbers(values, word)
+    names = [name for name in frame.columns if isinstance(name, str)]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ValueError(
+            f"{word} has more than one column {', '.join(map(repr, twice))}: columns go by name, "
+            "so rename or drop the copies."
+        )
+    if any(isinstance(dtype, pd.SparseDtype) for dtype in frame.dtypes):
+        raise TypeError(f"{word} has sparse columns: pass frame.sparse.to_dense().")
+    return frame
+
+
+def complete_table(values: Any, word: str = "X") -> Any:
+    """As `as_table`; raise ValueError, with its name, for a column without a number in each row."""
+    table = as_table(values, word)
+    if isinstance(table, pd.DataFrame):
+        check_columns(table)
+        check_complete(table)
+    return table
+
+
+def _frame_of(values: Any, word: str) -> pd.DataFrame | None:
+    """Return a frame with the columns that go by name; None where there are none."""
+    if isinstance(values, pd.DataFrame):
+        return values
+    if type(values) is np.ndarray and not values.dtype.names:
+        return None
+    if getattr(getattr(values, "dtype", None), "names", None):
+        _check_masks(values, word)
+        return pd.DataFrame({name: np.asarray(values[name]) for name in values.dtype.names})
+    kind = type(values)
+    # a lazy frame warns of being asked for its columns
+    lazy = next((way for way in ("collect", "compute") if hasattr(kind, way)), None)
+    if lazy and hasattr(kind, "columns"):
+        raise TypeError(f"{word} is a {kind.__name__}, not computed yet: pass frame.{lazy}().")
+    names = getattr(values, "column_names", None)
+    names = getattr(values, "columns", None) if names is None else names
+    if names is None:
+        return None
+    # not at once from a dict, which would hide columns of the same name
+    columns = [pd.Series(np.asarray(values[name])) for name in names]
+    return pd.DataFrame(dict(enumerate(columns))).set_axis(list(names), axis=1)
+
+
+def as_numbers(values: Any, word: str) -> FloatArray:
+    """Return a copy as floats; what is missing is NaN.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For values that are masked, dates, complex, sparse or no numbers.
+
+    Examples
+    --------
+    >>> as_numbers([1, None, "2.5"], "y")
+    array([1. , nan, 2.5])
+    """
+    # most calls of a simulation: thousands in a search
+    if type(values) is np.ndarray and values.dtype == np.float64:
+        return values.copy()
+    _check_masks(values, word)
+    if sparse.issparse(values):
+        raise TypeError(f"{word} is sparse, but dense data is required: pass {word}.toarray().")
+    if isinstance(values, pd.DataFrame):
+        check_columns(values)
+    try:
+        array = np.asarray(values)
+    except ValueError as error:  # lists of unequal length
+        raise ValueError(f"{word} must hold numbers: {error}.") from error
+    kinds = {array.dtype.kind}
+    if kinds == {"O"}:
+        array = np.where(pd.isna(array), np.nan, array)
+        dates = (datetime.date, datetime.timedelta, np.datetime64, np.timedelta64)
+        kinds |= {"M" for value in array.flat if isinstance(value, dates)}
+        kinds |= {"c" for value in array.flat if isinstance(value, complex)}
+    if kinds & {"M", "m"}:
+        raise ValueError(f"{word} holds dates or durations, not numbers. {_COUNT_DATES}")
+    if "c" in kinds:
+        raise ValueError(f"Complex data not supported: {word} must be real.")
+    try:
+        return np.array(array, dtype=float)
+    except (TypeError, ValueError, OverflowError) as error:
+        # scikit-learn tells an object that is no number from a text by the class
+        raise (TypeError if isinstance(error, TypeError) else ValueError)(
+            f"{word} must hold numbers: {error}."
+        ) from error
+
+
+def _check_masks(values: Any, word: str) -> None:
+    parts = values if isinstance(values, list | tuple) else [values]
+    if any(isinstance(part, np.ma.MaskedArray) and np.ma.is_masked(part) for part in parts):
+        raise ValueError(
+            f"Some values of {word} are masked. Leave out their rows, in X and y alike, or, of "
+            "runs that failed, fill them, values.filled(numpy.nan)."
+        )
+
+
+def check_columns(frame: pd.DataFrame) -> None:
+    """Raise ValueError that names columns of a DataFrame which hold names or dates."""
+    wrong = [name for name, column in frame.items() if not is_numeric(column)]
+    if wrong:
+        raise ValueError(
+            f"The columns {wrong} hold no numbers. Number levels such as a batch, "
+            "X[name].map({'A': 0, 'B': 1}); count dates from a fixed day, "
+            "(X[name] - pandas.Timestamp('2020-01-01')) / pandas.Timedelta('1D'); or leave them "
+            "out."
+        )
+
+
+def check_complete(frame: pd.DataFrame) -> None:
+    """Raise ValueError that names the first column of a DataFrame in which values are missing."""
+    for name, column in frame.items():
+        missing = np.flatnonzero(column.isna())
+        if len(missing):
+            raise ValueError(
+                f"{len(missing)} of {len(column)} values of the column {name!r} are missing (NaN), "
+                f"the first in row {missing[0] + 1}. Leave out the rows, "
+                f"rows = X[{name!r}].notna(), X[rows] and y[rows], or the column."
+            )
+
+
+def is_numeric(column: pd.Series) -> bool:
+    """Whether a column holds numbers, however they are stored."""
+    if pd.api.types.is_complex_dtype(column):
+        return False
+    if pd.api.types.is_numeric_dtype(column):
+        return True
+    try:  # numbers may be stored as objects, text or categories
+        as_numbers(column, "")
+    except (TypeError, ValueError):
+        return False
+    return True
+
+
+def as_outputs(y: ArrayLike, word: str = "y") -> FloatArray:
+    """Return measured outputs (n,), all of them finite and within what can be squared."""
+    values = column_or_1d(as_numbers(y, word))
+    if not np.isfinite(values).all():
+        what = "NaN" if np.isnan(values).any() else "infinity"
+        rows = np.flatnonzero(~np.isfinite(values))
+        raise ValueError(
+            f"Input {word} contains {what}: {len(rows)} of {len(values)} values, the first in row "
+            f"{rows[0] + 1}. Leave out these rows, in X and {word} alike."
+        )
+    check_size(values, word)
+    return values
+
+
+def check_size(values: FloatArray, word: str) -> None:
+    """Raise ValueError for finite numbers whose squares doubles cannot hold."""
+    size = np.max(np.abs(values), initial=0.0, where=np.isfinite(values))
+    if size > _LARGEST:
+        raise ValueError(
+            f"{word} has values as large as {size:g}: above {_LARGEST:g} their squares are no "
+            "numbers any more. Leave out what has diverged, or choose another unit."
+        )
+
+
+def check_spread(values: FloatArray, word: str) -> None:
+    """Raise ValueError for training values, or columns of them, that are too large or too small."""
+    check_size(values, word)
+    for column in np.atleast_2d(values.T):
+        spread = (np.ptp(column) or np.max(np.abs(column))) if len(column) else 0.0
+        if 0 < spread < 1 / _LARGEST:
+            raise ValueError(
+                f"{word} has values that differ by no more than {spread:g}, or are as small: below "
+                f"{1 / _LARGEST:g} their squares are zero. Choose another unit."
+            )
+
+
+def check_number(value: Any, name: str, kind: Any, **limits: Any) -> None:
+    """As `sklearn.utils.check_scalar`, which lets NaN pass: raise ValueError for it, too.
+
+    Examples
+    --------
+    >>> check_number(float("nan"), "level", float, min_val=0, max_val=1)
+    Traceback (most recent call last):
+    ...
+    ValueError: level must be a number, got NaN.
+    """
+    check_scalar(value, name, kind, **limits)
+    if np.isnan(value):
+        raise ValueError(f"{name} must be a number, got NaN.")

@@ -1,0 +1,53 @@
+"""Fits and diagnoses keep the linear algebra to one thread, and give the others back."""
+
+from __future__ import annotations
+
+import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
+
+import hybridsurrogate as hs
+from hybridsurrogate.diagnosis import diagnosis as diagnosis_module
+from hybridsurrogate.estimators import fitting
+
+
+def threads():
+    """Return how many threads each BLAS has."""
+    return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+
+
+@pytest.fixture
+def two_threads():
+    with threadpool_limits(2, user_api="blas"):
+        if threads() != {2}:
+            pytest.skip("this BLAS has one thread only")
+        yield
+        assert threads() == {2}
+
+
+def noted(monkeypatch, module, name):
+    """Return a list of what `threads` is whenever a function of a module is called."""
+    seen, function = [], getattr(module, name)
+
+    def call(*arguments):
+        seen.append(threads())
+        return function(*arguments)
+
+    monkeypatch.setattr(module, name, call)
+    return seen
+
+
+@pytest.mark.usefixtures("two_threads")
+def test_a_fit_has_one_thread(simulation, measured, monkeypatch):
+    seen = noted(monkeypatch, fitting, "make_target")
+    hs.PowerScaledSurrogate(simulation, n_draws=20, random_state=0).fit(*measured)
+    assert seen == [{1}]
+
+
+@pytest.mark.usefixtures("two_threads")
+def test_a_diagnosis_has_one_thread(simulator, measured, monkeypatch):
+    searches = noted(monkeypatch, diagnosis_module, "forward_search")
+    folds = noted(monkeypatch, diagnosis_module, "proof")
+    model = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate(), n_draws=20)
+    hs.DiscrepancyDiagnosis(model, cv=2, n_replicates=19, random_state=0).fit(*measured)
+    assert searches == [{1}]
+    assert folds == [{1}]
