@@ -13,7 +13,7 @@ from scipy import special
 from hybridsurrogate.diagnosis.discrepancy import predict_locally
 from hybridsurrogate.diagnosis.evidence import Search, Weighed, kind_of
 from hybridsurrogate.diagnosis.gain import in_one_word
-from hybridsurrogate.diagnosis.trust import has_weight
+from hybridsurrogate.diagnosis.trust import has_weight, is_slow
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.plotting import Prediction
 from hybridsurrogate.priors import FloatArray
@@ -76,6 +76,11 @@ class View:
     def has_weight(self) -> bool:
         """Whether there is a surrogate for whose training runs and measurements compete."""
         return has_weight(self.diagnosis.estimator_)
+
+    @property
+    def weight_takes_minutes(self) -> bool:
+        """Whether a fit takes so long that a few weights take minutes."""
+        return is_slow(self.diagnosis.estimator_)
 
     @property
     def cause(self) -> Cause | None:
