@@ -23,7 +23,7 @@ from hybridsurrogate.diagnosis.doubtful_data import warn_if_exact, warn_if_mirro
 from hybridsurrogate.diagnosis.emulator import check_emulator
 from hybridsurrogate.diagnosis.finding import finding_of
 from hybridsurrogate.diagnosis.folds import folds_beyond, random_folds
-from hybridsurrogate.diagnosis.forward import Step, forward_search
+from hybridsurrogate.diagnosis.forward import Step, forward_search, searches
 from hybridsurrogate.diagnosis.gain import Gain, in_one_word
 from hybridsurrogate.diagnosis.interruption import InterruptedSearch
 from hybridsurrogate.diagnosis.next_measurement import next_measurement
@@ -281,7 +281,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             clone(self.estimator),
             tuple(self.causes),
             tuple(self.exclude),
-            self.search_,
+            searches(self._steps),
             Pair(self.estimator_, self.extended_estimator_, kinds),
             int(self.max_causes),
             self.false_alarm_rate,

@@ -224,15 +224,24 @@ class View:
 
     def standardised(self, model: Any) -> FloatArray:
         """Return residuals at the measured rows that are standard normal if the model is right."""
-        eta, noise = model.posterior_.eta(self.X)
-        working = model.posterior_.likelihood.working(self.y)
-        below = np.mean(special.ndtr((working - eta) / noise), axis=0)
-        return special.ndtri(np.clip(below, 1e-9, 1 - 1e-9))
+        return self._residuals[id(model)][1]
 
     def working_residuals(self, model: Any) -> FloatArray:
         """Return measured minus predicted at the measured rows, on the scale of eta."""
-        eta, _ = model.posterior_.eta(self.X)
-        return model.posterior_.likelihood.working(self.y) - eta.mean(axis=0)
+        return self._residuals[id(model)][0]
+
+    @cached_property
+    def _residuals(self) -> dict[int, tuple[FloatArray, FloatArray]]:
+        """Residuals of either model on the scale of eta, and standardised, both from one eta."""
+        models = self.diagnosis.estimator_, self.diagnosis.extended_estimator_
+        return {id(model): _residuals_of(model, self.X, self.y) for model in models}
+
+
+def _residuals_of(model: Any, X: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    eta, noise = model.posterior_.eta(X)
+    working = model.posterior_.likelihood.working(y)
+    below = np.mean(special.ndtr((working - eta) / noise), axis=0)
+    return working - eta.mean(axis=0), special.ndtri(np.clip(below, 1e-9, 1 - 1e-9))
 
 
 def prediction(model: Any, rows: Any) -> Prediction:
