@@ -23,6 +23,7 @@ from measured_sets import SETS, DataSet, Frame
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.evidence import Search, kind_of, probabilities
 from hybridsurrogate.diagnosis.verdict import leader
+from hybridsurrogate.whole_file import written_whole
 
 FAST = ("nile", "school-influenza")
 # a curve that is no farther from another one is the same: the rule of tests/hidden_effects
@@ -198,7 +199,8 @@ def page(sets: tuple[DataSet, ...], folder: Path, fast: bool, kept: Path | None)
         cells = known.get(data.name) or row(data, pd.read_csv(path, comment="#"), fast)
         known[data.name] = cells
         if kept:
-            kept.write_text(json.dumps(known))
+            with written_whole(kept) as part:
+                part.write_text(json.dumps(known), encoding="utf-8")
         print("| " + " | ".join(cells) + " |", flush=True)
         outcomes.append((data, cells[5], cells[6]))
     words = [right for _, right, _ in outcomes]

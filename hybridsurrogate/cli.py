@@ -9,16 +9,19 @@ import os
 import sys
 import warnings
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from scipy import stats
+from tqdm import tqdm
 
 from hybridsurrogate.csv_file import read_csv
 from hybridsurrogate.datasets import load_mauna_loa_co2, load_nile, make_log_sin
 from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
-from hybridsurrogate.diagnosis.report.report import ending_of
+from hybridsurrogate.diagnosis.progress import doing
+from hybridsurrogate.diagnosis.report.report import Report, ending_of
 from hybridsurrogate.estimators import PowerScaledSurrogate
 from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning
 from hybridsurrogate.likelihoods import LIKELIHOODS
@@ -27,6 +30,7 @@ from hybridsurrogate.priors import Prior, truncated_normal
 from hybridsurrogate.simulated_ranges import check_support
 from hybridsurrogate.simulation import SimulationData, read_simulation
 from hybridsurrogate.surrogates import ExactSurrogate, Kriging, PolynomialChaos, Surrogate
+from hybridsurrogate.whole_file import check_writable, written_whole
 
 # of measurements, beyond which kriging takes too long; of the polynomial that then takes its place
 _MOST_ROWS, _MOST_DEGREE = 200, 5
@@ -137,7 +141,13 @@ def _parser() -> argparse.ArgumentParser:
         "process through the runs; beyond 200 rows by a polynomial of at most degree 5)",
     )
     own.add_argument("--beta", type=float, default=0.5, help="weight of the simulation (0.5)")
+    own.add_argument(
+        "--beta-scan",
+        action="store_true",
+        help="also try which weight the simulation deserves: takes longer than all else",
+    )
     own.set_defaults(run=_diagnose)
+    demo.set_defaults(beta_scan=False)
     for command in (demo, own):
         command.add_argument(
             "--exclude",
@@ -163,17 +173,18 @@ def _demo(given: argparse.Namespace) -> int:
         for name, (_, description) in DEMOS.items():
             print(f"{name:8} {description}")
         return 0
+    _check_files(given)
     demo = DEMOS[given.name][0]()
     print(demo.introduction, end="\n\n", flush=True)
     model = PowerScaledSurrogate(
         demo.simulator, surrogate=ExactSurrogate(), random_state=given.seed
     )
     given.max_causes = demo.max_causes if given.max_causes is None else given.max_causes
-    _finish(model, demo.X, demo.y, demo.test, given)
-    return 0
+    return _finish(model, demo.X, demo.y, demo.test, given)
 
 
 def _diagnose(given: argparse.Namespace) -> int:
+    _check_files(given)
     runs, measured = read_csv(given.simulation), read_csv(given.measured)
     # a comma at the end of each line makes a column without a cell
     measured = measured.dropna(axis="columns", how="all")
@@ -201,8 +212,7 @@ def _diagnose(given: argparse.Namespace) -> int:
         random_state=given.seed,
     )
     y = measured.pop(given.output).to_numpy(dtype=float)
-    _finish(model, with_levels(measured), y, None, given)
-    return 0
+    return _finish(model, with_levels(measured), y, None, given)
 
 
 def _warn_of_unnamed(runs: pd.DataFrame, named: set[str]) -> None:
@@ -256,25 +266,45 @@ def _priors(given: argparse.Namespace, runs: pd.DataFrame) -> dict[str, Prior]:
     return priors
 
 
+def _check_files(given: argparse.Namespace) -> None:
+    """Raise where a file cannot be written: now, not after minutes."""
+    ending_of(given.report)
+    for path in (given.report, given.json):
+        if path is not None:
+            check_writable(path)
+
+
 def _finish(
     model: PowerScaledSurrogate, X: Any, y: Any, test: Any, given: argparse.Namespace
-) -> None:
-    ending_of(given.report)  # now, not after minutes
+) -> int:
     most = 1 if given.max_causes is None else given.max_causes
     diagnosis = DiscrepancyDiagnosis(
-        model, exclude=given.exclude, max_causes=most, random_state=given.seed
+        model, exclude=given.exclude, max_causes=most, random_state=given.seed, progress=True
     )
     diagnosis.fit(X, y)
-    report = diagnosis.report(test=test)
+    with doing("Report"):
+        report = diagnosis.report(test=test, beta_scan=given.beta_scan)
+    files = [("With pictures", given.report, report.save)]
+    if given.json:
+        files.append(("Numbers", given.json, partial(_write_numbers, report)))
+    written, failed = [], []
     # first: whoever reads the text may have seen enough of it, as "| head" does
-    report.save(given.report)
-    if given.json:
-        with open(given.json, "w", encoding="utf-8") as file:
-            json.dump(report.to_dict(), file, indent=2, allow_nan=False)
-    print(report)
-    print(f"\nWith pictures: {given.report}")
-    if given.json:
-        print(f"Numbers: {given.json}")
+    for what, path, write in files:
+        try:
+            write(path)
+            written.append(f"{what}: {path}")
+        except OSError as error:
+            failed.append(f"{path} was not written: {error}.")
+    # the text is not lost with a file
+    print("\n".join([str(report), *([""] if written else []), *written]), flush=True)
+    if failed:
+        raise OSError(" ".join(failed))
+    return 0
+
+
+def _write_numbers(report: Report, path: str) -> None:
+    with written_whole(path) as part:
+        part.write_text(json.dumps(report.to_dict(), indent=2, allow_nan=False), encoding="utf-8")
 
 
 class _PrintOnce:
@@ -286,7 +316,8 @@ class _PrintOnce:
     def __call__(self, message: Any, *_: Any, **__: Any) -> None:
         if str(message) not in self._told:
             self._told.add(str(message))
-            print(f"Warning: {message}", file=sys.stderr)
+            # not into the line that says what is being done
+            tqdm.write(f"Warning: {message}", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,9 @@
 """The command line, as a newcomer types it."""
 
+import io
 import json
 import os
+import re
 import subprocess
 import sys
 
@@ -11,7 +13,9 @@ import pytest
 from scipy import stats
 
 import hybridsurrogate as hs
+from hybridsurrogate import cli
 from hybridsurrogate.cli import _degree, _surrogate, main
+from hybridsurrogate.diagnosis.report.report import Report
 
 
 @pytest.fixture
@@ -149,6 +153,60 @@ def test_a_report_that_cannot_be_written_is_told_at_once(files, capsys):
     told = capsys.readouterr()
     assert "to a file .html, .txt or .json" in told.err
     assert "Verdict" not in told.out
+
+
+@pytest.mark.parametrize("option", ["--report", "--json"])
+def test_a_folder_that_is_not_there_is_told_before_anything_is_computed(
+    files, capsys, monkeypatch, option
+):
+    monkeypatch.setattr(hs.DiscrepancyDiagnosis, "fit", None)
+    monkeypatch.setattr(cli, "read_csv", None)
+    missing = str(files / "missing" / "r.html")
+    for command in (["demo", "nile"], arguments(files)):
+        assert main([*command, option, missing]) == 2
+        told = capsys.readouterr()
+        assert "the folder" in told.err
+        assert "does not exist" in told.err
+        assert not told.out
+    assert main(["demo", "nile", option, str(files)]) == 2
+    assert "a folder: name a file in it" in capsys.readouterr().err
+
+
+def test_a_report_that_fails_to_be_written_leaves_the_text(files, capsys, monkeypatch):
+    def full(*_):
+        raise OSError("No space left on device")
+
+    monkeypatch.setattr(Report, "save", full)
+    numbers = files / "numbers.json"
+    assert main([*arguments(files), "--json", str(numbers)]) == 2
+    told = capsys.readouterr()
+    assert "missing-input in wind" in told.out
+    assert f"Numbers: {numbers}" in told.out
+    assert "With pictures" not in told.out
+    assert "report.html was not written: No space left on device" in told.err
+    assert json.loads(numbers.read_text())["verdict"]
+
+
+class Terminal(io.StringIO):
+    """A stderr that is a terminal."""
+
+    def isatty(self):
+        return True
+
+
+def test_a_terminal_is_told_what_is_being_done(files, capsys, monkeypatch):
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    assert main(arguments(files)) == 0
+    told = terminal.getvalue()
+    assert "Search" in told
+    assert re.search(r"Folds \d+ of 8", told)
+    assert told.index("Search") < told.index("Folds") < told.index("Report")
+    # else there is nothing but warnings
+    assert "Folds" not in capsys.readouterr().out
+    monkeypatch.undo()
+    assert main(arguments(files)) == 0
+    assert "Folds" not in capsys.readouterr().err
 
 
 def test_an_unknown_demonstration(capsys):

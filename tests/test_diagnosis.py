@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from scipy.stats import halfnorm, norm, uniform
 from sklearn.base import clone
-from sklearn.exceptions import DataConversionWarning
+from sklearn.exceptions import DataConversionWarning, NotFittedError
 
 import hybridsurrogate as hs
 from hybridsurrogate.scoring import SCORERS
@@ -115,8 +115,8 @@ def test_a_scan_of_beta_scores_both_models_on_the_same_folds(periodic):
 
 
 def test_a_simulation_that_is_itself_run_has_no_weight(periodic):
-    assert periodic.beta_scan_ is None
-    assert periodic.gain_.best_beta_before is None
+    assert periodic.beta_scan() is None
+    assert periodic.gain_.best_beta_before() is None
 
 
 def test_predict_and_score_are_those_of_the_extended_estimator(periodic):
@@ -127,12 +127,13 @@ def test_predict_and_score_are_those_of_the_extended_estimator(periodic):
 
 
 def test_the_average_weighs_causes_by_their_probabilities(periodic):
-    average = periodic.averaged_estimator_
-    assert average is periodic.averaged_estimator_
+    average = periodic.averaged_estimator()
+    assert average is periodic.averaged_estimator()
     # another fit would have another
     again = copy.copy(periodic)
     again._forget()
-    assert not hasattr(again, "averaged_estimator_")
+    with pytest.raises(NotFittedError):
+        again.averaged_estimator()
     n = len(average.estimators_)
     shares = periodic.causes_["probability"].to_numpy()
     assert shares[:n].sum() >= 0.95 > shares[: n - 1].sum()

@@ -14,6 +14,7 @@ import pytest
 from shared_files import shared_path
 
 import hybridsurrogate as hs
+from hybridsurrogate.datasets import covid19_italy
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 
@@ -108,6 +109,18 @@ def test_page_of_italy(page):
     gain = table.drop(index="with the cause")["gain"]
     assert (gain > 1.5).all()
     assert table.loc["with the cause", "RMSE"] < 25
+
+
+def test_the_page_of_italy_says_that_its_data_are_missing_and_goes_on(page, monkeypatch, tmp_path):
+    def no_network(*_, **__):
+        raise OSError("no network")
+
+    monkeypatch.setenv("HYBRIDSURROGATE_SHARED", str(tmp_path))
+    monkeypatch.setattr(covid19_italy, "fetch_file", no_network)
+    printed = page("plot_italy.py", str(tmp_path))
+    assert "Without the data this page ends here" in printed
+    assert "no network" in printed
+    assert f"save it as {tmp_path}" in printed
 
 
 def test_right_choices_win():

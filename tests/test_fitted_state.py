@@ -55,7 +55,7 @@ def test_arrays_changed_after_a_diagnosis_do_not_reach_its_average():
     kept = X.copy()
     y += 100
     X += 5
-    np.testing.assert_allclose(diagnosis.averaged_estimator_.predict(kept), expected, atol=1.0)
+    np.testing.assert_allclose(diagnosis.averaged_estimator().predict(kept), expected, atol=1.0)
 
 
 class Failing(hs.PolynomialChaos):

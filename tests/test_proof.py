@@ -9,8 +9,11 @@ from scipy.stats import norm
 from sklearn.base import clone
 
 import hybridsurrogate as hs
+from hybridsurrogate.diagnosis import fits
 from hybridsurrogate.diagnosis.folds import folds_beyond, future_folds, random_folds
+from hybridsurrogate.diagnosis.forward import searches
 from hybridsurrogate.diagnosis.gain import FoldGain, Held, gain_over, pointwise
+from hybridsurrogate.diagnosis.rehearsal import Pair, Rehearsal
 from hybridsurrogate.estimators.carried import fitted_near
 
 
@@ -100,6 +103,73 @@ def test_a_fold_is_fitted_from_the_proposals_of_the_whole(simulator):
     assert max(distance["near"]) < limit < max(distance["whole"])
     # what is true of other data serves nobody
     assert fitted_near(model, t[rows, None], 5 - 3 * y[rows], whole) is None
+
+
+def test_a_fold_is_fitted_from_the_whole_where_priors_follow_the_rows(simulator):
+    # the prior of the period follows the rows, and the period is known to a fraction of it
+    t = np.linspace(0, 14, 60)
+    y = line(t, 1.0, 0.8) + 2 * np.sin(2 * np.pi * t / 2.9)
+    y += 0.02 * np.random.default_rng(0).standard_normal(60)
+    model = hs.PowerScaledSurrogate(
+        simulator,
+        surrogate=hs.ExactSurrogate(),
+        effects=[hs.Periodic("t")],
+        n_draws=1000,
+        random_state=0,
+    )
+    whole, rows = clone(model).fit(t[:, None], y), np.arange(50)
+    priors = [
+        one.posterior_.model.priors[-1].support()
+        for one in (whole, clone(model).fit(t[rows, None], y[rows]))
+    ]
+    assert priors[0] != priors[1]
+    near = fitted_near(model, t[rows, None], y[rows], whole)
+    anew = clone(model).fit(t[rows, None], y[rows])
+    n = min(one.diagnostics_.effective_draws for one in (near, anew))
+    expected = anew.posterior_.values
+    sd = expected.std(axis=0)
+    # four errors of the difference of two means
+    off = np.abs(near.posterior_.values.mean(axis=0) - expected.mean(axis=0)) / sd
+    assert np.max(off) < 4 * np.sqrt(2 / n)
+    np.testing.assert_allclose(near.posterior_.values.std(axis=0), sd, rtol=6 / np.sqrt(n))
+
+
+def test_a_second_search_in_a_fold_starts_where_that_on_all_rows_ended(simulator, monkeypatch):
+    rng = np.random.default_rng(0)
+    t = np.sort(rng.uniform(0, 14, 80))
+    y = line(t, 1.0, 0.8) + 3 * (t > 7) + np.sin(2 * np.pi * t / 1.3)
+    y += 0.2 * rng.standard_normal(80)
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), n_draws=100, random_state=0
+    )
+    diagnosis = hs.DiscrepancyDiagnosis(
+        model, max_causes=2, cv=None, n_replicates=20, random_state=0
+    ).fit(t[:, None], y)
+    kept, climbs = np.arange(80) % 5 != 2, []
+
+    def counted(*args, **settings):
+        climbs[-1] += 1
+        return climb(*args, **settings)
+
+    climb = fits.climb
+    monkeypatch.setattr(fits, "climb", counted)
+    pair = Pair(diagnosis.estimator_, diagnosis.extended_estimator_, "periodic + step")
+    found = searches(diagnosis._steps)
+    assert len(found) >= 2
+    told = []
+    for known in (found[:1], found):
+        climbs.append(0)
+        rehearse = Rehearsal(model, (), (), known, pair, 2, 0.05)
+        told.append(rehearse(t[kept, None], y[kept]))
+    alone, helped = told
+    assert alone.kind == helped.kind == "periodic + step"
+    assert climbs[1] < 0.6 * climbs[0]
+    # the same two causes with what these rows say of them, but for four errors of the difference
+    names = [[cause.name for cause in one.after.effects] for one in told]
+    assert names[0] == names[1]
+    before, after = (one.after.posterior_.values.mean(axis=0) for one in told)
+    sd = alone.after.posterior_.values.std(axis=0)
+    assert np.all(np.abs(after - before) < 4 * np.sqrt(2 / 100) * sd)
 
 
 class Told:

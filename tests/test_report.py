@@ -265,7 +265,7 @@ def test_a_fault_without_a_name_and_one_with_several(diagnose):
     assert "is what to predict with beyond the data" in text
     t = np.linspace(8.2, 12, 10)
     report = unclear.report(test=(t[:, None], decay(t, 11, 0.25) + 0.008 * t**2))
-    n = len(unclear.averaged_estimator_.weights_)
+    n = len(unclear.averaged_estimator().weights_)
     assert n > 1
     assert f"Averaged over the {n} explanations that hold 95 % of the probability" in flat(report)
     told = report.to_dict()
@@ -330,7 +330,7 @@ def test_an_emulator_gets_its_beta_scan(diagnose, monkeypatch):
 
     monkeypatch.setattr(trust, "scan_beta", scan)
     diagnosis = diagnose(lambda t: 2 * np.sin(2.5 * t), hs.PolynomialChaos(degree=4), cv=None)
-    report = diagnosis.report()
+    report = diagnosis.report(beta_scan=True)
     assert asked == [((0.05, 0.25, 0.5, 0.75, 0.95), held) for held in ([10, 10, 10], [4, 4, 4])]
     told = {"beta": 0.5, "before": -0.9, "after": -0.3, "before_error": 0.1, "after_error": 0.1}
     assert report.to_dict()["beta_scan"][1] == told

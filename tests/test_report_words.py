@@ -112,8 +112,10 @@ def test_the_words_for_what_runs_leave_open():
 
 
 def test_a_weight_that_takes_minutes_to_try_is_not_tried():
-    costly = SimpleNamespace(extended=True, has_weight=True)
+    costly = SimpleNamespace(extended=True, has_weight=True, weight_takes_minutes=True)
     assert "which takes minutes. beta_scan(X, y) does it" in weight.trust(costly, None, None)[0]
+    quick = SimpleNamespace(extended=True, has_weight=True, weight_takes_minutes=False)
+    assert "report(beta_scan=True) does it" in weight.trust(quick, None, None)[0]
     exact = SimpleNamespace(extended=True, has_weight=False)
     assert "There is no weight to choose" in weight.trust(exact, None, None)[0]
 

@@ -57,15 +57,15 @@ def test_the_gain_says_by_how_much_the_simulation_is_worth_more():
     )
     diagnosis = hs.DiscrepancyDiagnosis(model, random_state=0).fit(case.X, case.y)
     within, beyond = diagnosis.gain_, diagnosis.gain_out_of_range_
-    assert beyond.best_beta_after > beyond.best_beta_before
-    scan = diagnosis.beta_scan_
-    assert len(scan) == len(diagnosis.beta_scan_out_of_range_) == 5
+    assert beyond.best_beta_after() > beyond.best_beta_before()
+    scan = diagnosis.beta_scan()
+    assert len(scan) == len(diagnosis.beta_scan(out_of_range=True)) == 5
     # the largest weight that costs less than a hundredth of a nat
     for word, best in (("before", within.best_beta_before), ("after", within.best_beta_after)):
-        assert best == scan["beta"][scan[word] > scan[word].max() - 0.01].max()
-    assert diagnosis.gain_on(case.X, case.y).best_beta_after is None
+        assert best() == scan["beta"][scan[word] > scan[word].max() - 0.01].max()
+    assert diagnosis.gain_on(case.X, case.y).best_beta_after() is None
     # a gain that was stored knows it, too, and one that was kept stays that of its fit
-    assert pickle.loads(pickle.dumps(beyond)).best_beta_after == beyond.best_beta_after
+    assert pickle.loads(pickle.dumps(beyond)).best_beta_after() == beyond.best_beta_after()
     scan = beyond.scan()
     diagnosis.set_params(cv=None).fit(case.X, case.y)
     assert beyond.scan() is scan

@@ -13,6 +13,8 @@ import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 
+from hybridsurrogate.whole_file import written_whole
+
 from . import extension, figures, page, scores
 from .cases import CASES, italy
 
@@ -92,7 +94,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             [task for task in todo if not given.cases or task[1] in given.cases], given.jobs
         )
     if given.csv:
-        frame.to_csv(given.csv, index=False)
+        with written_whole(given.csv) as part:
+            frame.to_csv(part, index=False)
     pictures = figures.write(frame, given.out / "figures")
     minutes = (time.perf_counter() - start) / 60
     text = page.write(frame, given.out / "reproduction.md", pictures)

@@ -55,7 +55,7 @@ def extend(name: str, seed: int, n_draws: int = 1000, **settings: Any) -> pd.Dat
         ).fit(case.X, case.y)
         rows = list(of_rows(case, pointwise(diagnosis.extended_estimator_, case)))
         rows += list(of_diagnosis(diagnosis, hidden.cause))
-        mixed = list(of_rows(case, pointwise(diagnosis.averaged_estimator_, case)))
+        mixed = list(of_rows(case, pointwise(diagnosis.averaged_estimator(), case)))
         if hidden.estimate:
             given = asking(case, seed, n_draws, effects=(hidden.cause,)).fit(case.X, case.y)
             draws = given.posterior_.estimates(0)[hidden.estimate]

@@ -21,6 +21,7 @@ from hybridsurrogate.plotting import (
     plot_scores_over_beta,
     plot_setup,
 )
+from hybridsurrogate.whole_file import written_whole
 
 from .cases import CASES
 from .claims import ROWS
@@ -74,7 +75,8 @@ def write(frame: pd.DataFrame, folder: Path) -> list[Picture]:
             }
         for kind, draw in draws.items():
             figure = draw()
-            figure.savefig(folder / f"{stem}-{kind}.png", dpi=80)
+            with written_whole(folder / f"{stem}-{kind}.png") as part:
+                figure.savefig(part, dpi=80)
             made.append(Picture(f"{stem}-{kind}", f"{TITLES[case]}: {kind}"))
     return made
 

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from hybridsurrogate.whole_file import written_whole
+
 from .added import of_extensions
 from .claims import FAILS, WITHIN, Claim, alone, best, mean_error
 from .extension import AVERAGED, EXTENDED
@@ -124,5 +126,6 @@ def write(frame: pd.DataFrame, path: Path, pictures: Sequence[Picture]) -> str:
         [HEAD.format(seeds=seeds) + "\n".join(lines), EXTENSIONS, *beside(frame), FIGURES, *shown]
     )
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text)
+    with written_whole(path) as part:
+        part.write_text(text, encoding="utf-8")
     return text

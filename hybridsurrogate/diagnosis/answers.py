@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import pandas as pd
@@ -19,6 +18,13 @@ from hybridsurrogate.diagnosis.rehearsal import accepted
 from hybridsurrogate.diagnosis.trust import BetaScans, scan_beta, scan_folds
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 
+# attributes of earlier versions that took a fit, and the methods in their place
+_METHODS = {
+    "averaged_estimator_": "averaged_estimator()",
+    "beta_scan_": "beta_scan()",
+    "beta_scan_out_of_range_": "beta_scan(out_of_range=True)",
+}
+
 
 class FittedDiagnosis(RegressorMixin, BaseEstimator):
     """What `DiscrepancyDiagnosis` answers once it is fitted."""
@@ -28,25 +34,33 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
     _scans: BetaScans
     _steps: tuple[Step, ...]
     _rows: tuple[ArrayLike, ArrayLike]
+    _average: AveragedSurrogate | None
 
-    @cached_property
-    def averaged_estimator_(self) -> AveragedSurrogate:
-        """Predictions averaged over the causes, by their probabilities."""
-        check_is_fitted(self)
-        *earlier, last = self._steps
-        return averaged_over(last.beside, self.estimator_, accepted(earlier), *self._rows)
+    def __getattr__(self, name: str) -> NoReturn:
+        # a notebook asks for the value of every attribute that there is: none may take a fit
+        text = f"{type(self).__name__!r} object has no attribute {name!r}"
+        if name in _METHODS:
+            text += f": it takes a fit, and so is a method, {_METHODS[name]}"
+        raise AttributeError(text, name=name, obj=self)
 
-    @property
-    def beta_scan_(self) -> pd.DataFrame | None:
-        """`beta_scan` at a few weights; None where it makes no sense or takes minutes."""
-        check_is_fitted(self)
-        return self._scans.within
+    def averaged_estimator(self) -> AveragedSurrogate:
+        """Return the average over the causes, fitted when it is first asked for.
 
-    @property
-    def beta_scan_out_of_range_(self) -> pd.DataFrame | None:
-        """The same on the rows behind ``gain_out_of_range_``; None without them."""
+        Returns
+        -------
+        AveragedSurrogate
+            Extensions by each of the fewest causes, "none" included, that have 95 % of the
+            probability together, weighed by their probabilities: predictions that do not bet on
+            one name, which matters beyond the data. Of several accepted causes the last one is
+            averaged over.
+        """
         check_is_fitted(self)
-        return self._scans.beyond
+        if self._average is None:
+            *earlier, last = self._steps
+            self._average = averaged_over(
+                last.beside, self.estimator_, accepted(earlier), *self._rows
+            )
+        return self._average
 
     def gain_on(self, X_test: ArrayLike, y_test: ArrayLike, averaged: bool = False) -> Gain:
         """Return the gain on a test set, from the fitted models before and after.
@@ -56,14 +70,21 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         X_test : array-like of shape (n, n_columns)
         y_test : array-like of shape (n,)
         averaged : bool, default=False
-            The model after is ``averaged_estimator_`` instead of ``extended_estimator_``.
+            The model after is ``averaged_estimator()`` instead of ``extended_estimator_``.
         """
         check_is_fitted(self)
         y = as_outputs(y_test, "y_test")
-        after = self.averaged_estimator_ if averaged else self.extended_estimator_
+        after = self.averaged_estimator() if averaged else self.extended_estimator_
         return gain_from(pointwise(self.estimator_, X_test, y), pointwise(after, X_test, y))
 
-    def beta_scan(self, X: ArrayLike, y: ArrayLike, betas: ArrayLike | None = None) -> pd.DataFrame:
+    def beta_scan(
+        self,
+        X: ArrayLike | None = None,
+        y: ArrayLike | None = None,
+        betas: ArrayLike | None = None,
+        *,
+        out_of_range: bool = False,
+    ) -> pd.DataFrame | None:
         """Return held-out ELPD against beta, before and after the extension.
 
         How far the best beta rises (the largest of those that are as good) is how far trust in the
@@ -72,20 +93,37 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
 
         Parameters
         ----------
-        X, y
-            Measured data, as for ``fit``.
+        X, y : array-like of shape (n, n_columns), (n,), or None
+            Measured data, as for ``fit``. None: those of ``fit``, at five weights from 0.05 to
+            0.95, tried when first asked for.
         betas : array-like, in any order, default=0, 0.1, ..., 1
+        out_of_range : bool, default=False
+            On the rows of ``gain_out_of_range_`` instead: of the measured data at the five
+            weights.
 
         Returns
         -------
-        pandas.DataFrame
+        pandas.DataFrame or None
             Columns beta, before, after, and before_error and after_error: the standard error of
-            each score's difference from that at the best weight, paired by rows.
+            each score's difference from that at the best weight, paired by rows. At the five
+            weights None where there is no weight to choose, as of a simulation that is itself run,
+            where it takes minutes (hyperparameters or more than 100 coefficients), and out of
+            range without such rows.
         """
         check_is_fitted(self)
+        if (X is None) != (y is None):
+            raise ValueError("beta_scan takes X and y, or neither for the data of fit.")
+        if out_of_range and not (X is None and betas is None):
+            raise ValueError(
+                "out_of_range=True scans the data of fit at five weights: leave out X, y and betas."
+            )
+        if X is None and betas is None:
+            return self._scans.few(out_of_range)
+        rows, values = self._rows if X is None or y is None else (X, y)
         grid = np.linspace(0, 1, 11) if betas is None else np.unique(np.asarray(betas, dtype=float))
-        X, y = complete_table(X), as_outputs(y)
-        return scan_beta(self._scans.models, grid, scan_folds(y), X, y, self._scans.n_jobs)
+        rows, values = complete_table(rows), as_outputs(values)
+        folds = scan_folds(values)
+        return scan_beta(self._scans.models, grid, folds, rows, values, self._scans.n_jobs)
 
     def predict(self, X: ArrayLike, return_std: bool = False) -> Any:
         """Return predictions of the extended estimator.
@@ -119,15 +157,20 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         return self.extended_estimator_.score(X, y, sample_weight)
 
-    def report(self, test: tuple[ArrayLike, ArrayLike] | None = None) -> Any:
+    def report(
+        self, test: tuple[ArrayLike, ArrayLike] | None = None, beta_scan: bool = False
+    ) -> Any:
         """Return the report: prints as text, shows as HTML, ``.save("report.html")``.
 
         Parameters
         ----------
         test : (X_test, y_test) or None
             Rows held back, for example beyond the measured range, to be drawn and scored too.
+        beta_scan : bool, default=False
+            Also tell of ``beta_scan()``, within the measured range and beyond it, which takes
+            longer than all else in the report. Scans that were tried before are told of anyway.
         """
         check_is_fitted(self)
         from .report import make_report
 
-        return make_report(self, test)
+        return make_report(self, test, beta_scan)

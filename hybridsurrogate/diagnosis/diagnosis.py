@@ -29,11 +29,12 @@ from hybridsurrogate.diagnosis.doubtful_data import (
 from hybridsurrogate.diagnosis.emulator import check_emulator
 from hybridsurrogate.diagnosis.finding import finding_of
 from hybridsurrogate.diagnosis.folds import folds_beyond, random_folds
-from hybridsurrogate.diagnosis.forward import Step, forward_search
+from hybridsurrogate.diagnosis.forward import Step, forward_search, searches
 from hybridsurrogate.diagnosis.gain import Gain, in_one_word
 from hybridsurrogate.diagnosis.interruption import InterruptedSearch
 from hybridsurrogate.diagnosis.next_measurement import next_measurement
 from hybridsurrogate.diagnosis.preparation import Prepared, prepare, trained_emulator
+from hybridsurrogate.diagnosis.progress import doing
 from hybridsurrogate.diagnosis.proof import proof
 from hybridsurrogate.diagnosis.rehearsal import (
     Pair,
@@ -80,6 +81,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     n_jobs : int or None, default=None
         Processes that share the folds; the result is the same for any number.
     random_state : int, RandomState or None, default=None
+    progress : bool, default=False
+        Say on stderr, where that is a terminal, what is being done: search, folds.
 
     Attributes
     ----------
@@ -104,11 +107,6 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     extended_estimator_ : PowerScaledSurrogate
         Fitted, with the cause as an effect; ``predict`` and ``score`` are its. The estimator
         before where the verdict is "adequate".
-    averaged_estimator_ : AveragedSurrogate
-        Extensions by each of the fewest causes, "none" included, that have 95 % of the probability
-        together, weighed by their probabilities: predictions that do not bet on one name, which
-        matters beyond the data. Of several accepted causes the last one is averaged over. Fitted
-        when it is first asked for.
     extended_simulator_ : Simulator or None
         The simulation with the cause in it; None when there are only runs, or nothing to add.
     confounded_ : pandas.DataFrame
@@ -118,13 +116,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         pairs in which the correlation is at least 0.9, the parameter at least half as uncertain as
         its prior, and at least half of the curve could be its.
     gain_ : Gain or None
-        On held-out rows within the measured range, the search repeated in each fold; also the best
-        weight of the simulation before and after.
-    beta_scan_, beta_scan_out_of_range_ : pandas.DataFrame or None
-        `beta_scan` of the measured data at five weights, within the measured range and on the rows
-        of ``gain_out_of_range_``. None where there is no weight to choose, as of a simulation that
-        is itself run, and where it takes minutes: with hyperparameters or more than 100
-        coefficients. Tried when they, or the best weights of a gain, are first asked for.
+        On held-out rows within the measured range, the search repeated in each fold. Its methods
+        tell the best weight of the simulation before and after.
     gain_out_of_range_ : Gain or None
         The same beyond it: the last 40 % of the rows in three blocks, each foreseen from all rows
         before it. None where rows are few, or have no order: of several inputs without an
@@ -171,6 +164,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         max_causes: int = 1,
         n_jobs: int | None = None,
         random_state: Any = None,
+        progress: bool = False,
     ):
         self.estimator = estimator
         self.causes = causes
@@ -181,6 +175,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self.max_causes = max_causes
         self.n_jobs = n_jobs
         self.random_state = random_state
+        self.progress = progress
 
     def fit(self, X: ArrayLike, y: ArrayLike) -> DiscrepancyDiagnosis:
         """Diagnose measured data.
@@ -211,7 +206,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         warn_if_slow(prepared.problem)
         warn_if_rough(prepared.problem)
         try:
-            with one_blas_thread():
+            with one_blas_thread(), doing("Search", bool(self.progress)):
                 steps = self._search(prepared, random)
                 self._extend(steps, X, y)
         except KeyboardInterrupt as stop:
@@ -259,7 +254,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         )
         if self.emulator_check_ is not None:
             self.emulator_check_.warn(self.estimator_._check_parameters()[0])
-        steps = beside_others(steps, problem, prepared.causes)
+        steps = beside_others(steps, self.search_.problem, prepared.causes)
         found = steps[0].beside
         self.causes_ = cause_table(found, prepared.skipped)
         self.indistinguishable_ = credible_kinds(found)
@@ -278,6 +273,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self.extended_estimator_ = extended(self.estimator_, causes, X, y)
         models = self.estimator_, self.extended_estimator_
         self._scans = BetaScans(models, *self._rows, self.n_jobs)
+        self._average = None
         posterior = self.extended_estimator_.posterior_
         self.found_causes_ = [finding_of(step, k, posterior) for k, step in enumerate(steps)]
         self.best_cause_ = self.found_causes_[0]
@@ -299,7 +295,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             clone(self.estimator),
             tuple(self.causes),
             tuple(self.exclude),
-            self.search_,
+            searches(self._steps),
             Pair(self.estimator_, self.extended_estimator_, kinds),
             int(self.max_causes),
             self.false_alarm_rate,
@@ -307,7 +303,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         within = random_folds(len(y), int(self.cv), random_state)
         beyond = folds_beyond(self.estimator_.simulation, self.estimator_._measured[0])
         try:
-            gains = proof(rehearse, within, beyond, X, y, self.n_jobs)
+            gains = proof(rehearse, within, beyond, X, y, self.n_jobs, bool(self.progress))
         except KeyboardInterrupt:
             warnings.warn(
                 "The folds of the diagnosis were interrupted: there is no gain. All else is kept, "
@@ -318,8 +314,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             raise
         # the weights are tried when they are asked for
         self.gain_, self.gain_out_of_range_ = (
-            gain and replace(gain, scan=partial(getattr, self._scans, where))
-            for gain, where in zip(gains, ("within", "beyond"), strict=True)
+            gain and replace(gain, scan=partial(self._scans.few, out_of_range))
+            for gain, out_of_range in zip(gains, (False, True), strict=True)
         )
 
     def _keep(self, prepared: Prepared, stop: KeyboardInterrupt) -> None:

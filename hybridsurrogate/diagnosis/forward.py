@@ -45,12 +45,15 @@ class Step:
         The first of ``search.weighed`` where nothing (further) is wrong.
     beside : Search
         The search beside all other causes that were accepted, the later ones too.
+    tried : tuple of Search
+        The searches for a second cause beside this one and beside others in its place.
     """
 
     search: Search
     test: NullTest | None
     chosen: Weighed
     beside: Search
+    tried: tuple[Search, ...] = ()
 
     @property
     def found(self) -> bool:
@@ -66,7 +69,7 @@ def forward_search(
     false_alarm_rate: float,
     n_replicates: int | None,
     random_state: np.random.RandomState,
-    nearby: Search | None = None,
+    nearby: Sequence[Search] = (),
 ) -> list[Step]:
     """Search, accept the best cause, and search again beside it until nothing more is found.
 
@@ -80,8 +83,9 @@ def forward_search(
     ----------
     n_replicates : int or None
         None: probabilities alone decide, and no remainder is weighed: quick, for folds.
-    nearby : Search or None
-        The first search in other rows of the same data: starting points for that of these rows.
+    nearby : sequence of Search
+        Searches in other rows of the same data: starting points for those of these rows beside the
+        same accepted causes.
 
     Returns
     -------
@@ -97,7 +101,7 @@ def forward_search(
     found: Search | None = None
     thorough = n_replicates is not None
     try:
-        found = search(problem, causes, belief, thorough, nearby=nearby)
+        found = search(problem, causes, belief, thorough, nearby=_beside_same((), nearby))
         while True:
             test = None
             if n_replicates is not None:
@@ -105,24 +109,41 @@ def forward_search(
             if not steps:
                 found = scored(screened_at_best(found, causes, belief))
                 problem = found.problem
-                if (
-                    test is not None
-                ):  # beside accepted causes, the evidence holds their places fixed
+                # beside accepted causes, the evidence holds their places fixed
+                if test is not None:
                     test = test._replace(bound=evidence_bound(found))
             # the p-value guards against noise, the probability against a cause that is no better
             by_chance = test is not None and test.p_value > false_alarm_rate
             if by_chance or found.probability[0] > 0.5:
                 return _alone(steps) or [Step(found, test, found.weighed[0], found)]
             chosen, beside = found.weighed[leader(found)], None
+            tried: tuple[Search, ...] = ()
             if len(steps) + 1 < max_causes:
-                chosen, beside = _look_ahead(problem, causes, belief, found, chosen, thorough)
-            steps.append(Step(found, test, chosen, found))
+                chosen, beside, tried = _look_ahead(
+                    problem, causes, belief, found, chosen, thorough, nearby
+                )
+            steps.append(Step(found, test, chosen, found, tried))
             if beside is None:
                 return steps
             problem, causes, found = beside.problem, _others(causes, chosen), beside
     except KeyboardInterrupt as stop:
         kept = steps[0].search if steps else found or getattr(stop, "kept", None)
         raise InterruptedSearch(kept) from stop
+
+
+def searches(steps: Sequence[Step]) -> list[Search]:
+    """Return every search of a forward search, the first one first."""
+    return [steps[0].search, *(one for step in steps for one in step.tried)]
+
+
+def _beside_same(accepted: Sequence[Cause], nearby: Sequence[Search]) -> Search | None:
+    """Return the search beside the same accepted causes, None without one."""
+
+    def forms(causes: Sequence[Cause]) -> list[tuple[str, str]]:
+        return [(cause.name, cause.variant) for cause in causes]
+
+    same = (one for one in nearby if forms(one.problem.model.effects) == forms(accepted))
+    return next(same, None)
 
 
 def _alone(steps: list[Step]) -> list[Step]:
@@ -140,17 +161,20 @@ def _look_ahead(
     found: Search,
     leading: Weighed,
     thorough: bool,
-) -> tuple[Weighed, Search | None]:
+    nearby: Sequence[Search],
+) -> tuple[Weighed, Search | None, tuple[Search, ...]]:
     """Return the cause that explains most together with a second one, and the search beside it.
 
-    No search where nothing can be named beside the cause: a smooth discrepancy, or outliers.
+    And every search that was made. No search beside it where nothing can be named beside the cause:
+    a smooth discrepancy, or outliers.
     """
 
     def beside(first: Weighed) -> Search:
         assert first.cause is not None
         effects = (*problem.model.effects, first.cause)
         extended = replace(problem, model=problem.model.with_effects(effects))
-        return search(extended, _others(causes, first), belief, False, first)
+        known = _beside_same(effects, nearby)
+        return search(extended, _others(causes, first), belief, False, first, known)
 
     log_prior = np.log(prior_odds([w.cause for w in found.weighed]))
     order = [int(k) for k in np.argsort(-found.probability)]
@@ -165,7 +189,7 @@ def _look_ahead(
     ):
         waiting = [at]
     in_doubt = len(waiting) > 1
-    searches: dict[int, Search] = {}
+    made: dict[int, Search] = {}
     values: dict[int, float] = {}
     while waiting:
         k = waiting.pop(0)
@@ -175,23 +199,24 @@ def _look_ahead(
         left = in_doubt or second.probability[0] < 0.5
         if left and alone + _companions(second) > max(values.values(), default=-np.inf) - _HOPELESS:
             second = placed_together(found, first, second)
-        searches[k], values[k] = second, alone + _companions(second)
+        made[k], values[k] = second, alone + _companions(second)
         if not waiting:
             # the other half of the best pair has its turn as the first, until none is new
             best = max(values, key=lambda k: values[k])
-            other = position.get(id(_companion(searches[best]).cause))
-            waiting = [other] if other is not None and other not in searches else []
+            other = position.get(id(_companion(made[best]).cause))
+            waiting = [other] if other is not None and other not in made else []
+    tried = tuple(made.values())
     if not values:
-        return leading, None
+        return leading, None, tried
     best = max(values, key=lambda k: values[k])
     if ends_search(leading) and log_prior[at] + leading.log_evidence > values[best]:
-        return leading, None
+        return leading, None, tried
     # of two that name each other, the one that explains more alone comes first
-    other = position.get(id(_companion(searches[best]).cause))
-    if other in searches and _companion(searches[other]).cause is found.weighed[best].cause:
+    other = position.get(id(_companion(made[best]).cause))
+    if other in made and _companion(made[other]).cause is found.weighed[best].cause:
         best = max(best, other, key=lambda k: found.probability[k])
-    chosen = searches[best]
-    return found.weighed[best], scored(remainders(chosen) if thorough else chosen)
+    chosen = made[best]
+    return found.weighed[best], scored(remainders(chosen) if thorough else chosen), tried
 
 
 def _companions(beside: Search) -> float:

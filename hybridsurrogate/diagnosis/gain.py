@@ -62,7 +62,7 @@ class Gain:
         The same fold by fold; empty for a test set.
     scan : callable or None
         Returns the held-out scores over the weight beta on which the best weights rest. It is
-        called when they are first asked for: that takes as long as the diagnosis.
+        called when they are first asked for, and may take longer than the diagnosis.
     """
 
     elpd_before: float
@@ -80,17 +80,16 @@ class Gain:
     folds: tuple[FoldGain, ...] = ()
     scan: Callable[[], pd.DataFrame | None] | None = field(default=None, repr=False, compare=False)
 
-    @property
     def best_beta_before(self) -> float | None:
-        """Weight of the simulation with the best held-out score, the largest of those as good.
+        """Return the weight of the simulation with the best held-out score, before.
 
-        None for a test set, and where there is no weight to choose or trying takes minutes.
+        The largest of those as good; None for a test set, and where there is no weight to choose
+        or trying takes minutes.
         """
         return self._best_beta("before")
 
-    @property
     def best_beta_after(self) -> float | None:
-        """The same after: larger, where the simulation is worth more once its fault is named."""
+        """Return the same after: larger where the simulation is worth more, its fault named."""
         return self._best_beta("after")
 
     def _best_beta(self, word: str) -> float | None:

@@ -9,10 +9,11 @@ from typing import Any
 
 from joblib import Parallel
 
+from hybridsurrogate.diagnosis.progress import counted
 from hybridsurrogate.exceptions import DiagnosisWarning
 
 
-def in_parallel(tasks: Sequence[Any], n_jobs: int | None) -> list[Any]:
+def in_parallel(tasks: Sequence[Any], n_jobs: int | None, progress: bool = False) -> list[Any]:
     """Return what `joblib.delayed` tasks return, from this process where no other can have them.
 
     Parameters
@@ -20,6 +21,8 @@ def in_parallel(tasks: Sequence[Any], n_jobs: int | None) -> list[Any]:
     tasks : sequence of joblib.delayed calls
     n_jobs : int or None
         As in `joblib.Parallel`.
+    progress : bool
+        Say on a terminal how many were begun; in this process, how many are done.
 
     Examples
     --------
@@ -29,7 +32,8 @@ def in_parallel(tasks: Sequence[Any], n_jobs: int | None) -> list[Any]:
     [1, 2]
     """
     try:
-        return list(Parallel(n_jobs=n_jobs)(tasks))
+        # not return_as="generator", which joblib's "multiprocessing" refuses
+        return list(Parallel(n_jobs=n_jobs)(counted(tasks, "Folds", progress)))
     except PicklingError:
         # a finished search is not lost because a simulation holds a lock or an open file
         warnings.warn(
@@ -38,4 +42,4 @@ def in_parallel(tasks: Sequence[Any], n_jobs: int | None) -> list[Any]:
             DiagnosisWarning,
             stacklevel=5,
         )
-        return list(Parallel(n_jobs=1)(tasks))
+        return list(Parallel(n_jobs=1)(counted(tasks, "Folds", progress)))

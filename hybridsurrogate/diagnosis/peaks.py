@@ -83,7 +83,7 @@ def best_peaks(
             elif nearby is None or _is_noise_process(model):
                 fits.append(_once(problem, belief, model, plan, null))
             else:
-                fits.append(_unmoved(problem, model, plan, nearby[k]))
+                fits.append(_unmoved(problem, model, plan, nearby[k], null))
         margins = _MARGINS if nearby is None else _MARGINS_NEARBY
         behind = _far_behind(problem, belief, noise, [null, *fits], log_prior, margins)
         for k in map(int, np.flatnonzero(np.isnan(behind))):
@@ -116,12 +116,19 @@ def _followed(
     return settled(problem, belief, noise, Fitted(model, plain, peak, sigma))
 
 
-def _unmoved(problem: Problem, model: MeasuredModel, plan: Layout, other: Fitted) -> Fitted:
-    """Return the fit to other rows as one to these, on the grid refined there, before any climb."""
+def _unmoved(
+    problem: Problem, model: MeasuredModel, plan: Layout, other: Fitted, null: Fitted
+) -> Fitted:
+    """Return the fit to other rows as one to these, on the grid refined there, before any climb.
+
+    Causes that were accepted are held where they are in these rows.
+    """
     plan = at_cells(model, plan, other.plan.edges)
     if not np.isfinite(other.peak.objective):
         return Fitted(model, plan, other.peak, other.sigma)
-    peak = Peak(other.peak.z, len(problem.y) * other.sigma**2, 0.0, 0)
+    z, accepted = other.peak.z.copy(), slice(model.n_parameters, len(null.peak.z))
+    z[accepted] = null.peak.z[accepted]
+    peak = Peak(z, len(problem.y) * other.sigma**2, 0.0, 0)
     return Fitted(model, plan, peak, other.sigma)
 
 

@@ -30,6 +30,7 @@ def proof(
     X: ArrayLike,
     y: FloatArray,
     n_jobs: int | None,
+    progress: bool = False,
 ) -> tuple[Gain | None, Gain | None]:
     """Return the gain within the measured range and beyond it, None where there are no folds.
 
@@ -41,13 +42,15 @@ def proof(
     X, y : array-like of shape (n, n_columns), (n,)
     n_jobs : int or None
         Folds at the same time, as in `joblib.Parallel`.
+    progress : bool
+        Count the folds on a terminal.
     """
     take = rows_of(X)
     tasks = [
         delayed(score_fold)(rehearse, take(train), y[train], take(test), y[test])
         for train, test in [*within, *beyond]
     ]
-    told: list[Told] = in_parallel(tasks, n_jobs)
+    told: list[Told] = in_parallel(tasks, n_jobs, progress)
     doubtful = sorted({doubt for fold in told for doubt in fold.doubts})
     if doubtful:
         warnings.warn(

@@ -48,9 +48,9 @@ class Rehearsal:
     own : sequence of Cause
     excluded : tuple of str
         Kinds that are not weighed.
-    found : Search
-        On all rows: emulator and belief come from the runs alone, which are the same in each fold,
-        and climbs start where its climbs ended.
+    found : sequence of Search
+        On all rows, the first one first: emulator and belief come from the runs alone, which are
+        the same in each fold, and climbs start where theirs ended.
     fitted : Pair
         On all rows: fits of the same causes start from their proposals.
     max_causes : int
@@ -60,7 +60,7 @@ class Rehearsal:
     estimator: PowerScaledSurrogate
     own: Sequence[Cause]
     excluded: tuple[str, ...]
-    found: Search
+    found: Sequence[Search]
     fitted: Pair
     max_causes: int
     false_alarm_rate: float
@@ -71,12 +71,12 @@ class Rehearsal:
         plain = clone(self.estimator).set_params(n_draws=draws)
         before = quickly_fitted(plain, X, y, self.fitted.before)
         prepared = prepare(before, self.own, self.excluded, self.max_causes)
-        problem = with_basis(prepared.problem, self.found.problem.model.basis)
+        problem = with_basis(prepared.problem, self.found[0].problem.model.basis)
         problem = on_working_rows(problem, before.posterior_)
         steps = forward_search(
             problem,
             prepared.causes,
-            self.found.belief,
+            self.found[0].belief,
             self.max_causes,
             self.false_alarm_rate,
             None,

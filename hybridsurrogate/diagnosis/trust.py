@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
@@ -40,28 +39,36 @@ class BetaScans:
     X, y : array-like of shape (n, n_columns), (n,)
         Measured data.
     n_jobs : int or None
+    known : dict
+        The scans that were tried: out of range or not.
     """
 
     models: tuple[PowerScaledSurrogate, PowerScaledSurrogate]
     X: ArrayLike
     y: ArrayLike
     n_jobs: int | None
+    known: dict[bool, pd.DataFrame | None] = field(default_factory=dict, repr=False, compare=False)
 
-    @cached_property
-    def within(self) -> pd.DataFrame | None:
-        """Within the measured range; None where it makes no sense or takes minutes."""
-        return self._few(scan_folds(self.y))
+    def few(self, out_of_range: bool) -> pd.DataFrame | None:
+        """Return the scan within the measured range or beyond it.
 
-    @cached_property
-    def beyond(self) -> pd.DataFrame | None:
-        """Beyond it; None without such folds, too."""
+        None where it makes no sense or takes minutes, and without folds beyond it.
+        """
+        if out_of_range not in self.known:
+            self.known[out_of_range] = self._few(out_of_range)
+        return self.known[out_of_range]
+
+    def _few(self, out_of_range: bool) -> pd.DataFrame | None:
         before, _ = self.models
+        if not has_weight(before) or is_slow(before):
+            return None
         assert before.simulation is not None
-        return self._few(folds_beyond(before.simulation, before._measured[0]))
-
-    def _few(self, folds: Folds) -> pd.DataFrame | None:
-        before, _ = self.models
-        if not folds or not has_weight(before) or is_slow(before):
+        folds = (
+            folds_beyond(before.simulation, before._measured[0])
+            if out_of_range
+            else scan_folds(self.y)
+        )
+        if not folds:
             return None
         return scan_beta(self.models, np.array(_FEW_BETAS), folds, self.X, self.y, self.n_jobs)
 

@@ -40,7 +40,7 @@ def foreseen(
             "named": diagnosis.extended_estimator_,
         }
         if not emulated:
-            models["averaged"] = diagnosis.averaged_estimator_
+            models["averaged"] = diagnosis.averaged_estimator()
         for name, model in models.items():
             score, inside = WORDS[name]
             out[score] = model.score(case.X_out, y)

@@ -25,6 +25,7 @@ from hybridsurrogate.diagnosis.report.section import Section
 from hybridsurrogate.diagnosis.report.summary import summary
 from hybridsurrogate.diagnosis.report.view import View, label_of_cause
 from hybridsurrogate.effects.notation import word as _word
+from hybridsurrogate.whole_file import written_whole
 
 if TYPE_CHECKING:
     from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
@@ -86,7 +87,8 @@ class Report:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the report: HTML, text where the name ends in .txt, JSON for .json.
 
-        Raises ValueError for another ending.
+        The file is whole or, where writing fails, what it was before. Raises ValueError for
+        another ending, OSError where no such file can be written.
         """
         ending = ending_of(path)
         if ending == ".txt":
@@ -95,8 +97,8 @@ class Report:
             content = json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n"
         else:
             content = self.to_html()
-        with open(path, "w", encoding="utf-8") as file:
-            file.write(content)
+        with written_whole(path) as part:
+            part.write_text(content, encoding="utf-8")
 
 
 def ending_of(path: str | os.PathLike[str]) -> str:
@@ -109,7 +111,9 @@ def ending_of(path: str | os.PathLike[str]) -> str:
     return ending
 
 
-def make_report(diagnosis: DiscrepancyDiagnosis, test: pictures.Test = None) -> Report:
+def make_report(
+    diagnosis: DiscrepancyDiagnosis, test: pictures.Test = None, beta_scan: bool = False
+) -> Report:
     """Write the report of a fitted diagnosis.
 
     Parameters
@@ -117,6 +121,8 @@ def make_report(diagnosis: DiscrepancyDiagnosis, test: pictures.Test = None) -> 
     diagnosis : DiscrepancyDiagnosis
     test : (X_test, y_test) or None
         Rows held back.
+    beta_scan : bool
+        Try the weights of the simulation, which takes a while; else only what is known is told.
 
     Returns
     -------
@@ -136,7 +142,11 @@ def make_report(diagnosis: DiscrepancyDiagnosis, test: pictures.Test = None) -> 
         "averaged": averaged,
     }
     known = {name: gain for name, gain in measured.items() if gain is not None}
-    within, beyond = diagnosis.beta_scan_, diagnosis.beta_scan_out_of_range_
+    scans = diagnosis._scans
+    within, beyond = (
+        scans.few(out_of_range) if beta_scan else scans.known.get(out_of_range)
+        for out_of_range in (False, True)
+    )
     title = sentences.title_of(view)
     sections = (
         Section("Verdict", tuple(sentences.verdict(view)), (pictures.picture_fit(view),)),
@@ -172,7 +182,7 @@ def make_report(diagnosis: DiscrepancyDiagnosis, test: pictures.Test = None) -> 
         Section("What to do next", tuple(rivals.next_step(view)), (pictures.picture_next(view),)),
         Section("How far the numbers can be trusted", tuple(scores.draws(view))),
     )
-    return Report(title, sections, summary(view, title, sections, measured))
+    return Report(title, sections, summary(view, title, sections, measured, (within, beyond)))
 
 
 def _formulas(view: View) -> tuple[tuple[str, str], ...]:

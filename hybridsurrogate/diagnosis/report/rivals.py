@@ -100,7 +100,7 @@ def _advice(view: View) -> str:
     if verdict == "unexplained":
         return (
             "Within the measured range predict with extended_estimator_, whose smooth curve "
-            "corrects the simulation; beyond it the curve knows nothing, and averaged_estimator_ "
+            "corrects the simulation; beyond it the curve knows nothing, and averaged_estimator() "
             "adds what causes with a name foresee there. Look for a mechanism with the shape of "
             "the curve, and pass it as a cause of your own."
         )
@@ -108,8 +108,8 @@ def _advice(view: View) -> str:
         return (
             "Do not act on the leading cause alone: check "
             f"{digits.listing(list(d.indistinguishable_))} where the data come from. Predictions "
-            "of extended_estimator_ follow the leading one; averaged_estimator_ weighs them all by "
-            "their probabilities, and is what to predict with beyond the data."
+            "of extended_estimator_ follow the leading one; averaged_estimator() weighs them all "
+            "by their probabilities, and is what to predict with beyond the data."
         )
     found = [label_of_cause(c) for f, c in view.found if f.kind != "unexplained"]
     found += [label_of(w) for w in view.kindred()]

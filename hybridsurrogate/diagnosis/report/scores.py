@@ -181,10 +181,10 @@ def _gain(gain: Gain, rows: str) -> list[str]:
 
 def _averaged(view: View, gain: Gain) -> list[str]:
     """Say what predictions are worth that do not bet on one name."""
-    n = len(view.diagnosis.averaged_estimator_.weights_)
+    n = len(view.diagnosis.averaged_estimator().weights_)
     return [
         f"Averaged over the {n} explanations that hold 95 % of the probability "
-        f"(averaged_estimator_), the score on these rows is "
+        f"(averaged_estimator()), the score on these rows is "
         f"{digits.score(gain.elpd_after, gain.standard_error)}, the root mean square error "
         f"{digits.number(gain.rmse_after)}, and the {100 * COVERAGE_LEVEL:g} % interval holds "
         f"{digits.percent(gain.coverage_after)} of them."

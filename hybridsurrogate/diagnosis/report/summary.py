@@ -24,11 +24,12 @@ def summary(
     title: str,
     sections: tuple[Section, ...],
     gains: Mapping[str, Gain | None],
+    scans: tuple[pd.DataFrame | None, pd.DataFrame | None],
 ) -> dict[str, Any]:
     """Return the numbers and the sentences of a report; ``json.dumps`` takes it as it is."""
     diagnosis = view.diagnosis
     band = diagnosis.discrepancy_
-    within, beyond = diagnosis.beta_scan_, diagnosis.beta_scan_out_of_range_
+    within, beyond = scans
     values = {
         "schema_version": SCHEMA_VERSION,
         "title": title,

@@ -13,7 +13,7 @@ from scipy import special
 from hybridsurrogate.diagnosis.discrepancy import predict_locally
 from hybridsurrogate.diagnosis.evidence import Search, Weighed, kind_of
 from hybridsurrogate.diagnosis.gain import in_one_word
-from hybridsurrogate.diagnosis.trust import has_weight
+from hybridsurrogate.diagnosis.trust import has_weight, is_slow
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.plotting import Prediction
 from hybridsurrogate.priors import FloatArray
@@ -81,6 +81,11 @@ class View:
     def has_weight(self) -> bool:
         """Whether there is a surrogate for whose training runs and measurements compete."""
         return has_weight(self.diagnosis.estimator_)
+
+    @property
+    def weight_takes_minutes(self) -> bool:
+        """Whether a fit takes so long that a few weights take minutes."""
+        return is_slow(self.diagnosis.estimator_)
 
     @property
     def cause(self) -> Cause | None:
@@ -223,24 +228,35 @@ class View:
         return found.problem.likelihood.inverse(predict_locally(found, rival, X)[0])
 
     def standardised(self, model: Any) -> FloatArray:
-        """Return residuals at the measured rows that are standard normal if the model is right.
-
-        Where y is not normal, from the share of simulated measurements below it, half of those that
-        are equal among them (Dunn and Smyth 1996, J. Comput. Graph. Stat. 5:236).
-        """
-        eta, noise = model.posterior_.eta(self.X)
-        likelihood = model.posterior_.likelihood
-        if likelihood.gaussian:
-            below = np.mean(special.ndtr((likelihood.working(self.y) - eta) / noise), axis=0)
-        else:
-            drawn = likelihood.sample(eta, noise, np.random.RandomState(0))
-            below = np.mean(drawn < self.y, axis=0) + 0.5 * np.mean(drawn == self.y, axis=0)
-        return special.ndtri(np.clip(below, 1e-9, 1 - 1e-9))
+        """Return residuals at the measured rows that are standard normal if the model is right."""
+        return self._residuals[id(model)][1]
 
     def working_residuals(self, model: Any) -> FloatArray:
         """Return measured minus predicted at the measured rows, on the scale of eta."""
-        eta, _ = model.posterior_.eta(self.X)
-        return model.posterior_.likelihood.working(self.y) - eta.mean(axis=0)
+        return self._residuals[id(model)][0]
+
+    @cached_property
+    def _residuals(self) -> dict[int, tuple[FloatArray, FloatArray]]:
+        """Residuals of either model on the scale of eta, and standardised, both from one eta."""
+        models = self.diagnosis.estimator_, self.diagnosis.extended_estimator_
+        return {id(model): _residuals_of(model, self.X, self.y) for model in models}
+
+
+def _residuals_of(model: Any, X: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return residuals on the scale of eta, and standard normal ones if the model is right.
+
+    Where y is not normal the latter are from the share of simulated measurements below it and half
+    of those that are equal (Dunn and Smyth 1996, J. Comput. Graph. Stat. 5:236).
+    """
+    eta, noise = model.posterior_.eta(X)
+    likelihood = model.posterior_.likelihood
+    working = likelihood.working(y)
+    if likelihood.gaussian:
+        below = np.mean(special.ndtr((working - eta) / noise), axis=0)
+    else:
+        drawn = likelihood.sample(eta, noise, np.random.RandomState(0))
+        below = np.mean(drawn < y, axis=0) + 0.5 * np.mean(drawn == y, axis=0)
+    return working - eta.mean(axis=0), special.ndtri(np.clip(below, 1e-9, 1 - 1e-9))
 
 
 def prediction(model: Any, rows: Any) -> Prediction:

@@ -19,9 +19,14 @@ def trust(view: View, within: pd.DataFrame | None, beyond: pd.DataFrame | None) 
         Held-out scores over beta, within the measured range and beyond it.
     """
     if within is None and view.has_weight:
+        takes = (
+            "which takes minutes. beta_scan(X, y) does it."
+            if view.weight_takes_minutes
+            else "which takes a while. report(beta_scan=True) does it."
+        )
         return [
             "How much weight the simulation deserves was not tried: this surrogate is fitted anew "
-            "at every weight, which takes minutes. beta_scan(X, y) does it."
+            f"at every weight, {takes}"
         ]
     if within is None:
         return [

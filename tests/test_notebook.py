@@ -1,0 +1,148 @@
+"""Showing a fitted object takes no time: attributes never compute, methods do."""
+
+import inspect
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+import hybridsurrogate as hs
+from hybridsurrogate.diagnosis import answers, trust
+from hybridsurrogate.diagnosis.gain import best_beta
+
+CALLS = []
+
+
+def line(t, level):
+    CALLS.append(len(t))
+    return level + t
+
+
+@pytest.fixture(scope="module")
+def data():
+    rng = np.random.default_rng(0)
+    t = np.sort(rng.uniform(0, 14, 24))
+    y = line(t, 1.0) + 2.0 * (t > 7) + 0.3 * rng.standard_normal(24)
+    return SimpleNamespace(
+        X=t[:, None], y=y, simulator=hs.Simulator(line, {"t": (0, 14)}, {"level": norm(0, 3)})
+    )
+
+
+def diagnosed(data, simulation, surrogate):
+    model = hs.PowerScaledSurrogate(simulation, surrogate=surrogate, n_draws=100, random_state=0)
+    diagnosis = hs.DiscrepancyDiagnosis(model, cv=2, n_replicates=20, random_state=0)
+    return diagnosis.fit(data.X, data.y)
+
+
+@pytest.fixture(scope="module")
+def exact(data):
+    return diagnosed(data, data.simulator, hs.ExactSurrogate())
+
+
+@pytest.fixture(scope="module")
+def emulated(data):
+    return diagnosed(data, data.simulator.run(40, random_state=0), hs.PolynomialChaos(2))
+
+
+@pytest.fixture
+def no_fit(monkeypatch):
+    """Every way to a fit fails, and no run of the simulation goes unseen."""
+
+    def refuse(*_, **__):
+        raise RuntimeError("a fit")
+
+    for estimator in (
+        hs.PowerScaledSurrogate,
+        hs.PredictiveWeightedSurrogate,
+        hs.KennedyOHaganSurrogate,
+        hs.MultiSourceSurrogate,
+        hs.AveragedSurrogate,
+    ):
+        monkeypatch.setattr(estimator, "fit", refuse)
+    monkeypatch.setattr(trust, "beta_path", refuse)
+    monkeypatch.setattr(answers, "averaged_over", refuse)
+    CALLS.clear()
+
+
+def test_showing_a_diagnosis_fits_and_runs_nothing(exact, emulated, request):
+    request.getfixturevalue("no_fit")
+    for diagnosis in (exact, emulated):
+        assert "DiscrepancyDiagnosis" in diagnosis._repr_html_()
+        assert "verdict_" in dir(diagnosis)
+        inspect.getmembers(diagnosis)
+        inspect.getmembers(diagnosis.gain_)
+    assert not CALLS
+
+
+def test_showing_an_estimator_fits_and_runs_nothing(data, request):
+    runs = data.simulator.run(40, random_state=0)
+    settings = {"surrogate": hs.PolynomialChaos(2), "n_draws": 100, "random_state": 0}
+    one = hs.PowerScaledSurrogate(runs, **settings)
+    models = [
+        one,
+        hs.PowerScaledSurrogate(data.simulator, hs.ExactSurrogate(), n_draws=100, random_state=0),
+        hs.PredictiveWeightedSurrogate(runs, **settings),
+        hs.KennedyOHaganSurrogate(runs, **settings),
+        hs.MultiSourceSurrogate([hs.Source(runs)], **settings),
+        hs.AveragedSurrogate([one], [1.0], random_state=0),
+    ]
+    for model in models:
+        model.fit(data.X, data.y)
+    request.getfixturevalue("no_fit")
+    for model in models:
+        assert type(model).__name__ in model._repr_html_()
+        inspect.getmembers(model)
+    assert not CALLS
+
+
+@pytest.mark.parametrize(
+    ("name", "method"),
+    [
+        ("averaged_estimator_", "averaged_estimator()"),
+        ("beta_scan_", "beta_scan()"),
+        ("beta_scan_out_of_range_", "beta_scan(out_of_range=True)"),
+    ],
+)
+def test_a_former_attribute_names_its_method(exact, name, method):
+    assert not hasattr(exact, name)
+    with pytest.raises(AttributeError) as error:
+        getattr(exact, name)
+    assert method in str(error.value)
+    # other names are as unknown as ever
+    with pytest.raises(AttributeError, match="'DiscrepancyDiagnosis' object has no attribute 'x_'"):
+        exact.x_  # noqa: B018
+
+
+def test_methods_compute_once(emulated, monkeypatch):
+    scan, beyond = emulated.beta_scan(), emulated.beta_scan(out_of_range=True)
+    average = emulated.averaged_estimator()
+    assert len(scan) == len(beyond) == 5
+    monkeypatch.setattr(trust, "beta_path", None)
+    monkeypatch.setattr(answers, "averaged_over", None)
+    assert emulated.beta_scan() is scan
+    assert emulated.beta_scan(out_of_range=True) is beyond
+    assert emulated.averaged_estimator() is average
+    assert emulated.gain_.best_beta_after() == best_beta(scan, "after")
+    assert emulated.gain_out_of_range_.best_beta_before() == best_beta(beyond, "before")
+
+
+def test_data_or_weights_of_ones_own_are_scanned_within_the_range(emulated, data):
+    assert list(emulated.beta_scan(betas=[0.5, 0.25])["beta"]) == [0.25, 0.5]
+    with pytest.raises(ValueError, match="X and y"):
+        emulated.beta_scan(data.X)
+    with pytest.raises(ValueError, match="out_of_range"):
+        emulated.beta_scan(data.X, data.y, out_of_range=True)
+
+
+def test_a_report_scans_beta_when_it_is_asked_to(data, monkeypatch):
+    diagnosis = diagnosed(data, data.simulator.run(40, random_state=0), hs.PolynomialChaos(2))
+    with monkeypatch.context() as patched:
+        patched.setattr(trust, "beta_path", None)
+        report = diagnosis.report()
+    assert report.to_dict()["beta_scan"] is None
+    assert "report(beta_scan=True)" in " ".join(str(report).split())
+    told = diagnosis.report(beta_scan=True).to_dict()
+    assert [row["beta"] for row in told["beta_scan"]] == list(diagnosis.beta_scan()["beta"])
+    # known by now, it costs nothing
+    assert diagnosis.report().to_dict()["best_beta"] == told["best_beta"]
