@@ -73,7 +73,7 @@ def first_step(
 def _approximations(
     target: CollapsedPosterior | LaplacePosterior, found: list[Gaussian]
 ) -> tuple[list[Gaussian], list[Gaussian], bool]:
-    """Return the modes that matter, what is proposed around all, and whether some is along lines."""
+    """Return the modes that matter, what is proposed around all, and whether along lines."""
     best = found[0].log_mass
     minor = [mode for mode in found if mode.log_mass > best + np.log(_PROPOSAL_SHARE)]
     lines = with_lines(target, minor)
