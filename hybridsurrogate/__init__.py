@@ -47,7 +47,7 @@ from hybridsurrogate.exceptions import (
     SamplingWarning,
     SolverWarning,
 )
-from hybridsurrogate.inference.ensemble import EnsembleSampler
+from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import (
     Binomial,
     CustomLikelihood,
@@ -57,9 +57,9 @@ from hybridsurrogate.likelihoods import (
     Poisson,
     StudentT,
 )
-from hybridsurrogate.ode import OdeSimulator
+from hybridsurrogate.ode.simulator import OdeSimulator
 from hybridsurrogate.priors import truncated_normal
-from hybridsurrogate.simulation import Assumed, SimulationData, Simulator, read_simulation
+from hybridsurrogate.simulation.simulator import Assumed, SimulationData, Simulator, read_simulation
 from hybridsurrogate.surrogates import (
     ExactSurrogate,
     FeatureSurrogate,

@@ -17,18 +17,18 @@ import pandas as pd
 from scipy import stats
 from tqdm import tqdm
 
-from hybridsurrogate.csv_file import read_csv
 from hybridsurrogate.datasets import load_mauna_loa_co2, load_nile, make_log_sin
 from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
-from hybridsurrogate.diagnosis.progress import doing
 from hybridsurrogate.diagnosis.report.report import Report, ending_of
+from hybridsurrogate.diagnosis.validation.progress import doing
 from hybridsurrogate.estimators import PowerScaledSurrogate
 from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning
 from hybridsurrogate.likelihoods import LIKELIHOODS
-from hybridsurrogate.measured_table import numbers_of, with_levels
 from hybridsurrogate.priors import Prior, truncated_normal
-from hybridsurrogate.simulated_ranges import check_support
-from hybridsurrogate.simulation import SimulationData, read_simulation
+from hybridsurrogate.simulation.csv_file import read_csv
+from hybridsurrogate.simulation.measured_table import numbers_of, with_levels
+from hybridsurrogate.simulation.ranges import check_support
+from hybridsurrogate.simulation.simulator import SimulationData, read_simulation
 from hybridsurrogate.surrogates import ExactSurrogate, Kriging, PolynomialChaos, Surrogate
 from hybridsurrogate.whole_file import check_writable, written_whole
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from hybridsurrogate.digits import number
 from hybridsurrogate.exceptions import FailedRunsWarning, SamplingWarning
-from hybridsurrogate.inference.measured import MeasuredModel
-from hybridsurrogate.inference.pareto import KHAT_LIMIT
+from hybridsurrogate.inference.model.observation import MeasuredModel
+from hybridsurrogate.inference.sampling.psis import KHAT_LIMIT
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.priors import FloatArray
 

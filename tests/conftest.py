@@ -7,7 +7,7 @@ from shared_files import SHARED
 from threadpoolctl import threadpool_limits
 
 import hybridsurrogate as hs
-from hybridsurrogate.simulation import Simulator
+from hybridsurrogate.simulation.simulator import Simulator
 
 # processes share the cores already, and sums split among threads are rounded otherwise: one thread
 # for what is loaded, and for what is yet to be loaded here and in processes of their own

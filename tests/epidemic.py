@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import hybridsurrogate as hs
-from hybridsurrogate.dynamics import TimeVaryingParameter
+from hybridsurrogate.ode.dynamics import TimeVaryingParameter
 
 CONTACT, RECOVERY = 0.45, 0.12
 

@@ -4,13 +4,13 @@ import numpy as np
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.evidence import search
-from hybridsurrogate.diagnosis.verdict import form_of
-from hybridsurrogate.effects.catalogue import catalogue
-from hybridsurrogate.estimators.context import make_context
-from hybridsurrogate.estimators.problem import make_problem
-from hybridsurrogate.inference.belief import coefficient_belief
+from hybridsurrogate.catalogue import catalogue
+from hybridsurrogate.diagnosis.answers.table import form_of
+from hybridsurrogate.diagnosis.search.evidence import search
+from hybridsurrogate.inference.conjugate.emulator_posterior import coefficient_belief
 from hybridsurrogate.likelihoods import as_likelihood
+from hybridsurrogate.problem.context import make_context
+from hybridsurrogate.problem.problem import make_problem
 
 LINE = hs.Simulator(
     lambda t, level, slope: level + slope * t,

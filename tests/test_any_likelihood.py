@@ -7,9 +7,9 @@ import pytest
 from scipy import integrate, stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.exact_scores import scored
-from hybridsurrogate.estimators.first_step import evidence_around
-from hybridsurrogate.estimators.fitting import make_target
+from hybridsurrogate.diagnosis.search.exact_scores import scored
+from hybridsurrogate.inference.posterior_sampler import evidence_around
+from hybridsurrogate.inference.procedure import make_target
 from hybridsurrogate.likelihoods import Binomial, NegativeBinomial, Poisson, StudentT
 from hybridsurrogate.likelihoods.base import Likelihood
 

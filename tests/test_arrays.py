@@ -11,8 +11,8 @@ import pytest
 from scipy import sparse, stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.arrays import as_numbers, as_table, check_number
-from hybridsurrogate.effects.catalogue import KINDS
+from hybridsurrogate.catalogue import KINDS
+from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_number
 
 
 class Table:

@@ -10,12 +10,12 @@ from scipy import stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.blocks import BLOCK, blocks, in_blocks
-from hybridsurrogate.estimators.problem import make_problem
-from hybridsurrogate.inference.belief import coefficient_belief
-from hybridsurrogate.inference.layout import layout
-from hybridsurrogate.inference.linearised import linearise
-from hybridsurrogate.inference.noise import NoiseTable
-from hybridsurrogate.inference.scan import _normal_equations, scan
+from hybridsurrogate.inference.conjugate.emulator_posterior import coefficient_belief
+from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
+from hybridsurrogate.inference.evidence.grid import layout
+from hybridsurrogate.inference.evidence.linearised import linearise
+from hybridsurrogate.inference.evidence.marginal_likelihood import _normal_equations, scan
+from hybridsurrogate.problem.problem import make_problem
 
 N = 3000
 

@@ -7,9 +7,9 @@ from scipy import stats
 from tide import FRAME, NOISE, SIMULATOR, context_of, plain
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.verdict import form_of
+from hybridsurrogate.catalogue import KINDS, catalogue
+from hybridsurrogate.diagnosis.answers.table import form_of
 from hybridsurrogate.effects.base import Context
-from hybridsurrogate.effects.catalogue import KINDS, catalogue
 
 
 @pytest.mark.parametrize(

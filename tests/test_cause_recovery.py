@@ -8,9 +8,9 @@ from scipy import stats
 from tide import CASES, FRAME, NOISE, SIMULATOR, problem_of
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.extension import extend_simulator
-from hybridsurrogate.diagnosis.fits import badness
-from hybridsurrogate.inference.scan import Peak
+from hybridsurrogate.diagnosis.answers.extension import extend_simulator
+from hybridsurrogate.diagnosis.search.local_fit import badness
+from hybridsurrogate.inference.evidence.marginal_likelihood import Peak
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from sklearn.base import clone
 from tide import CASES, FRAME, SIMULATOR, context_of, plain, prepared, problem_of
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.extension import extend_simulator
+from hybridsurrogate.diagnosis.answers.extension import extend_simulator
 from hybridsurrogate.effects.picture import plot_cause
 
 # --------------------------------------------------------------------- formulas, by hand

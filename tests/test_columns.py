@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.estimators.columns import matched_columns
+from hybridsurrogate.problem.columns import matched_columns
 
 
 def plane(x1, x2, g, h=0.0):

@@ -5,8 +5,8 @@ import pytest
 from scipy.stats import norm
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.confounding import confounded, confounding
-from hybridsurrogate.diagnosis.report.sentences import extension
+from hybridsurrogate.diagnosis.checks.identifiability import confounded, confounding
+from hybridsurrogate.diagnosis.report.findings import extension
 from hybridsurrogate.diagnosis.report.view import View
 
 

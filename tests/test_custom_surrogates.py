@@ -18,9 +18,9 @@ from sklearn.preprocessing import (
 
 import hybridsurrogate as hs
 from hybridsurrogate.datasets import make_log_sin
-from hybridsurrogate.estimators.fitting import make_target
-from hybridsurrogate.estimators.problem import make_problem
+from hybridsurrogate.inference.procedure import make_target
 from hybridsurrogate.likelihoods import as_likelihood
+from hybridsurrogate.problem.problem import make_problem
 from hybridsurrogate.surrogates import Basis, Domain, Surrogate
 
 LAPLACE = hs.CustomLikelihood(

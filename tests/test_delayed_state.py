@@ -11,7 +11,7 @@ from decay import make_decay
 from scipy import special
 
 import hybridsurrogate as hs
-from hybridsurrogate.dynamics import DelayedState
+from hybridsurrogate.ode.dynamics import DelayedState
 
 
 @pytest.mark.parametrize("lag", [0.003, 0.4037, 1.0, 7.0])

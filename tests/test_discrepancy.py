@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hybridsurrogate.diagnosis.discrepancy import Discrepancy, shares_of_thirds
+from hybridsurrogate.diagnosis.answers.discrepancy import Discrepancy, shares_of_thirds
 
 
 def test_a_straight_line_has_its_square_in_the_last_third():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.doubtful_data import copies
+from hybridsurrogate.diagnosis.checks.data import copies
 
 T = np.linspace(0, 10, 20)
 DECAY = hs.Simulator(

@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.effects.catalogue import KINDS
+from hybridsurrogate.catalogue import KINDS
 
 # for time: the search for a second cause is what is tested
 OTHERS = tuple(kind for kind in KINDS if kind not in ("missing-term", "step"))

@@ -11,7 +11,7 @@ from scipy import stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.inference import ensemble
-from hybridsurrogate.inference.modes import Gaussian, find_modes
+from hybridsurrogate.inference.sampling.modes import Gaussian, find_modes
 
 
 def narrow(x):

@@ -5,8 +5,8 @@ import pytest
 from tide import FRAME, SIMULATOR, context_of, problem_of
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.extension import ExtendedFunction
-from hybridsurrogate.diagnosis.rehearsal import extended_simulator
+from hybridsurrogate.diagnosis.answers.extension import ExtendedFunction
+from hybridsurrogate.diagnosis.validation.refit import extended_simulator
 
 DRIFT = hs.ParameterDrift("height", "t", shape="step")
 COMBINATIONS = {

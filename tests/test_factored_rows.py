@@ -5,8 +5,8 @@ import pytest
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.estimators.problem import make_problem
-from hybridsurrogate.inference.factored_rows import are_products, factored_rows
+from hybridsurrogate.inference.conjugate.factored_rows import are_products, factored_rows
+from hybridsurrogate.problem.problem import make_problem
 
 SIMULATOR = hs.Simulator(
     lambda t, rate: np.exp(-rate * t), {"t": (0, 10)}, {"rate": stats.uniform(0.1, 0.5)}

@@ -5,9 +5,9 @@ import pytest
 from scipy import special
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.evidence import prior_odds
-from hybridsurrogate.diagnosis.null import evidence_bound
-from hybridsurrogate.effects.catalogue import KINDS
+from hybridsurrogate.catalogue import KINDS
+from hybridsurrogate.diagnosis.search.evidence import prior_odds
+from hybridsurrogate.diagnosis.search.null_test import evidence_bound
 
 WAVE = hs.Simulator(
     lambda t, height, rate: height * np.cos(rate * t),

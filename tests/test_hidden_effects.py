@@ -16,9 +16,9 @@ from hidden_effects.forms import KINDS
 from hidden_effects.rates import judge
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.evidence import search
-from hybridsurrogate.diagnosis.preparation import prepare, trained_emulator
-from hybridsurrogate.diagnosis.verdict import form_of
+from hybridsurrogate.diagnosis.answers.table import form_of
+from hybridsurrogate.diagnosis.search.evidence import search
+from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
 
 SIMULATED = [kind for kind in KINDS if kind != "none"]
 

@@ -9,9 +9,9 @@ from sklearn.gaussian_process.kernels import Matern
 
 import hybridsurrogate as hs
 from hybridsurrogate.datasets import make_log_sin
-from hybridsurrogate.diagnosis.kriging import KrigedBasis, krige
-from hybridsurrogate.inference.belief import coefficient_belief
-from hybridsurrogate.inference.statistics import statistics
+from hybridsurrogate.diagnosis.emulation.conditioned import KrigedBasis, krige
+from hybridsurrogate.inference.conjugate.emulator_posterior import coefficient_belief
+from hybridsurrogate.inference.conjugate.sufficient_statistics import statistics
 from hybridsurrogate.surrogates import Domain
 from hybridsurrogate.surrogates.covariance import (
     Apart,

@@ -7,12 +7,12 @@ from scipy import stats
 from scipy.special import logsumexp
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.evidence import search
-from hybridsurrogate.estimators.context import make_context
-from hybridsurrogate.estimators.problem import make_problem
-from hybridsurrogate.inference.belief import coefficient_belief
-from hybridsurrogate.inference.layout import layout
+from hybridsurrogate.diagnosis.search.evidence import search
+from hybridsurrogate.inference.conjugate.emulator_posterior import coefficient_belief
+from hybridsurrogate.inference.evidence.grid import layout
 from hybridsurrogate.likelihoods import as_likelihood
+from hybridsurrogate.problem.context import make_context
+from hybridsurrogate.problem.problem import make_problem
 
 
 def test_a_constant_assumed_at_the_end_of_its_prior_is_found():

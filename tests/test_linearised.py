@@ -7,13 +7,13 @@ import pytest
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.kriging import krige
-from hybridsurrogate.estimators.problem import make_problem
-from hybridsurrogate.inference.belief import coefficient_belief
-from hybridsurrogate.inference.layout import layout
-from hybridsurrogate.inference.linearised import columns_at_nodes, linearise
-from hybridsurrogate.inference.noise import NoiseTable
-from hybridsurrogate.inference.scan import scan
+from hybridsurrogate.diagnosis.emulation.conditioned import krige
+from hybridsurrogate.inference.conjugate.emulator_posterior import coefficient_belief
+from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
+from hybridsurrogate.inference.evidence.grid import layout
+from hybridsurrogate.inference.evidence.linearised import columns_at_nodes, linearise
+from hybridsurrogate.inference.evidence.marginal_likelihood import scan
+from hybridsurrogate.problem.problem import make_problem
 
 SIMULATOR = hs.Simulator(
     lambda t, rate: np.exp(-rate * t), {"t": (0, 10)}, {"rate": stats.uniform(0.1, 0.5)}

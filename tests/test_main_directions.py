@@ -6,9 +6,9 @@ from scipy import stats
 from sklearn.kernel_approximation import Nystroem
 
 import hybridsurrogate as hs
-from hybridsurrogate.estimators.problem import make_problem
-from hybridsurrogate.inference.main_directions import main_directions
-from hybridsurrogate.inference.shared_nodes import MeasuredGiven
+from hybridsurrogate.inference.conditional.pairwise_squares import MeasuredGiven
+from hybridsurrogate.inference.conditional.principal_components import main_directions
+from hybridsurrogate.problem.problem import make_problem
 
 SIGMA = 0.05
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import hybridsurrogate as hs
-from hybridsurrogate.dynamics import TimeVaryingParameter
-from hybridsurrogate.effects.dynamic_drift import DynamicDrift
-from hybridsurrogate.estimators.context import make_context
-from hybridsurrogate.estimators.problem import make_problem
-from hybridsurrogate.inference.belief import coefficient_belief
-from hybridsurrogate.inference.layout import layout
-from hybridsurrogate.inference.multistart import best_of_many
+from hybridsurrogate.effects.dynamics.dynamic_drift import DynamicDrift
+from hybridsurrogate.inference.conjugate.emulator_posterior import coefficient_belief
+from hybridsurrogate.inference.evidence.grid import layout
+from hybridsurrogate.inference.evidence.levenberg_marquardt import best_of_many
 from hybridsurrogate.likelihoods import as_likelihood
+from hybridsurrogate.ode.dynamics import TimeVaryingParameter
+from hybridsurrogate.problem.context import make_context
+from hybridsurrogate.problem.problem import make_problem
 
 NOISE = 0.04
 

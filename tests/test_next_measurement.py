@@ -7,10 +7,14 @@ from scipy.special import entr
 from scipy.stats import norm
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.evidence import search
-from hybridsurrogate.diagnosis.next_measurement import _mutual, information_at, next_measurement
-from hybridsurrogate.diagnosis.preparation import prepare, trained_emulator
-from hybridsurrogate.diagnosis.verdict import form_of
+from hybridsurrogate.diagnosis.answers.experimental_design import (
+    _mutual,
+    information_at,
+    next_measurement,
+)
+from hybridsurrogate.diagnosis.answers.table import form_of
+from hybridsurrogate.diagnosis.search.evidence import search
+from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
 
 HALF = np.array([0.5, 0.5])
 

@@ -10,15 +10,15 @@ from scipy.special import logsumexp
 from tide import FRAME, NOISE, SIMULATOR, plain, problem_of
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.discrepancy import predict_locally
-from hybridsurrogate.diagnosis.evidence import kind_of, search
-from hybridsurrogate.diagnosis.verdict import form_of
-from hybridsurrogate.effects.catalogue import catalogue
-from hybridsurrogate.estimators.context import make_context
-from hybridsurrogate.inference.belief import coefficient_belief
-from hybridsurrogate.inference.layout import layout
-from hybridsurrogate.inference.linearised import linearise
-from hybridsurrogate.inference.scan import scan
+from hybridsurrogate.catalogue import catalogue
+from hybridsurrogate.diagnosis.answers.table import form_of
+from hybridsurrogate.diagnosis.search.evidence import kind_of, search
+from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
+from hybridsurrogate.inference.conjugate.emulator_posterior import coefficient_belief
+from hybridsurrogate.inference.evidence.grid import layout
+from hybridsurrogate.inference.evidence.linearised import linearise
+from hybridsurrogate.inference.evidence.marginal_likelihood import scan
+from hybridsurrogate.problem.context import make_context
 
 
 def line(t, level, slope):

@@ -11,15 +11,14 @@ from scipy import stats
 from scipy.special import logsumexp
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.discrepancy import predict_locally
-from hybridsurrogate.diagnosis.evidence import search
-from hybridsurrogate.diagnosis.freed import freed
-from hybridsurrogate.diagnosis.null import _replicates, null_test
-from hybridsurrogate.inference.belief import coefficient_belief
-from hybridsurrogate.inference.layout import layout
-from hybridsurrogate.inference.linearised import linearise
-from hybridsurrogate.inference.noise import NoiseTable
-from hybridsurrogate.inference.scan import scan
+from hybridsurrogate.diagnosis.search.evidence import search
+from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
+from hybridsurrogate.diagnosis.search.null_test import _replicates, freed, null_test
+from hybridsurrogate.inference.conjugate.emulator_posterior import coefficient_belief
+from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
+from hybridsurrogate.inference.evidence.grid import layout
+from hybridsurrogate.inference.evidence.linearised import linearise
+from hybridsurrogate.inference.evidence.marginal_likelihood import scan
 from hybridsurrogate.likelihoods.contaminated import log_shape
 
 

@@ -7,13 +7,13 @@ from matplotlib.axes import Axes
 from scipy import integrate, stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.verdict import form_of
-from hybridsurrogate.effects.catalogue import catalogue
+from hybridsurrogate.catalogue import catalogue
+from hybridsurrogate.diagnosis.answers.table import form_of
 from hybridsurrogate.effects.picture import plot_cause
-from hybridsurrogate.estimators.problem import make_problem
-from hybridsurrogate.inference.shape_table import shape_of
+from hybridsurrogate.inference.evidence.outlier_density import shape_of
 from hybridsurrogate.likelihoods import Contaminated, Normal
 from hybridsurrogate.likelihoods.contaminated import log_shape, precision_at
+from hybridsurrogate.problem.problem import make_problem
 
 
 def fitted(cause, X, y, simulator=LINE, **options):

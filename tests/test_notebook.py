@@ -9,7 +9,7 @@ from scipy.stats import norm
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis import answers, trust
-from hybridsurrogate.diagnosis.gain import best_beta
+from hybridsurrogate.diagnosis.validation.gain import best_beta
 
 CALLS = []
 

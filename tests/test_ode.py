@@ -15,8 +15,8 @@ from scipy.integrate import solve_ivp
 from sklearn.base import clone
 
 import hybridsurrogate as hs
-from hybridsurrogate.dynamics import DelayedState, MissingTerm, TimeVaryingParameter
 from hybridsurrogate.exceptions import FailedRunsWarning
+from hybridsurrogate.ode.dynamics import DelayedState, MissingTerm, TimeVaryingParameter
 
 
 def reference(rhs, start, times, **settings):

@@ -11,9 +11,9 @@ from epidemic import hidden_fall, make_epidemic
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.preparation import prepare
-from hybridsurrogate.diagnosis.rehearsal import extended_simulator
-from hybridsurrogate.dynamics import DelayedState, MissingTerm, TimeVaryingParameter
+from hybridsurrogate.diagnosis.search.setup import prepare
+from hybridsurrogate.diagnosis.validation.refit import extended_simulator
+from hybridsurrogate.ode.dynamics import DelayedState, MissingTerm, TimeVaryingParameter
 
 
 def test_estimator_finds_a_hidden_fall_of_the_contact_rate():

@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.dynamics import TimeVaryingParameter
-from hybridsurrogate.effects.catalogue import KINDS
+from hybridsurrogate.catalogue import KINDS
+from hybridsurrogate.ode.dynamics import TimeVaryingParameter
 
 
 def ode(rhs, start, end, parameters, states="x", **settings):

@@ -5,11 +5,11 @@ import pytest
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.estimators.first_step import first_step
-from hybridsurrogate.estimators.fitting import make_target, measured_draws
-from hybridsurrogate.estimators.problem import make_problem
-from hybridsurrogate.inference.own_proposals import log_density_of_pairs
-from hybridsurrogate.inference.shared_nodes import MeasuredGiven
+from hybridsurrogate.inference.conditional.local_proposals import log_density_of_pairs
+from hybridsurrogate.inference.conditional.pairwise_squares import MeasuredGiven
+from hybridsurrogate.inference.posterior_sampler import first_step
+from hybridsurrogate.inference.procedure import make_target, measured_draws
+from hybridsurrogate.problem.problem import make_problem
 
 PRIORS = {
     "start": hs.truncated_normal(60, 10, 40, 80),

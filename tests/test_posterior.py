@@ -85,7 +85,7 @@ def test_prediction_by_factors_is_that_by_features(simulation, measured, monkeyp
     expected = parts.known + np.einsum("jnp,jp->jn", parts.features, posterior.coefficients)
     expected += np.einsum("jnq,jq->jn", parts.columns, posterior.effect_coefficients)
     # the features of all draws are not formed
-    monkeypatch.delattr("hybridsurrogate.inference.measured.MeasuredModel.simulated")
+    monkeypatch.delattr("hybridsurrogate.inference.model.observation.MeasuredModel.simulated")
     eta, noise = posterior.eta(X)
     np.testing.assert_allclose(eta, expected, rtol=1e-12)
     assert_same_numbers(noise, np.repeat(posterior.sigma[:, None], len(X), axis=1))
@@ -94,7 +94,7 @@ def test_prediction_by_factors_is_that_by_features(simulation, measured, monkeyp
 def test_memory_for_intervals_is_bounded(fitted, measured, monkeypatch):
     X, y = measured
     expected = fitted._inside(X, y, [0.5, 0.9])
-    monkeypatch.setattr("hybridsurrogate.estimators.mixture._BLOCK", 5 * fitted.n_draws)
+    monkeypatch.setattr("hybridsurrogate.prediction.mixture._BLOCK", 5 * fitted.n_draws)
     lengths, eta = [], Posterior.eta
     monkeypatch.setattr(Posterior, "eta", lambda p, X: (lengths.append(len(X)), eta(p, X))[1])
     assert_same_numbers(fitted._inside(X, y, [0.5, 0.9]), expected)

@@ -10,10 +10,10 @@ from sklearn.base import clone
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis import fits
-from hybridsurrogate.diagnosis.folds import folds_beyond, future_folds, random_folds
-from hybridsurrogate.diagnosis.forward import searches
-from hybridsurrogate.diagnosis.gain import FoldGain, Held, gain_over, pointwise
-from hybridsurrogate.diagnosis.rehearsal import Pair, Rehearsal
+from hybridsurrogate.diagnosis.search.forward_selection import searches
+from hybridsurrogate.diagnosis.validation.folds import folds_beyond, future_folds, random_folds
+from hybridsurrogate.diagnosis.validation.gain import FoldGain, Held, gain_over, pointwise
+from hybridsurrogate.diagnosis.validation.refit import Pair, Rehearsal
 from hybridsurrogate.estimators.carried import fitted_near
 
 

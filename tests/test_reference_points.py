@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.verdict import form_of
+from hybridsurrogate.catalogue import catalogue
+from hybridsurrogate.diagnosis.answers.table import form_of
 from hybridsurrogate.effects.base import Context
-from hybridsurrogate.effects.catalogue import catalogue
 
 T = np.linspace(0.2, 10, 40)
 

@@ -9,10 +9,10 @@ import pytest
 
 import hybridsurrogate as hs
 from hybridsurrogate import digits
-from hybridsurrogate.diagnosis.emulator import EmulatorCheck
-from hybridsurrogate.diagnosis.gain import FoldGain, Gain
-from hybridsurrogate.diagnosis.report import scores, sentences, weight
+from hybridsurrogate.diagnosis.checks.emulator import EmulatorCheck
+from hybridsurrogate.diagnosis.report import findings, scores, trust
 from hybridsurrogate.diagnosis.report.view import label_of_cause
+from hybridsurrogate.diagnosis.validation.gain import FoldGain, Gain
 
 
 def scan_of(before, after, error=0.1):
@@ -31,13 +31,13 @@ def scan_of(before, after, error=0.1):
 def test_what_the_best_beta_says(after, words):
     scan = scan_of([-0.9, -0.5, -1.2], after)
     extended, plain = SimpleNamespace(extended=True), SimpleNamespace(extended=False)
-    assert words in weight.trust(extended, scan, None)[-1]
-    within, beyond = weight.trust(plain, scan, scan)[1:]
+    assert words in trust.trust(extended, scan, None)[-1]
+    within, beyond = trust.trust(plain, scan, scan)[1:]
     assert "Within the measured range the best is beta = 0.5" in within
     assert "Beyond it the best is beta = 0.5" in beyond
     unsure = scan_of([-0.9, -0.5, -1.2], after, error=0.4)
     same = after.index(max(after)) == 1
-    told = weight.trust(extended, unsure, None)[-1]
+    told = trust.trust(extended, unsure, None)[-1]
     assert ("as good within the errors" in told) is not same
 
 
@@ -113,11 +113,11 @@ def test_the_words_for_what_runs_leave_open():
 
 def test_a_weight_that_takes_minutes_to_try_is_not_tried():
     costly = SimpleNamespace(extended=True, has_weight=True, weight_takes_minutes=True)
-    assert "which takes minutes. beta_scan(X, y) does it" in weight.trust(costly, None, None)[0]
+    assert "which takes minutes. beta_scan(X, y) does it" in trust.trust(costly, None, None)[0]
     quick = SimpleNamespace(extended=True, has_weight=True, weight_takes_minutes=False)
-    assert "report(beta_scan=True) does it" in weight.trust(quick, None, None)[0]
+    assert "report(beta_scan=True) does it" in trust.trust(quick, None, None)[0]
     exact = SimpleNamespace(extended=True, has_weight=False)
-    assert "There is no weight to choose" in weight.trust(exact, None, None)[0]
+    assert "There is no weight to choose" in trust.trust(exact, None, None)[0]
 
 
 def test_digits():
@@ -147,7 +147,7 @@ def test_every_kind_of_the_catalogue_has_words():
     classes = [c for c in vars(hs).values() if inspect.isclass(c) and issubclass(c, hs.Cause)]
     kinds = {c.kind for c in classes if c is not hs.Cause} - {"unexplained"}
     assert len(kinds) == 16
-    assert kinds <= set(sentences._MEANING)
+    assert kinds <= set(findings._MEANING)
     view = SimpleNamespace(output="mass", inputs=("t",), log_scale=False)
     causes = {
         "gap between measured and simulated mass grows steadily over t": hs.Trend("t"),
@@ -166,7 +166,7 @@ def test_every_kind_of_the_catalogue_has_words():
     }
     for words, cause in causes.items():
         finding = SimpleNamespace(kind=cause.kind, target=cause.target)
-        (sentence,) = sentences._meaning(view, finding, cause)
+        (sentence,) = findings._meaning(view, finding, cause)
         assert words in sentence
     assert label_of_cause(None) == "nothing is wrong"
     assert label_of_cause(hs.ParameterDrift("rate", "t", "step")) == (

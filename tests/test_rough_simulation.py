@@ -8,8 +8,8 @@ from scipy.integrate import solve_ivp
 from scipy.stats import norm
 
 import hybridsurrogate as hs
-from hybridsurrogate.estimators.problem import make_problem
-from hybridsurrogate.inference.roughness import least_step
+from hybridsurrogate.inference.model.finite_differences import least_step
+from hybridsurrogate.problem.problem import make_problem
 
 T = np.linspace(0.1, 10, 40)
 NOISE = 0.7

@@ -4,8 +4,8 @@ import numpy as np
 from scorecard import run
 from tide import context_of
 
-from hybridsurrogate.diagnosis.verdict import form_of
-from hybridsurrogate.effects.catalogue import catalogue
+from hybridsurrogate.catalogue import catalogue
+from hybridsurrogate.diagnosis.answers.table import form_of
 
 
 def test_every_number_of_an_estimate_is_known():

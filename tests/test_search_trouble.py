@@ -7,9 +7,9 @@ from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.evidence import search
-from hybridsurrogate.diagnosis.preparation import prepare, trained_emulator
-from hybridsurrogate.diagnosis.verdict import cause_table, form_of
+from hybridsurrogate.diagnosis.answers.table import cause_table, form_of
+from hybridsurrogate.diagnosis.search.evidence import search
+from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
 
 
 def line(t, level, slope):

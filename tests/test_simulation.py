@@ -8,10 +8,10 @@ import pytest
 from scipy.stats import norm, uniform
 from sklearn.base import clone
 
-from hybridsurrogate.design import draw_design
 from hybridsurrogate.exceptions import FailedRunsWarning, PriorWarning
 from hybridsurrogate.priors import truncated_normal
-from hybridsurrogate.simulation import Assumed, SimulationData, Simulator, read_simulation
+from hybridsurrogate.simulation.design import draw_design
+from hybridsurrogate.simulation.simulator import Assumed, SimulationData, Simulator, read_simulation
 
 INPUTS = {"t": (0, 4)}
 PARAMETERS = {"gravity": truncated_normal(9.8, 1, 5, 15)}

@@ -9,12 +9,12 @@ import pytest
 from scipy.stats import norm
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.evidence import Search, Weighed, search
-from hybridsurrogate.diagnosis.fits import Fitted
-from hybridsurrogate.diagnosis.held import nothing_further
-from hybridsurrogate.diagnosis.null import null_test
-from hybridsurrogate.diagnosis.preparation import prepare, trained_emulator
-from hybridsurrogate.diagnosis.together import movable, placed_together
+from hybridsurrogate.diagnosis.search.conditioning import nothing_further
+from hybridsurrogate.diagnosis.search.evidence import Search, Weighed, search
+from hybridsurrogate.diagnosis.search.joint_refit import movable, placed_together
+from hybridsurrogate.diagnosis.search.local_fit import Fitted
+from hybridsurrogate.diagnosis.search.null_test import null_test
+from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
 
 PERIOD, LOCATION = 40.0, 43.0
 

@@ -9,9 +9,9 @@ from sklearn.base import clone
 
 import hybridsurrogate as hs
 from hybridsurrogate.datasets import make_log_sin
-from hybridsurrogate.diagnosis.folds import random_folds
-from hybridsurrogate.diagnosis.gain import best_beta
-from hybridsurrogate.diagnosis.trust import scan_beta
+from hybridsurrogate.diagnosis.validation.beta_scan import scan_beta
+from hybridsurrogate.diagnosis.validation.folds import random_folds
+from hybridsurrogate.diagnosis.validation.gain import best_beta
 
 
 def line(t, level, slope):

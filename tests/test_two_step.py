@@ -5,16 +5,16 @@ import pytest
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.estimators.problem import make_problem
-from hybridsurrogate.inference.measured import MeasuredModel
-from hybridsurrogate.inference.parameter_grid import _finer, _grid
-from hybridsurrogate.inference.shared_nodes import (
+from hybridsurrogate.inference.conditional.grid import _finer, _grid
+from hybridsurrogate.inference.conditional.pairwise_squares import (
     MeasuredGiven,
     SharedDraws,
     squares_of_factors,
     squares_of_pairs,
 )
-from hybridsurrogate.inference.two_step import _log_density, second_step
+from hybridsurrogate.inference.conditional.sampler import _log_density, second_step
+from hybridsurrogate.inference.model.observation import MeasuredModel
+from hybridsurrogate.problem.problem import make_problem
 
 
 def parabola(t, **parameters):

@@ -11,7 +11,7 @@ from sklearn.model_selection import TimeSeriesSplit
 
 import hybridsurrogate as hs
 from hybridsurrogate.datasets import make_log_sin
-from hybridsurrogate.inference.leave_one_out import stacking_weight
+from hybridsurrogate.inference.loo import stacking_weight
 
 CUBIC = hs.PolynomialChaos(degree=3)
 

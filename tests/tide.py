@@ -5,9 +5,9 @@ import pandas as pd
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.estimators.context import make_context
-from hybridsurrogate.estimators.problem import make_problem
 from hybridsurrogate.likelihoods import as_likelihood
+from hybridsurrogate.problem.context import make_context
+from hybridsurrogate.problem.problem import make_problem
 from hybridsurrogate.surrogates.exact import ExactBasis
 
 NOISE = 0.1

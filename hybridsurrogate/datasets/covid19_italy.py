@@ -13,7 +13,7 @@ from sklearn.datasets import fetch_file, get_data_home
 from sklearn.utils import Bunch
 
 from hybridsurrogate.datasets.measured import measured_bunch
-from hybridsurrogate.ode import OdeSimulator
+from hybridsurrogate.ode.simulator import OdeSimulator
 from hybridsurrogate.priors import FloatArray, truncated_normal
 
 FILE = "dpc-covid19-ita-andamento-nazionale.csv"

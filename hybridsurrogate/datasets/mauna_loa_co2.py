@@ -9,7 +9,7 @@ from sklearn.utils import Bunch
 from hybridsurrogate.datasets.measured import measured_bunch
 from hybridsurrogate.datasets.tables import packaged_table
 from hybridsurrogate.priors import FloatArray, truncated_normal
-from hybridsurrogate.simulation import Simulator
+from hybridsurrogate.simulation.simulator import Simulator
 
 
 def co2_growth(

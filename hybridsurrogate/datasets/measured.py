@@ -5,7 +5,7 @@ from __future__ import annotations
 import pandas as pd
 from sklearn.utils import Bunch
 
-from hybridsurrogate.simulation import Simulator
+from hybridsurrogate.simulation.simulator import Simulator
 
 
 def measured_bunch(frame: pd.DataFrame, simulator: Simulator, description: str) -> Bunch:

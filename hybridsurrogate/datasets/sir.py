@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 from scipy.stats import uniform
 from sklearn.utils import Bunch
 
-from hybridsurrogate.design import random_generator
 from hybridsurrogate.priors import FloatArray, truncated_normal
-from hybridsurrogate.simulation import Assumed, SimulationData, Simulator
+from hybridsurrogate.simulation.design import random_generator
+from hybridsurrogate.simulation.simulator import Assumed, SimulationData, Simulator
 
 _POPULATION = 763.0
 _FIRST_INFECTED = 1.0

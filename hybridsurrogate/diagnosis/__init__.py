@@ -1,6 +1,16 @@
-"""What the simulation gets wrong: search, verdict, extension, gain, report."""
+"""What the simulation gets wrong: search, verdict, extension, gain, report.
 
+diagnosis   DiscrepancyDiagnosis: checks, wires and stores
+fitted      what a fitted diagnosis answers
+checks      data, simulation and emulator: is there something to doubt?
+emulation   the simulation as its runs alone tell it
+search      screen every cause, score those that lead, accept, repeat
+answers     verdict tables, discrepancy, findings, extended simulation, next measurement
+validation  the whole search repeated on folds: what the extension gains
+report      text and HTML
+"""
+
+from hybridsurrogate.diagnosis.answers.finding import CauseFinding
 from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
-from hybridsurrogate.diagnosis.finding import CauseFinding
 
 __all__ = ["CauseFinding", "DiscrepancyDiagnosis"]

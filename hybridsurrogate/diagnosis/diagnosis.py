@@ -14,44 +14,45 @@ from numpy.typing import ArrayLike
 from sklearn.base import clone
 from sklearn.utils import check_random_state
 
-from hybridsurrogate.arrays import as_numbers, complete_table
-from hybridsurrogate.diagnosis.answers import FittedDiagnosis
-from hybridsurrogate.diagnosis.beside import beside_others
-from hybridsurrogate.diagnosis.confounding import confounded, confounding, told
-from hybridsurrogate.diagnosis.cost import warn_if_slow
-from hybridsurrogate.diagnosis.discrepancy import estimate_discrepancy
-from hybridsurrogate.diagnosis.doubtful_data import (
+from hybridsurrogate.diagnosis.answers.discrepancy import estimate_discrepancy
+from hybridsurrogate.diagnosis.answers.experimental_design import next_measurement
+from hybridsurrogate.diagnosis.answers.finding import finding_of
+from hybridsurrogate.diagnosis.answers.table import cause_table, not_reached
+from hybridsurrogate.diagnosis.checks.cost import warn_if_slow
+from hybridsurrogate.diagnosis.checks.data import (
     check_digits,
     warn_if_exact,
     warn_if_mirrored,
     warn_of_copies,
 )
-from hybridsurrogate.diagnosis.emulator import check_emulator
-from hybridsurrogate.diagnosis.finding import finding_of
-from hybridsurrogate.diagnosis.folds import folds_beyond, random_folds
-from hybridsurrogate.diagnosis.forward import Step, forward_search, searches
-from hybridsurrogate.diagnosis.gain import Gain, in_one_word
-from hybridsurrogate.diagnosis.interruption import InterruptedSearch
-from hybridsurrogate.diagnosis.next_measurement import next_measurement
-from hybridsurrogate.diagnosis.preparation import Prepared, prepare, trained_emulator
-from hybridsurrogate.diagnosis.progress import doing
-from hybridsurrogate.diagnosis.proof import proof
-from hybridsurrogate.diagnosis.rehearsal import (
+from hybridsurrogate.diagnosis.checks.emulator import check_emulator
+from hybridsurrogate.diagnosis.checks.identifiability import confounded, confounding, told
+from hybridsurrogate.diagnosis.checks.parameters import check_rows, check_settings
+from hybridsurrogate.diagnosis.checks.roughness import warn_if_rough
+from hybridsurrogate.diagnosis.fitted import FittedDiagnosis
+from hybridsurrogate.diagnosis.search.backfitting import beside_others
+from hybridsurrogate.diagnosis.search.forward_selection import Step, forward_search, searches
+from hybridsurrogate.diagnosis.search.local_fit import InterruptedSearch
+from hybridsurrogate.diagnosis.search.setup import Prepared, prepare, trained_emulator
+from hybridsurrogate.diagnosis.search.verdict import credible_kinds, verdict_on
+from hybridsurrogate.diagnosis.search.working_rows import on_working_rows
+from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans
+from hybridsurrogate.diagnosis.validation.cross_validation import proof
+from hybridsurrogate.diagnosis.validation.folds import folds_beyond, random_folds
+from hybridsurrogate.diagnosis.validation.gain import Gain, in_one_word
+from hybridsurrogate.diagnosis.validation.progress import doing
+from hybridsurrogate.diagnosis.validation.refit import (
     Pair,
     Rehearsal,
     accepted,
     extended,
     extended_simulator,
 )
-from hybridsurrogate.diagnosis.roughness import warn_if_rough
-from hybridsurrogate.diagnosis.settings import check_rows, check_settings
-from hybridsurrogate.diagnosis.trust import BetaScans
-from hybridsurrogate.diagnosis.verdict import cause_table, credible_kinds, not_reached, verdict_on
-from hybridsurrogate.diagnosis.working_rows import on_working_rows
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import ConfoundingWarning, DiagnosisWarning
 from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.simulation.arrays import as_numbers, complete_table
 from hybridsurrogate.threads import one_blas_thread
 
 

@@ -1,28 +1,28 @@
 """The catalogue of causes: one small file a kind."""
 
-from hybridsurrogate.effects.autocorrelation import Autocorrelation
 from hybridsurrogate.effects.base import SIMULATED, Cause, Context
-from hybridsurrogate.effects.bump import Bump
-from hybridsurrogate.effects.decay import Decay
-from hybridsurrogate.effects.delay import Delay
-from hybridsurrogate.effects.discrepancy_process import GaussianProcessDiscrepancy
-from hybridsurrogate.effects.dynamic_delay import DynamicDelay
-from hybridsurrogate.effects.dynamic_drift import DynamicDrift
-from hybridsurrogate.effects.dynamic_term import DynamicTerm
-from hybridsurrogate.effects.gain import Gain
-from hybridsurrogate.effects.interaction import Interaction
-from hybridsurrogate.effects.missing_input import MissingInput
-from hybridsurrogate.effects.noise import Noise
-from hybridsurrogate.effects.noise_of_mean import NoiseOfMean
-from hybridsurrogate.effects.offset import Offset
-from hybridsurrogate.effects.outliers import Outliers
-from hybridsurrogate.effects.parameter_drift import ParameterDrift
-from hybridsurrogate.effects.periodic import Periodic
-from hybridsurrogate.effects.ramp import Ramp
-from hybridsurrogate.effects.saturation import Saturation
-from hybridsurrogate.effects.step import Step
-from hybridsurrogate.effects.trend import Trend
-from hybridsurrogate.effects.wrong_constant import WrongConstant
+from hybridsurrogate.effects.dynamics.dynamic_delay import DynamicDelay
+from hybridsurrogate.effects.dynamics.dynamic_drift import DynamicDrift
+from hybridsurrogate.effects.dynamics.dynamic_term import DynamicTerm
+from hybridsurrogate.effects.inputs.delay import Delay
+from hybridsurrogate.effects.noise.autocorrelation import Autocorrelation
+from hybridsurrogate.effects.noise.noise import Noise
+from hybridsurrogate.effects.noise.noise_of_mean import NoiseOfMean
+from hybridsurrogate.effects.noise.outliers import Outliers
+from hybridsurrogate.effects.output.bump import Bump
+from hybridsurrogate.effects.output.decay import Decay
+from hybridsurrogate.effects.output.discrepancy_process import GaussianProcessDiscrepancy
+from hybridsurrogate.effects.output.interaction import Interaction
+from hybridsurrogate.effects.output.missing_input import MissingInput
+from hybridsurrogate.effects.output.offset import Offset
+from hybridsurrogate.effects.output.periodic import Periodic
+from hybridsurrogate.effects.output.ramp import Ramp
+from hybridsurrogate.effects.output.saturation import Saturation
+from hybridsurrogate.effects.output.step import Step
+from hybridsurrogate.effects.output.trend import Trend
+from hybridsurrogate.effects.parameters.gain import Gain
+from hybridsurrogate.effects.parameters.parameter_drift import ParameterDrift
+from hybridsurrogate.effects.parameters.wrong_constant import WrongConstant
 
 __all__ = [
     "SIMULATED",

@@ -8,8 +8,8 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, FloatArray, Rows
-from hybridsurrogate.modification import Modification
 from hybridsurrogate.priors import Prior, from_normal, frozen, to_normal
+from hybridsurrogate.simulation.modification import Modification
 
 
 class Sized(Cause):

@@ -15,11 +15,11 @@ from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.estimators.rollback import restored_on_failure
 from hybridsurrogate.exceptions import SamplingWarning
-from hybridsurrogate.inference.leave_one_out import PointwiseLoo
+from hybridsurrogate.inference.loo import PointwiseLoo
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.simulation import SimulationData, Simulator
+from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 
 # doubtful draws of estimators with no more than this share of the weight make no doubtful average
 _MOST_DOUBTFUL = 0.1

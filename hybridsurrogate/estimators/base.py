@@ -13,24 +13,14 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_random_state, check_scalar
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from hybridsurrogate.arrays import (
-    as_numbers,
-    check_number,
-    check_size,
-    check_spread,
-    complete_table,
-)
 from hybridsurrogate.arviz_groups import arviz_of
-from hybridsurrogate.estimators.columns import (
-    check_reach,
-    column_names,
-    matched_columns,
-    warn_elsewhere,
-    warn_outside,
-)
-from hybridsurrogate.estimators.intervals import central_interval, inside_intervals
-from hybridsurrogate.estimators.loo import Loo, loo_of_rows
-from hybridsurrogate.estimators.mixture import (
+from hybridsurrogate.inference.loo import PointwiseLoo
+from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
+from hybridsurrogate.likelihoods import Likelihood, as_likelihood
+from hybridsurrogate.posterior import Posterior
+from hybridsurrogate.prediction.intervals import central_interval, inside_intervals
+from hybridsurrogate.prediction.leave_one_out import Loo, loo_of_rows
+from hybridsurrogate.prediction.mixture import (
     curves,
     log_density_of,
     moments,
@@ -40,13 +30,23 @@ from hybridsurrogate.estimators.mixture import (
     samples,
     warn_of_carried,
 )
-from hybridsurrogate.estimators.rows import MeasuredRows, check_weights, merged_rows
-from hybridsurrogate.inference.ensemble import EnsembleSampler
-from hybridsurrogate.inference.leave_one_out import PointwiseLoo
-from hybridsurrogate.likelihoods import Likelihood, as_likelihood
-from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray, check_prior
-from hybridsurrogate.simulation import SimulationData, Simulator
+from hybridsurrogate.problem.columns import (
+    check_reach,
+    column_names,
+    matched_columns,
+    warn_elsewhere,
+    warn_outside,
+)
+from hybridsurrogate.problem.rows import MeasuredRows, check_weights, merged_rows
+from hybridsurrogate.simulation.arrays import (
+    as_numbers,
+    check_number,
+    check_size,
+    check_spread,
+    complete_table,
+)
+from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
 from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
 

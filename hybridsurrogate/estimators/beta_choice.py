@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 from sklearn.model_selection import TimeSeriesSplit, check_cv
 from sklearn.utils import _safe_indexing
 
-from hybridsurrogate.arrays import as_numbers, as_outputs, complete_table
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.beta_path import beta_path
+from hybridsurrogate.simulation.arrays import as_numbers, as_outputs, complete_table
 
 LEAVE_FUTURE_OUT = "leave-future-out"
 _FUTURE_SPLITS = 5

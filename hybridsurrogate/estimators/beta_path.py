@@ -14,10 +14,10 @@ from sklearn.utils import check_random_state
 
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.carried import carried
-from hybridsurrogate.estimators.fitting import fit_problem
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.estimators.predictive_weighted import PredictiveWeightedSurrogate
-from hybridsurrogate.inference.powers import powers_of
+from hybridsurrogate.inference.model.power_scaling import powers_of
+from hybridsurrogate.inference.procedure import fit_problem
 from hybridsurrogate.priors import FloatArray
 
 # a fit has three: a path costs less

@@ -7,15 +7,15 @@ from numpy.typing import ArrayLike
 from sklearn.base import clone
 from sklearn.utils import check_random_state
 
-from hybridsurrogate.estimators.first_step import FirstStep, of_importance
-from hybridsurrogate.estimators.fitting import Fit, finish, make_target, powers_used
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
-from hybridsurrogate.estimators.problem import Problem
-from hybridsurrogate.inference.importance import Proposals
-from hybridsurrogate.inference.measured import MeasuredModel
-from hybridsurrogate.inference.moment_matching import matched_draws
-from hybridsurrogate.inference.pareto import KHAT_LIMIT
+from hybridsurrogate.inference.model.observation import MeasuredModel
+from hybridsurrogate.inference.posterior_sampler import FirstStep, of_importance
+from hybridsurrogate.inference.procedure import Fit, finish, make_target, powers_used
+from hybridsurrogate.inference.sampling.adaptive_importance import Proposals
+from hybridsurrogate.inference.sampling.moment_matching import matched_draws
+from hybridsurrogate.inference.sampling.psis import KHAT_LIMIT
 from hybridsurrogate.priors import FloatArray, to_normal
+from hybridsurrogate.problem.problem import Problem
 
 _MIN_EFFECTIVE = 200.0
 # proposals for each draw that a fit to other rows keeps: as many as a fit from scratch has

@@ -7,12 +7,12 @@ from typing import Any
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context
-from hybridsurrogate.effects.discrepancy_process import GaussianProcessDiscrepancy
+from hybridsurrogate.effects.output.discrepancy_process import GaussianProcessDiscrepancy
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
-from hybridsurrogate.inference.ensemble import EnsembleSampler
+from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.priors import Prior, frozen
-from hybridsurrogate.simulation import SimulationData, Simulator
+from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
 
 

@@ -11,23 +11,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.utils.validation import check_X_y
 
-from hybridsurrogate.arrays import as_numbers, check_number, check_size, complete_table
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.estimators.columns import (
+from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
+from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
+from hybridsurrogate.likelihoods import Likelihood
+from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.problem.columns import (
     check_reach,
     column_names,
     matched_columns,
     warn_outside,
 )
-from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
-from hybridsurrogate.estimators.problem import Problem, make_problem
-from hybridsurrogate.estimators.rows import MeasuredRows, merged_rows
-from hybridsurrogate.inference.ensemble import EnsembleSampler
-from hybridsurrogate.likelihoods import Likelihood
-from hybridsurrogate.priors import FloatArray, Prior
-from hybridsurrogate.simulation import SimulationData, Simulator
+from hybridsurrogate.problem.problem import Problem, make_problem
+from hybridsurrogate.problem.rows import MeasuredRows, merged_rows
+from hybridsurrogate.simulation.arrays import as_numbers, check_number, check_size, complete_table
+from hybridsurrogate.simulation.simulator import SimulationData, Simulator
+from hybridsurrogate.simulation.variables import priors_of
 from hybridsurrogate.surrogates.base import Surrogate
-from hybridsurrogate.variables import priors_of
 
 # priors are told apart by their quantiles at these shares
 _SHARES = np.linspace(0.01, 0.99, 9)

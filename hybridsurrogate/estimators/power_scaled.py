@@ -10,18 +10,18 @@ from sklearn.utils import check_random_state
 
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.base import SurrogateEstimator
-from hybridsurrogate.estimators.fitting import Fit, fit_problem
-from hybridsurrogate.estimators.loo import loo_of_fit
-from hybridsurrogate.estimators.problem import Problem, make_problem
 from hybridsurrogate.estimators.rollback import restored_on_failure
-from hybridsurrogate.estimators.rows import MeasuredRows
-from hybridsurrogate.inference.ensemble import EnsembleSampler
-from hybridsurrogate.inference.leave_one_out import PointwiseLoo
-from hybridsurrogate.inference.powers import powers_of
+from hybridsurrogate.inference.loo import PointwiseLoo
+from hybridsurrogate.inference.model.power_scaling import powers_of
+from hybridsurrogate.inference.procedure import Fit, fit_problem
+from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.posterior import Posterior
+from hybridsurrogate.prediction.leave_one_out import loo_of_fit
 from hybridsurrogate.priors import FloatArray, Prior
-from hybridsurrogate.simulation import SimulationData, Simulator
+from hybridsurrogate.problem.problem import Problem, make_problem
+from hybridsurrogate.problem.rows import MeasuredRows
+from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
 
 

@@ -10,16 +10,16 @@ from numpy.typing import ArrayLike
 from sklearn.utils import check_random_state
 
 from hybridsurrogate.estimators.base import SurrogateEstimator
-from hybridsurrogate.estimators.fitting import fit_problem
-from hybridsurrogate.estimators.loo import loo_of_fit
-from hybridsurrogate.estimators.problem import make_problem
 from hybridsurrogate.estimators.rollback import restored_on_failure
-from hybridsurrogate.inference.ensemble import EnsembleSampler
-from hybridsurrogate.inference.leave_one_out import PointwiseLoo, stacking_weight
+from hybridsurrogate.inference.loo import PointwiseLoo, stacking_weight
+from hybridsurrogate.inference.procedure import fit_problem
+from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.posterior import Posterior
+from hybridsurrogate.prediction.leave_one_out import loo_of_fit
 from hybridsurrogate.priors import FloatArray, Prior
-from hybridsurrogate.simulation import SimulationData, Simulator
+from hybridsurrogate.problem.problem import make_problem
+from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
 
 

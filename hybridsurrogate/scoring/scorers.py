@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybridsurrogate.arrays import as_outputs
 from hybridsurrogate.scoring.scores import crps, elpd, interval_score, same_rows
+from hybridsurrogate.simulation.arrays import as_outputs
 
 # of y, behind a continuous ranked probability score
 _N_DRAWS = 1000

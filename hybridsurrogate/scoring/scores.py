@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybridsurrogate.arrays import as_numbers
-from hybridsurrogate.design import random_generator
 from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.simulation.arrays import as_numbers
+from hybridsurrogate.simulation.design import random_generator
 
 # differences in nats per row that say nothing
 _LEVEL = 0.01

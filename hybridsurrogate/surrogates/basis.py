@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hybridsurrogate.blocks import blocks
-from hybridsurrogate.modification import Modification
 from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.simulation.modification import Modification
 
 
 class Factors(NamedTuple):

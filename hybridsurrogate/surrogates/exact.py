@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from hybridsurrogate.modification import Modification
 from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.surrogates.base import Surrogate
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.domain import Domain

@@ -9,8 +9,8 @@ from scipy.linalg import solve_triangular
 
 from hybridsurrogate.blocks import blocks
 from hybridsurrogate.cholesky import nudged_cholesky, pivoted_cholesky
-from hybridsurrogate.design import draw_design
 from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.simulation.design import draw_design
 from hybridsurrogate.surrogates.base import Surrogate
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.domain import Domain

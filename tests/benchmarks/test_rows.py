@@ -13,9 +13,9 @@ import pytest
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.evidence import search
-from hybridsurrogate.diagnosis.preparation import prepare, trained_emulator
-from hybridsurrogate.diagnosis.verdict import form_of
+from hybridsurrogate.diagnosis.answers.table import form_of
+from hybridsurrogate.diagnosis.search.evidence import search
+from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
 
 ROWS = (500, 2000, 8000)
 SEEDS = (0, 1, 2)

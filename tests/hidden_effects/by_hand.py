@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hybridsurrogate.simulation import Simulator
+from hybridsurrogate.simulation.simulator import Simulator
 
 from .fits import bic, fit_form, fit_plain
 from .forms import forms

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from hybridsurrogate.simulation import Simulator
+from hybridsurrogate.simulation.simulator import Simulator
 
 from . import noises
 from .curves import Setting, between, draw_effect, run

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hybridsurrogate.simulation import Simulator
+from hybridsurrogate.simulation.simulator import Simulator
 
 from .simulations import Array
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import uniform
 
 from hybridsurrogate.priors import truncated_normal
-from hybridsurrogate.simulation import Assumed, Simulator
+from hybridsurrogate.simulation.simulator import Assumed, Simulator
 
 Array = NDArray[np.float64]
 

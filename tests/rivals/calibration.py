@@ -13,7 +13,7 @@ from hidden_effects.forms import Form, plain_form
 from hidden_effects.problem import Fit, Problem, pose, predict
 from hidden_effects.simulations import Array
 
-from hybridsurrogate.simulation import Simulator
+from hybridsurrogate.simulation.simulator import Simulator
 
 Curve = Callable[[Array], Array]
 

@@ -11,7 +11,7 @@ from hidden_effects.by_hand import diagnose_by_hand
 from hidden_effects.by_package import diagnose
 from hidden_effects.forms import KINDS
 
-from hybridsurrogate.effects.catalogue import KINDS as WHOLE
+from hybridsurrogate.catalogue import KINDS as WHOLE
 
 from . import sparse_terms, structure, symbolic, toolbox
 from .calibration import Measurements

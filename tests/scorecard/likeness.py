@@ -9,9 +9,9 @@ import numpy as np
 from hidden_effects.cases import Case
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.fits import Fitted, best_null
-from hybridsurrogate.diagnosis.peaks import best_peaks
-from hybridsurrogate.inference.noise import NoiseTable
+from hybridsurrogate.diagnosis.search.local_fit import Fitted, best_null
+from hybridsurrogate.diagnosis.search.screening import best_peaks
+from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
 
 # neither says what the curve is: nothing is wrong, or a curve of any shape
 _NAMELESS = ("none", "unexplained")

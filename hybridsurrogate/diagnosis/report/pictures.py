@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from hybridsurrogate import digits, plotting
-from hybridsurrogate.diagnosis.gain import COVERAGE_LEVEL, Gain, best_beta
-from hybridsurrogate.diagnosis.next_measurement import information_at
+from hybridsurrogate.diagnosis.answers.experimental_design import information_at
 from hybridsurrogate.diagnosis.report.section import Picture
 from hybridsurrogate.diagnosis.report.view import View, label_of, prediction
+from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, Gain, best_beta
 from hybridsurrogate.plotting import AFTER, BEFORE
 
 Test = tuple[ArrayLike, ArrayLike] | None

@@ -11,20 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from hybridsurrogate.arrays import as_outputs
-from hybridsurrogate.diagnosis.report import (
-    html,
-    pictures,
-    rivals,
-    scores,
-    sentences,
-    tables,
-    weight,
-)
+from hybridsurrogate.diagnosis.report import findings, html, pictures, rivals, scores, tables, trust
 from hybridsurrogate.diagnosis.report.section import Section
 from hybridsurrogate.diagnosis.report.summary import summary
 from hybridsurrogate.diagnosis.report.view import View, label_of_cause
 from hybridsurrogate.effects.notation import word as _word
+from hybridsurrogate.simulation.arrays import as_outputs
 from hybridsurrogate.whole_file import written_whole
 
 if TYPE_CHECKING:
@@ -147,12 +139,12 @@ def make_report(
         scans.few(out_of_range) if beta_scan else scans.known.get(out_of_range)
         for out_of_range in (False, True)
     )
-    title = sentences.title_of(view)
+    title = findings.title_of(view)
     sections = (
-        Section("Verdict", tuple(sentences.verdict(view)), (pictures.picture_fit(view),)),
+        Section("Verdict", tuple(findings.verdict(view)), (pictures.picture_fit(view),)),
         Section(
             "Where",
-            tuple(sentences.where(view)),
+            tuple(findings.where(view)),
             table=tables.third_table(view),
             caption="Share of the squared discrepancy by thirds of each measured range",
         ),
@@ -164,7 +156,7 @@ def make_report(
         ),
         Section(
             "The extended model",
-            tuple(sentences.extension(view)),
+            tuple(findings.extension(view)),
             (pictures.picture_extension(view, test), pictures.picture_residuals(view)),
             tables.estimate_table(view),
             formulas=_formulas(view),
@@ -176,7 +168,7 @@ def make_report(
         ),
         Section(
             "Trust in the simulation",
-            tuple(weight.trust(view, within, beyond)),
+            tuple(trust.trust(view, within, beyond)),
             () if within is None else (pictures.picture_trust(within, beyond),),
         ),
         Section("What to do next", tuple(rivals.next_step(view)), (pictures.picture_next(view),)),

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from hybridsurrogate import digits
+from hybridsurrogate.diagnosis.answers.table import NOT_WEIGHED, is_weighed
 from hybridsurrogate.diagnosis.report.scores import is_worse
 from hybridsurrogate.diagnosis.report.tables import noise_of
 from hybridsurrogate.diagnosis.report.view import View, label, label_of, label_of_cause
-from hybridsurrogate.diagnosis.verdict import NOT_WEIGHED, is_weighed
 
 # probability of a remainder from which on it is told
 _REMAINDER = 0.5

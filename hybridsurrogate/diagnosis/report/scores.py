@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from hybridsurrogate import digits
-from hybridsurrogate.diagnosis.emulator import MOST_MISSED, MOST_OPEN, advice
-from hybridsurrogate.diagnosis.gain import COVERAGE_LEVEL, HALF, Gain
+from hybridsurrogate.diagnosis.checks.emulator import MOST_MISSED, MOST_OPEN, advice
 from hybridsurrogate.diagnosis.report.view import View
+from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, HALF, Gain
 from hybridsurrogate.posterior import KHAT_LIMIT
 
 _EXPLAINED = (

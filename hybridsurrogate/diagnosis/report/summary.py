@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from hybridsurrogate.diagnosis.gain import Gain, best_beta
 from hybridsurrogate.diagnosis.report.section import Section
 from hybridsurrogate.diagnosis.report.tables import parameter_intervals, thirds
 from hybridsurrogate.diagnosis.report.view import View
+from hybridsurrogate.diagnosis.validation.gain import Gain, best_beta
 
 # raised whenever a key changes its meaning or goes away
 SCHEMA_VERSION = 1

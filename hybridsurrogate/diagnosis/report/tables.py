@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 
 from hybridsurrogate import digits
-from hybridsurrogate.diagnosis.discrepancy import Third, shares_of_thirds
+from hybridsurrogate.diagnosis.answers.discrepancy import Third, shares_of_thirds
+from hybridsurrogate.diagnosis.answers.table import form_of
 from hybridsurrogate.diagnosis.report.view import View
-from hybridsurrogate.diagnosis.verdict import form_of
 from hybridsurrogate.effects.base import Cause
 
 Interval = tuple[float, float, float]

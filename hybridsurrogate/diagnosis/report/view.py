@@ -10,17 +10,17 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
-from hybridsurrogate.diagnosis.discrepancy import predict_locally
-from hybridsurrogate.diagnosis.evidence import Search, Weighed, kind_of
-from hybridsurrogate.diagnosis.gain import in_one_word
-from hybridsurrogate.diagnosis.trust import has_weight, is_slow
+from hybridsurrogate.diagnosis.search.evidence import Search, Weighed, kind_of
+from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
+from hybridsurrogate.diagnosis.validation.beta_scan import has_weight, is_slow
+from hybridsurrogate.diagnosis.validation.gain import in_one_word
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.plotting import Prediction
 from hybridsurrogate.priors import FloatArray
 
 if TYPE_CHECKING:
+    from hybridsurrogate.diagnosis.answers.finding import CauseFinding
     from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
-    from hybridsurrogate.diagnosis.finding import CauseFinding
 
 _MOST_RIVALS = 4
 _MOST_CAUSES = 8

@@ -1,0 +1,10 @@
+"""What a search says to its user.
+
+table                the table of all causes
+failures             parameters for which the simulation fails
+discrepancy          where and how much the simulation is wrong
+finding              what was found, in numbers and formulas
+extension            the user's simulation with a cause in it
+experimental_design  where one more measurement tells most
+model_averaging      predictions that do not bet on one name
+"""

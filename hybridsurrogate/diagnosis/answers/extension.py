@@ -1,0 +1,105 @@
+"""The user's simulation with a cause in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy import stats
+
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.likelihoods import Likelihood
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.simulation.simulator import Simulator
+
+
+class ExtendedFunction:
+    """A simulation function that a cause rewrites; a class so that it can be pickled."""
+
+    def __init__(
+        self,
+        simulator: Simulator,
+        cause: Cause,
+        likelihood: Likelihood,
+        theta_names: Mapping[str, str],
+        coefficient_names: Mapping[str, str],
+    ):
+        self.simulator, self.cause, self.likelihood = simulator, cause, likelihood
+        self.theta_names, self.coefficient_names = theta_names, coefficient_names
+        self.__name__ = f"{simulator.name}_with_{cause.kind.replace('-', '_')}"
+
+    def __call__(self, **values: FloatArray) -> FloatArray:
+        """Run the extended simulation; arguments by name, arrays or numbers."""
+        arrays = dict(zip(values, np.broadcast_arrays(*values.values()), strict=True))
+        shape = next(iter(arrays.values())).shape
+        rows = {name: np.ravel(array).astype(float) for name, array in arrays.items()}
+        simulator = self.simulator
+        own = {*self.theta_names.values(), *self.coefficient_names.values()}
+        parameters = (*simulator.parameter_names, *simulator.assumed_names)
+        X = {k: v for k, v in rows.items() if k not in own and k not in parameters}
+        n = len(next(iter(rows.values())))
+        assumed = {name: np.full(n, c.value) for name, c in simulator.assumed.items()}
+        omega = {name: rows[name] if name in rows else assumed[name] for name in parameters}
+        theta = {name: rows[public] for name, public in self.theta_names.items()}
+        run_X, run_omega = self.cause.inputs(X, omega, theta)
+        inputs = np.column_stack([run_X[name] for name in simulator.input_names])
+        points = np.column_stack([run_omega[name] for name in parameters]) if parameters else None
+        eta = self.likelihood.link(simulator(simulator.held(inputs), points))
+        eta = self.cause.gain(X, theta) * eta
+        columns = self.cause.columns(X, theta)
+        if columns is not None:
+            coefficients = [rows[public] for public in self.coefficient_names.values()]
+            eta = eta + np.sum(columns * np.column_stack(coefficients), axis=1)
+        return self.likelihood.inverse(eta).reshape(shape)
+
+
+def extend_simulator(simulator: Simulator, cause: Cause, problem: Problem) -> Simulator:
+    """Return a simulator whose function contains the cause.
+
+    The cause's numbers become parameters with their priors; a wrong constant moves from the
+    assumed constants to the parameters; a column that the simulation ignored becomes an input. A
+    cause inside the dynamics gives an `OdeSimulator`. Raises ValueError for a cause that changes
+    the noise alone.
+    """
+    if not cause.changes_output:
+        raise ValueError(f"The cause {cause.name!r} leaves the simulation as it is.")
+    change = cause.modification
+    if change is not None:
+        priors = {change.full(name): prior for name, prior in cause.parameters.items()}
+        return simulator.modified([change], priors)
+    taken = {*simulator.input_names, *simulator.parameter_names, *simulator.assumed_names}
+    taken |= set(cause.reads)
+
+    def public(name: str) -> str:
+        if cause.replaces is not None:
+            return cause.replaces
+        free, k = name, 1
+        while free in taken:
+            longer = f"{cause.kind.replace('-', '_')}_{name}"
+            free, k = longer if k == 1 else f"{longer}_{k}", k + 1
+        return free
+
+    theta_names = {name: public(name) for name in cause.parameters}
+    coefficient_names = {name: public(name) for name in cause.coefficients}
+    sd = cause.coefficient_sd or problem.model.default_sd
+    parameters = {
+        **simulator.parameters,
+        **{theta_names[name]: prior for name, prior in cause.parameters.items()},
+        **{name: stats.norm(0, sd) for name in coefficient_names.values()},
+    }
+    inputs = dict(simulator.input_ranges)
+    for name in cause.reads:
+        if name in problem.model.columns and name not in inputs:
+            values = problem.X[:, problem.model.columns.index(name)]
+            inputs[name] = (float(values.min()), float(values.max()))
+    function = ExtendedFunction(
+        simulator, cause, problem.likelihood, theta_names, coefficient_names
+    )
+    return Simulator(
+        function,
+        inputs,
+        parameters,
+        {name: c for name, c in simulator.assumed.items() if name != cause.replaces},
+        simulator.output,
+    )

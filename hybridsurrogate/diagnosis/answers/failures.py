@@ -1,0 +1,42 @@
+"""Parameters for which the simulation itself fails."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hybridsurrogate.diagnosis.search.evidence import Search
+from hybridsurrogate.inference.model.observation import MeasuredModel
+from hybridsurrogate.priors import FloatArray
+
+# sets of parameters that are tried for each cause
+_TRIED = 64
+
+
+def failures(found: Search) -> list[str]:
+    """Return for each weighed cause how often the simulation fails under it, "" for never.
+
+    Sets of parameters from the priors, of the simulation and of the cause, are run at the measured
+    rows. A set that fails anywhere is impossible: its density is zero, and the search passes it by.
+    Only a simulation that is its own surrogate can fail; an emulator has learned from runs that
+    worked.
+    """
+    counts = [
+        _count(w.model, found.problem.X) if w.cause is None or w.cause.touches_simulation else 0
+        for w in found.weighed
+    ]
+    return [
+        f"the simulation fails for {count} of {_TRIED} sets of parameters from the priors, which "
+        "count as impossible"
+        if count
+        else ""
+        for count in counts
+    ]
+
+
+def _count(model: MeasuredModel, X: FloatArray) -> int:
+    if not model.basis.is_simulation or not model.n_unknowns:
+        return 0
+    # a fixed spread, so that a table has no randomness of its own
+    z = np.random.RandomState(0).standard_normal((_TRIED, model.n_unknowns))
+    known, _, _ = model.simulated(X, model.values(z))
+    return int(np.sum(~np.isfinite(known).all(axis=1)))

@@ -1,0 +1,74 @@
+"""What a diagnosis found, in numbers and formulas."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hybridsurrogate.diagnosis.search.evidence import kind_of
+from hybridsurrogate.diagnosis.search.forward_selection import Step
+from hybridsurrogate.posterior import Posterior
+
+
+@dataclass(frozen=True)
+class CauseFinding:
+    """What a diagnosis found.
+
+    Attributes
+    ----------
+    kind : str
+    target : str or None
+        The input, parameter, constant or column concerned.
+    formula : str
+        The extended simulation in words, with numbers.
+    probability : float
+        Posterior probability of the kind, all its forms and targets together, beside all other
+        causes that were found.
+    estimates : dict of str to (mean, low, high)
+        With 90 % intervals, in the user's units.
+    latex : str
+        The formula in LaTeX.
+
+    Examples
+    --------
+    As in ``diagnosis.best_cause_``:
+
+    >>> estimates = {"offset": (2.0, 1.5, 2.5)}
+    >>> found = CauseFinding("offset", None, "simulation + 2", 0.9, estimates)
+    >>> mean, low, high = found.estimates["offset"]
+    >>> f"{found.kind}: {found.formula}, offset from {low} to {high}"
+    'offset: simulation + 2, offset from 1.5 to 2.5'
+    """
+
+    kind: str
+    target: str | None
+    formula: str
+    probability: float
+    estimates: dict[str, tuple[float, float, float]]
+    latex: str = r"\text{simulation}"
+
+
+def finding_of(step: Step, position: int, posterior: Posterior) -> CauseFinding:
+    """Return what one search chose, its numbers from the draws of the extended model.
+
+    Parameters
+    ----------
+    step : Step
+    position : int
+        Of the cause among the effects of the extended model.
+    posterior : Posterior
+    """
+    chosen, found = step.chosen, step.beside
+    alike = [kind_of(w) == kind_of(chosen) for w in found.weighed]
+    probability = min(float(found.probability[alike].sum()), 1.0)
+    cause = chosen.cause
+    if cause is None:
+        return CauseFinding("none", None, "the simulation as it is", probability, {})
+    estimates = {
+        name: (float(v.mean()), float(np.quantile(v, 0.05)), float(np.quantile(v, 0.95)))
+        for name, v in posterior.estimates(position).items()
+    }
+    means = {name: value[0] for name, value in estimates.items()}
+    formula, latex = cause.formula(means), cause.latex(means)
+    return CauseFinding(cause.kind, cause.target, formula, probability, estimates, latex)

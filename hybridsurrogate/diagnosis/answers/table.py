@@ -1,0 +1,71 @@
+"""The table of all causes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from hybridsurrogate.catalogue import Skipped
+from hybridsurrogate.diagnosis.answers.failures import failures
+from hybridsurrogate.diagnosis.search.evidence import Search, kind_of
+from hybridsurrogate.effects.base import Cause
+
+NOT_WEIGHED = "not weighed: "
+
+
+def form_of(cause: Cause) -> str:
+    """Return the kind and, where it has several forms, which: "trend: quadratic"."""
+    return f"{cause.kind}: {cause.variant}" if cause.variant else cause.kind
+
+
+def cause_table(found: Search, skipped: list[Skipped]) -> pd.DataFrame:
+    """Return one row a cause, most probable first, those not weighed last with the reason."""
+    base = found.weighed[0].log_evidence
+    notes = failures(found)
+    rows = [
+        {
+            "kind": kind_of(w),
+            "target": w.cause.target if w.cause else None,
+            "form": form_of(w.cause) if w.cause else "none",
+            "probability": probability,
+            "log_evidence": w.log_evidence - base,
+            "remainder": remainder,
+            "note": note,
+        }
+        for w, probability, remainder, note in zip(
+            found.weighed, found.probability, found.remainder, notes, strict=True
+        )
+    ]
+    rows += [
+        {
+            "kind": s.kind,
+            "target": s.target,
+            "form": s.kind,
+            "probability": 0.0,
+            "log_evidence": np.nan,
+            "remainder": np.nan,
+            "note": f"{NOT_WEIGHED}{s.reason}",
+        }
+        for s in skipped
+    ]
+    table = pd.DataFrame(rows).sort_values(
+        "probability", ascending=False, kind="stable", ignore_index=True
+    )
+    return table
+
+
+def not_reached(found: Search, causes: Sequence[Cause]) -> list[Skipped]:
+    """Return the causes that an interrupted search left out."""
+    reached = [w.cause for w in found.weighed]
+    return [
+        Skipped(cause.kind, cause.target, "the search was interrupted")
+        for cause in causes
+        if all(cause is not other for other in reached)
+    ]
+
+
+def is_weighed(table: pd.DataFrame) -> pd.Series:
+    """Return which rows of the table of causes were weighed, not left out."""
+    return ~table["note"].str.startswith(NOT_WEIGHED)

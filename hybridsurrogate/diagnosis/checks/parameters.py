@@ -1,0 +1,92 @@
+"""What a diagnosis can work with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from numbers import Integral, Real
+from typing import TYPE_CHECKING
+
+from sklearn.utils import check_scalar
+
+from hybridsurrogate.catalogue import KINDS
+from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
+from hybridsurrogate.simulation.arrays import check_number
+
+if TYPE_CHECKING:
+    from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
+
+_MIN_ROWS = 8
+
+
+def check_settings(diagnosis: DiscrepancyDiagnosis) -> None:
+    """Raise TypeError or ValueError, with a way out, for parameters that cannot work."""
+    _check_estimator(diagnosis.estimator)
+    check_scalar(diagnosis.max_causes, "max_causes", Integral, min_val=1)
+    if diagnosis.cv is not None:
+        check_scalar(diagnosis.cv, "cv", Integral, min_val=2)
+    if diagnosis.n_jobs is not None:
+        check_scalar(diagnosis.n_jobs, "n_jobs", Integral)
+        if not diagnosis.n_jobs:
+            raise ValueError("n_jobs must be a number of processes, -1 for all cores, or None.")
+    as_causes(diagnosis.causes, "causes")
+    exclude = diagnosis.exclude
+    listed = isinstance(exclude, Collection) and not isinstance(exclude, str)
+    if not listed or any(kind not in KINDS for kind in exclude):
+        raise ValueError(
+            f"exclude must be a sequence of kinds of the catalogue, got {exclude!r}; the kinds are "
+            f"{', '.join(KINDS)}."
+        )
+    check_number(diagnosis.false_alarm_rate, "false_alarm_rate", Real)
+    check_scalar(diagnosis.n_replicates, "n_replicates", Integral)
+    rate, n = diagnosis.false_alarm_rate, diagnosis.n_replicates
+    if not 0 < rate < 1:
+        raise ValueError(f"false_alarm_rate must be in (0, 1), got {rate}.")
+    # the smallest p-value is 1 / (n + 1); 1 / rate of a rate such as 1 / 49 is not quite whole
+    fewest = math.ceil(round(1 / rate - 1, 9))
+    if n < fewest:
+        raise ValueError(
+            f"n_replicates = {n} cannot give a p-value of {rate}: use at least {fewest}."
+        )
+
+
+def check_rows(n: int, columns: Collection[str], numbers: Collection[str]) -> None:
+    """Raise ValueError for measured rows that a diagnosis cannot work with.
+
+    Parameters
+    ----------
+    n : int
+    columns : collection of str
+        Measured columns.
+    numbers : collection of str
+        Parameters and assumed constants of the simulation.
+    """
+    if n < _MIN_ROWS:
+        raise ValueError(f"A diagnosis needs at least {_MIN_ROWS} measured rows, got {n}.")
+    twice = [name for name in columns if name in numbers]
+    if twice:
+        raise ValueError(
+            f"The measured columns {twice} are called like parameters or constants of the "
+            "simulation: rename them, as an extended simulation may need both."
+        )
+
+
+def _check_estimator(estimator: PowerScaledSurrogate | None) -> None:
+    if not isinstance(estimator, PowerScaledSurrogate):
+        raise TypeError(
+            "estimator must be a PowerScaledSurrogate, whose effects a diagnosis can extend; "
+            f"got {type(estimator).__name__}."
+        )
+    set_by_diagnosis = {"simulation", "beta", "effects"}
+    if not set_by_diagnosis <= estimator.get_params(deep=False).keys():
+        raise TypeError(
+            f"A diagnosis cannot extend a {type(estimator).__name__}. Diagnose a "
+            "PowerScaledSurrogate of one simulation and one measured data set."
+        )
+    if estimator.simulation is None:
+        raise ValueError("There is no simulation to diagnose: give the estimator simulation=...")
+    if tuple(estimator.effects):
+        raise ValueError(
+            "The estimator has effects already. Diagnose the estimator without them: a cause "
+            "found now is named beside the catalogue, not beside another cause."
+        )

@@ -1,0 +1,176 @@
+"""The simulation as its runs tell it: the surrogate's terms and a process through what they miss.
+
+A polynomial that misses the simulation by a curve would otherwise have that curve blamed on the
+simulation, and one with more terms than runs says anything between them. So a search takes the
+surrogate's terms as the trend of a Gaussian process (`Kriging`), or the process itself where it is
+the surrogate. What is still unknown between the runs is part of the covariance of the measured
+rows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from hybridsurrogate.blocks import blocks
+from hybridsurrogate.cholesky import pivoted_cholesky
+from hybridsurrogate.diagnosis.emulation.local_variance import LocalError
+from hybridsurrogate.inference.conjugate.emulator_posterior import Belief
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.simulation.simulator import SimulationData
+from hybridsurrogate.surrogates.basis import Basis, each_with_each
+from hybridsurrogate.surrogates.kriging import KrigingBasis
+from hybridsurrogate.surrogates.process import Places, Process, conditioned, process_through
+
+# what is left of a variance when its factor has enough columns, in shares of the median
+_NEGLIGIBLE = 1e-4
+# rows whose whole covariance is sooner made than the columns that are asked for
+_FEW = 600
+
+
+@dataclass(frozen=True)
+class KrigedBasis(Basis):
+    """The most probable simulation given its runs, without free coefficients, and its error.
+
+    Attributes
+    ----------
+    process : Process
+    c : ndarray of shape (p,)
+        Coefficients of the trend's terms; p is 0 where the runs have no use for them.
+    runs : Places
+        The runs.
+    weights : ndarray of shape (n_runs,)
+        Of the runs.
+    whiten : ndarray of shape (n_runs, n_runs)
+        Inverse of the lower factor of the runs' covariance in units of the process's variance.
+    sd : float
+        Of the process.
+    local : LocalError
+        Factors on the error where the runs show that it is larger.
+    """
+
+    process: Process
+    c: FloatArray
+    runs: Places
+    weights: FloatArray
+    whiten: FloatArray
+    sd: float
+    local: LocalError
+
+    def known(
+        self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the terms plus the process."""
+        return self._terms(X, omega) + self._through_runs(X, omega)
+
+    def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return no features."""
+        return np.empty((len(X), 0))
+
+    def output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
+        """Return the terms plus the process."""
+        return self.known(X, omega)
+
+    def output_close_by(
+        self, X: FloatArray, omega: FloatArray, c: FloatArray, shape: tuple[int, int, int]
+    ) -> FloatArray:
+        """Return the terms plus the process, that along its slopes."""
+        process, runs = self._alone
+        told = process.places(X, omega).weighed(runs, self.weights, shape)
+        return self._terms(X, omega) + told
+
+    def outer_output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
+        """Return the output of all inputs for all parameters."""
+        rows, points = each_with_each(X, omega)
+        told = self._through_runs(rows, points).reshape(len(omega), len(X))
+        trend = self.process.trend
+        if len(self.c):
+            return trend.outer_output(X, omega, self.c) + told
+        return trend.known(rows, points).reshape(told.shape) + told
+
+    def error(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return F (n, r): the covariance of what is unknown of the simulation is F F'."""
+        places = self.process.places(X, omega)
+        white = places.alike(self.runs) @ self.whiten.T
+        sd = self.sd * self.local.at(places.points)
+
+        square = places.alike(places) - white @ white.T if len(X) <= _FEW else None
+
+        def column(k: int) -> FloatArray:
+            if square is not None:
+                return sd[k] * sd * square[k]
+            alike = places.alike(places.of(slice(k, k + 1)))[:, 0] - white @ white[k]
+            return sd[k] * sd * alike
+
+        diagonal = sd**2 * np.maximum(places.variances() - np.sum(white**2, axis=1), 0.0)
+        # at a steep end of a range variances can be a million times those elsewhere
+        typical = float(np.median(diagonal)) if len(diagonal) else 0.0
+        least = max(_NEGLIGIBLE * typical, 1e-12 * float(np.max(diagonal, initial=0.0)))
+        factor, _ = pivoted_cholesky(diagonal, column, least, len(diagonal))
+        return factor
+
+    def _terms(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        trend = self.process.trend
+        return trend.output(X, omega, self.c) if len(self.c) else trend.known(X, omega)
+
+    @cached_property
+    def _alone(self) -> tuple[Process, Places]:
+        """The process and the runs without the terms."""
+        runs = self.runs._replace(terms=np.empty((len(self.weights), 0)))
+        return replace(self.process, term_sd=np.empty(0)), runs
+
+    def _through_runs(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return what the process adds to the terms."""
+        process, runs = self._alone
+        pieces = blocks(len(X), len(self.weights))
+        return np.concatenate(
+            [process.places(X[k], omega[k]).alike(runs) @ self.weights for k in pieces]
+        )
+
+
+def krige(
+    basis: Basis, belief: Belief, simulation: SimulationData, run_eta: FloatArray
+) -> tuple[Basis, Belief]:
+    """Return the simulation as its runs tell it, and the belief about its coefficients.
+
+    Parameters
+    ----------
+    basis : Basis
+        The surrogate's.
+    belief : Belief
+        About its coefficients, from the runs.
+    simulation : SimulationData
+    run_eta : ndarray of shape (n_runs,)
+        Outputs of the runs on the scale of eta.
+
+    Returns
+    -------
+    KrigedBasis and the belief about no coefficients; what was given where that fits all runs.
+    """
+    X, omega = simulation.X, simulation.omega
+    if isinstance(basis, KrigingBasis):
+        process = basis.process
+    else:
+        missed = run_eta - basis.output(X, omega, belief.mean)
+        # exact to rounding; with as many terms as runs that says nothing
+        exact = float(np.sqrt(np.mean(missed**2))) < 1e-6 * np.std(run_eta)
+        if exact and len(run_eta) > len(basis.coefficient_mean):
+            return basis, belief
+        ranges = [*simulation.input_ranges.values(), *simulation.parameter_ranges.values()]
+        process = process_through(basis, np.array(ranges, dtype=float), X, omega, run_eta)
+    runs = process.some(X, omega, run_eta)
+    matrix = runs.places.alike(runs.places)
+    told = conditioned(matrix, process.covariance.nugget, runs.residual)
+    prior = process.trend.coefficient_mean
+    used = slice(None if len(process.term_sd) or np.any(prior) else 0)
+    c = prior[used].copy()
+    if len(process.term_sd):
+        c += process.term_sd * (runs.places.terms.T @ told.weights)
+    none = np.empty(0)
+    local = LocalError.of(runs.places.points, told.misses)
+    kriged = KrigedBasis(
+        none, none, process, c, runs.places, told.weights, told.whiten, told.sd, local
+    )
+    return kriged, Belief(none, np.empty((0, 0)))

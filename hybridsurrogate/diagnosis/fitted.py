@@ -1,0 +1,176 @@
+"""What a fitted diagnosis answers: predictions, scores, the simulation's weight, the report."""
+
+from __future__ import annotations
+
+from typing import Any, NoReturn
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.utils.validation import check_is_fitted
+
+from hybridsurrogate.diagnosis.answers.model_averaging import averaged_over
+from hybridsurrogate.diagnosis.search.forward_selection import Step
+from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans, scan_beta, scan_folds
+from hybridsurrogate.diagnosis.validation.gain import Gain, gain_from, pointwise
+from hybridsurrogate.diagnosis.validation.refit import accepted
+from hybridsurrogate.estimators.averaged import AveragedSurrogate
+from hybridsurrogate.simulation.arrays import as_outputs, complete_table
+
+# attributes of earlier versions that took a fit, and the methods in their place
+_METHODS = {
+    "averaged_estimator_": "averaged_estimator()",
+    "beta_scan_": "beta_scan()",
+    "beta_scan_out_of_range_": "beta_scan(out_of_range=True)",
+}
+
+
+class FittedDiagnosis(RegressorMixin, BaseEstimator):
+    """What `DiscrepancyDiagnosis` answers once it is fitted."""
+
+    estimator_: Any
+    extended_estimator_: Any
+    _scans: BetaScans
+    _steps: tuple[Step, ...]
+    _rows: tuple[ArrayLike, ArrayLike]
+    _average: AveragedSurrogate | None
+
+    def __getattr__(self, name: str) -> NoReturn:
+        # a notebook asks for the value of every attribute that there is: none may take a fit
+        text = f"{type(self).__name__!r} object has no attribute {name!r}"
+        if name in _METHODS:
+            text += f": it takes a fit, and so is a method, {_METHODS[name]}"
+        raise AttributeError(text, name=name, obj=self)
+
+    def averaged_estimator(self) -> AveragedSurrogate:
+        """Return the average over the causes, fitted when it is first asked for.
+
+        Returns
+        -------
+        AveragedSurrogate
+            Extensions by each of the fewest causes, "none" included, that have 95 % of the
+            probability together, weighed by their probabilities: predictions that do not bet on
+            one name, which matters beyond the data. Of several accepted causes the last one is
+            averaged over.
+        """
+        check_is_fitted(self)
+        if self._average is None:
+            *earlier, last = self._steps
+            self._average = averaged_over(
+                last.beside, self.estimator_, accepted(earlier), *self._rows
+            )
+        return self._average
+
+    def gain_on(self, X_test: ArrayLike, y_test: ArrayLike, averaged: bool = False) -> Gain:
+        """Return the gain on a test set, from the fitted models before and after.
+
+        Parameters
+        ----------
+        X_test : array-like of shape (n, n_columns)
+        y_test : array-like of shape (n,)
+        averaged : bool, default=False
+            The model after is ``averaged_estimator()`` instead of ``extended_estimator_``.
+        """
+        check_is_fitted(self)
+        y = as_outputs(y_test, "y_test")
+        after = self.averaged_estimator() if averaged else self.extended_estimator_
+        return gain_from(pointwise(self.estimator_, X_test, y), pointwise(after, X_test, y))
+
+    def beta_scan(
+        self,
+        X: ArrayLike | None = None,
+        y: ArrayLike | None = None,
+        betas: ArrayLike | None = None,
+        *,
+        out_of_range: bool = False,
+    ) -> pd.DataFrame | None:
+        """Return held-out ELPD against beta, before and after the extension.
+
+        How far the best beta rises (the largest of those that are as good) is how far trust in the
+        simulation rises once its fault is named. Three folds, the cause held fixed, importance
+        draws alone: seconds for a polynomial, minutes for a surrogate with hyperparameters.
+
+        Parameters
+        ----------
+        X, y : array-like of shape (n, n_columns), (n,), or None
+            Measured data, as for ``fit``. None: those of ``fit``, at five weights from 0.05 to
+            0.95, tried when first asked for.
+        betas : array-like, in any order, default=0, 0.1, ..., 1
+        out_of_range : bool, default=False
+            On the rows of ``gain_out_of_range_`` instead: of the measured data at the five
+            weights.
+
+        Returns
+        -------
+        pandas.DataFrame or None
+            Columns beta, before, after, and before_error and after_error: the standard error of
+            each score's difference from that at the best weight, paired by rows. At the five
+            weights None where there is no weight to choose, as of a simulation that is itself run,
+            where it takes minutes (hyperparameters or more than 100 coefficients), and out of
+            range without such rows.
+        """
+        check_is_fitted(self)
+        if (X is None) != (y is None):
+            raise ValueError("beta_scan takes X and y, or neither for the data of fit.")
+        if out_of_range and not (X is None and betas is None):
+            raise ValueError(
+                "out_of_range=True scans the data of fit at five weights: leave out X, y and betas."
+            )
+        if X is None and betas is None:
+            return self._scans.few(out_of_range)
+        rows, values = self._rows if X is None or y is None else (X, y)
+        grid = np.linspace(0, 1, 11) if betas is None else np.unique(np.asarray(betas, dtype=float))
+        rows, values = complete_table(rows), as_outputs(values)
+        folds = scan_folds(values)
+        return scan_beta(self._scans.models, grid, folds, rows, values, self._scans.n_jobs)
+
+    def predict(self, X: ArrayLike, return_std: bool = False) -> Any:
+        """Return predictions of the extended estimator.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_columns)
+            The columns of the measured data.
+        return_std : bool, default=False
+            Also return the standard deviation of y, noise included.
+
+        Returns
+        -------
+        mean : ndarray of shape (n,)
+        std : ndarray of shape (n,)
+            Only with ``return_std=True``.
+        """
+        check_is_fitted(self)
+        return self.extended_estimator_.predict(X, return_std=return_std)
+
+    def score(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
+        """Return the mean ELPD per row of the extended estimator.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_columns)
+        y : array-like of shape (n,)
+        sample_weight : array-like of shape (n,) or None
+            Weights of the rows in the mean.
+        """
+        check_is_fitted(self)
+        return self.extended_estimator_.score(X, y, sample_weight)
+
+    def report(
+        self, test: tuple[ArrayLike, ArrayLike] | None = None, beta_scan: bool = False
+    ) -> Any:
+        """Return the report: prints as text, shows as HTML, ``.save("report.html")``.
+
+        Parameters
+        ----------
+        test : (X_test, y_test) or None
+            Rows held back, for example beyond the measured range, to be drawn and scored too.
+        beta_scan : bool, default=False
+            Also tell of ``beta_scan()``, within the measured range and beyond it, which takes
+            longer than all else in the report. Scans that were tried before are told of anyway.
+        """
+        check_is_fitted(self)
+        from .report import make_report
+
+        return make_report(self, test, beta_scan)

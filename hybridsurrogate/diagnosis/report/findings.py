@@ -1,0 +1,308 @@
+"""What was found, in prose: verdict, place, extension."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hybridsurrogate import digits
+from hybridsurrogate.diagnosis.checks.identifiability import confounded, told
+from hybridsurrogate.diagnosis.report.tables import noise_of, thirds, unit_of
+from hybridsurrogate.diagnosis.report.view import View, label_of, label_of_cause
+from hybridsurrogate.diagnosis.search.verdict import kind_shares
+from hybridsurrogate.effects.base import Cause
+
+if TYPE_CHECKING:
+    from hybridsurrogate.diagnosis.answers.finding import CauseFinding
+
+# what each kind means for the one who wrote the simulation
+_MEANING = {
+    "offset": "{output} is measured higher or lower than simulated by the same amount everywhere",
+    "trend": "the gap between measured and simulated {output} grows steadily over {column}",
+    "periodic": "a regular wave over {column} is in the data and not in the simulation",
+    "step": "{output} changes level at one place of {column}, and the simulation does not",
+    "bump": "around one place of {column} the data rise or dip, and the simulation does not",
+    "gain": "measured {output} is a constant multiple of simulated {output}",
+    "wrong-constant": "the assumed constant {target} has another value",
+    "parameter-drift": "the parameter {target} changes over {column} instead of staying constant",
+    "missing-input": "{target}, which the simulation ignores, influences {output}",
+    "ramp": "from one place of {column} on the gap grows steadily",
+    "decay": "a gap at the start of {column} dies away",
+    "saturation": "a gap grows over {column} and levels off",
+    "interaction": "the columns {target} act together, which the simulation ignores",
+    "delay": "the measurements lag behind the simulation, or run ahead of it, in {column}, as "
+    "where its clock or its sensor is off",
+    "missing-term": "{target} gains or loses something that its equation leaves out",
+    "noise": "the scatter of the measurements changes over {column}",
+    # forms that are another thing than the plain one of their kind, by their first word
+    "delay: inside": "what {target} does to itself and to others comes later than the equations "
+    "say",
+    "missing-term: seasonal": "something drives {target} up and down regularly, and its equation "
+    "leaves that out",
+    "trend: quadratic": "the gap between measured and simulated {output} is a parabola over "
+    "{column}",
+    "missing-input: categorical": "{output} is higher or lower by an amount of its own for each "
+    "value of {target}, which the simulation ignores",
+    "offset: level": "{output} is off where {target} has one of its values",
+    "missing-input: level": "{output} is off where {target} has one of its values",
+}
+
+
+def title_of(view: View) -> str:
+    """Return what the report is about."""
+    return f"Diagnosis of the simulation {name_of(view)}"
+
+
+def name_of(view: View) -> str:
+    """Return the name of the simulation, or of its output."""
+    simulator = view.diagnosis.estimator_.simulation.simulator
+    return f"'{simulator.name}'" if simulator is not None else f"of {view.output}"
+
+
+def verdict(view: View) -> list[str]:
+    """Say whether anything is wrong, what, and how sure that is."""
+    d = view.diagnosis
+    data = f"{len(view.y)} measurements of {view.output}"
+    if d.verdict_ == "adequate":
+        return [
+            f"Adequate: {data} give no reason to doubt the simulation {name_of(view)}.",
+            chance(view),
+            *_why_adequate(view),
+            "This is no proof that it is right: a fault well below the noise, whose standard "
+            f"deviation is about {noise_of(view)}, would not show.",
+        ]
+    first = f"The simulation {name_of(view)} is wrong, and {data} show it."
+    if d.verdict_ == "unexplained":
+        return [
+            f"Unexplained: {_lower(first)}",
+            "No cause of the catalogue accounts for it better than a smooth curve of unknown "
+            f"shape, which has {digits.probability(d.best_cause_.probability)} of the probability.",
+            chance(view),
+        ]
+    shares = kind_shares(view.search)
+    finding, cause = view.found[0]
+    found = f"{label_of_cause(cause)}{_with_estimates(view, finding, cause)}"
+    if d.verdict_ == "named":
+        return [
+            f"Named: {_lower(first)}",
+            f"The cause: {found}.",
+            *_meaning(view, finding, cause),
+            *_sureness(view),
+            chance(view),
+            *_further(view),
+        ]
+    kinds = [f"{kind} ({digits.probability(shares[kind])})" for kind in d.indistinguishable_]
+    return [
+        f"Ambiguous: {_lower(first)}",
+        "The data do not single out one cause. Given that something is wrong, these together "
+        f"have at least 90 % of the probability: {digits.listing(kinds)}.",
+        f"The leading one: {found}.",
+        *_sureness(view),
+        *_meaning(view, finding, cause),
+        chance(view),
+        *_further(view),
+    ]
+
+
+def chance(view: View) -> str:
+    """Say what the p-value counts."""
+    d = view.diagnosis
+    n, test = d._n_replicates, d._test
+    as_bad = round(test.share * (n + 1)) - 1
+    how_many = {0: "none", n: "all"}.get(as_bad, str(as_bad))
+    made_up = f"Of {n} data sets made up by the simulation itself, with noise, and searched"
+    p_value = f"p = {digits.number(d.p_value_, 2)}, where up to {d._limit:g} counts as wrong."
+    if test.p_value == test.share:
+        return f"{made_up} in the same way, {how_many} looked as wrong as yours: {p_value}"
+    million = test.bound < 1e-6
+    odds = "more than a million" if million else digits.number(1 / test.bound, 2)
+    return (
+        f"{made_up} by tangents, {how_many} looked as wrong as yours. But in full the evidence "
+        f"against the simulation is {odds} to one, and where nothing is wrong that "
+        f"happens {'less often than' if million else 'as rarely as'} once in that many: {p_value}"
+    )
+
+
+def where(view: View) -> list[str]:
+    """Say in which part of the measured range the simulation is wrong, and by how much."""
+    band = view.diagnosis.discrepancy_
+    values = band.grid[:, view.columns.index(band.column)]
+    scale = f"log {view.output}" if view.log_scale else view.output
+    stretches = band.stretches(values)
+    out = []
+    if not view.extended:
+        out.append(
+            "Nowhere that the data could show. The picture's band is pointwise: it leaves zero in "
+            "places even where nothing is wrong."
+        )
+        return out
+    if not any(cause.changes_output for _, cause in view.found):
+        out.append(
+            "The simulation's curve stays as it is; what changes is how far the measurements "
+            "scatter around it, and with that how much each of them counts."
+        )
+        return out
+    if not thirds(view):
+        out.append("The predicted mean stays as it is; what changes is its uncertainty.")
+    else:
+        change = np.abs(view.change)
+        most = int(np.argmax(change))
+        place = digits.listing(
+            [f"{n} = {digits.number(v)}" for n, v in zip(view.columns, view.X[most], strict=True)]
+        )
+        out.append(
+            "The extended model moves the calibrated simulation's predictions at the measured rows "
+            f"by {digits.number(float(np.sqrt(np.mean(change**2))), 3)} (root mean square, in "
+            f"units of {scale}), and by {digits.number(float(view.change[most]), 3)} where "
+            f"it moves them most, at {place}."
+        )
+        part = max((t for t in thirds(view) if t.column == view.name), key=lambda t: t.share)
+        ends = [digits.number(end) for end in (part.low, part.high)]
+        span = ends[0] if part.low == part.high else f"between {ends[0]} and {ends[1]}"
+        out.append(
+            f"Of this (as a sum of squares) {digits.percent(part.share)} lies where {part.column} "
+            f"is {span}, which holds {digits.percent(part.rows)} of the rows."
+        )
+    if view.name not in view.inputs:
+        # the smooth curve knows the inputs only, and would draw the scatter that the column makes
+        return out
+    stretches = [s for s in stretches if s[1] > s[0]]
+    if stretches:
+        spans = [
+            f"{'+' if sign > 0 else '-'} from {digits.number(low)} to {digits.number(high)}"
+            for low, high, sign in stretches[:4]
+        ]
+        more = f" and {len(stretches) - 4} more stretches" if len(stretches) > 4 else ""
+        out.append(
+            f"A smooth curve through measured minus simulated {scale} is clear of zero (pointwise "
+            f"90 % band) over {digits.percent(band.share_outside)} of the measured range of "
+            f"{band.column}{_elsewhere(view)}: "
+            f"{', '.join(spans)}{more}."
+        )
+    else:
+        out.append(
+            f"A smooth curve through measured minus simulated {scale} is nowhere clear of zero "
+            f"(pointwise 90 % band) over the measured range of {band.column}{_elsewhere(view)}: "
+            "what was found is no smooth curve over that column."
+        )
+    return out
+
+
+def extension(view: View) -> list[str]:
+    """Say what was added to the simulation and what the numbers are."""
+    if not view.extended:
+        return ["Nothing was added: the extended model is the simulation as it is."]
+    d = view.diagnosis
+    out = []
+    if view.log_scale:
+        out.append(
+            f"Under the {view.likelihood} likelihood the cause acts on log {view.output}: adding "
+            f"0.1 there makes {view.output} larger by a factor of 1.105."
+        )
+    if len(view.found) > 1:
+        out.append(
+            f"It holds {len(view.found)} causes at once; each formula shows one, with the other "
+            "causes inside 'simulation'."
+        )
+    out.append(
+        "Means, with 90 % intervals in brackets; the simulation's parameters were estimated anew "
+        "beside the cause."
+    )
+    out += told(confounded(d.confounded_))
+    if d.extended_simulator_ is not None:
+        names = digits.listing(list(d.extended_simulator_.parameter_names))
+        out.append(f"extended_simulator_ runs the formula, with the parameters {names}.")
+    return out
+
+
+def _elsewhere(view: View) -> str:
+    return "" if view.is_curve else ", the other columns at their medians"
+
+
+def _lower(sentence: str) -> str:
+    return sentence[0].lower() + sentence[1:]
+
+
+def _why_adequate(view: View) -> list[str]:
+    d = view.diagnosis
+    none = float(view.search.probability[0])
+    odds = f"That nothing is wrong has {digits.probability(none)} of the probability"
+    if d.p_value_ <= d._limit:
+        return [f"{odds}: more than half, which decides in spite of the small p."]
+    if none <= 0.5:
+        shares = kind_shares(view.search)
+        first = max(shares, key=lambda kind: shares[kind])
+        return [
+            f"{odds}; {first} looks more probable, but chance alone often brings forth as much."
+        ]
+    return [f"{odds}."]
+
+
+def _with_estimates(view: View, finding: CauseFinding, cause: Cause) -> str:
+    told = [f"{name} {digits.interval(*values)}" for name, values in finding.estimates.items()]
+    if not told:
+        return ""
+    named: dict[str, list[str]] = {}
+    for name in finding.estimates:
+        named.setdefault(unit_of(view, cause, name), []).append(name)
+    in_units = [
+        f"{digits.listing(names)} {unit if unit.startswith('a ') else f'in units of {unit}'}"
+        for unit, names in named.items()
+        if unit
+    ]
+    return f", with {', '.join(told)}; {', '.join(['90 % intervals', *in_units])}"
+
+
+def _meaning(view: View, finding: CauseFinding, cause: Cause) -> list[str]:
+    form = f"{cause.kind}: {(cause.variant.split() or [''])[0]}"
+    meaning = cause.meaning or _MEANING.get(form, _MEANING.get(cause.kind))
+    if meaning is None:
+        return []
+    column = getattr(cause, "column", None) or finding.target
+    target = (finding.target or "").replace(" * ", " and ")
+    names = {"output": view.output, "target": target, "column": column}
+    return [f"That means: {meaning.format(**names)}."]
+
+
+def _further(view: View) -> list[str]:
+    """Say what was found beside the first cause, each by a search of its own."""
+    out = []
+    for finding, cause in view.found[1:]:
+        if finding.kind == "unexplained":
+            out.append("Beside it a smooth curve of unknown shape is needed.")
+            continue
+        known = f"{label_of_cause(cause)}{_with_estimates(view, finding, cause)}"
+        out.append(
+            f"Beside it a further search found: {known}. Its kind has "
+            f"{digits.probability(finding.probability)} of the probability there."
+        )
+        out += _meaning(view, finding, cause)
+    return out
+
+
+def _sureness(view: View) -> list[str]:
+    """Say how probable the cause is, its kind and the nearest rival, and what it is confused with.
+
+    A kind may have several forms and places, and the data know the kind better.
+    """
+    own = digits.probability(view.own_probability)
+    kind = digits.probability(view.diagnosis.best_cause_.probability)
+    of_kind = f", its kind in all its forms {kind}" if kind != own else ""
+    rival = next((pair for pair in view.weighed if pair[0].cause is not view.cause), None)
+    nearest = (
+        f", the nearest rival ({label_of(rival[0])}) {digits.probability(rival[1])}"
+        if rival is not None
+        else ""
+    )
+    others = [label_of_cause(cause) for f, cause in view.found[1:] if f.kind != "unexplained"]
+    has = f"Beside {digits.listing(others)} it has" if others else "It has"
+    out = [f"{has} {own} of the probability{of_kind}{nearest}."]
+    if view.kindred():
+        names = [label_of_cause(view.cause), *map(label_of, view.kindred())]
+        if view.diagnosis.verdict_ == "named":
+            known = "The data tell the kind, but not which of these it is"
+        else:
+            known = "Of this kind it may be each of these"
+        out.append(f"{known}: {digits.listing(names)}.")
+    return out

@@ -1,0 +1,16 @@
+"""Screen every cause, score those that lead, accept the best, repeat.
+
+setup              from a fitted estimator to problem, causes and emulator
+working_rows       rows of any likelihood, normal to first order
+screening          one fit of every cause, and more in earnest where it looks promising
+local_fit          a fit, its noise, a finer grid where the evidence is; interrupts
+evidence           evidence of all causes, prior odds, remainder, probabilities
+exact_scores       what leads, scored under its own likelihood by importance sampling
+local_prediction   what one cause predicts, given the data
+verdict            who leads, and who cannot be told apart
+null_test          the p-value of the whole search
+forward_selection  several causes, one after the other
+conditioning       where accepted causes are held
+joint_refit        two causes placed together
+backfitting        each cause weighed again beside the others
+"""

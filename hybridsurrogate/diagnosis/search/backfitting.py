@@ -1,0 +1,71 @@
+"""Several causes: each one weighed again, beside all others that were found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from hybridsurrogate.diagnosis.search.conditioning import held
+from hybridsurrogate.diagnosis.search.evidence import Search, Weighed, search
+from hybridsurrogate.diagnosis.search.forward_selection import Step, ends_search
+from hybridsurrogate.diagnosis.search.local_fit import Fitted
+from hybridsurrogate.diagnosis.search.verdict import leader
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.nothing import Nothing
+from hybridsurrogate.inference.evidence.grid import layout
+from hybridsurrogate.problem.problem import Problem
+
+# rounds in which each cause may give way to a better one
+_ROUNDS = 2
+
+
+def beside_others(steps: Sequence[Step], problem: Problem, causes: Sequence[Cause]) -> list[Step]:
+    """Return the steps, each cause weighed again with all others part of the simulation.
+
+    Alone the first cause also has to explain what the second one does, and a smooth curve may do
+    that better than either: how probable each is shows only beside the others. A cause that another
+    one beats there gives way to it. A smooth curve or outliers that were found last stay out, as
+    nothing is weighed beside them.
+
+    Parameters
+    ----------
+    steps : sequence of Step
+    problem : Problem
+        Without effects.
+    causes : sequence of Cause
+        All that were weighed in the first search.
+    """
+    out = list(steps)
+    named = [k for k, step in enumerate(out) if not ends_search(step.chosen)]
+    if len(named) < 2:
+        return out
+    joint = out[named[-1]]
+    stale = set(named[:-1])
+    for k in named * _ROUNDS:
+        if k not in stale:
+            continue
+        found = _without(out[k].chosen, joint, problem, causes)
+        best = found.weighed[leader(found)]
+        if ends_search(best):
+            best = next(w for w in found.weighed if w.cause is out[k].chosen.cause)
+        stale = stale - {k} if best.cause is out[k].chosen.cause else set(named) - {k}
+        joint = out[k] = replace(out[k], chosen=best, beside=found)
+    return out
+
+
+def _without(left_out: Weighed, joint: Step, problem: Problem, causes: Sequence[Cause]) -> Search:
+    """Search for one cause, all others held where they are in the joint fit of all of them."""
+    known = joint.beside
+    model, _, peak, sigma = fit = Fitted(*joint.chosen[1:5])
+    others = [cause for cause in model.effects if cause is not left_out.cause]
+    extended = replace(problem, model=problem.model.with_effects(others))
+    old = [(id(model.effects[owner]), name) for owner, name in model.theta_names]
+    new = [(id(others[owner]), name) for owner, name in extended.model.theta_names]
+    d = model.n_parameters
+    order = [*range(d), *(d + old.index(key) for key in new)]
+    z = held(known.problem, fit, known.belief, known.noise)[0][order]
+    # all places are known: there is no grid to look at
+    plan = layout(extended.model.with_effects([*others, Nothing()]))
+    accepted = Weighed(None, extended.model, plan, peak._replace(z=z), sigma, 0.0, 0.0)
+    rivals = [cause for cause in causes if all(cause is not other for other in others)]
+    return search(extended, rivals, known.belief, True, accepted)

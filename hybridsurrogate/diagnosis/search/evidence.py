@@ -1,0 +1,283 @@
+"""How well each cause explains the measured rows: closed-form evidence, and probabilities.
+
+The surrogate's coefficients come from the simulation alone (beta = 1), so that a fault of the
+simulation is not absorbed by its emulator; the emulator's own uncertainty is part of the
+covariance (DESIGN section 6).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy import special
+
+from hybridsurrogate.diagnosis.search.conditioning import nothing_further
+from hybridsurrogate.diagnosis.search.local_fit import (
+    Fitted,
+    InterruptedSearch,
+    best_null,
+    effect_sizes,
+    node_evidence,
+)
+from hybridsurrogate.diagnosis.search.screening import best_peaks
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.inference.conjugate.emulator_posterior import Belief
+from hybridsurrogate.inference.conjugate.noise_marginal import KnownNoise, LogMarginal, NoiseTable
+from hybridsurrogate.inference.evidence.grid import Layout, layout
+from hybridsurrogate.inference.evidence.linearised import linearise
+from hybridsurrogate.inference.evidence.marginal_likelihood import Peak, scan
+from hybridsurrogate.inference.evidence.outliers import settled
+from hybridsurrogate.inference.model.observation import MeasuredModel
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.problem.problem import Problem
+
+# prior odds: half on "none", a small share for "unexplained", the rest shared by kinds
+_PRIOR_NONE, _PRIOR_UNEXPLAINED = 0.5, 0.02
+# prior probability that a named cause leaves a smooth remainder
+_PRIOR_REMAINDER = 0.1
+
+
+class Weighed(NamedTuple):
+    """One cause (None: nothing is wrong) at its best, with its evidence."""
+
+    cause: Cause | None
+    model: MeasuredModel
+    plan: Layout
+    peak: Peak
+    sigma: float
+    log_evidence: float
+    log_evidence_with_remainder: float
+
+
+@dataclass(frozen=True)
+class Search:
+    """A finished search over the catalogue.
+
+    Attributes
+    ----------
+    problem : Problem
+    belief : Belief
+        About the surrogate's coefficients, from the simulation alone.
+    weighed : list of Weighed
+        "None" first, then the causes in the order of the catalogue.
+    probability : ndarray
+        Posterior probability of each.
+    remainder : ndarray
+        Probability that a smooth remainder is needed beside each cause.
+    sizes : ndarray
+        Prior scales of effect sizes, in units of eta.
+    noise : LogMarginal
+        Sigma integrated out under the problem's prior.
+    """
+
+    problem: Problem
+    belief: Belief
+    weighed: list[Weighed]
+    probability: FloatArray
+    remainder: FloatArray
+    sizes: FloatArray
+    noise: LogMarginal
+
+
+def search(
+    problem: Problem,
+    causes: Sequence[Cause],
+    belief: Belief,
+    with_remainder: bool = True,
+    accepted: Weighed | None = None,
+    nearby: Search | None = None,
+) -> Search:
+    """Weigh "nothing is wrong" and every cause.
+
+    Parameters
+    ----------
+    problem : Problem
+        Without effects, or with those that an earlier search accepted.
+    causes : sequence of Cause
+        Prepared.
+    belief : Belief
+        About the surrogate's coefficients, from the simulation alone.
+    with_remainder : bool
+        Also weigh the winners beside a smooth remainder of unknown shape.
+    accepted : Weighed or None
+        The last of the problem's effects as it was found, in place of "nothing is wrong".
+    nearby : Search or None
+        The search over the same causes in other rows of the same data: only what is promising there
+        is climbed, from where its climbs ended. Grids are searched anew, but a climb may keep to
+        its hill.
+
+    Raises
+    ------
+    InterruptedSearch
+        On an interrupt: it holds the search over the causes that were fitted by then.
+    """
+    problem = replace(problem, model=replace(problem.model, reference=belief.mean))
+    n = len(problem.y)
+    noise = (
+        KnownNoise(n)
+        if problem.noise_is_known
+        else NoiseTable(problem.noise_prior, problem.scale, n)
+    )
+    if accepted is None:
+        null = best_null(problem, belief, noise)
+    else:
+        null = nothing_further(problem, Fitted(*accepted[1:5]), belief, noise)
+    ends = _ends_of(nearby, causes)
+    odds = prior_odds([None, *causes])
+    fits: Sequence[Fitted] = []
+    try:
+        fits, behind = best_peaks(problem, causes, belief, noise, null, np.log(odds), ends)
+        known = np.append(np.nan, behind)
+        return _weigh(problem, causes, belief, noise, [null, *fits], known, with_remainder)
+    except KeyboardInterrupt as stop:
+        kept = [null, *(stop.kept if isinstance(stop, InterruptedSearch) else fits)]
+        unknown = np.full(len(kept), np.nan)
+        weighed = _weigh(problem, causes, belief, noise, kept, unknown, False)
+        raise InterruptedSearch(weighed) from stop
+
+
+def _weigh(
+    problem: Problem,
+    causes: Sequence[Cause],
+    belief: Belief,
+    noise: LogMarginal,
+    peaks: Sequence[Fitted],
+    known: FloatArray,
+    with_remainder: bool,
+) -> Search:
+    """Weigh "nothing is wrong" and the first so many causes at their best fits.
+
+    ``known`` is the log evidence where it is known well enough already, NaN elsewhere.
+    """
+    sizes = effect_sizes(problem, peaks)
+    weighed = []
+    for cause, fit, evidence in zip([None, *causes], peaks, known, strict=False):
+        if np.isnan(evidence):
+            evidence = np.logaddexp.reduce(node_evidence(problem, belief, noise, fit, sizes))
+        weighed.append(Weighed(cause, *fit, float(evidence), -np.inf))
+    probability, remainder = probabilities(weighed)
+    quick = Search(problem, belief, weighed, probability, remainder, sizes, noise)
+    return remainders(quick) if with_remainder else quick
+
+
+def remainders(found: Search) -> Search:
+    """Return the search with its winners also weighed beside a smooth remainder."""
+    weighed = _weigh_remainder(found.problem, found.belief, found.noise, found.weighed, found.sizes)
+    probability, remainder = probabilities(weighed)
+    return replace(found, weighed=weighed, probability=probability, remainder=remainder)
+
+
+def _ends_of(nearby: Search | None, causes: Sequence[Cause]) -> list[Fitted] | None:
+    """Return where the climbs of the same causes ended; None where it weighed other causes."""
+    if nearby is None:
+        return None
+    known = nearby.weighed[1:]
+    if [c.name for c in causes] != [w.cause.name for w in known if w.cause is not None]:
+        return None
+    return [Fitted(*w[1:5]) for w in known]
+
+
+def _weigh_remainder(
+    problem: Problem,
+    belief: Belief,
+    noise: LogMarginal,
+    weighed: list[Weighed],
+    sizes: FloatArray,
+) -> list[Weighed]:
+    """Weigh the winners of the quick search beside a smooth discrepancy of unknown shape."""
+    quick, _ = probabilities(weighed)
+    process = next((w for w in weighed if kind_of(w) == "unexplained"), None)
+    if process is None:
+        return weighed
+    model, lengths = process.model, layout(process.model)
+    values = np.repeat(model.values(np.zeros((1, model.n_unknowns))), len(lengths.grid), axis=0)
+    values[:, lengths.nodes] = lengths.grid
+    own = [owner == len(model.effects) - 1 for owner, _ in model.column_names]
+    bases = model.added(problem.X, values)[:, :, own]
+    bases = bases / np.sqrt(np.mean(np.sum(bases**2, axis=2), axis=1))[:, None, None]
+    named = [k for k, w in enumerate(weighed) if kind_of(w) not in ("none", "unexplained")]
+    best = max(named, key=lambda k: quick[k], default=None)
+    out = []
+    for k, (w, probability) in enumerate(zip(weighed, quick, strict=True)):
+        # the best named cause always has its chance: data usually hold more than one wrong thing
+        if w is process or (probability < 0.01 and w.cause is not None and k != best):
+            out.append(w)
+            continue
+        if w.cause is None:
+            out.append(w._replace(log_evidence_with_remainder=process.log_evidence))
+            continue
+        parts = linearise(w.model, problem.X, belief, w.plan, w.peak.z)
+        nodes = scan(parts, problem.y[None], w.sigma, noise, sizes)[0]
+        # zero but for causes that were placed together, whose evidence is not that of the last one
+        beyond_last = w.log_evidence - float(special.logsumexp(nodes))
+        best_first = np.argsort(-nodes)
+        parts = parts.at(best_first[nodes[best_first] > nodes.max() - 10.0])
+        beyond_node = 0.0
+        if parts.noise_differs:
+            # every node would need its own factorisation: the best one tells what a curve adds
+            parts = settled(parts, problem.y, w.sigma)
+            plain = scan(parts, problem.y[None], w.sigma, noise, sizes)[0]
+            beyond_node = float(special.logsumexp(nodes)) - float(plain[0])
+        terms = [
+            np.logaddexp.reduce(
+                scan(
+                    replace(parts, U=np.hstack([parts.U, size * basis])),
+                    problem.y[None],
+                    w.sigma,
+                    noise,
+                    sizes,
+                )[0]
+            )
+            for basis in bases
+            for size in sizes[::2]
+        ]
+        total = float(np.logaddexp.reduce(terms) - np.log(len(terms)))
+        total += beyond_node + beyond_last
+        out.append(w._replace(log_evidence_with_remainder=total))
+    return out
+
+
+def prior_odds(causes: Sequence[Cause | None]) -> FloatArray:
+    """Return the prior probability of each cause, None for nothing that is wrong.
+
+    Kinds share the prior equally, the forms of a kind share that of their kind, and causes that
+    differ only in the level that is meant share that of one form.
+    """
+    kinds = ["none" if cause is None else cause.kind for cause in causes]
+    forms = [
+        (kind, cause.target if cause is not None and cause.is_one_level else k)
+        for k, (kind, cause) in enumerate(zip(kinds, causes, strict=True))
+    ]
+    of_kind = Counter(kind for kind, _ in set(forms))
+    of_form = Counter(forms)
+    fixed = {"none": _PRIOR_NONE, "unexplained": _PRIOR_UNEXPLAINED}
+    share = (1 - sum(fixed.values())) / max(len(of_kind.keys() - fixed.keys()), 1)
+    return np.array(
+        [
+            fixed.get(kind) or share / of_kind[kind] / of_form[form]
+            for kind, form in zip(kinds, forms, strict=True)
+        ]
+    )
+
+
+def probabilities(weighed: Sequence[Weighed]) -> tuple[FloatArray, FloatArray]:
+    """Return the posterior probability of each cause, and that of a remainder beside it."""
+    alone = np.array([w.log_evidence for w in weighed])
+    beside = np.array([w.log_evidence_with_remainder for w in weighed])
+    # "none" with a remainder is "unexplained", which is weighed on its own
+    splits = np.isfinite(beside) & np.array([w.cause is not None for w in weighed])
+    with np.errstate(divide="ignore"):
+        plain = alone + np.where(splits, np.log1p(-_PRIOR_REMAINDER), 0.0)
+        extra = np.where(splits, beside + np.log(_PRIOR_REMAINDER), -np.inf)
+    log_total = np.logaddexp(plain, extra) + np.log(prior_odds([w.cause for w in weighed]))
+    remainder = np.exp(extra - np.logaddexp(plain, extra))
+    return np.exp(log_total - special.logsumexp(log_total)), remainder
+
+
+def kind_of(weighed: Weighed) -> str:
+    """Return the kind of a weighed cause, "none" for the null."""
+    return "none" if weighed.cause is None else weighed.cause.kind

@@ -1,0 +1,150 @@
+"""What leads a search, scored by the nonlinear model under its own likelihood.
+
+The evidence is that of the model which an estimator fits, integrated by importance sampling; sizes
+have the prior of the search. Of the rest the screening's evidence stands, relative to that of
+"nothing is wrong".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from hybridsurrogate.diagnosis.search.evidence import (
+    Search,
+    Weighed,
+    prior_odds,
+    probabilities,
+    search,
+)
+from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
+from hybridsurrogate.diagnosis.search.working_rows import expanded
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.sized import Sized
+from hybridsurrogate.inference.conjugate.emulator_posterior import Belief
+from hybridsurrogate.inference.evidence.linearised import linearise
+from hybridsurrogate.inference.evidence.marginal_likelihood import scan
+from hybridsurrogate.inference.model.observation import MeasuredModel
+from hybridsurrogate.inference.model.working_point import WorkingPoint
+from hybridsurrogate.inference.posterior_sampler import evidence_around
+from hybridsurrogate.inference.procedure import make_target
+from hybridsurrogate.priors import FloatArray, to_normal
+from hybridsurrogate.problem.problem import Problem
+
+# nats behind the best, prior odds included, that the screening may be off by, and causes at most
+_WITHIN_REACH, _MOST = 8.0, 12
+# places of one cause from which its modes are sought, and shares of the size's prior
+_PLACES, _SHARES = 4, (-0.5, 0.5, 1.3)
+
+
+def screened_at_best(found: Search, causes: Sequence[Cause], belief: Belief) -> Search:
+    """Return the search repeated with rows expanded at what leads, where something is wrong.
+
+    Where rows are normal there is nothing to expand.
+
+    Parameters
+    ----------
+    found : Search
+        With the rows expanded where nothing is wrong.
+    causes : sequence of Cause
+        Those of the search.
+    belief : Belief
+    """
+    best = found.weighed[int(np.argmax(found.probability))]
+    if found.problem.working_point is None or best.cause is None:
+        return found
+    again = expanded(found.problem, _point_at(found, best))
+    return search(again, causes, belief, bool(np.any(found.remainder)))
+
+
+def scored(found: Search) -> Search:
+    """Return the search with its leading causes scored by the likelihood of the measured rows.
+
+    The search stays as it is where rows are normal (the closed form agrees there with importance
+    sampling to 0.1 nats); where an emulator stands for the simulation, the screening's evidence
+    stands.
+    """
+    if found.problem.working_point is None or not found.problem.model.basis.is_simulation:
+        return found
+    screened = np.array([w.log_evidence for w in found.weighed])
+    weight = screened + np.log(prior_odds([w.cause for w in found.weighed]))
+    order = np.argsort(-weight)[:_MOST]
+    leading = {0, *(int(k) for k in order if weight[k] > weight[order[0]] - _WITHIN_REACH)}
+    exact = {k: _log_evidence(found, found.weighed[k]) for k in sorted(leading)}
+    exact = {k: value for k, value in exact.items() if np.isfinite(value)}
+    if 0 not in exact:
+        return found
+    nearest = max(exact, key=lambda k: weight[k])
+    weighed = []
+    for k, w in enumerate(found.weighed):
+        moved = exact.get(k, screened[k] + exact[nearest] - screened[nearest]) - screened[k]
+        beside = w.log_evidence_with_remainder + moved
+        weighed.append(
+            w._replace(log_evidence=w.log_evidence + moved, log_evidence_with_remainder=beside)
+        )
+    probability, remainder = probabilities(weighed)
+    return replace(found, weighed=weighed, probability=probability, remainder=remainder)
+
+
+def _point_at(found: Search, w: Weighed) -> WorkingPoint:
+    """Return the working point at the fit of one cause."""
+    point = found.problem.working_point
+    assert point is not None
+    eta, _ = predict_locally(found, w, found.problem.X)
+    sigma = w.sigma if found.problem.likelihood.scales_noise else point.sigma
+    return replace(point, eta=eta, sigma=sigma)
+
+
+def _log_evidence(found: Search, w: Weighed) -> float:
+    """Return the log evidence of one cause, NaN where it cannot be had."""
+    problem = found.problem
+    model, starts = _sized(found, w)
+    point = problem.working_point
+    assert point is not None
+    exact = Problem(
+        replace(model, has_row_noise=False),
+        problem.X[:, : len(model.columns)],
+        problem.likelihood.working(problem.observed),
+        problem.weights,
+        problem.observed,
+        problem.likelihood,
+        None,
+        None,
+        problem.noise_prior,
+        problem.scale,
+    )
+    sigma = w.sigma if problem.likelihood.scales_noise else point.sigma
+    u = np.column_stack([starts, np.full(len(starts), np.log(sigma))])
+    # a fixed stream: the search has no randomness of its own
+    return evidence_around(make_target(exact, 0.0, 1.0), u, np.random.RandomState(0))
+
+
+def _sized(found: Search, w: Weighed) -> tuple[MeasuredModel, FloatArray]:
+    """Return the model with its last cause's size unknown, and starting points z (k, n)."""
+    problem, model, plan, z = found.problem, w.model, w.plan, w.peak.z
+    if w.cause is None:
+        return model, z[None]
+    parts = linearise(model, problem.X, found.belief, plan, z)
+    starts = z[None]
+    if len(plan.nodes):
+        log_evidence = scan(parts, problem.y[None], w.sigma, found.noise, found.sizes)[0]
+        best = np.argsort(-(log_evidence - plan.log_weight))[:_PLACES]
+        starts = np.repeat(z[None], len(best), axis=0)
+        priors = [model.priors[k] for k in plan.nodes]
+        starts[:, plan.nodes] = to_normal(priors, plan.grid[best])
+    if not len(plan.sizes) and not w.cause.coefficients:
+        return model, starts
+    slopes = tuple(parts.H_rms[min(w.peak.node, len(parts.H_rms) - 1), : len(plan.sizes)].tolist())
+    low, high = float(found.sizes[0]), float(found.sizes[-1])
+    rows = dict(zip(model.columns, problem.X.T, strict=False))
+    cause = Sized(w.cause, low, high, rows, slopes)
+    points = []
+    for share in _SHARES:
+        size = float(np.exp(np.interp(share, [-3, 3], np.log([low, high]))))
+        place = starts.copy()
+        moved = place[:, plan.sizes] - plan.neutral[plan.sizes]
+        place[:, plan.sizes] = moved / np.minimum(size / np.array(slopes), 1.0)
+        points.append(np.column_stack([place, np.full(len(place), share)]))
+    return model.with_effects((*model.effects[:-1], cause)), np.concatenate(points)

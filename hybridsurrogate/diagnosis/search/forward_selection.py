@@ -1,0 +1,244 @@
+"""Several causes, one after the other: each accepted cause becomes part of "nothing is wrong"."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import special
+
+from hybridsurrogate.diagnosis.search.evidence import (
+    Search,
+    Weighed,
+    prior_odds,
+    remainders,
+    search,
+)
+from hybridsurrogate.diagnosis.search.exact_scores import scored, screened_at_best
+from hybridsurrogate.diagnosis.search.joint_refit import placed_together
+from hybridsurrogate.diagnosis.search.local_fit import InterruptedSearch
+from hybridsurrogate.diagnosis.search.null_test import NullTest, evidence_bound, null_test
+from hybridsurrogate.diagnosis.search.verdict import leader
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.inference.conjugate.emulator_posterior import Belief
+from hybridsurrogate.problem.problem import Problem
+
+# first causes whose best companions are looked for
+_LOOKED_AHEAD = 4
+# a cause of this probability that leaves nothing is not compared with others again
+_BEYOND_DOUBT = 0.9
+# a pair this far (in nats) behind the best one is not placed together
+_HOPELESS = 12.0
+
+
+@dataclass(frozen=True)
+class Step:
+    """One search, the test of the whole of it, and the cause that it chose.
+
+    Attributes
+    ----------
+    search : Search
+    test : NullTest or None
+        None: probabilities alone decided.
+    chosen : Weighed
+        The first of ``search.weighed`` where nothing (further) is wrong.
+    beside : Search
+        The search beside all other causes that were accepted, the later ones too.
+    tried : tuple of Search
+        The searches for a second cause beside this one and beside others in its place.
+    """
+
+    search: Search
+    test: NullTest | None
+    chosen: Weighed
+    beside: Search
+    tried: tuple[Search, ...] = ()
+
+    @property
+    def found(self) -> bool:
+        """Whether a cause was accepted."""
+        return self.chosen is not self.search.weighed[0]
+
+
+def forward_search(
+    problem: Problem,
+    causes: Sequence[Cause],
+    belief: Belief,
+    max_causes: int,
+    false_alarm_rate: float,
+    n_replicates: int | None,
+    random_state: np.random.RandomState,
+    nearby: Sequence[Search] = (),
+) -> list[Step]:
+    """Search, accept the best cause, and search again beside it until nothing more is found.
+
+    Every search has its own replicates, in which the causes accepted so far are true, so that the
+    chance of a false cause is controlled at each step. A smooth discrepancy of unknown shape ends
+    the search: it leaves nothing to name. So do outliers. Where one more cause may follow, a cause
+    is chosen for what it explains together with its best companion: two curves over one input are
+    no curve of the catalogue, and either alone is easily beaten by a curve of any shape.
+
+    Parameters
+    ----------
+    n_replicates : int or None
+        None: probabilities alone decide, and no remainder is weighed: quick, for folds.
+    nearby : sequence of Search
+        Searches in other rows of the same data: starting points for those of these rows beside the
+        same accepted causes.
+
+    Returns
+    -------
+    list of Step
+        At least one; only the last may have found nothing.
+
+    Raises
+    ------
+    InterruptedSearch
+        On an interrupt: it holds the first search, as far as it came.
+    """
+    steps: list[Step] = []
+    found: Search | None = None
+    thorough = n_replicates is not None
+    try:
+        found = search(problem, causes, belief, thorough, nearby=_beside_same((), nearby))
+        while True:
+            test = None
+            if n_replicates is not None:
+                test = null_test(found, n_replicates, random_state)
+            if not steps:
+                found = scored(screened_at_best(found, causes, belief))
+                problem = found.problem
+                # beside accepted causes, the evidence holds their places fixed
+                if test is not None:
+                    test = test._replace(bound=evidence_bound(found))
+            # the p-value guards against noise, the probability against a cause that is no better
+            by_chance = test is not None and test.p_value > false_alarm_rate
+            if by_chance or found.probability[0] > 0.5:
+                return _alone(steps) or [Step(found, test, found.weighed[0], found)]
+            chosen, beside = found.weighed[leader(found)], None
+            tried: tuple[Search, ...] = ()
+            if len(steps) + 1 < max_causes:
+                chosen, beside, tried = _look_ahead(
+                    problem, causes, belief, found, chosen, thorough, nearby
+                )
+            steps.append(Step(found, test, chosen, found, tried))
+            if beside is None:
+                return steps
+            problem, causes, found = beside.problem, _others(causes, chosen), beside
+    except KeyboardInterrupt as stop:
+        kept = steps[0].search if steps else found or getattr(stop, "kept", None)
+        raise InterruptedSearch(kept) from stop
+
+
+def searches(steps: Sequence[Step]) -> list[Search]:
+    """Return every search of a forward search, the first one first."""
+    return [steps[0].search, *(one for step in steps for one in step.tried)]
+
+
+def _beside_same(accepted: Sequence[Cause], nearby: Sequence[Search]) -> Search | None:
+    """Return the search beside the same accepted causes, None without one."""
+
+    def forms(causes: Sequence[Cause]) -> list[tuple[str, str]]:
+        return [(cause.name, cause.variant) for cause in causes]
+
+    same = (one for one in nearby if forms(one.problem.model.effects) == forms(accepted))
+    return next(same, None)
+
+
+def _alone(steps: list[Step]) -> list[Step]:
+    """Return the steps; one that has no second beside it chooses what leads on its own."""
+    if len(steps) != 1:
+        return steps
+    found = steps[0].search
+    return [replace(steps[0], chosen=found.weighed[leader(found)])]
+
+
+def _look_ahead(
+    problem: Problem,
+    causes: Sequence[Cause],
+    belief: Belief,
+    found: Search,
+    leading: Weighed,
+    thorough: bool,
+    nearby: Sequence[Search],
+) -> tuple[Weighed, Search | None, tuple[Search, ...]]:
+    """Return the cause that explains most together with a second one, and the search beside it.
+
+    And every search that was made. No search beside it where nothing can be named beside the cause:
+    a smooth discrepancy, or outliers.
+    """
+
+    def beside(first: Weighed) -> Search:
+        assert first.cause is not None
+        effects = (*problem.model.effects, first.cause)
+        extended = replace(problem, model=problem.model.with_effects(effects))
+        known = _beside_same(effects, nearby)
+        return search(extended, _others(causes, first), belief, False, first, known)
+
+    log_prior = np.log(prior_odds([w.cause for w in found.weighed]))
+    order = [int(k) for k in np.argsort(-found.probability)]
+    at = next(k for k in order if found.weighed[k] is leading)
+    named = [k for k in order if not ends_search(found.weighed[k])]
+    position = {id(found.weighed[k].cause): k for k in named}
+    waiting = named[:_LOOKED_AHEAD]
+    if (
+        not ends_search(leading)
+        and found.probability[at] > _BEYOND_DOUBT
+        and found.remainder[at] < 0.5
+    ):
+        waiting = [at]
+    in_doubt = len(waiting) > 1
+    made: dict[int, Search] = {}
+    values: dict[int, float] = {}
+    while waiting:
+        k = waiting.pop(0)
+        first, second = found.weighed[k], beside(found.weighed[k])
+        alone = log_prior[k] + first.log_evidence
+        # where nothing is left to explain, there is nothing to place beside the first
+        left = in_doubt or second.probability[0] < 0.5
+        if left and alone + _companions(second) > max(values.values(), default=-np.inf) - _HOPELESS:
+            second = placed_together(found, first, second)
+        made[k], values[k] = second, alone + _companions(second)
+        if not waiting:
+            # the other half of the best pair has its turn as the first, until none is new
+            best = max(values, key=lambda k: values[k])
+            other = position.get(id(_companion(made[best]).cause))
+            waiting = [other] if other is not None and other not in made else []
+    tried = tuple(made.values())
+    if not values:
+        return leading, None, tried
+    best = max(values, key=lambda k: values[k])
+    if ends_search(leading) and log_prior[at] + leading.log_evidence > values[best]:
+        return leading, None, tried
+    # of two that name each other, the one that explains more alone comes first
+    other = position.get(id(_companion(made[best]).cause))
+    if other in made and _companion(made[other]).cause is found.weighed[best].cause:
+        best = max(best, other, key=lambda k: found.probability[k])
+    chosen = made[best]
+    return found.weighed[best], scored(remainders(chosen) if thorough else chosen), tried
+
+
+def _companions(beside: Search) -> float:
+    """Return the log of how much better a cause explains with whatever second, or none."""
+    evidence = np.array([w.log_evidence for w in beside.weighed])
+    odds = prior_odds([w.cause for w in beside.weighed])
+    # two causes are the same two in either order, and each order has this prior
+    odds[1:] *= 2
+    return float(special.logsumexp(evidence - evidence[0] + np.log(odds)))
+
+
+def _companion(beside: Search) -> Weighed:
+    """Return the most probable second cause, "none" included."""
+    return beside.weighed[int(np.argmax(beside.probability))]
+
+
+def _others(causes: Sequence[Cause], chosen: Weighed) -> list[Cause]:
+    return [cause for cause in causes if cause is not chosen.cause]
+
+
+def ends_search(weighed: Weighed) -> bool:
+    """Tell whether nothing is searched for beside a cause."""
+    # a curve or a path of any shape leaves nothing to name; beside outliers there is no closed form
+    cause = weighed.cause
+    return cause is None or cause.is_process or cause.has_outliers

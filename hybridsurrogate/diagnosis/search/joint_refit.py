@@ -1,0 +1,106 @@
+"""Two causes placed together: each anew beside the other, until they stay where they are.
+
+A cause that was placed alone also explains what it can of another one, and stands a little off its
+place. Held there it spoils the other: a period that is five per cent off leaves a wave.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy import special
+
+from hybridsurrogate.diagnosis.search.conditioning import held, nothing_further, placed_anew
+from hybridsurrogate.diagnosis.search.evidence import Search, Weighed, probabilities
+from hybridsurrogate.diagnosis.search.local_fit import Fitted, node_evidence
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.inference.evidence.levenberg_marquardt import is_followed
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.problem.problem import Problem
+
+# companions that are placed together with a first cause: what is this many nats behind the best
+# of them beside the first as it stands, or comes after so many, is left as it is
+_BEHIND, _MOST = 8.0, 6
+# turns in which each of two causes is placed once, and the gain that is worth another turn
+_TURNS, _WORTH = 3, 0.3
+
+
+def placed_together(found: Search, first: Weighed, beside: Search) -> Search:
+    """Return the search beside a first cause with its best companions placed together with it.
+
+    Parameters
+    ----------
+    found : Search
+        In which ``first`` was weighed.
+    first : Weighed
+    beside : Search
+        For a further cause, with ``first`` held where it was found.
+    """
+    evidence = np.array([w.log_evidence for w in beside.weighed])
+    able = [k for k, w in enumerate(beside.weighed) if w.cause and movable(w.cause)]
+    able = sorted(able, key=lambda k: -evidence[k])[:_MOST]
+    if first.cause is None or not movable(first.cause) or not able:
+        return beside
+    weighed = list(beside.weighed)
+    for k in able:
+        if evidence[k] > evidence[able[0]] - _BEHIND:
+            weighed[k] = _together(found, first, beside, weighed[k])
+    probability, remainder = probabilities(weighed)
+    return replace(beside, weighed=weighed, probability=probability, remainder=remainder)
+
+
+def movable(cause: Cause) -> bool:
+    """Whether a cause is in the mean, and cheap enough to be placed again and again.
+
+    A curve of any shape is, too: a companion that is not placed would keep an advantage.
+    """
+    return cause.changes_output and not is_followed(cause)
+
+
+def _together(found: Search, first: Weighed, beside: Search, second: Weighed) -> Weighed:
+    """Return the second cause with the first at its best place beside it.
+
+    The evidence of two causes a and b that are placed at a*, b* is that of a with b held plus that
+    of b with a held, less that of both held: exact where one place does not depend on the other,
+    too small where it does. What the first explains alone is subtracted, so that the result stands
+    beside the evidence of "nothing further".
+    """
+    problem, base = found.problem, beside.weighed[0].log_evidence
+    assert first.cause is not None
+    assert second.cause is not None
+    best = second._replace(log_evidence=-np.inf)
+    fit, reached = Fitted(*second[1:5]), second.log_evidence
+    for _ in range(_TURNS):
+        turned = _turned(found, fit, first.plan.edges)
+        back = _turned(found, turned, second.plan.edges)
+        if not np.isfinite(turned.peak.objective + back.peak.objective):
+            break
+        both = replace(problem, model=problem.model.with_effects(back.model.effects))
+        neither = nothing_further(both, back, found.belief, found.noise)
+        alone = _log_evidence(both, beside, back)
+        pair = _log_evidence(both, found, turned) + alone - _log_evidence(both, beside, neither)
+        if (value := base + pair - first.log_evidence) > best.log_evidence:
+            best = Weighed(second.cause, *back, value, -np.inf)
+        if alone < reached + _WORTH:
+            break
+        fit, reached = back, alone
+    return best if np.isfinite(best.log_evidence) else second
+
+
+def _turned(found: Search, fit: Fitted, edges: FloatArray) -> Fitted:
+    """Return the last but one cause placed anew, the last one held where it was found."""
+    problem, model = found.problem, fit.model
+    *before, one, other = model.effects
+    turned = problem.model.with_effects((*before, other, one))
+    old = [(id(model.effects[owner]), name) for owner, name in model.theta_names]
+    new = [(id(turned.effects[owner]), name) for owner, name in turned.theta_names]
+    d = model.n_parameters
+    order = [*range(d), *(d + old.index(key) for key in new)]
+    starts = [z[order] for z in held(problem, fit, found.belief, found.noise)]
+    return placed_anew(problem, turned, starts, fit.sigma, edges, found.belief, found.noise)
+
+
+def _log_evidence(problem: Problem, search: Search, fit: Fitted) -> float:
+    nodes = node_evidence(problem, search.belief, search.noise, fit, search.sizes)
+    return float(special.logsumexp(nodes))

@@ -1,0 +1,163 @@
+"""A model at its best fit: climbs, the noise there, a grid refined where the evidence is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hybridsurrogate.inference.conjugate.emulator_posterior import Belief
+from hybridsurrogate.inference.conjugate.noise_marginal import LogMarginal
+from hybridsurrogate.inference.evidence.grid import Layout, best_levels, layout, refine
+from hybridsurrogate.inference.evidence.linearised import Columns, columns_at_nodes, linearise
+from hybridsurrogate.inference.evidence.marginal_likelihood import Peak, climb, scan
+from hybridsurrogate.inference.model.observation import MeasuredModel
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.problem.problem import Problem
+
+# effects between a fraction of the noise and a few times the spread of the output
+_SMALLEST_SIZE, _LARGEST_SIZE = 0.3, 3.0
+# prior scales of the effects' sizes
+_N_SIZES = 10
+# measurements that are precise to a millionth of the output know a wave as many times better than
+# its first grid
+_MAX_REFINEMENTS = 12
+# refinements that find nothing new before a grid is fine enough, and nats that are not new
+_MOST_FRUITLESS, _ALIKE = 4, 1e-3
+# noise that a further climb lowers by less than this share has settled
+_SETTLED_NOISE = 0.1
+# noise below this share of the output's scale is rounding
+FLOOR = 1e-6
+
+
+class InterruptedSearch(KeyboardInterrupt):
+    """An interrupt on its way out, with what was finished when it came.
+
+    Attributes
+    ----------
+    kept : Any
+        The fits, then the `Search` made of them; None when nothing was finished.
+    """
+
+    def __init__(self, kept: Any) -> None:
+        super().__init__("the search was interrupted")
+        self.kept = kept
+
+
+class Fitted(NamedTuple):
+    """A model at its best fit: the layout of its last cause, the peak and the noise there."""
+
+    model: MeasuredModel
+    plan: Layout
+    peak: Peak
+    sigma: float
+
+
+def largest_size(problem: Problem) -> float:
+    """Return the largest prior scale of an effect's size, in units of y."""
+    return max(_LARGEST_SIZE * problem.scale, problem.reach)
+
+
+def effect_sizes(problem: Problem, fits: Sequence[Fitted]) -> FloatArray:
+    """Return the prior scales of effects' sizes, in units of y, equally probable."""
+    smallest = _SMALLEST_SIZE * problem.unit_noise * min(fit.sigma for fit in fits)
+    return np.geomspace(smallest, max(largest_size(problem), 2 * smallest), _N_SIZES)
+
+
+def best_null(problem: Problem, belief: Belief, noise: LogMarginal) -> Fitted:
+    """Fit "nothing is wrong" from several starting points."""
+    model = problem.model
+    plan = layout(model)
+    d = model.n_unknowns
+    # a fixed spread of starts: the search has no randomness of its own
+    z = np.vstack([np.zeros(d), np.random.RandomState(0).standard_normal((16 * d, d))])
+    output, _, factor = model.simulated(problem.X, model.values(z), belief.mean)
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = np.sum(((problem.y - output) / factor) ** 2, axis=1)
+    squares = np.where(np.isfinite(squares), squares, np.inf)
+    # a parameter without a slope, such as the place of a jump, is not found by climbing
+    starts = [z[0], *z[np.argsort(squares)[:2]], *problem.good]
+    sigma = 1.0 if problem.noise_is_known else 0.3 * problem.scale
+    peak = highest(problem, belief, model, plan, starts, sigma)
+    return settled(problem, belief, noise, Fitted(model, plan, peak, sigma))
+
+
+def highest(
+    problem: Problem,
+    belief: Belief,
+    model: MeasuredModel,
+    plan: Layout,
+    starts: Sequence[FloatArray],
+    sigma: float,
+) -> Peak:
+    """Climb from every start and return the best fit; one at infinity where there is no start."""
+    largest = largest_size(problem)
+    peaks = [climb(model, problem.X, problem.y, belief, plan, z, sigma, largest) for z in starts]
+    nowhere = Peak(plan.neutral, np.inf, np.inf, 0)
+    return min(peaks, key=lambda found: badness(problem, found, sigma), default=nowhere)
+
+
+def badness(problem: Problem, peak: Peak, sigma: float) -> float:
+    """Return minus twice the log posterior density at a peak, with the noise that suits it best.
+
+    Climbs share the noise of a fit without the cause, ``sigma``. At that much noise a fit to the
+    data counts for little against the priors, and the wrong one of two peaks would win.
+    """
+    if not np.isfinite(peak.objective):
+        return np.inf
+    if problem.noise_is_known:
+        return peak.objective
+    squares = max(peak.squares, len(problem.y) * (FLOOR * problem.scale) ** 2)
+    return float(len(problem.y) * np.log(squares) + peak.objective - peak.squares / sigma**2)
+
+
+def node_evidence(
+    problem: Problem,
+    belief: Belief,
+    noise: LogMarginal,
+    fit: Fitted,
+    sizes: FloatArray,
+    columns: Columns | None = None,
+) -> FloatArray:
+    """Return the log evidence of every node of a fit, (T,)."""
+    parts = linearise(fit.model, problem.X, belief, fit.plan, fit.peak.z, columns)
+    return scan(parts, problem.y[None], fit.sigma, noise, sizes)[0]
+
+
+def settled(problem: Problem, belief: Belief, noise: LogMarginal, fit: Fitted) -> Fitted:
+    """Climb on with the noise that the fit suggests, and a finer grid where the evidence is."""
+    model, plan, peak, sigma = fit
+    if not np.isfinite(peak.objective):
+        return fit
+    largest = largest_size(problem)
+    columns = columns_at_nodes(model, problem.X, plan, peak.z)
+    levels: FloatArray = np.empty(0)
+    fruitless = 0
+    for round_ in range(_MAX_REFINEMENTS):
+        before, sigma = sigma, sigma_of(problem, peak, sigma)
+        steady = round_ > 0 and sigma > (1 - _SETTLED_NOISE) * before
+        finer = plan
+        if len(plan.nodes):
+            here = Fitted(model, plan, peak, sigma)
+            nodes = node_evidence(problem, belief, noise, here, np.array([largest]), columns)
+            found = best_levels(plan, nodes)
+            # a jump has one level between two rows, however fine the grid
+            alike = len(found) == len(levels) and abs(found[-1] - levels[-1]) < _ALIKE
+            levels, fruitless = found, fruitless + 1 if alike else 0
+            finer = refine(model, plan, nodes) if fruitless < _MOST_FRUITLESS else plan
+        unchanged = finer is plan
+        plan = finer
+        if unchanged and steady:
+            break
+        if not unchanged:
+            columns = columns_at_nodes(model, problem.X, plan, peak.z)
+        peak = climb(model, problem.X, problem.y, belief, plan, peak.z, sigma, largest, columns)
+    return Fitted(model, plan, peak, sigma)
+
+
+def sigma_of(problem: Problem, peak: Peak, sigma: float) -> float:
+    """Return the noise that a fit suggests; the one it was made with where it failed."""
+    if problem.noise_is_known or not np.isfinite(peak.objective):
+        return sigma
+    return max(float(np.sqrt(peak.squares / len(problem.y))), FLOOR * problem.scale)

@@ -1,0 +1,89 @@
+"""The linearised model of one cause, given the data: what it predicts at any rows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from hybridsurrogate.diagnosis.search.evidence import Search, Weighed
+from hybridsurrogate.inference.evidence.linearised import Linearised, linearise
+from hybridsurrogate.priors import FloatArray
+
+
+class Local(NamedTuple):
+    """Gaussian posterior of the linear coefficients [g, u, h] of a cause at one node."""
+
+    mean: FloatArray
+    covariance: FloatArray
+
+
+class Rows(NamedTuple):
+    """Rows under one cause at one node.
+
+    ``offset`` (n,), ``design`` (n, d + r + q) with raw columns, the sizes from column ``first`` on,
+    ``noise`` (n,) the factor on sigma.
+    """
+
+    offset: FloatArray
+    design: FloatArray
+    first: int
+    noise: FloatArray
+
+
+def measured_and_other(
+    found: Search, w: Weighed, X: FloatArray, node: int | None = None
+) -> tuple[Rows, Rows]:
+    """Return the measured rows and rows X; what an emulator leaves open they have in common."""
+    n = len(found.problem.X)
+    both = np.vstack([found.problem.X, found.problem.with_noise(X)])
+    parts = _at_node(found, w, both, w.peak.node if node is None else node)
+    H = parts.H[0] * parts.H_rms[0]
+    design = np.hstack([parts.G[0], parts.U, H])
+    first = design.shape[1] - H.shape[1]
+    noise = np.ones(len(both)) if parts.noise is None else parts.noise[0]
+    pieces = slice(n), slice(n, None)
+    measured, others = (Rows(parts.mean[0][k], design[k], first, noise[k]) for k in pieces)
+    return measured, others
+
+
+def _at_node(found: Search, w: Weighed, X: FloatArray, node: int) -> Linearised:
+    plan = w.plan
+    if len(plan.nodes):
+        index = slice(node, node + 1)
+        plan = replace(plan, grid=plan.grid[index], edges=plan.edges[index], log_weight=np.zeros(1))
+    return linearise(w.model, X, found.belief, plan, w.peak.z)
+
+
+def local_posterior(found: Search, w: Weighed, rows: Rows, size: float) -> Local:
+    """Return the posterior of a cause's linear coefficients, its size of scale ``size``."""
+    design, first = rows.design, rows.first
+    H = design[:, first:]
+    if w.cause is not None and w.cause.is_process:
+        rms = np.full(H.shape[1], np.sqrt(np.mean(np.sum(H**2, axis=1))))
+    else:
+        rms = np.sqrt(np.mean(H**2, axis=0))
+    # what moves no measured row, as beyond the range of the runs, is not learned: any scale does
+    own = np.divide(size, rms, out=np.ones_like(rms), where=rms > 0)
+    scale = np.concatenate([np.ones(first), own])
+    design = design / rows.noise[:, None]
+    residual = (found.problem.y - rows.offset) / rows.noise
+    precision = design.T @ design / w.sigma**2 + np.diag(scale**-2.0)
+    covariance = np.linalg.inv(precision)
+    mean = covariance @ design.T @ residual / w.sigma**2
+    return Local(mean, covariance)
+
+
+def predict_locally(
+    found: Search, w: Weighed, X: FloatArray, node: int | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return mean and variance of a new noisy eta at rows X (n, n_columns) under one cause.
+
+    Given what is not a size, such as a period, at one node of its grid; None: the best one.
+    """
+    noisy_path = w.cause is not None and w.cause.is_process and not w.cause.changes_output
+    measured, rows = measured_and_other(found, w, X, node)
+    local = local_posterior(found, w, measured, w.sigma if noisy_path else float(found.sizes[-1]))
+    variance = np.einsum("nk,kl,nl->n", rows.design, local.covariance, rows.design)
+    return rows.offset + rows.design @ local.mean, variance + (w.sigma * rows.noise) ** 2

@@ -1,0 +1,155 @@
+"""The p-value of the whole search under "the simulation is right"."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy import special
+
+from hybridsurrogate.diagnosis.search.evidence import Search, prior_odds
+from hybridsurrogate.inference.evidence.grid import layout
+from hybridsurrogate.inference.evidence.linearised import Linearised, linearise
+from hybridsurrogate.inference.evidence.marginal_likelihood import scan
+from hybridsurrogate.priors import FloatArray
+
+# half a difference, in standard normal coordinates: about the rows next to a step
+_MOVE = 0.03
+
+
+class NullTest(NamedTuple):
+    """Result of the test.
+
+    Attributes
+    ----------
+    statistic : float
+        T, the log of the best evidence ratio over the whole catalogue.
+    replicates : ndarray of shape (R,)
+        T of data sets in which nothing is wrong.
+    bound : float
+        What Markov's inequality leaves to such evidence, see `evidence_bound`.
+    """
+
+    statistic: float
+    replicates: FloatArray
+    bound: float = 1.0
+
+    @property
+    def share(self) -> float:
+        """(1 + #{T_rep >= T}) / (1 + R)."""
+        exceeding = np.sum(self.replicates >= self.statistic)
+        return float((1 + exceeding) / (1 + len(self.replicates)))
+
+    @property
+    def p_value(self) -> float:
+        """The share or, where it is less, the bound: never less than one in 1 + R."""
+        return min(self.share, max(self.bound, 1 / (1 + len(self.replicates))))
+
+
+def null_test(found: Search, n_replicates: int, random_state: np.random.RandomState) -> NullTest:
+    """Repeat the whole search on replicates of "nothing is wrong" at the same inputs.
+
+    Every cause is linearised once, at the null fit and where it changes nothing: designs do not
+    depend on y, so measured and replicated responses are weighed in one batch, by the same
+    statistic. The places of causes that were accepted before are free, to first order.
+    """
+    problem, null = found.problem, found.weighed[0]
+    free = freed(found)
+    responses = np.vstack([problem.y, _replicates(found, free, n_replicates, random_state)])
+    base = null.peak.z
+    evidence = []
+    for w in found.weighed:
+        z = w.plan.neutral.copy()
+        z[: len(base)] = base
+        # in a replicate a change may be anywhere, not only where the measured one is
+        plan = w.plan if len(w.plan.nodes) else layout(w.model)
+        parts = free(linearise(w.model, problem.X, found.belief, plan, z).simplified())
+        evidence.append(
+            special.logsumexp(scan(parts, responses, null.sigma, found.noise, found.sizes), axis=1)
+        )
+    if len(evidence) == 1:
+        return NullTest(0.0, np.zeros(n_replicates))
+    statistic = np.max(evidence[1:], axis=0) - evidence[0]
+    return NullTest(float(statistic[0]), statistic[1:])
+
+
+def evidence_bound(found: Search) -> float:
+    """Return how probable evidence like that of a search is at most where nothing is wrong.
+
+    The evidence of all causes together, over that of "nothing is wrong", has an expectation of one
+    where that is true; by Markov's inequality a ratio of r or more has probability 1 / r at most.
+    Coarse, but it holds far from the null fit too, where a first order says nothing: a cause that
+    shifts the phase of an oscillation is far from its tangent.
+    """
+    nothing = found.probability[0]
+    odds = nothing / max(1 - nothing, np.finfo(float).tiny)
+    prior = prior_odds([w.cause for w in found.weighed])
+    return float(min(1.0, odds * prior[1:].sum() / prior[0]))
+
+
+def _replicates(
+    found: Search,
+    free: Callable[[Linearised], Linearised],
+    n: int,
+    random_state: np.random.RandomState,
+) -> FloatArray:
+    """Draw measured responses from the posterior predictive of the linearised null, (n, rows)."""
+    problem, null = found.problem, found.weighed[0]
+    parts = free(linearise(null.model, problem.X, found.belief, null.plan, null.peak.z))
+    # an accepted cause may have changed the noise: rows are drawn in units of it
+    ((unit, unequal),) = parts.at(np.zeros(1, dtype=int)).by_noise()
+    G, U = unit.G[0], unit.U
+    rows, d = G.shape
+    degrees = max(rows - d, 1)
+    sigma = np.sqrt(null.peak.squares / random_state.chisquare(degrees, size=n))
+    precision = np.eye(d) + G.T @ G / null.sigma**2
+    residual = problem.y / unequal - unit.mean[0]
+    mean = np.linalg.solve(precision, G.T @ residual) / null.sigma**2
+    factor = np.linalg.cholesky(np.linalg.inv(precision))
+    g = mean + random_state.standard_normal((n, d)) @ factor.T
+    emulator = random_state.standard_normal((n, U.shape[1])) @ U.T
+    if problem.working_point is not None:
+        eta = unequal * (unit.mean[0] + g @ G.T + emulator)
+        return problem.working_point.replicates(eta, random_state)
+    noise = sigma[:, None] * random_state.standard_normal((n, rows))
+    return unequal * (unit.mean[0] + g @ G.T + emulator + noise)
+
+
+def freed(found: Search) -> Callable[[Linearised], Linearised]:
+    """Return what adds the places of the accepted causes to a model linearised at the null fit.
+
+    A cause that is held at its place can neither give way to another one nor be as uncertain as it
+    is: a test of "nothing further" would be about this one place.
+    """
+    problem, null = found.problem, found.weighed[0]
+    model, plan, z = null.model, null.plan, null.peak.z
+    taken = [*plan.fixed, *plan.sizes, *plan.nodes]
+    places = np.setdiff1d(np.arange(model.n_unknowns), taken).astype(int)
+    if not len(places):
+        return lambda parts: parts
+    parts = linearise(model, problem.X, found.belief, plan, z)
+    ((unit, unequal),) = parts.at(np.zeros(1, dtype=int)).by_noise()
+    G = unit.G[0]
+    precision = null.sigma**2 * np.eye(G.shape[1]) + G.T @ G
+    fitted = np.linalg.solve(precision, G.T @ (problem.y / unequal - unit.mean[0]))
+    sizes = fitted[len(plan.fixed) :] * model.column_sd
+    points = np.tile(z, (2, len(places), 1))
+    points[0, range(len(places)), places] += _MOVE
+    points[1, range(len(places)), places] -= _MOVE
+    values = model.values(points.reshape(-1, len(z)))
+    output, _, _ = model.simulated(problem.X, values, found.belief.mean)
+    means = output + model.added(problem.X, values) @ sizes
+    up, down = np.nan_to_num(means).reshape(2, len(places), -1)
+    slopes: FloatArray = (up - down).T / (2 * _MOVE)
+
+    def free(parts: Linearised) -> Linearised:
+        wide = np.broadcast_to(slopes, (len(parts.G), *slopes.shape))
+        return replace(
+            parts,
+            mean=parts.mean - slopes @ z[places],
+            G=np.concatenate([parts.G, wide], axis=2),
+        )
+
+    return free

@@ -1,0 +1,243 @@
+"""Where each cause fits best: one climb, and more in earnest where that looks promising."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from hybridsurrogate.diagnosis.search.local_fit import (
+    Fitted,
+    InterruptedSearch,
+    badness,
+    effect_sizes,
+    highest,
+    node_evidence,
+    settled,
+    sigma_of,
+)
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.inference.conjugate.emulator_posterior import Belief
+from hybridsurrogate.inference.conjugate.noise_marginal import LogMarginal
+from hybridsurrogate.inference.evidence.grid import Layout, at_cells, layout, refine
+from hybridsurrogate.inference.evidence.levenberg_marquardt import (
+    best_from_afar,
+    best_of_many,
+    is_followed,
+)
+from hybridsurrogate.inference.evidence.marginal_likelihood import Peak, climb
+from hybridsurrogate.inference.model.observation import MeasuredModel
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.problem.problem import Problem
+
+
+class Margins(NamedTuple):
+    """How far (in nats, prior odds included) behind the best cause is far, and what is hopeless."""
+
+    behind: float
+    hopeless: float
+
+
+# a first climb may have found a lower hill on too coarse a grid; where climbs in other rows ended
+# is nearly it, and what had a chance there has a finer grid already
+_MARGINS, _MARGINS_NEARBY = Margins(12.0, np.inf), Margins(4.0, 30.0)
+# a fit this many times closer than without the cause is as good as exact
+_NEGLIGIBLE = 1e-3
+_NEUTRAL_MOVES = (0.0, 0.7, -0.7)
+# what is wrong may drive the parameters this far (in prior sds) from where they belong, that a
+# climb from there does not find back
+_DRIVEN_AWAY = 2.0
+# nodes of a coarse grid between which a cause that looks far behind may fit much better
+_LOOKED_BETWEEN, _LOOKS = 8, 5
+# a fit with less than this share of the noise that it was made with is made again
+_MUCH_CLOSER = 0.5
+
+
+def best_peaks(
+    problem: Problem,
+    causes: Sequence[Cause],
+    belief: Belief,
+    noise: LogMarginal,
+    null: Fitted,
+    log_prior: FloatArray,
+    nearby: Sequence[Fitted] | None = None,
+) -> tuple[list[Fitted], FloatArray]:
+    """Fit every cause: from one start, and in earnest where that looks promising.
+
+    ``log_prior`` is that of "nothing is wrong" and of every cause. ``nearby`` are the peaks of the
+    same causes in other rows of the same data: they stand for that first climb, and what is
+    promising is followed from there alone. An `InterruptedSearch` holds the fits of the first so
+    many causes.
+
+    Returns
+    -------
+    fits : list of Fitted
+    behind : ndarray
+        Log evidence of the causes that are far behind, on the first grid; NaN for the others.
+    """
+    fits: list[Fitted] = []
+    try:
+        for k, cause in enumerate(causes):
+            model = problem.model.with_effects((*problem.model.effects, cause))
+            plan = layout(model)
+            if is_followed(cause):
+                # with every unknown followed a start is a choice, which other rows must not make
+                fits.append(_followed(problem, belief, noise, model, plan, null))
+            elif nearby is None or _is_noise_process(model):
+                fits.append(_once(problem, belief, model, plan, null))
+            else:
+                fits.append(_unmoved(problem, model, plan, nearby[k], null))
+        margins = _MARGINS if nearby is None else _MARGINS_NEARBY
+        behind = _far_behind(problem, belief, noise, [null, *fits], log_prior, margins)
+        for k in map(int, np.flatnonzero(np.isnan(behind))):
+            model, plan, peak, sigma = fits[k]
+            if _is_noise_process(model) or is_followed(model.effects[-1]):
+                continue
+            if nearby is None:
+                sigma = null.sigma
+                others = _starts(model, plan, null)[1:]
+                other = highest(problem, belief, model, plan, others, sigma)
+                peak = min(peak, other, key=lambda found: badness(problem, found, null.sigma))
+            fits[k] = settled(problem, belief, noise, Fitted(model, plan, peak, sigma))
+    except KeyboardInterrupt as stop:
+        raise InterruptedSearch(fits) from stop
+    return fits, behind
+
+
+def _followed(
+    problem: Problem,
+    belief: Belief,
+    noise: LogMarginal,
+    model: MeasuredModel,
+    plan: Layout,
+    null: Fitted,
+) -> Fitted:
+    """Fit a cause whose unknowns are all followed, from many starts."""
+    plain, floor = plan.followed(), _NEGLIGIBLE * null.sigma
+    z, sigma = best_of_many(model, problem.X, problem.y, belief, plan, null.peak.z, floor)
+    peak = highest(problem, belief, model, plain, [z], sigma)
+    return settled(problem, belief, noise, Fitted(model, plain, peak, sigma))
+
+
+def _unmoved(
+    problem: Problem, model: MeasuredModel, plan: Layout, other: Fitted, null: Fitted
+) -> Fitted:
+    """Return the fit to other rows as one to these, on the grid refined there, before any climb.
+
+    Causes that were accepted are held where they are in these rows.
+    """
+    plan = at_cells(model, plan, other.plan.edges)
+    if not np.isfinite(other.peak.objective):
+        return Fitted(model, plan, other.peak, other.sigma)
+    z, accepted = other.peak.z.copy(), slice(model.n_parameters, len(null.peak.z))
+    z[accepted] = null.peak.z[accepted]
+    peak = Peak(z, len(problem.y) * other.sigma**2, 0.0, 0)
+    return Fitted(model, plan, peak, other.sigma)
+
+
+def _once(
+    problem: Problem,
+    belief: Belief,
+    model: MeasuredModel,
+    plan: Layout,
+    null: Fitted,
+) -> Fitted:
+    """Climb once, on the first grid."""
+    starts, sigma = _starts(model, plan, null), null.sigma
+    start, anew = starts[0], starts[len(starts) // 2]
+    if _is_noise_process(model):
+        # left free it would take all the noise there is: it has the size of the noise
+        size = sigma * problem.unit_noise
+        peak = climb(model, problem.X, problem.y, belief, plan, start, sigma, size)
+        return Fitted(model, plan, peak, sigma)
+    driven_away = np.linalg.norm(null.peak.z[: model.n_parameters]) > _DRIVEN_AWAY
+    starts = [start, anew] if driven_away else [start]
+    peak = highest(problem, belief, model, plan, starts, sigma)
+    args = model, problem.X, problem.y, belief, plan
+    afar = best_from_afar(*args, null.peak.z, peak.z, _NEGLIGIBLE * null.sigma)
+    if afar is not None:
+        peak = highest(problem, belief, model, plan, [afar], sigma)
+    for _ in range(_LOOKS):
+        before, sigma = sigma, sigma_of(problem, peak, sigma)
+        if not sigma < _MUCH_CLOSER * before:
+            break
+        # held to the priors by the noise of a poor fit, a climb ends short of a good one
+        peak = highest(problem, belief, model, plan, [peak.z], sigma)
+    return Fitted(model, plan, peak, sigma)
+
+
+def _far_behind(
+    problem: Problem,
+    belief: Belief,
+    noise: LogMarginal,
+    fits: Sequence[Fitted],
+    log_prior: FloatArray,
+    margins: Margins,
+) -> FloatArray:
+    """Return the log evidence of causes that are far behind; NaN for the others, failed or not.
+
+    The first of the fits is that of "nothing is wrong". The stronger the data, the more a grid
+    misses between its nodes: what a finer one reaches counts, too.
+    """
+    sizes = effect_sizes(problem, fits)
+    scans = [node_evidence(problem, belief, noise, fit, sizes) for fit in fits]
+    reached = np.array([np.logaddexp.reduce(nodes) for nodes in scans])
+    # a curve of any shape reaches high at once: what has a name is compared with its like; what
+    # could not be followed at all gets its other starting points, too
+    of_any_shape = [any(e.kind == "unexplained" for e in fit.model.effects[-1:]) for fit in fits]
+    weight = np.where(np.isfinite(reached), reached + log_prior, -np.inf)
+    enough = np.max(weight[~np.array(of_any_shape)], initial=-np.inf) - margins.behind
+    behind = weight < enough
+    hopeless = enough - margins.hopeless
+    for k in map(int, np.flatnonzero(behind & np.isfinite(reached) & (weight > hopeless))):
+        if len(fits[k].plan.nodes):
+            missed = _between_nodes(problem, belief, noise, fits[k], scans[k], sizes)
+            # what gains so much without a climb may gain as much again by one
+            behind[k] = weight[k] + missed < enough and missed < margins.behind
+    return np.where(behind & np.isfinite(reached), reached, np.nan)[1:]
+
+
+def _between_nodes(
+    problem: Problem,
+    belief: Belief,
+    noise: LogMarginal,
+    fit: Fitted,
+    nodes: FloatArray,
+    sizes: FloatArray,
+) -> float:
+    """Return how many nats more a finer grid around the best nodes reaches, without a climb."""
+    density = nodes - fit.plan.log_weight
+    coarse = float(density.max())
+    for _ in range(_LOOKS):
+        index = np.argsort(-density)[:_LOOKED_BETWEEN]
+        best = fit.plan.at(index)
+        finer = refine(fit.model, best, density[index] + best.log_weight)
+        if finer is best:
+            break
+        fit = fit._replace(plan=finer)
+        density = node_evidence(problem, belief, noise, fit, sizes) - finer.log_weight
+    return max(float(density.max()) - coarse, 0.0)
+
+
+def _is_noise_process(model: MeasuredModel) -> bool:
+    cause = model.effects[-1]
+    return cause.is_process and not cause.changes_output
+
+
+def _starts(model: MeasuredModel, plan: Layout, null: Fitted) -> list[FloatArray]:
+    """Return starting points: the null fit first, then other sizes, then the prior's centre."""
+    centres = [null.peak.z]
+    if np.linalg.norm(null.peak.z[: model.n_parameters]) > 1.0:
+        # the simulation's parameters start anew, accepted causes stay where they are
+        anew = null.peak.z.copy()
+        anew[: model.n_parameters] = 0.0
+        centres.append(anew)
+    starts = []
+    for centre in centres:
+        for move in _NEUTRAL_MOVES if len(plan.sizes) else (0.0,):
+            z = plan.neutral.copy()
+            z[: len(centre)] = centre
+            z[plan.sizes] += move
+            starts.append(z)
+    return starts

@@ -1,0 +1,158 @@
+"""From a fitted estimator to what a search needs: the problem, the causes, the emulator."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from hybridsurrogate.catalogue import Skipped, catalogue
+from hybridsurrogate.diagnosis.emulation.conditioned import krige
+from hybridsurrogate.effects.base import Cause, Context
+from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.exceptions import DiagnosisWarning
+from hybridsurrogate.inference.conjugate.emulator_posterior import Belief, coefficient_belief
+from hybridsurrogate.inference.model.validation import check_effects
+from hybridsurrogate.priors import FloatArray, to_normal
+from hybridsurrogate.problem.context import make_context, mismatch
+from hybridsurrogate.problem.problem import Problem, make_problem
+from hybridsurrogate.simulation.simulator import SimulationData
+from hybridsurrogate.surrogates.basis import Basis
+
+# draws of the posterior of which the best is taken
+_TRIED = 200
+
+
+class Prepared(NamedTuple):
+    """The measured rows as a problem without effects, and the causes to weigh on it.
+
+    Attributes
+    ----------
+    problem : Problem
+    causes : list of Cause
+        Prepared.
+    skipped : list of Skipped
+        What cannot be weighed, with reasons.
+    unusable : list of Skipped
+        The user's own among them.
+    """
+
+    problem: Problem
+    causes: list[Cause]
+    skipped: list[Skipped]
+    unusable: list[Skipped]
+
+    def warn(self) -> None:
+        """Warn of the user's own causes that cannot be weighed."""
+        for left in self.unusable:
+            name = f"{left.kind}({left.target})" if left.target else left.kind
+            warnings.warn(
+                f"Your cause {name!r} was not weighed: {left.reason}.",
+                DiagnosisWarning,
+                stacklevel=3,
+            )
+
+
+def prepare(
+    fitted: PowerScaledSurrogate,
+    own: Sequence[Cause],
+    excluded: Collection[str] = (),
+    max_causes: int = 1,
+) -> Prepared:
+    """Return what a search over the catalogue and the user's own causes needs.
+
+    Parameters
+    ----------
+    fitted : PowerScaledSurrogate
+        Without effects.
+    own : sequence of Cause
+        The user's.
+    excluded : collection of str
+        Kinds of the catalogue that are left out.
+    max_causes : int, default=1
+        How many may be found beside each other.
+
+    Raises
+    ------
+    ValueError
+        By name, for a cause of the user's that returns a wrong shape or NaN.
+    """
+    surrogate, likelihood = fitted._check_parameters()
+    X, y = fitted._measured
+    columns = fitted.posterior_.model.columns
+    problem = make_problem(
+        fitted.simulation, surrogate, likelihood, fitted.noise_prior, (), columns, X, y
+    )
+    # a search over causes has no time to infer a surrogate's hyperparameters each time
+    hyper = fitted.posterior_.values[:, fitted.posterior_.model.n_unknowns :]
+    problem = problem.given(np.median(hyper, axis=0))
+    problem = replace(problem, good=_best_draw(fitted, problem))
+    told = coefficient_belief(problem.model.basis, problem.simulation).mean
+    context = make_context(
+        fitted.simulation,
+        columns,
+        problem.model.n_inputs,
+        X,
+        problem.scale,
+        likelihood,
+        problem.model.basis,
+        float(np.mean(problem.y)),
+        mismatch(problem.model, problem.X, told, problem.y, problem.weights),
+    )
+    problem = replace(problem, reach=context.reach)
+    usable, unusable = [], []
+    for cause in own:
+        reason = _lacks(cause, context, problem)
+        if reason is None:
+            usable.append(cause)
+        else:
+            unusable.append(Skipped(cause.kind, cause.target, reason))
+    causes, skipped = catalogue(context, usable, excluded, alone=max_causes == 1)
+    return Prepared(problem, causes, [*unusable, *skipped], unusable)
+
+
+def _best_draw(fitted: PowerScaledSurrogate, problem: Problem) -> FloatArray:
+    """Return the parameters of that draw of the posterior that fits best, as z (1, n)."""
+    posterior = fitted.posterior_
+    n = posterior.n_draws
+    some = posterior.take(np.unique(np.linspace(0, n - 1, min(n, _TRIED)).astype(int)))
+    # a draw for which the simulation fails is far off
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = np.sum((problem.y - some.eta(problem.X)[0]) ** 2, axis=1)
+    best = int(np.argmin(np.where(np.isfinite(squares), squares, np.inf)))
+    priors = list(problem.model.parameters.values())
+    return to_normal(priors, some.values[best : best + 1, : len(priors)])
+
+
+def _lacks(cause: Cause, context: Context, problem: Problem) -> str | None:
+    """Return what a cause of the user's needs and does not find, None where it has everything."""
+    try:
+        prepared = cause.prepare(context)
+    except ValueError as error:
+        return str(error)
+    try:
+        check_effects(problem.model.with_effects([prepared]), problem.X)
+    except KeyError as error:
+        there = [*context.X, *context.parameters, *context.assumed]
+        return f"it asks for {error}; there are {there}"
+    return None
+
+
+def trained_emulator(problem: Problem, fitted: PowerScaledSurrogate) -> tuple[Problem, Belief]:
+    """Return the problem with the simulation as the runs alone tell it."""
+    basis = problem.model.basis
+    belief = coefficient_belief(basis, problem.simulation)
+    runs = fitted.simulation
+    if problem.simulation is None or not isinstance(runs, SimulationData):
+        return problem, belief
+    run_eta = problem.likelihood.working(runs.y)
+    kriged, belief = krige(basis, belief, runs, run_eta)
+    return with_basis(problem, kriged), belief
+
+
+def with_basis(problem: Problem, basis: Basis) -> Problem:
+    """Return the problem with another surrogate of the same simulation."""
+    return replace(problem, model=replace(problem.model, basis=basis))

@@ -1,0 +1,46 @@
+"""Measured rows of any likelihood as rows that are normal to first order.
+
+Screening needs normal rows. Around the fit without a cause, rows of any likelihood are replaced by
+those of one step of Fisher scoring: a working response and a noise of each row, of which the latter
+does not depend on what was measured. Measured and replicated data meet the same approximation, so
+that a p-value is right whatever it neglects; what leads is scored by the likelihood itself
+(`diagnosis/exact_scores.py`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hybridsurrogate.inference.model.working_point import WorkingPoint
+from hybridsurrogate.posterior import Posterior
+from hybridsurrogate.problem.problem import Problem
+
+
+def on_working_rows(problem: Problem, posterior: Posterior) -> Problem:
+    """Return the problem as a search sees it: the same where rows are normal and alike.
+
+    Parameters
+    ----------
+    problem : Problem
+        Without effects.
+    posterior : Posterior
+        Of the estimator without effects.
+    """
+    if problem.likelihood.gaussian:
+        return problem
+    eta = posterior.eta(problem.X)[0]
+    eta = np.mean(eta[np.isfinite(eta).all(axis=1)], axis=0)
+    sigma = float(np.median(posterior.sigma))
+    point = WorkingPoint(problem.likelihood, eta, sigma, posterior.sigma)
+    model = replace(problem.model, has_row_noise=True)
+    X = np.column_stack([problem.X, np.ones(len(eta))])
+    return expanded(replace(problem, model=model, X=X), point)
+
+
+def expanded(problem: Problem, point: WorkingPoint) -> Problem:
+    """Return a problem whose rows carry their noise, expanded at a point."""
+    X = problem.X.copy()
+    X[:, -1] = point.noise() / np.sqrt(problem.weights)
+    return replace(problem, X=X, y=point.response(problem.observed), working_point=point)

@@ -1,0 +1,159 @@
+"""How much weight a simulation deserves, before and after its fault is named."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+from joblib import delayed
+from numpy.typing import ArrayLike
+from sklearn.base import clone
+
+from hybridsurrogate.diagnosis.validation.folds import Folds, folds_beyond, random_folds, rows_of
+from hybridsurrogate.diagnosis.validation.parallel import in_parallel
+from hybridsurrogate.estimators.beta_path import beta_path
+from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.exceptions import HybridSurrogateWarning
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.scoring.scores import last_of_the_best, paired_difference
+
+# enough to see whether the best weight moved
+_FEW_BETAS, _SCAN_FOLDS = (0.05, 0.25, 0.5, 0.75, 0.95), 3
+# with more of these a scan takes minutes
+_MANY_COEFFICIENTS = 100
+# scores of single weights differ by more than the error of so many draws
+_DRAWS = 200
+
+
+@dataclass(frozen=True)
+class BetaScans:
+    """What `scan_beta` finds at a few weights for a fitted diagnosis, when it is first asked for.
+
+    Attributes
+    ----------
+    models : pair of PowerScaledSurrogate
+        Before and after, fitted.
+    X, y : array-like of shape (n, n_columns), (n,)
+        Measured data.
+    n_jobs : int or None
+    known : dict
+        The scans that were tried: out of range or not.
+    """
+
+    models: tuple[PowerScaledSurrogate, PowerScaledSurrogate]
+    X: ArrayLike
+    y: ArrayLike
+    n_jobs: int | None
+    known: dict[bool, pd.DataFrame | None] = field(default_factory=dict, repr=False, compare=False)
+
+    def few(self, out_of_range: bool) -> pd.DataFrame | None:
+        """Return the scan within the measured range or beyond it.
+
+        None where it makes no sense or takes minutes, and without folds beyond it.
+        """
+        if out_of_range not in self.known:
+            self.known[out_of_range] = self._few(out_of_range)
+        return self.known[out_of_range]
+
+    def _few(self, out_of_range: bool) -> pd.DataFrame | None:
+        before, _ = self.models
+        if not has_weight(before) or is_slow(before):
+            return None
+        assert before.simulation is not None
+        folds = (
+            folds_beyond(before.simulation, before._measured[0])
+            if out_of_range
+            else scan_folds(self.y)
+        )
+        if not folds:
+            return None
+        return scan_beta(self.models, np.array(_FEW_BETAS), folds, self.X, self.y, self.n_jobs)
+
+
+def scan_folds(y: ArrayLike) -> Folds:
+    """Return the folds of a scan within the measured range."""
+    return random_folds(len(np.asarray(y)), _SCAN_FOLDS, 0)
+
+
+def has_weight(estimator: PowerScaledSurrogate) -> bool:
+    """Tell whether runs and measurements compete for the coefficients of a surrogate."""
+    return bool(estimator.posterior_.coefficients.shape[1])
+
+
+def is_slow(estimator: PowerScaledSurrogate) -> bool:
+    """Tell whether a fit takes long, by hyperparameters or by many coefficients."""
+    model = estimator.posterior_.model
+    return bool(model.n_hyper) or len(model.basis.coefficient_mean) > _MANY_COEFFICIENTS
+
+
+def scan_beta(
+    models: Sequence[PowerScaledSurrogate],
+    betas: FloatArray,
+    folds: Folds,
+    X: ArrayLike,
+    y: ArrayLike,
+    n_jobs: int | None,
+) -> pd.DataFrame:
+    """Return the held-out ELPD per row of the models before and after at each weight.
+
+    Draws come from importance sampling alone, carried from one weight to the next: an ensemble for
+    every fold and weight would take minutes.
+
+    Parameters
+    ----------
+    models : sequence of two PowerScaledSurrogate
+        Before and after, the cause held fixed.
+    betas : ndarray
+    folds : list of (train, test)
+    X, y : array-like of shape (n, n_columns), (n,)
+    n_jobs : int or None
+        Folds at the same time, as in `joblib.Parallel`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns beta, before, after, and before_error and after_error: the standard error of each
+        score's difference from that at the best weight, paired by rows.
+    """
+    (before, after), take, values = models, rows_of(X), np.asarray(y, dtype=float)
+    tasks = [
+        delayed(_scores_of_fold)(model, betas, take(train), values[train], take(test), values[test])
+        for model in ([before] if after is before else models)
+        for train, test in folds
+    ]
+    told = in_parallel(tasks, n_jobs)
+    n = len(folds)
+    rows = {
+        "before": np.concatenate(told[:n], axis=1),
+        # the same tasks where nothing was found
+        "after": np.concatenate(told[-n:], axis=1),
+    }
+    means = {word: scores.mean(axis=1) for word, scores in rows.items()}
+    errors = {f"{word}_error": _errors(scores) for word, scores in rows.items()}
+    return pd.DataFrame({"beta": betas, **means, **errors})
+
+
+def _scores_of_fold(
+    model: PowerScaledSurrogate,
+    betas: FloatArray,
+    X: ArrayLike,
+    y: FloatArray,
+    X_held: ArrayLike,
+    y_held: FloatArray,
+) -> FloatArray:
+    """Return the log predictive density of held-out rows at each weight: (n_betas, n_held)."""
+    draws = min(int(model.n_draws), _DRAWS)
+    quick = clone(model).set_params(sampler="importance", n_draws=draws)
+    with warnings.catch_warnings():
+        # fits at extreme weights are often doubtful; the curve shows it
+        warnings.simplefilter("ignore", HybridSurrogateWarning)
+        path = beta_path(quick, X, y, list(betas))
+        return np.array([m.log_predictive_density(X_held, y_held) for m in path.estimators])
+
+
+def _errors(scores: FloatArray) -> FloatArray:
+    best = scores[last_of_the_best(scores.mean(axis=1))]
+    return np.array([paired_difference(one, best).standard_error for one in scores])

@@ -1,0 +1,84 @@
+"""The gain on rows held out, the whole diagnosis repeated without them."""
+
+from __future__ import annotations
+
+import warnings
+from typing import NamedTuple
+
+from joblib import delayed
+from numpy.typing import ArrayLike
+
+from hybridsurrogate.diagnosis.validation.folds import Folds, rows_of
+from hybridsurrogate.diagnosis.validation.gain import Gain, Held, gain_over, pointwise
+from hybridsurrogate.diagnosis.validation.parallel import in_parallel
+from hybridsurrogate.diagnosis.validation.refit import Rehearsal
+from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning
+from hybridsurrogate.priors import FloatArray
+
+
+class Told(NamedTuple):
+    """What a fold has to tell: its scores, and the doubtful fits behind them."""
+
+    held: Held
+    doubts: list[str]
+
+
+def proof(
+    rehearse: Rehearsal,
+    within: Folds,
+    beyond: Folds,
+    X: ArrayLike,
+    y: FloatArray,
+    n_jobs: int | None,
+    progress: bool = False,
+) -> tuple[Gain | None, Gain | None]:
+    """Return the gain within the measured range and beyond it, None where there are no folds.
+
+    Parameters
+    ----------
+    rehearse : Rehearsal
+        Returns the models before and after for given rows, from a search on them.
+    within, beyond : list of (train, test)
+    X, y : array-like of shape (n, n_columns), (n,)
+    n_jobs : int or None
+        Folds at the same time, as in `joblib.Parallel`.
+    progress : bool
+        Count the folds on a terminal.
+    """
+    take = rows_of(X)
+    tasks = [
+        delayed(score_fold)(rehearse, take(train), y[train], take(test), y[test])
+        for train, test in [*within, *beyond]
+    ]
+    told: list[Told] = in_parallel(tasks, n_jobs, progress)
+    doubtful = sorted({doubt for fold in told for doubt in fold.doubts})
+    if doubtful:
+        warnings.warn(
+            f"{len(doubtful)} of the fits behind the gain have doubtful draws, for example: "
+            f"{doubtful[0]}",
+            DiagnosisWarning,
+            stacklevel=4,
+        )
+    held = [fold.held for fold in told]
+    inside, outside = held[: len(within)], held[len(within) :]
+    return gain_over(inside) if inside else None, gain_over(outside) if outside else None
+
+
+def score_fold(
+    rehearse: Rehearsal,
+    X: ArrayLike,
+    y: FloatArray,
+    X_held: ArrayLike,
+    y_held: FloatArray,
+) -> Told:
+    """Return the scores of the models before and after on held-out rows.
+
+    Its warnings are part of what it returns: those of another process would be lost.
+    """
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", HybridSurrogateWarning)
+        plain, extended, kind = rehearse(X, y)
+        before = pointwise(plain, X_held, y_held)
+        after = before if extended is plain else pointwise(extended, X_held, y_held)
+    doubts = [str(w.message) for w in caught if "doubtful" in str(w.message)]
+    return Told(Held(before, after, kind), doubts)

@@ -1,0 +1,148 @@
+"""The whole diagnosis once more, on some of the rows."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from numpy.random import RandomState
+from numpy.typing import ArrayLike
+from sklearn.base import clone
+
+from hybridsurrogate.diagnosis.answers.extension import extend_simulator
+from hybridsurrogate.diagnosis.search.evidence import Search, kind_of
+from hybridsurrogate.diagnosis.search.forward_selection import Step, forward_search
+from hybridsurrogate.diagnosis.search.setup import prepare, with_basis
+from hybridsurrogate.diagnosis.search.working_rows import on_working_rows
+from hybridsurrogate.diagnosis.validation.gain import in_one_word
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.estimators.carried import fitted_near
+from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.exceptions import HybridSurrogateWarning
+from hybridsurrogate.inference.sampling.psis import KHAT_LIMIT
+from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.simulation.simulator import Simulator
+
+# enough for scores whose own standard error is that of a handful of rows
+FOLD_DRAWS = 400
+
+
+class Pair(NamedTuple):
+    """The models before and after, fitted to the same rows, and what the search chose."""
+
+    before: PowerScaledSurrogate
+    after: PowerScaledSurrogate
+    kind: str
+
+
+@dataclass(frozen=True)
+class Rehearsal:
+    """Search and extension, repeated on some of the rows: selection is part of what is scored.
+
+    Attributes
+    ----------
+    estimator : PowerScaledSurrogate
+        The model before, not fitted.
+    own : sequence of Cause
+    excluded : tuple of str
+        Kinds that are not weighed.
+    found : sequence of Search
+        On all rows, the first one first: emulator and belief come from the runs alone, which are
+        the same in each fold, and climbs start where theirs ended.
+    fitted : Pair
+        On all rows: fits of the same causes start from their proposals.
+    max_causes : int
+    false_alarm_rate : float
+    """
+
+    estimator: PowerScaledSurrogate
+    own: Sequence[Cause]
+    excluded: tuple[str, ...]
+    found: Sequence[Search]
+    fitted: Pair
+    max_causes: int
+    false_alarm_rate: float
+
+    def __call__(self, X: ArrayLike, y: ArrayLike) -> Pair:
+        """Return the models before and after for these rows."""
+        draws = min(int(self.estimator.n_draws), FOLD_DRAWS)
+        plain = clone(self.estimator).set_params(n_draws=draws)
+        before = quickly_fitted(plain, X, y, self.fitted.before)
+        prepared = prepare(before, self.own, self.excluded, self.max_causes)
+        problem = with_basis(prepared.problem, self.found[0].problem.model.basis)
+        problem = on_working_rows(problem, before.posterior_)
+        steps = forward_search(
+            problem,
+            prepared.causes,
+            self.found[0].belief,
+            self.max_causes,
+            self.false_alarm_rate,
+            None,
+            # without replicates nothing in a search is random
+            RandomState(0),
+            self.found,
+        )
+        after, causes = before, accepted(steps)
+        if causes:
+            same = [c.name for c in causes] == [c.name for c in self.fitted.after.effects]
+            near = self.fitted.after if same else None
+            after = quickly_fitted(clone(plain).set_params(effects=causes), X, y, near)
+        return Pair(before, after, in_one_word([kind_of(step.chosen) for step in steps]))
+
+
+def quickly_fitted(
+    estimator: PowerScaledSurrogate,
+    X: ArrayLike,
+    y: ArrayLike,
+    near: PowerScaledSurrogate | None = None,
+) -> PowerScaledSurrogate:
+    """Fit by importance draws; by the ensemble only where these are not to be trusted.
+
+    An ensemble that smooths trusted draws of several modes is worth its time in a model that is
+    kept, not in one of many folds. Its proposals are those of ``near``, fitted to all rows, if
+    these serve.
+    """
+    if estimator.sampler != "auto":
+        return estimator.fit(X, y)
+    known = fitted_near(estimator, X, y, near) if near is not None else None
+    if known is not None:
+        return known
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", HybridSurrogateWarning)
+        quick = clone(estimator).set_params(sampler="importance").fit(X, y)
+    return quick if quick.diagnostics_.khat <= KHAT_LIMIT else estimator.fit(X, y)
+
+
+def accepted(steps: Sequence[Step]) -> tuple[Cause, ...]:
+    """Return the causes that a forward search accepted."""
+    return tuple(step.chosen.cause for step in steps if step.found and step.chosen.cause)
+
+
+def extended(
+    before: PowerScaledSurrogate, causes: tuple[Cause, ...], X: ArrayLike, y: ArrayLike
+) -> PowerScaledSurrogate:
+    """Return the estimator with causes as effects, fitted; the one before where there are none."""
+    return clone(before).set_params(effects=causes).fit(X, y) if causes else before
+
+
+def extended_simulator(
+    simulator: Simulator | None, causes: Sequence[Cause], problem: Problem
+) -> Simulator | None:
+    """Return the user's simulation with all causes in it.
+
+    None where there are only runs, or nothing to add.
+    """
+    changes = [c for c in causes if c.kind != "unexplained" and c.changes_output]
+    inside = [c for c in changes if c.modification is not None]
+    moving = [c for c in changes if c.modification is None and c.moves_inputs]
+    outside = [c for c in changes if not c.moves_inputs]
+    # a factor acts on the simulation alone, not on what other causes add to it
+    outside.sort(key=lambda cause: not cause.touches_simulation)
+    if simulator is None or not changes:
+        return None
+    # each wraps those before it, and the first cause moves the rows first
+    for cause in [*inside, *reversed(moving), *outside]:
+        simulator = extend_simulator(simulator, cause, problem)
+    return simulator

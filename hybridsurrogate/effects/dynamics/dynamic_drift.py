@@ -1,0 +1,240 @@
+"""The cause that a parameter changes in time, inside the dynamics of an ODE."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy import stats
+
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.dynamics.dynamic import NEEDS_ODE, Dynamic
+from hybridsurrogate.effects.notation import (
+    SIMULATION,
+    digits_at,
+    minus,
+    number,
+    signed,
+    where,
+    word,
+)
+from hybridsurrogate.effects.over_column import period_nodes, period_prior, span_and_spacing
+from hybridsurrogate.ode.dynamics import TimeVaryingParameter
+from hybridsurrogate.priors import Prior, frozen, prior_sd, truncated_normal
+
+_N_LOCATIONS, _N_WIDTHS = 20, 4
+# halving and doubling are ordinary, but not of what is known to a per cent
+_LARGEST_CHANGE, _CHANGE_PER_DOUBT = 0.7, 3.0
+
+
+class DynamicDrift(Dynamic):
+    """A parameter that changes in time inside the dynamics of an `OdeSimulator`.
+
+    In the right-hand side the parameter p becomes p (1 + amount s(t)), and the solution follows,
+    where `ParameterDrift` runs the simulation anew for each row with a constant parameter.
+
+    Parameters
+    ----------
+    parameter : str
+        Or an assumed constant; the right-hand side must take it.
+    shape : {"logistic", "step", "ramp", "exponential", "periodic"}
+        The course s(t), as in `hybridsurrogate.ode.dynamics.TimeVaryingParameter`. A logistic
+        course is nearly a step where its width is small, and nearly a line where it is large.
+    column : str or None, default=None
+        The time; None: the first input.
+    prefix : str or None, default=None
+        What the names of the numbers begin with in an extended simulator; only needed where one
+        parameter has two changes of one shape.
+    priors : dict of name to prior, optional
+        Of the numbers below, where the defaults do not fit.
+    center : float or None, default=None
+        Time at which a periodic change has phase zero, and an exponential one has p itself. None:
+        the middle of the measured rows for the former, the first of them for the latter.
+
+    Notes
+    -----
+    Priors of the numbers by default:
+
+    - amount, the relative change: log(1 + amount) is normal with standard deviation s = 0.7, so
+      that halving and doubling are ordinary, and p keeps its sign. What is known well is not
+      expected to change much: s is at most three times the relative standard deviation of p's
+      prior;
+    - rate of an exponential change: Student-t with 3 degrees of freedom, whose scale is s over the
+      span;
+    - location: uniform over the measured times;
+    - duration: log-uniform between two distances of neighbouring rows and half the span; width:
+      the same, from half a distance on, as from 10 to 90 % a logistic course takes 4.4 widths;
+    - period: log-uniform between the shortest that the rows resolve and twice the span;
+    - sine, cosine, relative: normal(0, s / 2) cut to [-s, s], so that p keeps its sign.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> decay = hs.OdeSimulator(
+    ...     lambda t, state, rate: -rate * state, initial_state=[8.0],
+    ...     observe=lambda state: state[0], inputs={"t": (0, 10)}, states="n",
+    ...     parameters={"rate": hs.truncated_normal(0.5, 0.2, 0, 2)})
+    >>> t = np.linspace(0.5, 10, 20)
+    >>> y = 8 * np.exp(-0.4 * np.minimum(t, 5)) * (1 + 0.02 * np.cos(40 * t))
+    >>> model = hs.PowerScaledSurrogate(
+    ...     decay, surrogate=hs.ExactSurrogate(), likelihood="lognormal",
+    ...     effects=[hs.DynamicDrift("rate", "step")], n_draws=200, random_state=0)
+    >>> model = model.fit(t[:, None], y)
+    >>> float(model.posterior_.estimates(0)["amount"].mean().round(1))  # the decay stops
+    -1.0
+    """
+
+    kind = "parameter-drift"
+
+    def __init__(
+        self,
+        parameter: str,
+        shape: str = "logistic",
+        column: str | None = None,
+        prefix: str | None = None,
+        priors: Mapping[str, Prior] | None = None,
+        center: float | None = None,
+    ):
+        self.parameter = parameter
+        self.shape = shape
+        self.column = column
+        self.prefix = prefix
+        self.priors = priors
+        self.center = center
+
+    @property
+    def target(self) -> str:  # type: ignore[override]
+        """The parameter concerned."""
+        return self.parameter
+
+    @property
+    def variant(self) -> str:
+        """The course, and that it is one inside the dynamics."""
+        return f"{self.shape} inside the dynamics"
+
+    @property
+    def name(self) -> str:
+        """The kind, the parameter, and its course in time."""
+        return f"{self.kind}({self.parameter} in the dynamics, {self.shape} over {self.column})"
+
+    @property
+    def modification(self) -> TimeVaryingParameter:
+        """The change of the right-hand side."""
+        return TimeVaryingParameter(self.parameter, self.shape, self.prefix, self.center or 0.0)
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in the priors from the measured times."""
+        change = self.modification
+        if not context.states:
+            raise ValueError(NEEDS_ODE.format(f"DynamicDrift({self.parameter!r})"))
+        if self.parameter not in context.rates:
+            raise ValueError(
+                f"{self.parameter!r} is no parameter or assumed constant of the right-hand side; "
+                f"these are: {list(context.rates)}."
+            )
+        time = context.inputs[0]
+        if self.column not in (None, time):
+            raise ValueError(f"The time of the simulation is {time!r}, not {self.column!r}.")
+        times = context.column(time)
+        low, (span, spacing) = float(times.min()), span_and_spacing(times)
+        # a logistic course takes 4.4 widths from 10 to 90 %: as sudden as the shortest ramp
+        shortest = min(2 * spacing, 0.25 * span)
+        size = _ordinary_change(context, self.parameter)
+        defaults = {
+            "amount": frozen(stats.lognorm, size, loc=-1.0),
+            "rate": frozen(stats.t, 3, scale=size / span),
+            "sine": truncated_normal(0.0, size / 2, -size, size),
+            "cosine": truncated_normal(0.0, size / 2, -size, size),
+            "location": frozen(stats.uniform, loc=low, scale=span),
+            "width": frozen(stats.loguniform, 0.25 * shortest, 0.5 * span),
+            "duration": frozen(stats.loguniform, shortest, 0.5 * span),
+            "period": period_prior(times),
+        }
+        center = low + span / 2 * (change.shape == "periodic")
+        return self.filled(
+            column=time,
+            prefix=self.prefix or self.free_prefix(context, change),
+            priors=self.all_priors(defaults),
+            center=center if self.center is None else self.center,
+        )
+
+    def grid(self) -> dict[str, FloatArray]:
+        """Return locations and widths, or periods evenly spaced in frequency."""
+        share = (np.arange(_N_LOCATIONS) + 0.5) / _N_LOCATIONS
+        nodes = {}
+        for name, prior in self.parameters.items():
+            if name == "location":
+                nodes[name] = np.asarray(prior.ppf(share))
+            elif name in ("width", "duration"):
+                nodes[name] = np.asarray(prior.ppf((np.arange(_N_WIDTHS) + 0.5) / _N_WIDTHS))
+            elif name == "period":
+                nodes[name] = period_nodes(prior)
+        return nodes
+
+    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return the relative change and when it happens, or period and relative amplitude."""
+        if self.shape != "periodic":
+            return dict(theta)
+        amplitude = np.hypot(theta["sine"], theta["cosine"])
+        return {"period": np.asarray(theta["period"]), "amplitude": amplitude}
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        if self.shape == "exponential":
+            verb = "falling" if values["rate"] < 0 else "rising"
+            return (
+                f"simulation with {self.parameter} {verb} by {100 * abs(values['rate']):.3g} % "
+                f"per unit of {self.column} (exponential)"
+            )
+        if self.shape == "periodic":
+            return (
+                f"simulation with {self.parameter} swinging by {100 * values['amplitude']:.3g} % "
+                f"with period {values['period']:.4g} in {self.column}"
+            )
+        verb = "falling" if values["amount"] < 0 else "rising"
+        extra = [f"{k} {values[k]:.3g}" for k in values if k in ("width", "duration")]
+        place = "from" if self.shape == "ramp" else "around"
+        return (
+            f"simulation with {self.parameter} {verb} by {100 * abs(values['amount']):.3g} % "
+            f"{place} {self.column} = {values['location']:.{self._digits(values)}g} "
+            f"({', '.join([self.shape, *extra])})"
+        )
+
+    def _digits(self, values: Mapping[str, float]) -> int:
+        """Return the digits that tell the location among the measured times."""
+        prior = self.parameters.get("location")
+        scale = prior_sd(prior) if prior is not None else values["location"]
+        return digits_at(values["location"], scale, 4)
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        name, time = word(self.parameter), self.column or "time"
+        if self.shape == "exponential":
+            center, rate = self.center or 0.0, values["rate"]
+            distance = minus(time, center, digits_at(center, 1 / rate if rate else 0.0, 4))
+            exponent = rf"{number(values['rate'], 3)} \left({distance}\right)"
+            return rf"{SIMULATION}, \quad {name} \to {name} \exp\left({exponent}\right)"
+        if self.shape == "periodic":
+            angle = rf"\frac{{2 \pi \, {word(time)}}}{{{number(values['period'])}}}"
+            share = f"+ {number(values['amplitude'], 3)}"
+            course = rf"\sin\left({angle} + \varphi\right)"
+        else:
+            distance = minus(time, values["location"], self._digits(values))
+            share = signed(values["amount"], 3)
+            course = where(time, r"\geq", values["location"], self._digits(values))
+            if self.shape == "logistic":
+                width = number(values["width"], 3)
+                course = rf"\frac{{1}}{{1 + \exp\left(-{distance} / {width}\right)}}"
+            elif self.shape == "ramp":
+                duration = number(values["duration"], 3)
+                course = rf"\min\left(1, \max\left(0, {distance} / {duration}\right)\right)"
+        changed = rf"{name} \left(1 {share} \, {course}\right)"
+        return rf"{SIMULATION}, \quad {name} \to {changed}"
+
+
+def _ordinary_change(context: Context, name: str) -> float:
+    """Return the standard deviation of log p by which a parameter or constant p may change."""
+    prior = context.parameters.get(name) or context.assumed[name].prior
+    low, middle, high = prior.ppf([0.16, 0.5, 0.84])
+    relative = (high - low) / 2 / abs(middle) if middle else np.inf
+    return float(min(_LARGEST_CHANGE, _CHANGE_PER_DOUBT * relative))

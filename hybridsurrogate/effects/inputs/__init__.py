@@ -1,0 +1,1 @@
+"""Causes that move the inputs: a kind a file."""

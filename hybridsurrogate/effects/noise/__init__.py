@@ -1,0 +1,1 @@
+"""Causes that change the noise: a kind a file."""

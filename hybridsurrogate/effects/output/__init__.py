@@ -1,0 +1,1 @@
+"""Causes that add to the output: a kind a file."""

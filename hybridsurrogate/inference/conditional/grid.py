@@ -1,0 +1,160 @@
+"""A grid over one or two parameters, each draw of the coefficients with its own weights on it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+
+from hybridsurrogate.blocks import blocks
+from hybridsurrogate.inference.conditional.local_proposals import log_density_of_pairs
+from hybridsurrogate.inference.conditional.pairwise_squares import (
+    MeasuredGiven,
+    node_shares,
+    one_node_each,
+    squares_of_factors,
+    squares_of_pairs,
+)
+from hybridsurrogate.inference.conditional.principal_components import main_directions
+from hybridsurrogate.inference.conjugate.noise_marginal import marginal_over_noise, noise_grid
+from hybridsurrogate.inference.conjugate.sufficient_statistics import ROUNDING
+from hybridsurrogate.inference.model.prior_density import prior_log_density
+from hybridsurrogate.priors import FloatArray
+
+# along each parameter, by the number of parameters
+GRID_NODES = {0: 1, 1: 101, 2: 41}
+_Z_RANGE = 7.0
+# a posterior on fewer nodes than this gets a grid this many times finer
+_FEW_NODES = {1: 8.0, 2: 50.0}
+_REFINEMENT = {1: 10, 2: 3}
+# of the log density from a node to a point in its cell; where cells are as wide as two standard
+# deviations of the posterior
+_MOST_CHANGE = 0.5
+
+
+def grid_draws(
+    problem: MeasuredGiven, sigma: float, random_state: np.random.RandomState
+) -> tuple[FloatArray, bool]:
+    """Draw u = [z, log sigma] (S, d + 1), one for each coefficient draw.
+
+    The grid spans first the whole prior, then the place where the posterior lies. The second value
+    is whether its cells are smaller than the posterior of most draws.
+    """
+    d = problem.model.n_unknowns
+    low, high = np.full(d, -_Z_RANGE), np.full(d, _Z_RANGE)
+    noise = noise_grid(problem.noise_prior, problem.scale, problem.weights.sum())
+
+    def weighed(nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
+        squares = _sums_of_squares(main_directions(problem, nodes, sigma), nodes)
+        marginal = marginal_over_noise(squares, problem.weights.sum(), *noise)
+        return squares, node_shares(marginal + prior_log_density(nodes)[:, None])
+
+    nodes, width = _grid(low, high, GRID_NODES[d])
+    squares, share = weighed(nodes)
+    if d:
+        low, high = _occupied(nodes, share.mean(axis=1), width)
+        nodes, width = _grid(low, high, GRID_NODES[d])
+        squares, share = weighed(nodes)
+    # far from the simulation's guidance every draw has a narrow posterior at a place of its own
+    if d and np.median(1 / np.sum(share**2, axis=0)) < _FEW_NODES[d]:
+        nodes, width = _finer(nodes, share.mean(axis=1), width, _REFINEMENT[d])
+        squares, share = weighed(nodes)
+    pick = one_node_each(share, random_state)
+    S = len(problem.c)
+    z = nodes[pick] + width * (random_state.uniform(size=(S, d)) - 0.5)
+    # sigma at the node, not at the jittered point: the jitter is below the posterior's width
+    log_sigma = _draw_noise(
+        squares[pick, np.arange(S)], problem.weights.sum(), *noise, random_state
+    )[:, None]
+    u, at_node = np.hstack([z, log_sigma]), np.hstack([nodes[pick], log_sigma])
+    every = np.arange(S)
+    change = log_density_of_pairs(problem, u, every) - log_density_of_pairs(problem, at_node, every)
+    return u, bool(np.median(np.abs(change)) < _MOST_CHANGE)
+
+
+def _grid(low: FloatArray, high: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
+    width = (high - low) / n
+    axes = [start + step * (np.arange(n) + 0.5) for start, step in zip(low, width, strict=True)]
+    if not axes:
+        return np.zeros((1, 0)), width
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)), width
+
+
+def _occupied(
+    nodes: FloatArray, share: FloatArray, width: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the box around the nodes that hold all but a millionth of the mass."""
+    keep = _holds_mass(share)
+    return nodes[keep].min(axis=0) - width / 2, nodes[keep].max(axis=0) + width / 2
+
+
+def _holds_mass(share: FloatArray) -> NDArray[np.bool_]:
+    """Return which nodes hold all but a millionth of the mass."""
+    order = np.argsort(share)
+    keep = np.empty(len(share), dtype=bool)
+    keep[order] = np.cumsum(share[order]) > 1e-6
+    return keep
+
+
+def _finer(
+    nodes: FloatArray, share: FloatArray, width: FloatArray, times: int
+) -> tuple[FloatArray, FloatArray]:
+    """Cut the cells of a grid that hold mass, and those beside them, so many times a side."""
+    d = nodes.shape[1]
+    side = round(len(nodes) ** (1 / d))
+    beside = np.ones((3,) * d)
+    kept = binary_dilation(_holds_mass(share).reshape((side,) * d), beside).ravel()
+    offsets, _ = _grid(-width / 2, width / 2, times)
+    return (nodes[kept][:, None] + offsets).reshape(-1, d), width / times
+
+
+def _sums_of_squares(problem: MeasuredGiven, z: FloatArray) -> FloatArray:
+    """Return the residual sums of squares of every node and draw, (J, S)."""
+    model, root = problem.model, np.sqrt(problem.weights)[:, None]
+    rounding = problem.weights.sum() * (ROUNDING * problem.scale) ** 2
+    values = model.values(z)
+    factors = model.factors(problem.X, values)
+    if factors is not None:
+        residual = (problem.y - factors.known) * root[:, 0]
+        parts = factors.of_inputs * root, factors.of_parameters
+        return squares_of_factors(*parts, residual, problem.draws) + rounding
+    squares = np.empty((len(z), len(problem.c)))
+    for block in blocks(len(z), len(problem.y) * (1 + problem.c.shape[1])):
+        rows = model.parts(problem.X, values[block])
+        residual = (problem.y - rows.known)[..., None] * root
+        squares[block] = squares_of_pairs(rows.features * root, residual, problem.draws)
+    return squares + rounding
+
+
+def _draw_noise(
+    squares: FloatArray,
+    n: float,
+    log_sigma: FloatArray,
+    log_weight: FloatArray,
+    random_state: np.random.RandomState,
+) -> FloatArray:
+    """Draw log sigma given each sum of squares, by inversion on a grid around its own mode."""
+    # the likelihood alone has its mode at sqrt(SS / n) and a spread of 1 / sqrt(2 n) in log sigma
+    spread = 8 / np.sqrt(2 * n) + 0.05
+    centre = 0.5 * np.log(squares / n)
+    low = np.clip(centre - spread, log_sigma[0], log_sigma[-1])
+    high = np.clip(centre + spread, log_sigma[0], log_sigma[-1])
+    low, high = np.where(low < high, [low, high], log_sigma[[0, -1]][:, None])
+    nodes = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, 81)
+    prior = np.interp(nodes, log_sigma, log_weight, left=-np.inf, right=-np.inf)
+    log_density = prior - n * nodes - 0.5 * squares[:, None] * np.exp(-2 * nodes)
+    empty = ~np.isfinite(log_density).any(axis=1)
+    if empty.any():  # the prior forbids the data's scatter: stay at its edge
+        nodes[empty] = np.linspace(log_sigma[0], log_sigma[-1], nodes.shape[1])
+        prior = np.interp(nodes[empty], log_sigma, log_weight)
+        log_density[empty] = (
+            prior - n * nodes[empty] - 0.5 * squares[empty, None] * np.exp(-2 * nodes[empty])
+        )
+    density = np.exp(log_density - log_density.max(axis=1, keepdims=True))
+    pick = one_node_each(density.T, random_state)
+    row = np.arange(len(squares))
+    width = nodes[:, 1] - nodes[:, 0]
+    drawn = nodes[row, pick] + width * (random_state.uniform(size=len(row)) - 0.5)
+    # half of the cell of a node at an end lies beyond it
+    drawn = nodes[:, 0] + np.abs(drawn - nodes[:, 0])
+    return nodes[:, -1] - np.abs(nodes[:, -1] - drawn)

@@ -1,0 +1,171 @@
+"""Nodes of the measured world that all draws of the surrogate's coefficients share.
+
+The likelihood at node j and draw s is quadratic in c_s, so one matrix product serves all pairs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybridsurrogate.blocks import blocks
+from hybridsurrogate.inference.model.observation import MeasuredModel
+from hybridsurrogate.priors import FloatArray, Prior
+
+# numbers in one block of matrices, and the fewest nodes
+_BLOCK, _NODES = 500_000, 50
+
+
+@dataclass(frozen=True)
+class SharedDraws:
+    """Draws c (S, p) of coefficients, with what sums of squares need of them."""
+
+    c: FloatArray
+
+    @cached_property
+    def centre(self) -> FloatArray:
+        """Mean draw, around which products are formed, so that nothing large cancels."""
+        return self.c.mean(axis=0)
+
+    @cached_property
+    def delta(self) -> FloatArray:
+        """Deviations from the mean draw, (S, p)."""
+        return self.c - self.centre
+
+    @cached_property
+    def principal(self) -> tuple[FloatArray, FloatArray]:
+        """The draws as v @ axes' with v (S, k) of mean square one: v, and axes (p, k)."""
+        left, size, right = np.linalg.svd(self.c, full_matrices=False)
+        told = size > 1e-12 * size[0]
+        root = np.sqrt(len(self.c))
+        return root * left[:, told], right[told].T * size[told] / root
+
+    @cached_property
+    def pairs(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Both coefficients of every pair."""
+        first, second = np.triu_indices(self.c.shape[1])
+        return first, second
+
+    @cached_property
+    def products(self) -> FloatArray:
+        """Products of every pair of deviations in each draw, both orders counted, (pairs, S)."""
+        first, second = self.pairs
+        twice = np.where(first == second, 1.0, 2.0)
+        return (self.delta[:, first] * self.delta[:, second] * twice).T
+
+
+@dataclass(frozen=True)
+class MeasuredGiven:
+    """Measured rows, and the coefficient draws c (S, p) given which their world is inferred.
+
+    The rows are X (n, n_columns) and y (n,), on the scale of eta, with weights (n,); ``scale`` is
+    the spread of the output.
+    """
+
+    model: MeasuredModel
+    X: FloatArray
+    y: FloatArray
+    weights: FloatArray
+    c: FloatArray
+    noise_prior: Prior
+    scale: float
+
+    @cached_property
+    def draws(self) -> SharedDraws:
+        """The coefficient draws, with what all nodes share of them."""
+        return SharedDraws(self.c)
+
+
+def squares_of_pairs(features: FloatArray, residual: FloatArray, draws: SharedDraws) -> FloatArray:
+    """Return |residual_j - features_j c_s|^2 for all j and s.
+
+    Few rows row by row, many from p-dimensional products.
+    """
+    J, n, p = features.shape
+    c = draws.c
+    if 2 * n < p:
+        return _row_by_row(features, residual, c)
+    centre, delta, products = draws.centre, draws.delta, draws.products
+    first, second = draws.pairs
+    total = np.empty((J, len(c)))
+    # the products are read once for each block: not for a handful of nodes
+    for block in blocks(J, p**2, max(_BLOCK, _NODES * p**2)):
+        rest = residual[block] - features[block] @ centre[:, None]
+        transposed = np.swapaxes(features[block], 1, 2)
+        squares = (transposed @ features[block])[:, first, second]
+        cross = (transposed @ rest)[..., 0]
+        total[block] = np.einsum("jnk,jnk->j", rest, rest)[:, None] + squares @ products
+        total[block] -= 2 * cross @ delta.T
+    return np.maximum(total, 0.0)
+
+
+def _row_by_row(features: FloatArray, residual: FloatArray, c: FloatArray) -> FloatArray:
+    total = np.empty((len(features), len(c)))
+    for block in blocks(len(features), features.shape[1] * len(c), _BLOCK):
+        rest = residual[block] - features[block] @ c.T
+        total[block] = np.einsum("jns,jns->js", rest, rest)
+    return total
+
+
+def squares_of_factors(
+    of_inputs: FloatArray, of_parameters: FloatArray, residual: FloatArray, draws: SharedDraws
+) -> FloatArray:
+    """Return the same for features_j = of_inputs * of_parameters_j and one residual (n,).
+
+    Features that share their factor of the inputs, as polynomials do, are added up first. Where too
+    few do, Gram matrices are that of ``of_inputs`` times an outer product, whatever the number of
+    rows.
+    """
+    p = of_inputs.shape[1]
+    distinct, group = np.unique(of_inputs, axis=1, return_inverse=True)
+    g = distinct.shape[1]
+    if p + min(len(distinct), g) * g < p**2 / 2:
+        return _squares_of_groups(distinct, group.ravel(), of_parameters, residual, draws.c)
+    centre, delta = draws.centre, draws.delta
+    first, second = draws.pairs
+    products = draws.products * (of_inputs.T @ of_inputs)[first, second][:, None]
+    total = np.empty((len(of_parameters), len(draws.c)))
+    for block in blocks(len(of_parameters), p**2, max(_BLOCK, _NODES * p**2)):
+        part = of_parameters[block]
+        rest = residual - (part * centre) @ of_inputs.T
+        cross = part * (rest @ of_inputs)
+        total[block] = np.einsum("jn,jn->j", rest, rest)[:, None]
+        total[block] += (part[:, first] * part[:, second]) @ products
+        total[block] -= 2 * cross @ delta.T
+    return np.maximum(total, 0.0)
+
+
+def _squares_of_groups(
+    distinct: FloatArray,
+    group: NDArray[np.intp],
+    of_parameters: FloatArray,
+    residual: FloatArray,
+    c: FloatArray,
+) -> FloatArray:
+    """Return squares for factors of the inputs ``distinct[:, group]``, in the space they span."""
+    Q, R = np.linalg.qr(distinct)
+    along = Q.T @ residual
+    beyond = residual - Q @ along
+    members = [np.flatnonzero(group == k) for k in range(len(R.T))]
+    total = np.empty((len(of_parameters), len(c)))
+    for block in blocks(len(of_parameters), len(members) * len(c), _BLOCK):
+        sums = np.stack([of_parameters[block][:, own] @ c[:, own].T for own in members])
+        rest = along[:, None] - R @ sums.reshape(len(members), -1)
+        total[block] = np.einsum("rm,rm->m", rest, rest).reshape(-1, len(c))
+    return total + beyond @ beyond
+
+
+def node_shares(log_weight: FloatArray) -> FloatArray:
+    """Return weights (J, S) of nodes that sum to one for each draw."""
+    weight = np.exp(log_weight - log_weight.max(axis=0))
+    return weight / weight.sum(axis=0)
+
+
+def one_node_each(weight: FloatArray, random_state: np.random.RandomState) -> NDArray[np.intp]:
+    """Return the index of one node for each draw, by inversion of weights (J, S)."""
+    cumulative = np.cumsum(weight, axis=0)
+    target = random_state.uniform(size=weight.shape[1]) * cumulative[-1]
+    return np.minimum((cumulative < target).sum(axis=0), len(weight) - 1)

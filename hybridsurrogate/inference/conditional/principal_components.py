@@ -1,0 +1,52 @@
+"""Few directions of the coefficients, in which the measured rows differ."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hybridsurrogate.inference.conditional.pairwise_squares import MeasuredGiven
+from hybridsurrogate.priors import FloatArray
+
+# what may be left out of an output on average, in standard deviations of the noise
+_NEGLIGIBLE = 3e-3
+# at most so many nodes, and rows of them, are asked for the directions
+_NODES, _ROWS = 100, 20_000
+# fewer coefficients are few
+_FEW = 30
+
+
+def main_directions(problem: MeasuredGiven, z: FloatArray, sigma: float) -> MeasuredGiven:
+    """Return the problem with only those directions of the coefficients that its rows notice.
+
+    At the measured inputs hundreds of features differ in some tens of ways: the principal
+    components of what all draws say at some of the nodes.
+
+    Parameters
+    ----------
+    problem : MeasuredGiven
+    z : ndarray of shape (J, n_unknowns)
+        Nodes at which it will be asked for.
+    sigma : float
+        Standard deviation of the noise.
+
+    Returns
+    -------
+    MeasuredGiven
+        As it was where features factorise, are few, or noise follows their output.
+    """
+    model, c = problem.model, problem.c
+    follows = any(effect.follows_mean for effect in model.effects)
+    if model.factorises or follows or c.shape[1] < _FEW:
+        return problem
+    asked = min(_NODES, len(z), max(1, _ROWS // len(problem.y)))
+    some = np.unique(np.linspace(0, len(z) - 1, asked).astype(int))
+    features = model.parts(problem.X, model.values(z[some])).features.reshape(-1, c.shape[1])
+    features = features[np.isfinite(features).all(axis=1)]
+    v, axes = problem.draws.principal
+    seen, turn = np.linalg.eigh(axes.T @ (features.T @ features) @ axes)
+    left_out = np.sqrt(np.cumsum(np.maximum(seen, 0.0)) / max(len(features), 1))
+    turned = turn[:, left_out > _NEGLIGIBLE * sigma]
+    model = replace(model, basis=model.basis.along(axes @ turned))
+    return replace(problem, model=model, c=v @ turned)

@@ -1,0 +1,237 @@
+"""Step 2: the measured world given each draw of the surrogate's coefficients.
+
+For every coefficient draw c_s the unknowns (omega, theta, sigma) and the causes' coefficients a
+are inferred anew from their original priors and the full likelihood of the measured rows. One
+or two parameters go on a grid; beyond, proposals are weighed. Where the posteriors of the draws are
+too narrow for what all share, each draw has proposals of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hybridsurrogate.blocks import blocks
+from hybridsurrogate.cholesky import log_det_of, nudged_cholesky
+from hybridsurrogate.inference.conditional.grid import GRID_NODES, grid_draws
+from hybridsurrogate.inference.conditional.local_proposals import OwnDraws, own_draws
+from hybridsurrogate.inference.conditional.pairwise_squares import (
+    MeasuredGiven,
+    SharedDraws,
+    node_shares,
+    one_node_each,
+    squares_of_factors,
+    squares_of_pairs,
+)
+from hybridsurrogate.inference.conditional.principal_components import main_directions
+from hybridsurrogate.inference.conjugate.sufficient_statistics import ROUNDING
+from hybridsurrogate.inference.model.observation import MeasuredModel
+from hybridsurrogate.inference.model.prior_density import prior_of_unknowns
+from hybridsurrogate.inference.sampling.modes import Gaussian, find_modes
+from hybridsurrogate.inference.sampling.proposals import (
+    mixture_log_density,
+    mixture_points,
+    moment_match,
+)
+from hybridsurrogate.inference.sampling.psis import KHAT_LIMIT, level_smooth
+from hybridsurrogate.priors import FloatArray, Prior
+
+_N_PROPOSALS = 3000
+_N_ROUNDS = 4
+# numbers in one block of proposals: the products of all pairs of coefficients are read for each
+_BLOCK = 2_000_000
+
+
+@dataclass(frozen=True)
+class MeasuredDraws:
+    """Draws of the measured world, one for each coefficient draw.
+
+    Attributes
+    ----------
+    z : ndarray of shape (S, n_unknowns)
+    sigma : ndarray of shape (S,)
+    coefficients : ndarray of shape (S, q)
+        Coefficients a of the causes.
+    khat : float
+        Median Pareto shape over draws; minus infinity on a grid, which has no weights.
+    effective_draws : float
+        Median over draws of the number of nodes that share its weight, or of the moves accepted;
+        NaN on a grid.
+    method : str
+        "grid", "importance" or "moves".
+    """
+
+    z: FloatArray
+    sigma: FloatArray
+    coefficients: FloatArray
+    khat: float
+    effective_draws: float
+    method: str
+
+
+def second_step(
+    model: MeasuredModel,
+    X: FloatArray,
+    y: FloatArray,
+    weights: FloatArray,
+    coefficients: FloatArray,
+    noise_prior: Prior,
+    scale: float,
+    first_step: FloatArray,
+    random_state: np.random.RandomState,
+) -> MeasuredDraws:
+    """Draw (omega, theta, sigma, a) given each coefficient draw.
+
+    Parameters
+    ----------
+    model : MeasuredModel
+    X, y, weights : ndarray of shape (n, n_columns), (n,), (n,)
+        Measured rows, y on the scale of eta, and powers of their likelihoods.
+    coefficients : ndarray of shape (S, p)
+    noise_prior : prior of sigma
+    scale : float
+        Spread of the output.
+    first_step : ndarray of shape (S, d)
+        Draws of u from step 1, which tell where the proposals should lie.
+    random_state : RandomState
+
+    Returns
+    -------
+    MeasuredDraws
+    """
+    problem = MeasuredGiven(model, X, y, weights, coefficients, noise_prior, scale)
+    if model.n_unknowns in GRID_NODES and not model.effects:
+        u, resolved = grid_draws(problem, _noise_of(first_step), random_state)
+        if resolved:
+            return _drawn(problem, u, -np.inf, np.nan, "grid", random_state)
+        # far from the simulation's guidance every draw has a narrow posterior of its own
+        own = own_draws(problem, np.stack([u, first_step]), random_state)
+        return _drawn(problem, *own, "importance", random_state)
+    return _by_proposals(problem, first_step, random_state)
+
+
+def _noise_of(first_step: FloatArray) -> float:
+    return float(np.exp(np.median(first_step[:, -1])))
+
+
+def _by_proposals(
+    problem: MeasuredGiven, first_step: FloatArray, random_state: np.random.RandomState
+) -> MeasuredDraws:
+    """Weigh proposals that all coefficient draws share, moved to where the mass is."""
+    centre = SharedDraws(problem.draws.centre[None])
+
+    def at_centre(u: FloatArray) -> FloatArray:
+        return _log_density(problem, u, centre)[:, 0]
+
+    modes = find_modes(at_centre, first_step[np.argsort(-at_centre(first_step[:200]))[:2]])
+    n, sigma = len(first_step), _noise_of(first_step)
+    spread = Gaussian(first_step[0], np.eye(first_step.shape[1]), modes[0].log_mass)
+    first = moment_match(first_step, np.full(n, 1 / n), spread)
+    components = [first, modes[0]]
+    some = np.linspace(0, len(problem.c) - 1, min(25, len(problem.c))).astype(int)
+    for round_ in range(_N_ROUNDS):
+        points = mixture_points(components, _N_PROPOSALS, random_state)
+        log_proposal = mixture_log_density(components, points)
+        given = main_directions(problem, points[:, :-1], sigma)
+        log_weight = _log_density(given, points, given.draws) - log_proposal[:, None]
+        share = node_shares(log_weight)
+        effective = float(np.median(1 / np.sum(share**2, axis=0)))
+        khat = float(np.median([level_smooth(log_weight[:, s])[1] for s in some]))
+        enough = effective > 0.1 * _N_PROPOSALS and khat <= KHAT_LIMIT
+        if enough or round_ == _N_ROUNDS - 1:
+            break
+        components = [moment_match(points, share.mean(axis=1), first), modes[0]]
+    drawn = OwnDraws(points[one_node_each(share, random_state)], khat, effective)
+    if not enough:
+        best = points[np.argmax(log_weight + log_proposal[:, None], axis=0)]
+        own = own_draws(problem, np.stack([best, first_step]), random_state)
+        drawn = own if own.khat < max(khat, KHAT_LIMIT) else drawn
+    return _drawn(problem, *drawn, "importance", random_state)
+
+
+def _drawn(
+    problem: MeasuredGiven,
+    u: FloatArray,
+    khat: float,
+    effective: float,
+    method: str,
+    random_state: np.random.RandomState,
+) -> MeasuredDraws:
+    columns = _draw_columns(problem, u, random_state)
+    return MeasuredDraws(u[:, :-1], np.exp(u[:, -1]), columns, khat, effective, method)
+
+
+def _log_density(problem: MeasuredGiven, u: FloatArray, draws: SharedDraws) -> FloatArray:
+    """Return the log density of proposals (J, d) given coefficient draws (S, p): (J, S)."""
+    model = problem.model
+    # rows whose features factorise are not formed for each proposal
+    width = 1 + len(model.column_sd) + (0 if model.factorises else len(draws.centre))
+    numbers = len(problem.y) * width
+    pieces = blocks(len(u), numbers, _BLOCK)
+    return np.concatenate([_log_density_of_some(problem, u[some], draws) for some in pieces])
+
+
+def _log_density_of_some(problem: MeasuredGiven, u: FloatArray, draws: SharedDraws) -> FloatArray:
+    """Return the log density of few proposals.
+
+    The causes' coefficients a ~ N(0, diag(sd^2)) are integrated out by Woodbury's identity.
+    """
+    model, y = problem.model, problem.y
+    sigma = np.exp(u[:, -1])
+    values = model.values(u[:, :-1])
+    root = np.sqrt(problem.weights)
+    factors = model.factors(problem.X, values)
+    if factors is None:
+        parts = model.parts(problem.X, values)
+        scale = parts.noise * sigma[:, None]
+        scaled = root / scale
+        features = parts.features * scaled[..., None]
+        residual = ((y - parts.known) * scaled)[..., None]
+        columns = parts.columns * model.column_sd * scaled[..., None]
+        total = squares_of_pairs(features, residual, draws)
+        right = np.swapaxes(columns, 1, 2) @ np.concatenate([features, residual], axis=2)
+    else:
+        # rows need not be formed for each proposal
+        scale = sigma[:, None]
+        of_inputs, rest = factors.of_inputs * root[:, None], (y - factors.known) * root
+        total = squares_of_factors(of_inputs, factors.of_parameters, rest, draws) / scale**2
+        columns = model.added(problem.X, values) * model.column_sd * (root / scale)[..., None]
+        right = np.swapaxes(columns, 1, 2) @ np.column_stack([of_inputs, rest])
+        right[..., :-1] *= factors.of_parameters[:, None]
+        right /= scale[..., None]
+    inner = np.eye(columns.shape[2]) + np.swapaxes(columns, 1, 2) @ columns
+    factor = nudged_cholesky(inner)
+    if columns.shape[2]:
+        # |r|^2 - |F^-1 H' r|^2 with F F' = I + H'H, linear in c
+        projected = np.linalg.solve(factor, right)
+        total = total - squares_of_pairs(projected[..., :-1], projected[..., -1:], draws)
+    prior = prior_of_unknowns(u, problem.noise_prior)
+    log_scale = np.log(np.broadcast_to(scale, (len(u), len(y)))) @ problem.weights
+    log_det = log_det_of(factor) + log_scale
+    rounding = 0.5 * problem.weights.sum() * (ROUNDING * problem.scale / sigma) ** 2
+    out = (prior - log_det - rounding)[:, None] - 0.5 * np.maximum(total, 0.0)
+    return np.where(np.isfinite(out), out, -np.inf)
+
+
+def _draw_columns(
+    problem: MeasuredGiven, u: FloatArray, random_state: np.random.RandomState
+) -> FloatArray:
+    """Draw a given (u_s, c_s), one for each s: (S, q)."""
+    model = problem.model
+    q = len(model.column_sd)
+    noise = random_state.standard_normal((len(u), q, 1))
+    if not q:
+        return noise[..., 0]
+    pieces = []
+    for some in blocks(len(u), len(problem.y) * (problem.c.shape[1] + q), _BLOCK):
+        parts = model.parts(problem.X, model.values(u[some, :-1]))
+        scaled = np.sqrt(problem.weights) / (parts.noise * np.exp(u[some, -1:]))
+        fitted = (parts.features @ problem.c[some, :, None])[..., 0]
+        residual = (problem.y - parts.known - fitted) * scaled
+        columns = parts.columns * model.column_sd * scaled[..., None]
+        transposed = np.swapaxes(columns, 1, 2)
+        factor = nudged_cholesky(np.eye(q) + transposed @ columns)
+        half = np.linalg.solve(factor, transposed @ residual[..., None]) + noise[some]
+        pieces.append(np.linalg.solve(np.swapaxes(factor, 1, 2), half)[..., 0])
+    return np.concatenate(pieces) * model.column_sd

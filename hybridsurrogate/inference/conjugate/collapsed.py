@@ -1,0 +1,323 @@
+"""Step 1 with the Gaussian coefficients integrated out (DESIGN section 6).
+
+What is left are a few unknowns ``u = [z_omega, z_theta, z_hyper, log sigma]``. Given them the
+coefficients of surrogate and causes are Gaussian, so their draws are exact and independent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybridsurrogate.inference.conjugate.factored_rows import are_products, factored_rows
+from hybridsurrogate.inference.conjugate.gram import posterior_factor, whitened
+from hybridsurrogate.inference.conjugate.spectral import FixedRows, few_rows, fixed_rows
+from hybridsurrogate.inference.conjugate.sufficient_statistics import ROUNDING, Statistics
+from hybridsurrogate.inference.conjugate.woodbury import draws_given_rows, marginal_of_rows
+from hybridsurrogate.inference.model.observation import MeasuredModel
+from hybridsurrogate.inference.model.prior_density import prior_of_unknowns
+from hybridsurrogate.priors import FloatArray, Prior
+
+_LOG_2PI = float(np.log(2 * np.pi))
+
+_NO_NOISE = 1e-20
+
+# with runs, measured rows are few where there are this many coefficients for each: then their
+# covariance is cheaper than that of the coefficients
+_MANY_FOR_EACH = 1.5
+
+# numbers in one block of matrices, and of measured rows, on which many small steps work: larger
+# batches are cut so that memory stays bounded, and rows in the processor's cache
+_BLOCK, _ROWS_BLOCK = 8_000_000, 250_000
+
+
+@dataclass(frozen=True)
+class CollapsedPosterior:
+    """Power-scaled posterior of ``u`` with the coefficients (c, a) integrated out.
+
+    Attributes
+    ----------
+    model : MeasuredModel
+    X, y, weights : ndarray of shape (n, n_columns), (n,), (n,)
+        Measured rows, y on the scale of eta, and the powers of their likelihoods relative to
+        ``measured_power``.
+    simulation : Statistics or None
+        Sufficient statistics of the simulation runs.
+    simulation_power, measured_power : float
+        alpha_S and alpha_R.
+    noise_prior : prior of sigma
+    scale : float
+        Spread of the output.
+    """
+
+    model: MeasuredModel
+    X: FloatArray
+    y: FloatArray
+    weights: FloatArray
+    simulation: Statistics | None
+    simulation_power: float
+    measured_power: float
+    noise_prior: Prior
+    scale: float
+
+    @property
+    def n_dimensions(self) -> int:
+        """Length of u."""
+        return self.model.n_unknowns + self.model.n_hyper + 1
+
+    # as the Laplace posterior, so that samplers need not know which of the two they have
+
+    step_share = 0.1
+
+    @property
+    def n_noise(self) -> int:
+        """Dimensions that importance draws need beside u: none, the coefficients are exact."""
+        return 0
+
+    def search_density(self, u: FloatArray) -> FloatArray:
+        """Return the log density of points u."""
+        return self.log_density(u)
+
+    def extended_log_density(self, points: FloatArray) -> FloatArray:
+        """Return the log density of points u."""
+        return self.log_density(points)
+
+    def resolved(
+        self, points: FloatArray, random_state: np.random.RandomState
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return u, c and a of points u, the coefficients drawn."""
+        return points, *self.draw_coefficients(points, random_state)
+
+    @cached_property
+    def _unequal(self) -> bool:
+        return bool((self.weights != 1).any())
+
+    @cached_property
+    def _prior(self) -> tuple[FloatArray, FloatArray]:
+        """Mean and precision of (c, a)."""
+        basis = self.model.basis
+        sd = np.concatenate([basis.coefficient_sd, self.model.column_sd])
+        mean = np.concatenate([basis.coefficient_mean, np.zeros(len(self.model.column_sd))])
+        return mean, sd**-2.0
+
+    def log_density(self, u: FloatArray) -> FloatArray:
+        """Return the log density of u (J, d), up to the constants of the prior of z."""
+        out = prior_of_unknowns(u, self.noise_prior)
+        # far below the rounding of the data, where a square of sigma would underflow
+        possible = np.isfinite(out) & (np.exp(u[:, -1]) > _NO_NOISE * self.scale)
+        out[~possible] = -np.inf
+        # where a cause makes the noise of some rows vanish, their squares are infinite
+        with np.errstate(over="ignore", invalid="ignore"):
+            out[possible] += self._log_likelihood(u[possible])
+        return np.where(np.isfinite(out), out, -np.inf)
+
+    def _log_likelihood(self, u: FloatArray) -> FloatArray:
+        log_det, rest, log_noise = self._marginal(u)
+        n_simulation = self.simulation.n if self.simulation else 0
+        weight = self.simulation_power * n_simulation + self.measured_power * self.weights.sum()
+        return (
+            -0.5 * weight * (_LOG_2PI + 2 * u[:, -1])
+            - self.measured_power * log_noise
+            - 0.5 * log_det
+            - 0.5 * rest
+        )
+
+    def _marginal(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return log |Lambda| / |Lambda0|, the quadratic form that is left, log of the noise."""
+        if self._fixed:
+            return self._fixed_rows.marginal(np.exp(2 * u[:, -1]))
+        if self._few:
+            return self._marginal_of_few(u)
+        _, precision = self._prior
+        log_prior = 0.0 if self.model.n_hyper else float(np.log(precision).sum())
+        pieces: list[FloatArray] = []
+        for block in self._blocks(u):
+            factor, log_noise = self._augmented_factor(block)
+            diagonal = np.diagonal(factor, axis1=1, axis2=2)
+            log_det = 2 * np.log(diagonal[:, :-1]).sum(axis=1) - log_prior
+            pieces.append(np.stack([log_det, diagonal[:, -1] ** 2, log_noise]))
+        log_det, rest, log_noise = np.concatenate(pieces, axis=1)
+        return log_det, rest, log_noise
+
+    @property
+    def _fixed(self) -> bool:
+        """Whether the noise scale is all that the coefficients' posterior depends on."""
+        return not self.model.n_hyper and (not self.measured_power or not self.model.n_unknowns)
+
+    @cached_property
+    def _fixed_rows(self) -> FixedRows:
+        mean, precision = self._prior
+        sd = precision**-0.5
+        u = np.zeros((1, self.n_dimensions))
+        if self._few and not self._with_runs:
+            rows, log_noise = self._measured_rows(u)
+            rows = np.sqrt(self.measured_power) * rows[0]
+            rounding = self.measured_power * self._rounding
+            return few_rows(rows, mean, sd, rounding, float(log_noise[0]))
+        gram, log_noise = self._gram(u)
+        return fixed_rows(gram[0], mean, sd, float(log_noise[0]))
+
+    @property
+    def _with_runs(self) -> bool:
+        return self.simulation is not None and bool(self.simulation_power)
+
+    @property
+    def _few(self) -> bool:
+        """Whether measured rows count, and are fewer than the coefficients."""
+        if self.model.n_hyper or not self.measured_power:
+            return False
+        most = len(self._prior[0]) / (_MANY_FOR_EACH if self._with_runs else 1)
+        return len(self.y) < most
+
+    @cached_property
+    def _before(self) -> FixedRows:
+        """The coefficients before the measured rows: their prior, and what the runs say."""
+        mean, precision = self._prior
+        return fixed_rows(self._runs, mean, precision**-0.5, 0.0)
+
+    def _few_rows(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return rows (J, n, p), residuals of the prior mean (J, n), and log noise."""
+        rows, log_noise = self._measured_rows(u)
+        rows *= np.sqrt(self.measured_power)
+        features = rows[..., :-1]
+        return features, rows[..., -1] - features @ self._prior[0], log_noise
+
+    def _marginal_of_few(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """As `_marginal`, by the covariance of the rows instead of that of the coefficients."""
+        pieces: list[FloatArray] = []
+        for block in self._blocks(u):
+            rows, residual, log_noise = self._few_rows(block)
+            variance = np.exp(2 * block[:, -1])
+            log_det, rest = marginal_of_rows(rows, residual, variance, self._before)
+            rest = rest + self.measured_power * self._rounding / variance
+            pieces.append(np.stack([log_det, rest, log_noise]))
+        log_det, rest, log_noise = np.concatenate(pieces, axis=1)
+        return log_det, rest, log_noise
+
+    def _draws_of_few(self, u: FloatArray, random_state: np.random.RandomState) -> FloatArray:
+        pieces: list[FloatArray] = []
+        for block in self._blocks(u):
+            rows, residual, _ = self._few_rows(block)
+            variance = np.exp(2 * block[:, -1])
+            pieces.append(draws_given_rows(rows, residual, variance, self._before, random_state))
+        return np.concatenate(pieces)
+
+    @property
+    def _rounding(self) -> float:
+        return float(self.weights.sum() * (ROUNDING * self.scale) ** 2)
+
+    def _measured_rows(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return [features, columns, y] of the measured rows at sigma = 1, and the log noise."""
+        parts = self.model.parts(self.X, self.model.values(u[:, :-1]))
+        log_noise = np.zeros(len(u))
+        rows = np.concatenate(
+            [parts.features, parts.columns, (self.y - parts.known)[..., None]], axis=2
+        )
+        if parts.noise.shape[1] > 1:
+            rows /= parts.noise[..., None]
+            log_noise = np.log(parts.noise) @ self.weights
+        if self._unequal:
+            rows *= np.sqrt(self.weights)[:, None]
+        return rows, log_noise
+
+    def _blocks(self, u: FloatArray) -> list[FloatArray]:
+        """Cut a batch so that the matrices of one piece fit into memory."""
+        size, n = len(self._prior[0]) + 1, len(self.y) if self.measured_power else 0
+        length = _BLOCK // (size * n if self._few else size**2)
+        if n:
+            # rows of products are not formed for each draw
+            formed = size if self._few else size - int(np.count_nonzero(self._products))
+            length = min(length, _ROWS_BLOCK // (formed * n))
+        length = max(1, length)
+        return [u[k : k + length] for k in range(0, max(len(u), 1), length)]
+
+    @cached_property
+    def _products(self) -> NDArray[np.bool_]:
+        return are_products(self.model)
+
+    def _gram(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return [[G, g], [g', yy]] of all rows at sigma = 1, and the log noise factors."""
+        size = len(self._prior[0])
+        out: FloatArray = np.zeros((len(u), size + 1, size + 1))
+        log_noise: FloatArray = np.zeros(len(u))
+        if self.measured_power:
+            if self._products.any():
+                values, root = self.model.values(u[:, :-1]), np.sqrt(self.weights)[:, None]
+                rows = factored_rows(self.model, self.X, self.y, values)
+                rows = rows._replace(formed=rows.formed * root, of_rows=rows.of_rows * root)
+                out = rows.gram(self._products)
+            else:
+                formed, log_noise = self._measured_rows(u)
+                np.matmul(np.swapaxes(formed, 1, 2), formed, out=out)
+            out[:, -1, -1] += self._rounding
+            out *= self.measured_power
+        if self._with_runs:
+            out += self._runs
+        return out, log_noise
+
+    @cached_property
+    def _runs(self) -> FloatArray:
+        """Gram matrix of [features, columns, y] of the runs, which know no columns, powered."""
+        size, p = len(self._prior[0]), len(self.model.basis.coefficient_mean)
+        out = np.zeros((size + 1, size + 1))
+        if self.simulation is not None:
+            index = np.r_[:p, size]
+            ff, fy, yy = self.simulation.ff, self.simulation.fy, self.simulation.yy
+            gram = np.block([[ff, fy[:, None]], [fy, np.array([yy])]])
+            out[np.ix_(index, index)] = self.simulation_power * gram
+        return out
+
+    def _augmented_factor(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return `posterior_factor` of all rows, and the log noise factors."""
+        mean, precision = self._prior
+        gram, log_noise = self._gram(u)
+        if self.model.n_hyper:
+            # the prior mean is zero in every surrogate that has hyperparameters
+            gram = whitened(gram, self._whitening(u))
+            mean, precision = np.zeros(gram.shape[1] - 1), np.ones(gram.shape[1] - 1)
+        return posterior_factor(gram, np.exp(-2 * u[:, -1]), mean, precision), log_noise
+
+    def _whitening(self, u: FloatArray) -> FloatArray:
+        """Return T (J, size, r) with ``(c, a) = T v``, v standard normal."""
+        hyper = self.model.values(u[:, :-1])[:, self.model.n_unknowns :]
+        factor = self.model.basis.factor(hyper, truncated=True)
+        assert factor is not None
+        q = len(self.model.column_sd)
+        if not q:
+            return factor
+        J, p, r = factor.shape
+        out = np.zeros((J, p + q, r + q))
+        out[:, :p, :r] = factor
+        out[:, p:, r:] = np.diag(self.model.column_sd)
+        return out
+
+    def draw_coefficients(
+        self, u: FloatArray, random_state: np.random.RandomState
+    ) -> tuple[FloatArray, FloatArray]:
+        """Draw (c, a) for each u (J, d): arrays of shape (J, p) and (J, q)."""
+        p = len(self.model.basis.coefficient_mean)
+        if self._few and not self._fixed:
+            draws = self._draws_of_few(u, random_state)
+            return draws[:, :p], draws[:, p:]
+        noise = random_state.standard_normal((len(u), len(self._prior[0])))
+        if not noise.size:
+            return noise, noise
+        if self._fixed:
+            draws = self._fixed_rows.draws(np.exp(2 * u[:, -1]), noise)
+            return draws[:, :p], draws[:, p:]
+        pieces: list[FloatArray] = []
+        for block in self._blocks(u):
+            factor, _ = self._augmented_factor(block)
+            first = sum(len(piece) for piece in pieces)
+            size = factor.shape[1] - 1
+            right = factor[:, -1, :-1] + noise[first : first + len(block), :size]
+            transposed = np.swapaxes(factor[:, :-1, :-1], 1, 2)
+            drawn = np.linalg.solve(transposed, right[..., None])
+            if self.model.n_hyper:
+                drawn = self._whitening(block) @ drawn
+            pieces.append(drawn[..., 0])
+        draws = np.concatenate(pieces)
+        return draws[:, :p], draws[:, p:]

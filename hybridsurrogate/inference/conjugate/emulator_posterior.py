@@ -1,0 +1,36 @@
+"""What the simulation alone says about a surrogate's coefficients."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hybridsurrogate.inference.conjugate.sufficient_statistics import Statistics
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.surrogates.basis import Basis
+
+
+class Belief(NamedTuple):
+    """Gaussian belief about the surrogate's coefficients: mean (p,) and factor (p, p) of V."""
+
+    mean: FloatArray
+    factor: FloatArray
+
+
+def coefficient_belief(basis: Basis, simulation: Statistics | None, power: float = 1.0) -> Belief:
+    """Return what the simulation alone says about the coefficients, its noise estimated."""
+    precision = basis.coefficient_sd**-2.0
+    mean = basis.coefficient_mean
+    if simulation is None or not power or not simulation.n or not len(mean):
+        return Belief(mean, np.diag(basis.coefficient_sd))
+    variance = max(simulation.yy / simulation.n, 1e-300)
+    for _ in range(8):
+        matrix = np.diag(precision) + power * simulation.ff / variance
+        right = precision * basis.coefficient_mean + power * simulation.fy / variance
+        mean = np.linalg.solve(matrix, right)
+        squares = simulation.yy - 2 * mean @ simulation.fy + mean @ simulation.ff @ mean
+        used = np.trace(np.linalg.solve(matrix, power * simulation.ff / variance))
+        variance = max(squares, 1e-14 * simulation.yy) / max(simulation.n - used, 1.0)
+    lower = np.linalg.cholesky(np.diag(precision) + power * simulation.ff / variance)
+    return Belief(mean, np.linalg.inv(lower).T)

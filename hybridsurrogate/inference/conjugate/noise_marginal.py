@@ -1,0 +1,113 @@
+"""The noise scale sigma integrated out on a one-dimensional grid."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from hybridsurrogate.blocks import blocks
+from hybridsurrogate.inference.conjugate.sufficient_statistics import ROUNDING
+from hybridsurrogate.priors import FloatArray, Prior
+
+_N_TABLE = 1500
+
+# log integral over sigma of prior times likelihood, for residual sums of squares
+LogMarginal = Callable[[FloatArray], FloatArray]
+
+
+def noise_grid(noise_prior: Prior, scale: float, n: float) -> tuple[FloatArray, FloatArray]:
+    """Return nodes of log sigma and the log prior density there, fine enough for n rows."""
+    bottom, top = float(noise_prior.ppf(1e-12)), float(noise_prior.isf(1e-12))
+    low = np.log(max(bottom, np.exp(-1) * ROUNDING * scale))
+    # a prior that says little leaves room for outputs far off; a narrow one must be resolved
+    high = np.log(max(top, 10 * scale)) if top > 2 * bottom else np.log(top)
+    # given n rows log sigma has a standard deviation of about 1 / sqrt(2 n)
+    n_nodes = max(int(np.ceil((high - low) * 3 * np.sqrt(2 * n))), 60)
+    nodes = np.linspace(low, high, n_nodes + 1)
+    with np.errstate(divide="ignore"):
+        return nodes, noise_prior.logpdf(np.exp(nodes)) + nodes
+
+
+def marginal_over_noise(
+    squares: FloatArray,
+    n: float,
+    log_sigma: FloatArray,
+    log_weight: FloatArray,
+    n_nodes: int = 160,
+) -> FloatArray:
+    """Return log of the integral over sigma of prior times likelihood, for each sum of squares.
+
+    It depends on the sum alone, so it is tabulated once and interpolated.
+    """
+    log_squares = np.log(squares)
+    low, high = log_squares.min() - 1e-6, log_squares.max() + 1e-6
+    table = np.linspace(low, high, n_nodes)
+    width = log_sigma[1] - log_sigma[0]
+    values = np.empty(n_nodes)
+    for block in blocks(n_nodes, len(log_sigma)):
+        log_terms = log_weight - n * log_sigma - 0.5 * np.exp(table[block, None] - 2 * log_sigma)
+        peak = log_terms.max(axis=1)
+        log_terms -= peak[:, None]
+        values[block] = peak + np.log(np.exp(log_terms).sum(axis=1) * width)
+    # linear interpolation on even nodes, without the search of np.interp
+    position = (log_squares - low) * ((len(table) - 1) / (high - low))
+    index = np.minimum(position.astype(np.intp), len(table) - 2)
+    slope = np.diff(values)
+    return values[index] + slope[index] * (position - index)
+
+
+class NoiseTable:
+    """Log of the integral over sigma of prior times likelihood, for any residual sum of squares.
+
+    Tabulated once over all sums that can occur, for the many calls of a search.
+
+    Parameters
+    ----------
+    noise_prior : prior of sigma
+    scale : float
+        Spread of the output.
+    n : int
+        Number of rows.
+    """
+
+    def __init__(self, noise_prior: Prior, scale: float, n: int):
+        self._low = np.log(n) + 2 * np.log(ROUNDING * scale)
+        self._high = np.log(n) + 2 * np.log(1e4 * scale)
+        squares = np.exp(np.linspace(self._low, self._high, _N_TABLE))
+        log_sigma, log_weight = noise_grid(noise_prior, scale, n)
+        self._nodes, self._log_prior = log_sigma, np.maximum(log_weight, -1e10)
+        self._values = marginal_over_noise(squares, n, log_sigma, log_weight, _N_TABLE)
+        self._values -= 0.5 * n * np.log(2 * np.pi)
+        self._slopes = np.diff(self._values)
+
+    def log_prior(self, log_sigma: FloatArray) -> FloatArray:
+        """Return the log prior density of log sigma, held at its ends beyond the nodes."""
+        step = self._nodes[1] - self._nodes[0]
+        position = np.clip((log_sigma - self._nodes[0]) / step, 0.0, len(self._nodes) - 1.001)
+        index = np.nan_to_num(position).astype(np.intp)
+        return self._log_prior[index] + np.diff(self._log_prior)[index] * (position - index)
+
+    def __call__(self, squares: FloatArray) -> FloatArray:
+        """Return the log integral, linear in log squares between the nodes; NaN stays NaN."""
+        step = (self._high - self._low) / (_N_TABLE - 1)
+        position = np.maximum((np.log(squares) - self._low) / step, 0.0)
+        index = np.fmin(position, _N_TABLE - 2.0).astype(np.intp)
+        return self._values[index] + self._slopes[index] * (position - index)
+
+
+class KnownNoise:
+    """As `NoiseTable` where every row has the noise that it carries: sigma is one.
+
+    Parameters
+    ----------
+    n : int
+        Number of rows.
+    """
+
+    def __init__(self, n: int):
+        self._constant = -0.5 * n * float(np.log(2 * np.pi))
+
+    def __call__(self, squares: FloatArray) -> FloatArray:
+        """Return the log density of rows with these sums of squares."""
+        return self._constant - 0.5 * squares

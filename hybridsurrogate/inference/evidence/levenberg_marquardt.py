@@ -1,0 +1,259 @@
+"""Many starts at once: descents for causes inside the dynamics, and constants seen from afar.
+
+Where a location or a width acts inside the simulation, the parameters that are best for one node of
+a grid say little about the next one, and a climb that moves them together ends where it began. A
+solution of an ODE is smooth in all of them, so that they can be followed. Here every start has its
+own parameters, the enumerated ones too, and all starts are followed by Levenberg-Marquardt steps
+in one call of the simulation. Only the better half goes on every few steps.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.inference.conjugate.emulator_posterior import Belief
+from hybridsurrogate.inference.evidence.grid import Layout
+from hybridsurrogate.inference.model.observation import MeasuredModel
+from hybridsurrogate.priors import FloatArray, to_normal
+
+_BOUND = 6.0
+_MAX_STEPS = 25
+# the longest step, in standard deviations of the priors
+_LONGEST = 1.5
+# the best one has arrived when it gains no more, or when no step is short enough to gain
+_SETTLED, _STUCK = 1e-2, 1e6
+# steps between two halvings
+_ROUND = 2
+_NODES = 16
+# sizes start where they change something, to either side
+_MOVE = 1.0
+# places seen from afar: along a size, how far these reach in standard deviations of the prior, and
+# besides; how many are followed, how much better (minus twice the log posterior) one has to be
+_ON_LINE, _REACH, _WIDE, _FOLLOWED, _WORTH_A_CLIMB = 49, 2.4, 400, 16, 2.0
+# of an oscillation whose rate swings few places are near enough to be followed to the right end:
+# there are more of them where a run is quick and rows are few
+_WIDEST, _SIMULATED_ROWS, _FOLLOWED_OF_MANY = 8000, 800_000, 32
+# residual of a place where the simulation fails, in scales of the output
+_IMPOSSIBLE = 1e6
+
+
+def is_followed(cause: Cause) -> bool:
+    """Whether all unknowns of a cause are followed, none enumerated."""
+    return cause.modification is not None
+
+
+def best_of_many(
+    model: MeasuredModel,
+    X: FloatArray,
+    y: FloatArray,
+    belief: Belief,
+    plan: Layout,
+    centre: FloatArray,
+    floor: float,
+) -> tuple[FloatArray, float]:
+    """Return z (n_unknowns,) of the best fit that is reached from many starts, and its sigma.
+
+    Parameters
+    ----------
+    centre : ndarray of shape (k,)
+        The first unknowns, at the fit without the cause.
+    floor : float
+        Noise below which no fit counts as better.
+    """
+    place = np.concatenate([plan.fixed, plan.sizes, plan.nodes])
+    z = _starts(model, plan, centre)
+    residual = _Residual(model, X, y, belief, floor)
+    best = _descend(residual, z, place)
+    return best, float(np.sqrt(residual.variance(residual(best[None]))[0]))
+
+
+def best_of_spread(
+    model: MeasuredModel, X: FloatArray, y: FloatArray, belief: Belief, floor: float
+) -> tuple[FloatArray, float]:
+    """Return z (n_unknowns,) of the best fit reached from a spread over the prior, and its sigma.
+
+    Parameters
+    ----------
+    floor : float
+        As in `best_of_many`.
+    """
+    # a fixed spread: what a fit finds does not depend on its random draws
+    z = np.random.RandomState(0).standard_normal((_WIDE, model.n_unknowns))
+    residual = _Residual(model, X, y, belief, floor)
+    value = residual.badness(residual(z), z)
+    best = _descend(residual, z[np.argsort(value)[:_FOLLOWED]], np.arange(model.n_unknowns))
+    return best, float(np.sqrt(residual.variance(residual(best[None]))[0]))
+
+
+def best_from_afar(
+    model: MeasuredModel,
+    X: FloatArray,
+    y: FloatArray,
+    belief: Belief,
+    plan: Layout,
+    centre: FloatArray,
+    known: FloatArray,
+    floor: float,
+) -> FloatArray | None:
+    """Return a place (n_unknowns,) that fits better than one that is known, None without one.
+
+    For the last cause of a model if it changes the simulation and has a size, such as a wrong
+    constant. A climb follows the tangent where nothing is wrong, and of an oscillation whose
+    frequency is far off it sees nothing. Here the size runs over its whole prior, at the fit
+    without the cause, and all unknowns over a spread. Where the fit improves and worsens more than
+    once on the way, the best of a wider spread are followed, too.
+
+    Parameters
+    ----------
+    known : ndarray of shape (n_unknowns,)
+    centre, floor
+        As in `best_of_many`.
+    """
+    if not model.effects[-1].touches_simulation or not len(plan.sizes):
+        return None
+    line = np.tile(plan.neutral, (_ON_LINE, 1))
+    line[:, : len(centre)] = centre
+    line[:, plan.nodes] = _at_nodes(model, plan, np.array([len(plan.grid) // 2]))
+    line[:, plan.sizes[0]] = np.linspace(-_REACH, _REACH, _ON_LINE)
+    residual = _Residual(model, X, y, belief, floor)
+
+    def badness(z: FloatArray) -> FloatArray:
+        return residual.badness(residual(z), z)
+
+    along = badness(line)
+    inner = (along[1:-1] < along[:-2]) & (along[1:-1] <= along[2:])
+    is_rugged = np.count_nonzero(inner) > 1
+    if len(plan.nodes) and not is_rugged:
+        return None  # nodes are enumerated, and sizes are followed from each
+    wide, most = _WIDE if is_rugged else _ON_LINE, _FOLLOWED
+    if is_rugged and model.basis.is_quick:
+        wide = int(np.clip(_SIMULATED_ROWS // len(y), _WIDE, _WIDEST))
+        most = _FOLLOWED_OF_MANY
+    spread = _spread(model, plan, line[0], wide)
+    z = np.vstack([known, line, spread])
+    value = np.concatenate([badness(known[None]), along, badness(spread)])
+    if is_rugged:
+        followed = z[np.argsort(value)[:most]]
+        end = _descend(residual, followed, np.concatenate([plan.fixed, plan.sizes, plan.nodes]))
+        z, value = np.vstack([z, end]), np.append(value, badness(end[None]))
+    best = int(np.argmin(value))
+    return z[best] if value[best] < value[0] - _WORTH_A_CLIMB else None
+
+
+def _spread(model: MeasuredModel, plan: Layout, base: FloatArray, n: int) -> FloatArray:
+    """Return places (n, n_unknowns) of parameters, size and nodes, those of earlier causes held."""
+    # a fixed spread, as the search has no randomness of its own
+    random = np.random.RandomState(0)
+    z = np.tile(base, (n, 1))
+    place = [*np.arange(model.n_parameters), *plan.sizes]
+    # far out in a heavy tail an ODE would be solved for many times the measured span
+    z[:, place] = np.clip(random.standard_normal((n, len(place))), -_REACH, _REACH)
+    z[:, plan.nodes] = _at_nodes(model, plan, random.randint(len(plan.grid), size=n))
+    return z
+
+
+def _at_nodes(model: MeasuredModel, plan: Layout, index: NDArray[np.intp]) -> FloatArray:
+    """Return the enumerated coordinates of nodes (k,) in standard normal units, (k, n_nodes)."""
+    return to_normal([model.priors[k] for k in plan.nodes], plan.grid[index])
+
+
+def _starts(model: MeasuredModel, plan: Layout, centre: FloatArray) -> FloatArray:
+    """Return starts (S, n_unknowns): nodes spread over the grid, sizes moved to either side."""
+    T, k = len(plan.grid), len(plan.sizes)
+    chosen = np.unique(
+        np.linspace(0, T - 1, min(T, _NODES * 2 ** max(k - 1, 0))).round().astype(int)
+    )
+    # of a cause without sizes one row without columns
+    moves = np.array(list(product([-_MOVE, _MOVE], repeat=k)))
+    base = plan.neutral.copy()
+    base[: len(centre)] = centre
+    z = np.tile(base, (len(chosen), len(moves), 1))
+    z[:, :, plan.sizes] += moves
+    z[:, :, plan.nodes] = _at_nodes(model, plan, chosen)[:, None, :]
+    return np.clip(z.reshape(-1, len(base)), -_BOUND, _BOUND)
+
+
+class _Residual:
+    """Residuals of the measured rows with the columns of all causes fitted by ridge regression."""
+
+    def __init__(
+        self, model: MeasuredModel, X: FloatArray, y: FloatArray, belief: Belief, floor: float
+    ):
+        self.model, self.X, self.y, self.belief, self.floor = model, X, y, belief, floor
+
+    def __call__(self, z: FloatArray) -> FloatArray:
+        """Return residuals (J, n) in units of the noise factor."""
+        values = self.model.values(z)
+        output, _, noise = self.model.simulated(self.X, values, self.belief.mean)
+        residual = (self.y - output) / noise
+        columns = self.model.added(self.X, values) / noise[..., None]
+        if columns.shape[2]:
+            columns = columns * self.model.column_sd
+            normal = np.swapaxes(columns, 1, 2) @ columns
+            normal += self.floor**2 * np.eye(columns.shape[2])
+            right = np.einsum("jnq,jn->jq", columns, residual)
+            fitted = np.linalg.solve(normal, right[..., None])
+            residual = residual - (columns @ fitted)[..., 0]
+        # solutions that run away are finite for a while
+        most = _IMPOSSIBLE * max(self.floor, float(np.ptp(self.y)))
+        return np.where(np.abs(residual) < most, residual, most)
+
+    def with_slopes(self, z: FloatArray, place: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
+        """Return residuals (J, n) and their slopes downwards (J, len(place), n) in one call."""
+        points = np.repeat(z[:, None], 1 + len(place), axis=1)
+        step = self.model.step
+        points[:, 1 + np.arange(len(place)), place] += step
+        residual = self(points.reshape(-1, z.shape[1])).reshape(len(z), 1 + len(place), -1)
+        return residual[:, 0], (residual[:, :1] - residual[:, 1:]) / step
+
+    def badness(self, residual: FloatArray, z: FloatArray) -> FloatArray:
+        """Return minus twice the log posterior, the noise at its best value, (J,)."""
+        return self.y.size * np.log(self.variance(residual)) + np.sum(z**2, axis=-1)
+
+    def variance(self, residual: FloatArray) -> FloatArray:
+        """Return the variance of the noise that suits residuals best, (J,)."""
+        # a simulation may run away far from the data, and is infinitely bad there
+        with np.errstate(over="ignore"):
+            return np.mean(residual**2, axis=-1) + self.floor**2
+
+
+def _descend(residual: _Residual, z: FloatArray, place: NDArray[np.intp]) -> FloatArray:
+    """Follow starts z (S, n_unknowns) along some of their unknowns; return the best end."""
+    d = len(place)
+    rest, slopes = residual.with_slopes(z, place)
+    badness = residual.badness(rest, z)
+    damping = np.full(len(z), 1e-2)
+    for step in range(_MAX_STEPS):
+        variance = residual.variance(rest)[:, None]
+        normal = slopes @ np.swapaxes(slopes, 1, 2) / variance[..., None] + np.eye(d)
+        right = np.einsum("jdn,jn->jd", slopes, rest) / variance - z[:, place]
+        normal[:, np.arange(d), np.arange(d)] *= 1 + damping[:, None]
+        move = np.linalg.solve(normal, right[..., None])[..., 0]
+        length = np.linalg.norm(move, axis=1, keepdims=True)
+        trial = z.copy()
+        trial[:, place] += move * np.minimum(1.0, _LONGEST / np.maximum(length, 1e-300))
+        trial = np.clip(trial, -_BOUND, _BOUND)
+        # slopes of a trial that fails are in vain, but a second call would cost more
+        trial_rest, trial_slopes = residual.with_slopes(trial, place)
+        trial_badness = residual.badness(trial_rest, trial)
+        better = trial_badness < badness
+        best = int(np.argmin(np.minimum(badness, trial_badness)))
+        settled = better[best] and badness[best] - trial_badness[best] < _SETTLED
+        z[better], rest[better], slopes[better] = (
+            trial[better],
+            trial_rest[better],
+            trial_slopes[better],
+        )
+        badness = np.minimum(badness, trial_badness)
+        damping = np.where(better, 0.2, 6.0) * damping
+        if settled or damping[best] > _STUCK:
+            break
+        if step % _ROUND == _ROUND - 1 and len(z) > 2:
+            kept = np.argsort(badness)[: (len(z) + 1) // 2]
+            z, rest, slopes = z[kept], rest[kept], slopes[kept]
+            badness, damping = badness[kept], damping[kept]
+    return z[int(np.argmin(badness))]

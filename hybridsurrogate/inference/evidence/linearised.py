@@ -1,0 +1,303 @@
+"""A cause linearised: the model of the measured rows around one point.
+
+Around one point the model of the measured rows is linear in the simulation's parameters (as
+standard normal z) and in the *sizes* of the cause: the coefficients of its columns, or a gain, a
+constant, a slope measured from the value at which it changes nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybridsurrogate.blocks import BLOCK, blocks, in_blocks
+from hybridsurrogate.inference.conjugate.emulator_posterior import Belief
+from hybridsurrogate.inference.evidence.grid import Layout
+from hybridsurrogate.inference.model.observation import MeasuredModel
+from hybridsurrogate.priors import FloatArray
+
+# an emulator is smooth to rounding: a short step to one side is enough, at half the price
+_SHORT_STEP = 1e-4
+_ABSURD = 1e100
+# a size that is a parameter of its own keeps within its prior: z displaced by its prior sd at most
+_SIZE_CAP = 1.0
+# of the largest curve: less is nothing
+_NOTHING = 1e-12
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """The model of measured rows around one point.
+
+    ``y = mean + G @ g + H_t @ h + U @ u + noise_t * e`` with g, u ~ N(0, I), e ~ N(0, sigma^2 I),
+    columns of H with unit root mean square, so that h is the size of the effect in units of y.
+
+    Attributes
+    ----------
+    mean : ndarray of shape (M, n)
+        M is 1 where the nodes do not touch the simulation, else T.
+    G : ndarray of shape (M, n, d)
+    H : ndarray of shape (T, n, q)
+    H_rms : ndarray of shape (T, q)
+        What was divided out of H.
+    cap : ndarray of shape (T, q)
+        Largest prior scale of each size in units of y; infinity for columns.
+    U : ndarray of shape (n, r)
+        Factor of the known covariance: the emulator's own error, a remainder.
+    log_weight : ndarray of shape (T,)
+    noise : ndarray of shape (K, n) or None
+        Factor on sigma, K is 1 where the nodes do not touch it, else T. None: one everywhere.
+    outliers : ndarray of shape (T,) or None
+        Share of rows that are outliers; e then has heavy tails. None: e is normal.
+    """
+
+    mean: FloatArray
+    G: FloatArray
+    H: FloatArray
+    H_rms: FloatArray
+    cap: FloatArray
+    U: FloatArray
+    log_weight: FloatArray
+    noise: FloatArray | None = None
+    outliers: FloatArray | None = None
+
+    def at(self, index: NDArray[np.intp] | slice) -> Linearised:
+        """Return the model at some of the nodes."""
+        several = len(self.mean) > 1
+        noise = self.noise
+        return replace(
+            self,
+            mean=self.mean[index] if several else self.mean,
+            G=self.G[index] if several else self.G,
+            H=self.H[index],
+            H_rms=self.H_rms[index],
+            cap=self.cap[index],
+            log_weight=self.log_weight[index],
+            noise=noise if noise is None or len(noise) == 1 else noise[index],
+            outliers=None if self.outliers is None else self.outliers[index],
+        )
+
+    def pieces(self, n_responses: int) -> list[Linearised]:
+        """Cut the nodes into pieces that stay in the processor's cache, unless responses do not."""
+        T, n, q = self.H.shape
+        cuts = blocks(T, n * q, max(BLOCK, n * n_responses))
+        return [self] if len(cuts) == 1 else [self.at(piece) for piece in cuts]
+
+    def simplified(self) -> Linearised:
+        """Return the same with one mean and G where all nodes share them, as at a size of zero."""
+        if np.all(self.mean[0] == self.mean) and np.all(self.G[0] == self.G):
+            return replace(self, mean=self.mean[:1], G=self.G[:1])
+        return self
+
+    @property
+    def noise_differs(self) -> bool:
+        """Whether the nodes differ in the noise of single rows."""
+        several = self.noise is not None and len(self.noise) > 1
+        return several or self.outliers is not None
+
+    def by_noise(self) -> list[tuple[Linearised, FloatArray]]:
+        """Split into models of unit noise factor, rows scaled, each with its factor (n,)."""
+        if self.noise is None:
+            return [(self, np.ones(1))]
+        everything = np.arange(len(self.H))
+        nodes = [everything] if len(self.noise) == 1 else list(everything[:, None])
+        return [
+            (self.at(index)._over(factor), factor)
+            for index, factor in zip(nodes, self.noise, strict=True)
+        ]
+
+    def whitened(self, whiten: Callable[[FloatArray, int], FloatArray]) -> Linearised:
+        """Return the model of rows ``whiten(rows, axis)``, which no known covariance ties."""
+        if not self.U.size:
+            return self
+        return replace(
+            self,
+            mean=whiten(self.mean, 1),
+            G=whiten(self.G, 1),
+            H=whiten(self.H, 1),
+            U=self.U[:, :0],
+        )
+
+    def _over(self, factor: FloatArray) -> Linearised:
+        column = factor[:, None]
+        return replace(
+            self,
+            mean=self.mean / factor,
+            G=self.G / column,
+            H=self.H / column,
+            U=self.U / column,
+            noise=None,
+        )
+
+
+class Columns(NamedTuple):
+    """What causes add at the nodes of a grid.
+
+    Attributes
+    ----------
+    earlier : ndarray of shape (n, e)
+        Columns of earlier causes, times the prior sd of their coefficients.
+    own : ndarray of shape (T, n, q)
+        Those of the last cause, with unit root mean square.
+    rms : ndarray of shape (T, q)
+        What was divided out of them.
+    """
+
+    earlier: FloatArray
+    own: FloatArray
+    rms: FloatArray
+
+    def at(self, index: NDArray[np.intp]) -> Columns:
+        """Return the columns at some of the nodes."""
+        return Columns(self.earlier, self.own[index], self.rms[index])
+
+
+def columns_at_nodes(model: MeasuredModel, X: FloatArray, plan: Layout, z: FloatArray) -> Columns:
+    """Return the columns of all causes at every node."""
+    before, values = range(len(model.effects) - 1), _values_at_nodes(model, plan, z)
+    earlier = model.added_by(before, X, values[:1])[0]
+    earlier = earlier * model.column_sd[: earlier.shape[1]]
+    process = bool(model.effects) and model.effects[-1].is_process
+    last = range(len(before), len(model.effects))
+
+    def scaled(block: FloatArray) -> tuple[FloatArray, ...]:
+        # some nodes at a time, before they leave the processor's cache
+        curves = np.swapaxes(model.added_by(last, X, block), 1, 2)
+        rms = _rms(curves)
+        if process:
+            # the basis of a process is one object: its prior variance per row, not per column
+            rms = np.broadcast_to(np.sqrt(np.sum(rms**2, axis=1, keepdims=True)), rms.shape)
+        return curves / rms[:, :, None], rms
+
+    numbers = len(X) * len(model.effects[-1].coefficients) if model.effects else 0
+    own, rms = in_blocks(scaled, values, numbers)
+    # a column next to nothing beside those of other nodes stays so
+    least = _NOTHING * float(np.max(rms, initial=0.0))
+    low = rms < least
+    own[low] *= (rms[low] / least)[:, None]
+    return Columns(earlier, np.swapaxes(own, 1, 2), np.maximum(rms, least))
+
+
+def _rms(curves: FloatArray) -> FloatArray:
+    """Return the root mean square of curves (T, q, n), (T, q), of a zero one as good as zero."""
+    rms: FloatArray = np.sqrt(np.einsum("tqn,tqn->tq", curves, curves) / curves.shape[2])
+    return np.maximum(rms, _NOTHING * max(float(np.max(rms, initial=0.0)), 1e-280))
+
+
+def _values_at_nodes(model: MeasuredModel, plan: Layout, z: FloatArray) -> FloatArray:
+    values = np.repeat(model.values(z[None]), len(plan.grid), axis=0)
+    values[:, plan.nodes] = plan.grid
+    return values
+
+
+def _noise_at_nodes(
+    model: MeasuredModel, X: FloatArray, plan: Layout, z: FloatArray, simulated: FloatArray
+) -> FloatArray | None:
+    """Return the noise factor where it differs from one, (T, n), or (1, n) for all nodes.
+
+    Where noise follows the simulation's output, it is that at z, ``simulated`` (n,).
+    """
+    if not model.touches_noise:
+        return None
+    values = _values_at_nodes(model, plan, z)
+    values = values if model.effects and model.effects[-1].touches_noise else values[:1]
+    noise = model.noise(X, values, np.nan_to_num(simulated))
+    return None if noise.shape[1] == 1 else noise
+
+
+def _outliers_at_nodes(model: MeasuredModel, plan: Layout, z: FloatArray) -> FloatArray | None:
+    if not any(effect.has_outliers for effect in model.effects):
+        return None
+    return model.outlier_share(_values_at_nodes(model, plan, z))
+
+
+class _Slopes(NamedTuple):
+    """The simulation around a point: mean (M, n), slopes (M, D, n); output (n,) and U at one node.
+
+    ``mean`` is that at the prior's centre: fixed directions at 0, sizes at their neutral value.
+    """
+
+    mean: FloatArray
+    slopes: FloatArray
+    output: FloatArray
+    U: FloatArray
+
+
+def _slopes(
+    model: MeasuredModel, X: FloatArray, belief: Belief, plan: Layout, z: FloatArray
+) -> _Slopes:
+    """Return the output and its slopes, at all nodes where these touch the simulation.
+
+    Some nodes at a time, as the slopes need runs.
+    """
+    directions = np.concatenate([plan.fixed, plan.sizes])
+    both = model.basis.is_simulation
+    step = model.step if both else _SHORT_STEP
+    moves = step * np.eye(len(z))[directions]
+    points = z + np.vstack([np.zeros((1, len(z))), moves, *([-moves] if both else [])])
+    values = model.values(points)
+    in_simulation = bool(len(plan.nodes)) and model.effects[-1].touches_simulation
+    M = len(plan.grid) if in_simulation else 1
+    mean, slopes = np.empty((M, len(X))), np.empty((M, len(directions), len(X)))
+    at_one: tuple[FloatArray, FloatArray] | None = None
+    for piece in blocks(M, len(points) * len(X)):
+        runs = np.tile(values, (piece.stop - piece.start, 1, 1))
+        if in_simulation:
+            runs[:, :, plan.nodes] = plan.grid[piece, None, :]
+        response = model.close_by(
+            X, runs.reshape(len(runs) * len(points), len(z)), belief.mean, len(points)
+        )
+        # a simulation may fail far out: NaN marks the place and is never better than another one
+        response[~(np.abs(response) < _ABSURD)] = np.nan
+        response = response.reshape(len(runs), len(points), len(X))
+        ahead, behind = response[:, 1 : 1 + len(moves)], response[:, 1 + len(moves) :]
+        slope = (ahead - behind) / (2 * step) if both else (ahead - response[:, :1]) / step
+        # a node that fails at a row is impossible, and what other rows have there may be any size
+        broken = ~np.isfinite(response[:, 0]).all(axis=1)
+        slope[broken] = 0.0
+        slope[~np.isfinite(slope)] = 0.0
+        slopes[piece] = slope
+        mean[piece] = response[:, 0] - (z - plan.neutral)[directions] @ slope
+        if at_one is None:
+            at_one = response[0, 0].copy(), model.emulator_error(X, runs[0, :1], belief.factor)
+    assert at_one is not None
+    return _Slopes(mean, slopes, *at_one)
+
+
+def linearise(
+    model: MeasuredModel,
+    X: FloatArray,
+    belief: Belief,
+    plan: Layout,
+    z: FloatArray,
+    columns: Columns | None = None,
+) -> Linearised:
+    """Linearise around z (n_unknowns,), at all nodes of the grid.
+
+    The columns of earlier causes join G with their prior sd; those of the last one are sizes.
+    ``columns`` may be given where they are known from `columns_at_nodes`.
+    """
+    around = _slopes(model, X, belief, plan, z)
+    T, M, d = len(plan.grid), len(around.mean), len(plan.fixed)
+    G, curves = np.swapaxes(around.slopes[:, :d], 1, 2), around.slopes[:, d:]
+    rms = _rms(curves)
+    curves /= rms[:, :, None]
+    H = np.broadcast_to(np.swapaxes(curves, 1, 2), (T, len(X), len(plan.sizes)))
+    rms = np.broadcast_to(rms, (T, len(plan.sizes)))
+    cap = _SIZE_CAP * rms
+    if model.column_names:
+        if columns is None:
+            columns = columns_at_nodes(model, X, plan, z)
+        if columns.earlier.shape[1]:
+            earlier = np.broadcast_to(columns.earlier, (M, *columns.earlier.shape))
+            G = np.concatenate([G, earlier], axis=2)
+        H = np.concatenate([H, columns.own], axis=2) if len(plan.sizes) else columns.own
+        rms = np.concatenate([rms, columns.rms], axis=1)
+        cap = np.concatenate([cap, np.full(columns.rms.shape, np.inf)], axis=1)
+    noise = _noise_at_nodes(model, X, plan, z, around.output)
+    outliers = _outliers_at_nodes(model, plan, z)
+    return Linearised(around.mean, G, H, rms, cap, around.U, plan.log_weight, noise, outliers)

@@ -1,0 +1,304 @@
+"""How well the measured rows speak for a cause at every node of its grid.
+
+Given the nodes of what is not a size (a period, a location) the linearised model has an evidence
+in closed form, for any number of responses at once.
+
+Sizes have a scale mixture as prior: the root mean square of the effect over the measured rows is
+spread evenly, on a logarithmic scale, between a fraction of the noise and several times the spread
+of the output, the same for every cause, so that no cause is favoured by the units of its size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from hybridsurrogate.cholesky import log_det_of, nudged_cholesky
+from hybridsurrogate.inference.conjugate.emulator_posterior import Belief
+from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
+from hybridsurrogate.inference.evidence.grid import Layout
+from hybridsurrogate.inference.evidence.linearised import (
+    Columns,
+    Linearised,
+    columns_at_nodes,
+    linearise,
+)
+from hybridsurrogate.inference.evidence.outliers import heavy_fit, heavy_scan
+from hybridsurrogate.inference.model.observation import MeasuredModel
+from hybridsurrogate.priors import FloatArray
+
+_MAX_CLIMB = 12
+# a climb ends when a step gains less, in units of the log density times two
+_SETTLED = 0.01
+# nodes that are followed where each needs runs of the simulation
+_FOLLOWED = 16
+# a prior scale that is as good as zero, whose square is a number still
+_NO_SIZE = 1e-100
+# numbers in one block of sizes, responses, nodes and directions
+_BLOCK = 1_000_000
+
+
+def scan(
+    parts: Linearised,
+    responses: FloatArray,
+    sigma: float,
+    log_marginal: Callable[[FloatArray], FloatArray],
+    sizes: FloatArray,
+) -> FloatArray:
+    """Return the log evidence of every node for every response, (R, T).
+
+    Parameters
+    ----------
+    parts : Linearised
+    responses : ndarray of shape (R, n)
+    sigma : float
+        Noise scale against which the priors of parameters and sizes are weighed.
+    log_marginal : callable
+        Log integral over sigma as a function of the residual sum of squares; a `NoiseTable` where
+        there are outliers.
+    sizes : ndarray of shape (K,)
+        Prior scales of the effect's root mean square, equally probable.
+    """
+    if parts.outliers is not None:
+        assert isinstance(log_marginal, NoiseTable)
+        return heavy_scan(parts, responses, sigma, log_marginal.log_prior, sizes)
+    evidence = []
+    for unit, factor in parts.by_noise():
+        whiten, log_det = _whitener(unit.U, sigma)
+        y = whiten((responses / factor).T, 0).T
+        for piece in unit.pieces(len(responses)):
+            found = _scan(piece.whitened(whiten), y, sigma, log_marginal, sizes)
+            evidence.append(found - log_det - np.sum(np.log(factor)))
+    return np.concatenate(evidence, axis=1)
+
+
+def _scan(
+    parts: Linearised,
+    y: FloatArray,
+    sigma: float,
+    log_marginal: Callable[[FloatArray], FloatArray],
+    sizes: FloatArray,
+) -> FloatArray:
+    """Return the log evidence of rows whose covariance is sigma^2 I: U is empty."""
+    G, H = parts.G, parts.H
+    d, n = G.shape[2], y.shape[1]
+    inner = np.swapaxes(G, 1, 2) @ G + sigma**2 * np.eye(d)
+    factor = nudged_cholesky(inner)
+    project = np.linalg.solve(factor, np.swapaxes(G, 1, 2))  # (M, d, n)
+    residual = y[:, None, :] - parts.mean  # (R, M, n)
+    along = np.einsum("mdn,rmn->rmd", project, residual)
+    # the square that G leaves, |r - G g|^2 + sigma^2 |g|^2 at its optimum g: as |r|^2 less what G
+    # explains it would lose all digits where a parameter with a wide prior sets the level of y
+    g = np.linalg.solve(np.swapaxes(factor, 1, 2), along[..., None])[..., 0]
+    residual = residual - np.einsum("mnd,rmd->rmn", G, g)
+    squares = np.einsum("rmn,rmn->rm", residual, residual) + sigma**2 * np.sum(g**2, axis=2)
+    # rounding is the affair of `log_marginal`, in shares of the spread of y: y itself may be far
+    # from zero, and a share of its own square would be more than the noise
+    least = np.finfo(float).tiny
+    log_base = -log_det_of(factor) + d * np.log(sigma)
+    T, _, q = H.shape
+    if not q:
+        out = log_marginal(np.maximum(squares, least)) + log_base + parts.log_weight
+        return np.where(np.isnan(out), -np.inf, out)
+    rest = H - np.swapaxes(project, 1, 2) @ (project @ H)  # (T, n, q), G projected out
+    eigenvalue, vector = np.linalg.eigh(np.swapaxes(H, 1, 2) @ rest)
+    # what G can draw as well leaves rounding, by the rule of `numpy.linalg.matrix_rank`
+    rounding = n * np.finfo(float).eps * np.einsum("tnq,tnq->t", H, H)[:, None]
+    told = eigenvalue > rounding
+    eigenvalue = np.where(told, eigenvalue, 0.0)
+    rotated = H @ (vector * told[:, None, :])
+    if len(residual[0]) == 1:
+        along_h = residual[:, 0] @ rotated.transpose(1, 0, 2).reshape(n, -1)
+        along_h = along_h.reshape(len(y), T, q)
+    else:
+        along_h = np.einsum("rtn,tnq->rtq", residual, rotated)
+    # one size for all directions of a cause; caps bind only parameters, which come alone
+    scales = np.maximum(np.minimum(sizes[:, None], parts.cap.min(axis=1)), _NO_SIZE)
+    terms = []
+    for scale in np.array_split(scales, -(-scales.size * along_h.size // (_BLOCK * T))):
+        ridge = ((sigma / scale) ** 2)[:, None, :, None]
+        reduced = squares - np.sum(along_h**2 / (eigenvalue + ridge), axis=3)
+        log_det_h = 0.5 * np.sum(np.log1p(eigenvalue / ridge), axis=3)
+        terms.append(log_marginal(np.maximum(reduced, least)) - log_det_h)
+    # NaN marks a simulation that failed, and is sorted out here
+    with np.errstate(invalid="ignore"):
+        out = np.logaddexp.reduce(np.concatenate(terms), axis=0) - np.log(len(sizes))
+    out = out + log_base + parts.log_weight
+    return np.where(np.isnan(out), -np.inf, out)
+
+
+def _whitener(U: FloatArray, sigma: float) -> tuple[Callable[[FloatArray, int], FloatArray], float]:
+    """Return a map that gives rows with covariance sigma^2 I + U U' the covariance sigma^2 I."""
+    if not U.size:
+        return (lambda values, axis: values), 0.0
+    Q, singular, _ = np.linalg.svd(U, full_matrices=False)
+    ratio = 1 + (singular / sigma) ** 2
+    shrink = 1 - 1 / np.sqrt(ratio)
+
+    def whiten(values: FloatArray, axis: int) -> FloatArray:
+        moved = np.moveaxis(values, axis, 0)
+        flat = moved.reshape(len(moved), -1)
+        flat = flat - Q @ (shrink[:, None] * (Q.T @ flat))
+        return np.moveaxis(flat.reshape(moved.shape), 0, axis)
+
+    return whiten, 0.5 * float(np.sum(np.log(ratio)))
+
+
+class Peak(NamedTuple):
+    """Where a cause fits best.
+
+    Attributes
+    ----------
+    z : ndarray of shape (n_unknowns,)
+        Fixed directions and sizes at the optimum, nodes at the best one.
+    squares : float
+        Residual sum of squares there, in units of the noise covariance.
+    objective : float
+        Penalised squares in units of sigma^2; smaller is better.
+    node : int
+    """
+
+    z: FloatArray
+    squares: float
+    objective: float
+    node: int
+
+
+def climb(
+    model: MeasuredModel,
+    X: FloatArray,
+    y: FloatArray,
+    belief: Belief,
+    plan: Layout,
+    z: FloatArray,
+    sigma: float,
+    size: float,
+    columns: Columns | None = None,
+) -> Peak:
+    """Follow the linearised model to its best fit by Gauss-Newton steps, nodes re-enumerated.
+
+    Parameters
+    ----------
+    z : ndarray of shape (n_unknowns,)
+        Starting point.
+    sigma : float
+        Noise scale against which priors are weighed.
+    size : float
+        Prior scale of the effect's size, in units of y; large means free.
+    columns : Columns, optional
+        Where they are known from `columns_at_nodes`.
+    """
+    best: Peak | None = None
+    point, step = np.array(z, dtype=float), 1.0
+    proposal = point
+    # columns move only with the cause's own parameters, and these are enumerated or fixed
+    if columns is None:
+        columns = columns_at_nodes(model, X, plan, point)
+    followed = np.arange(len(plan.grid))
+    costly = bool(len(plan.nodes)) and model.effects[-1].touches_simulation
+    for _ in range(_MAX_CLIMB):
+        parts = linearise(model, X, belief, plan, proposal, columns)
+        here, move, badness = _solve(parts, y, plan, proposal, sigma, size)
+        here = here._replace(node=int(followed[here.node]))
+        if costly and len(followed) > _FOLLOWED and np.isfinite(here.objective):
+            index = np.argsort(badness)[:_FOLLOWED]
+            followed, plan, columns = followed[index], plan.at(index), columns.at(index)
+        if not np.isfinite(here.objective):
+            if best is None:
+                return here
+            step *= 0.3
+        elif best is None or here.objective < best.objective - 1e-4:
+            gain = np.inf if best is None else best.objective - here.objective
+            best, point, target, step = here, proposal, move, 1.0
+            if gain < _SETTLED:
+                break
+        else:
+            step *= 0.3
+        if step < 0.02:
+            break
+        proposal = point + step * (target - point)
+    assert best is not None
+    return best
+
+
+def _solve(
+    parts: Linearised, y: FloatArray, plan: Layout, z: FloatArray, sigma: float, size: float
+) -> tuple[Peak, FloatArray, FloatArray]:
+    """Return the fit at z, columns free, the z of the best linear model, and (T,) badness."""
+    if parts.outliers is not None:
+        heavy = heavy_fit(parts, y, plan, z, sigma, size)
+        peak = Peak(z.copy(), heavy.squares, heavy.objective, heavy.node)
+        return peak, heavy.move, heavy.badness
+    T, _, q = parts.H.shape
+    d, s = parts.G.shape[2], len(plan.sizes)
+    units = [_normal_equations(unit, y / factor, sigma) for unit, factor in parts.by_noise()]
+    normal, right, total = (np.concatenate(block) for block in list(zip(*units, strict=True))[:3])
+    scale = np.maximum(np.minimum(size, parts.cap), _NO_SIZE)
+    penalty = np.concatenate([np.ones((T, d)), scale**-2.0], axis=1) * sigma**2
+    normal[:, np.arange(d + q), np.arange(d + q)] += penalty
+    try:
+        solution = np.linalg.solve(normal, right[..., None])[..., 0]
+    except np.linalg.LinAlgError:  # slopes without bound: the simulation breaks down around here
+        return Peak(z.copy(), np.inf, np.inf, 0), z, np.full(T, np.inf)
+    best_linear = total - np.einsum("tk,tk->t", right, solution)
+    badness = best_linear / sigma**2 - 2 * parts.log_weight
+    if parts.noise is not None:
+        # without noise factors the determinant is the same everywhere, and only sigma matters
+        badness = badness + 2 * np.concatenate([np.full(len(u[0]), u[3]) for u in units])
+        badness = badness + 2 * np.sum(np.log(parts.noise), axis=1)
+    badness = np.where(np.isnan(badness), np.inf, badness)
+    node = int(np.argmin(badness))
+    # the fit at z itself: what is nonlinear stays, columns are estimated anew
+    ((unit, factor),) = parts.at(np.array([node])).by_noise()
+    whiten, log_det = _whitener(unit.U, sigma)
+    design = np.hstack([whiten(unit.G[0], 0), whiten(unit.H[0], 0)])
+    held = np.concatenate(
+        [z[plan.fixed], (z[plan.sizes] - plan.neutral[plan.sizes]) * parts.H_rms[node, :s]]
+    )
+    free = np.ones(d + q, dtype=bool)
+    free[: len(plan.fixed)] = free[d : d + s] = False
+    rest = whiten(y / factor - unit.mean[0], 0) - design[:, ~free] @ held
+    columns = design[:, free]
+    fitted = np.linalg.solve(normal[node][np.ix_(free, free)], columns.T @ rest)
+    rest = rest - columns @ fitted
+    squares = float(rest @ rest)
+    prior = float(penalty[node, ~free] @ held**2 + penalty[node, free] @ fitted**2)
+    objective = (squares + prior) / sigma**2
+    if parts.noise is not None:
+        objective += 2 * (log_det + float(np.sum(np.log(factor))))
+    peak = Peak(z.copy(), squares, objective if np.isfinite(objective) else np.inf, node)
+    move = z.copy()
+    move[plan.fixed] = np.clip(solution[node, : len(plan.fixed)], -6, 6)
+    size_move = solution[node, d : d + s] / parts.H_rms[node, :s]
+    move[plan.sizes] = np.clip(plan.neutral[plan.sizes] + size_move, -6, 6)
+    return peak, move, badness
+
+
+def _normal_equations(
+    unit: Linearised, y: FloatArray, sigma: float
+) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+    """Return normal matrices (T, k, k), right sides (T, k), sums of squares (T,), log det of U.
+
+    In blocks: G and the residual are mostly the same at all nodes, and H is tall.
+    """
+    whiten, log_det = _whitener(unit.U, sigma)
+    T, _, q = unit.H.shape
+    d = unit.G.shape[2]
+    residual = whiten((y - unit.mean)[..., None], 1)
+    both = np.swapaxes(np.concatenate([whiten(unit.G, 1), residual], axis=2), 1, 2)
+    inner = both @ np.swapaxes(both, 1, 2)
+    normal, right = np.empty((T, d + q, d + q)), np.empty((T, d + q))
+    normal[:, :d, :d], right[:, :d] = inner[:, :d, :d], inner[:, :d, d]
+    start = 0
+    for piece in unit.pieces(1):
+        H = whiten(piece.H, 1)
+        nodes = slice(start, start + len(H))
+        across = (both if len(both) == 1 else both[nodes]) @ H
+        normal[nodes, :d, d:] = across[:, :d]
+        normal[nodes, d:, :d] = np.swapaxes(across[:, :d], 1, 2)
+        normal[nodes, d:, d:] = np.swapaxes(H, 1, 2) @ H
+        right[nodes, d:] = across[:, d]
+        start += len(H)
+    return normal, right, np.broadcast_to(inner[:, d, d], (T,)), log_det

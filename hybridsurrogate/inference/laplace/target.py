@@ -1,0 +1,224 @@
+"""Step 1 where coefficients are not Gaussian given the rest: counts, heavy tails, own densities.
+
+The coefficients in standard normal coordinates, v, are approximated given the other unknowns u by a
+Gaussian at their mode (Rue, Martino and Chopin 2009, Journal of the Royal Statistical Society B
+71:319). That marginalises u well enough to propose from, and proposes v given u; the weights of the
+pairs (u, v) are exact, so the approximation costs effective draws and never correctness.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hybridsurrogate.inference.conjugate.sufficient_statistics import ROUNDING
+from hybridsurrogate.inference.laplace.inner_mode import GaussianFit, gaussian_fit
+from hybridsurrogate.inference.laplace.linear_predictor import Design, Part, Rows, Runs
+from hybridsurrogate.inference.model.observation import MeasuredModel
+from hybridsurrogate.inference.model.prior_density import prior_log_density, prior_of_unknowns
+from hybridsurrogate.likelihoods.base import Likelihood
+from hybridsurrogate.priors import FloatArray, Prior
+
+_LOG_2PI = float(np.log(2 * np.pi))
+# how often the smoothing of a rough density is matched to its own posterior
+_WIDTH_ROUNDS = 3
+# a direction of v that moves eta by less than this share of the first one is left to its prior
+_NEGLIGIBLE = 1e-6
+# numbers in one block of features; larger batches are cut so that memory stays bounded
+_BLOCK = 4_000_000
+
+
+@dataclass(frozen=True)
+class LaplacePosterior:
+    """Power-scaled posterior of all unknowns under any likelihood.
+
+    Attributes
+    ----------
+    model : MeasuredModel
+    X, y, weights : ndarray of shape (n, n_columns), (n,), (n,)
+        Measured rows, y on the scale of eta (for starting points), powers relative to
+        ``measured_power``.
+    observed : ndarray of shape (n,)
+        y as measured.
+    likelihood : Likelihood
+    runs : Runs or None
+    simulation_power, measured_power : float
+    noise_prior : prior of sigma
+    scale : float
+        Spread of the output on the scale of eta.
+    """
+
+    model: MeasuredModel
+    X: FloatArray
+    y: FloatArray
+    weights: FloatArray
+    observed: FloatArray
+    likelihood: Likelihood
+    runs: Runs | None
+    simulation_power: float
+    measured_power: float
+    noise_prior: Prior
+    scale: float
+
+    @property
+    def n_dimensions(self) -> int:
+        """Length of u."""
+        return self.model.n_unknowns + self.model.n_hyper + 1
+
+    # each value of the approximation ends a climb of its own, and is as rough as that is exact
+    step_share = 0.5
+
+    @property
+    def n_coefficients(self) -> int:
+        """Length of v: coefficients of the surrogate, then of the causes."""
+        return len(self.model.basis.coefficient_mean) + len(self.model.column_sd)
+
+    # --------------------------------------------------------------------- the exact density
+
+    def joint_log_density(self, w: FloatArray) -> FloatArray:
+        """Return the log density of all unknowns w = [u, v], (J, d + p): (J,)."""
+        d = self.n_dimensions
+        pieces = []
+        for block in self._blocks(w):
+            u, v = block[:, :d], block[:, d:]
+            told = self._design(u, truncated=False).log_likelihood(np.exp(u[:, -1:]), v)
+            pieces.append(self._prior(u) + prior_log_density(v) + told)
+        out = np.concatenate(pieces)
+        return np.where(np.isfinite(out), out, -np.inf)
+
+    def _prior(self, u: FloatArray) -> FloatArray:
+        """Return the log prior of u (J, d); every row is known but for its rounding."""
+        prior = prior_of_unknowns(u, self.noise_prior)
+        if not self.likelihood.scales_noise:
+            return prior
+        # else a surrogate that meets all rows exactly would have no noise at all, and no draws
+        power = self.measured_power * float(self.weights.sum())
+        if self.runs is not None:
+            power += self.simulation_power * float(np.sum(self.runs.weights))
+        return prior - 0.5 * power * (ROUNDING * self.scale / np.exp(u[:, -1])) ** 2
+
+    def _design(self, u: FloatArray, truncated: bool) -> Design:
+        """Return what is linear in v, for the runs and for the measured rows."""
+        model = self.model
+        values = model.values(u[:, :-1])
+        hyper = values[:, model.n_unknowns :]
+        factor = model.basis.factor(hyper) if model.n_hyper else None
+        kept = np.arange(self.n_coefficients)
+        if factor is not None and truncated:
+            size = np.sqrt(np.sum(factor**2, axis=1))
+            large = (size > _NEGLIGIBLE * size.max(axis=1, keepdims=True)).any(axis=0)
+            factor = factor[:, :, large]
+            kept = kept[np.concatenate([large, np.ones(len(model.column_sd), dtype=bool)])]
+        parts = []
+        if self.runs is not None and self.simulation_power:
+            parts.append(self._run_part(hyper, factor))
+        if self.measured_power:
+            parts.append(self._measured_part(values, factor))
+        return Design(parts, kept)
+
+    def _run_part(self, hyper: FloatArray, factor: FloatArray | None) -> Part:
+        assert self.runs is not None
+        basis, runs = self.model.basis, self.runs
+        features = self._run_features
+        if basis.known_depends_on_hyper:
+            J, n = len(hyper), len(runs.y)
+            known = basis.known(
+                np.tile(runs.X, (J, 1)), np.tile(runs.omega, (J, 1)), np.repeat(hyper, n, axis=0)
+            ).reshape(J, n)
+        else:
+            known = basis.known(runs.X, runs.omega)[None]
+        known = known + features @ basis.coefficient_mean
+        whitened = features * basis.coefficient_sd if factor is None else features @ factor
+        padding = [(0, 0)] * (whitened.ndim - 1) + [(0, len(self.model.column_sd))]
+        rows = Rows(runs.y, self.simulation_power * runs.weights)
+        return Part(rows, known, np.pad(whitened, padding), np.ones((1, 1)), self.likelihood)
+
+    @cached_property
+    def _run_features(self) -> FloatArray:
+        assert self.runs is not None
+        return self.model.basis.features(self.runs.X, self.runs.omega)
+
+    def _measured_part(self, values: FloatArray, factor: FloatArray | None) -> Part:
+        basis = self.model.basis
+        parts = self.model.parts(self.X, values)
+        known = parts.known + parts.features @ basis.coefficient_mean
+        features = parts.features
+        whitened = features * basis.coefficient_sd if factor is None else features @ factor
+        columns = parts.columns * self.model.column_sd
+        design = np.concatenate([whitened, columns], axis=2)
+        rows = Rows(self.observed, self.measured_power * self.weights)
+        likelihood = self.model.likelihood_of(self.likelihood, values)
+        return Part(rows, known, design, parts.noise, likelihood)
+
+    def _blocks(self, u: FloatArray) -> list[FloatArray]:
+        n = len(self.y) + (len(self.runs.y) if self.runs else 0)
+        width = self.n_coefficients + 2
+        length = max(1, _BLOCK // (n * width + width**2))
+        return [u[k : k + length] for k in range(0, max(len(u), 1), length)]
+
+    # ------------------------------------------------------------------ the approximation
+
+    def search_density(self, u: FloatArray) -> FloatArray:
+        """Return the Laplace approximation of the log density of u (J, d), v integrated out."""
+        pieces = []
+        for block in self._blocks(u):
+            fit = self._fit(block, width_rounds=0)
+            log_joint = self._prior(block) + fit.height
+            pieces.append(log_joint - fit.log_det + 0.5 * fit.mode.shape[1] * _LOG_2PI)
+        out = np.concatenate(pieces)
+        return np.where(np.isfinite(out), out, -np.inf)
+
+    def extended_log_density(self, points: FloatArray) -> FloatArray:
+        """Return the exact log density of [u, e], (J, d + p), with v = `coefficients_at`.
+
+        With e standard normal it is proportional to the proposal where the approximation is exact.
+        """
+        d = self.n_dimensions
+        pieces = []
+        for block in self._blocks(points):
+            u = block[:, :d]
+            fit = self._fit(u)
+            v = fit.draw(block[:, d:])
+            told = fit.design.log_likelihood(np.exp(u[:, -1:]), v)
+            prior = self._prior(u) + prior_log_density(v)
+            pieces.append(prior + told - fit.log_det)
+        out = np.concatenate(pieces)
+        return np.where(np.isfinite(out), out, -np.inf)
+
+    def resolved(
+        self, points: FloatArray, random_state: np.random.RandomState
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return u, c and a of points [u, e] of `extended_log_density`."""
+        u = points[:, : self.n_dimensions]
+        return u, *self.unwhitened(np.hstack([u, self.coefficients_at(points)]))
+
+    @property
+    def n_noise(self) -> int:
+        """Length of e."""
+        return self.n_coefficients
+
+    def coefficients_at(self, points: FloatArray) -> FloatArray:
+        """Return v (J, p) for points [u, e]."""
+        d = self.n_dimensions
+        return np.concatenate(
+            [self._fit(block[:, :d]).draw(block[:, d:]) for block in self._blocks(points)]
+        )
+
+    def unwhitened(self, w: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return coefficients (c, a) of points w = [u, v]: arrays (J, p) and (J, q)."""
+        model = self.model
+        d, p = self.n_dimensions, len(model.basis.coefficient_mean)
+        v = w[:, d:]
+        hyper = model.values(w[:, : d - 1])[:, model.n_unknowns :]
+        factor = model.basis.factor(hyper) if model.n_hyper else None
+        if factor is None:
+            c = v[:, :p] * model.basis.coefficient_sd
+        else:
+            c = (factor @ v[:, :p, None])[..., 0]
+        return model.basis.coefficient_mean + c, v[:, p:] * model.column_sd
+
+    def _fit(self, u: FloatArray, width_rounds: int = _WIDTH_ROUNDS) -> GaussianFit:
+        design = self._design(u, truncated=True)
+        return gaussian_fit(design, np.exp(u[:, -1:]), width_rounds)

@@ -1,0 +1,281 @@
+"""Draws of step 1: importance sampling around the modes, an ensemble where it is not trusted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import special
+
+from hybridsurrogate.inference.conjugate.collapsed import CollapsedPosterior
+from hybridsurrogate.inference.laplace.target import LaplacePosterior
+from hybridsurrogate.inference.sampling.adaptive_importance import (
+    ImportanceDraws,
+    Proposals,
+    importance_draws,
+)
+from hybridsurrogate.inference.sampling.axis_proposals import with_lines
+from hybridsurrogate.inference.sampling.emcee_sampler import (
+    EnsembleDraws,
+    EnsembleSampler,
+    short_ensemble,
+)
+from hybridsurrogate.inference.sampling.initial_points import further_points, starting_points
+from hybridsurrogate.inference.sampling.modes import Gaussian, distinct, find_modes
+from hybridsurrogate.inference.sampling.proposals import moment_match
+from hybridsurrogate.inference.sampling.psis import KHAT_LIMIT
+from hybridsurrogate.inference.sampling.ridges import ridge_through
+from hybridsurrogate.posterior import Diagnostics
+from hybridsurrogate.priors import FloatArray
+
+# proposals of the importance sampler: three for each draw that is kept
+_OVERSAMPLING = 3
+# few draws still need enough proposals for k-hat and weights that mean something
+_MIN_PROPOSALS = 1000
+# so many, at least, where they are tried once more: still far fewer than an ensemble's steps
+_LARGE_BATCH = 12_000
+# importance draws with a smaller effective share are tried once more, from wider proposals
+_ENOUGH_EFFECTIVE = 0.1
+# from this share of the best one's mass on, a further mode makes the posterior multimodal
+_MODE_SHARE = 0.02
+# starts from which an evidence's modes are sought
+_FOLLOWED = 4
+# a mode with less than this share gets no proposals of its own
+_PROPOSAL_SHARE = 1e-5
+
+
+@dataclass(frozen=True)
+class FirstStep:
+    """Draws of step 1: u (S, d), coefficients c (S, p) and a (S, q), and how good they are.
+
+    ``proposals`` are what importance draws were chosen from, None where these were not trusted.
+    """
+
+    u: FloatArray
+    c: FloatArray
+    a: FloatArray
+    diagnostics: Diagnostics
+    proposals: Proposals | None = None
+
+
+def first_step(
+    target: CollapsedPosterior | LaplacePosterior,
+    sampler: str | EnsembleSampler,
+    n_draws: int,
+    random_state: np.random.RandomState,
+) -> FirstStep:
+    """Draw all unknowns of step 1."""
+    modes, minor, has_lines = _approximations(target, _modes(target, random_state))
+    if isinstance(target, CollapsedPosterior):
+        u, diagnostics, proposals = _collapsed_draws(
+            target, modes, minor, has_lines, sampler, n_draws, random_state
+        )
+        return FirstStep(u, *target.draw_coefficients(u, random_state), diagnostics, proposals)
+    return _full_draws(target, modes, minor, sampler, n_draws, random_state)
+
+
+def _approximations(
+    target: CollapsedPosterior | LaplacePosterior, found: list[Gaussian]
+) -> tuple[list[Gaussian], list[Gaussian], bool]:
+    """Return the modes that matter, what is proposed around all, and whether along lines."""
+    best = found[0].log_mass
+    minor = [mode for mode in found if mode.log_mass > best + np.log(_PROPOSAL_SHARE)]
+    lines = with_lines(target, minor)
+    best = max(line.mode.log_mass for line in lines)
+    modes = [line.mode for line in lines if line.mode.log_mass > best + np.log(_MODE_SHARE)]
+    proposals = [proposal for line in lines for proposal in line.proposals]
+    return modes, proposals, any(line.position is not None for line in lines)
+
+
+def evidence_around(
+    target: CollapsedPosterior | LaplacePosterior,
+    starts: FloatArray,
+    random_state: np.random.RandomState,
+) -> float:
+    """Return the log evidence of a density whose modes are near starts u (k, d), by importance.
+
+    NaN where no start is possible, or the weights of the draws are not to be trusted at all.
+    """
+    value = target.search_density(starts)
+    if not np.isfinite(value).any():
+        return np.nan
+    steps = target.step_share, target.model.least_step
+    starts = starts[np.argsort(-value)[:_FOLLOWED]]
+    modes, minor, _ = _approximations(target, find_modes(target.search_density, starts, *steps))
+    sampled = importance_draws(
+        target.extended_log_density,
+        minor,
+        _MIN_PROPOSALS,
+        1,
+        random_state,
+        n_noise=target.n_noise,
+        modes=modes,
+    )
+    return log_evidence_of(target, sampled)
+
+
+def _modes(
+    target: CollapsedPosterior | LaplacePosterior, random_state: np.random.RandomState
+) -> list[Gaussian]:
+    starts = starting_points(target, random_state)
+    steps = target.step_share, target.model.least_step
+    modes = find_modes(target.search_density, starts, *steps)
+    if target.n_dimensions > 2:  # with one unknown beside sigma the starts were all there are
+        further = further_points(target, modes[0].mean)
+        if len(further):
+            modes += find_modes(target.search_density, further, *steps)
+    return distinct(modes)
+
+
+def _collapsed_draws(
+    target: CollapsedPosterior,
+    modes: list[Gaussian],
+    minor: list[Gaussian],
+    has_lines: bool,
+    sampler: str | EnsembleSampler,
+    n_draws: int,
+    random_state: np.random.RandomState,
+) -> tuple[FloatArray, Diagnostics, Proposals | None]:
+    log_density, doubt = target.log_density, np.nan
+    if sampler in ("auto", "importance"):
+        n = max(_OVERSAMPLING * n_draws, _MIN_PROPOSALS)
+        sampled = importance_draws(log_density, minor, n, n_draws, random_state, modes=modes)
+        trusted = sampled.khat <= KHAT_LIMIT
+        few = not trusted or sampled.effective_draws < _ENOUGH_EFFECTIVE * n
+        # draws of a Gaussian on a bent ridge look good where all of them lie close to its middle
+        adapted = len(sampled.proposals.points) > n
+        if adapted and sampler == "auto" and not has_lines and target.n_dimensions > 2:
+            along = _ridge_draws(target, minor, n, n_draws, random_state)
+            if along is not None and along.khat <= KHAT_LIMIT:
+                sampled, trusted, modes = along, True, modes[:1]
+                few = sampled.effective_draws < _ENOUGH_EFFECTIVE * n
+        if few and sampler == "auto":
+            # one large batch of better proposals costs less than the many steps of an ensemble
+            weight = np.full(n_draws, 1 / n_draws)
+            all_of_it = float(special.logsumexp([part.log_mass for part in minor]))
+            wide = replace(moment_match(sampled.draws, weight, minor[0]), log_mass=all_of_it)
+            many = max(4 * n, _LARGE_BATCH)
+            again = importance_draws(
+                log_density, [wide, *minor], many, n_draws, random_state, modes=modes
+            )
+            sampled = again if again.khat <= max(sampled.khat, KHAT_LIMIT) else sampled
+            trusted = sampled.khat <= KHAT_LIMIT
+        if sampler == "importance" or (trusted and len(modes) == 1):
+            return sampled.draws, of_importance(target, sampled, len(modes)), sampled.proposals
+        if trusted:
+            # the shares of far modes are right already; the ensemble only smooths
+            run = short_ensemble(log_density, sampled.draws, n_draws, random_state)
+            return run.draws, _of_ensemble(run, len(modes)), sampled.proposals
+        doubt = sampled.khat
+    backend = sampler if isinstance(sampler, EnsembleSampler) else EnsembleSampler()
+    run = backend.run(log_density, modes, n_draws, random_state)
+    return run.draws, _of_ensemble(run, len(modes), doubt), None
+
+
+def _ridge_draws(
+    target: CollapsedPosterior,
+    modes: list[Gaussian],
+    n: int,
+    n_draws: int,
+    random_state: np.random.RandomState,
+) -> ImportanceDraws | None:
+    """Return importance draws in coordinates in which the ridge through all modes is straight."""
+    ridge = ridge_through(target, modes[0])
+    if ridge is None or not all(ridge.is_on(mode.mean) for mode in modes[1:]):
+        return None
+
+    def straight(v: FloatArray) -> FloatArray:
+        return target.log_density(ridge.points(v))
+
+    drawn = importance_draws(straight, [ridge.approximation], n, n_draws, random_state)
+    proposals = replace(drawn.proposals, points=ridge.points(drawn.proposals.points))
+    return replace(drawn, draws=ridge.points(drawn.draws), proposals=proposals)
+
+
+def _full_draws(
+    target: LaplacePosterior,
+    modes: list[Gaussian],
+    minor: list[Gaussian],
+    sampler: str | EnsembleSampler,
+    n_draws: int,
+    random_state: np.random.RandomState,
+) -> FirstStep:
+    """Return importance draws of pairs [u, v], else those of the ensemble over the full vector."""
+    doubt = np.nan
+    if sampler in ("auto", "importance"):
+        n, n_noise = max(_OVERSAMPLING * n_draws, _MIN_PROPOSALS), target.n_noise
+        density = target.extended_log_density
+        sampled = importance_draws(
+            density, minor, n, n_draws, random_state, n_noise=n_noise, modes=modes
+        )
+        if sampler == "importance" or sampled.khat <= KHAT_LIMIT:
+            drawn = target.resolved(sampled.draws, random_state)
+            return FirstStep(*drawn, of_importance(target, sampled, len(modes)), sampled.proposals)
+        doubt = sampled.khat
+    backend = sampler if isinstance(sampler, EnsembleSampler) else EnsembleSampler()
+    start = _around(target, minor, random_state)
+    run = backend.run(target.joint_log_density, start, n_draws, random_state)
+    diagnostics = _of_ensemble(run, len(modes), doubt)
+    u = run.draws[:, : target.n_dimensions]
+    return FirstStep(u, *target.unwhitened(run.draws), diagnostics)
+
+
+def _around(
+    target: LaplacePosterior,
+    components: list[Gaussian],
+    random_state: np.random.RandomState,
+) -> list[Gaussian]:
+    """Return Gaussians in the full space from which the ensemble starts: one around each mode."""
+    d, whole = target.n_dimensions, target.n_dimensions + target.n_coefficients
+    out = []
+    for mode in components:
+        e = random_state.standard_normal((4 * whole, target.n_coefficients))
+        u = mode.mean + random_state.standard_normal((len(e), d)) @ mode.factor.T
+        points = np.hstack([u, target.coefficients_at(np.hstack([u, e]))])
+        points = points[np.isfinite(points).all(axis=1)]
+        covariance = np.cov(points.T) + 1e-10 * np.eye(whole)
+        out.append(Gaussian(points.mean(axis=0), np.linalg.cholesky(covariance), mode.log_mass))
+    return out
+
+
+def of_importance(
+    target: CollapsedPosterior | LaplacePosterior, sampled: ImportanceDraws, n_modes: int
+) -> Diagnostics:
+    """Return what an estimator reports of importance draws."""
+    return Diagnostics(
+        "importance",
+        sampled.khat,
+        sampled.effective_draws,
+        np.nan,
+        n_modes,
+        log_evidence=log_evidence_of(target, sampled),
+        log_evidence_error=sampled.log_evidence_error,
+    )
+
+
+def log_evidence_of(
+    target: CollapsedPosterior | LaplacePosterior, sampled: ImportanceDraws
+) -> float:
+    """Return the log evidence of draws of a density, with the constants that densities leave out.
+
+    These are of the standard normal coordinates z and, where they are drawn, v.
+    """
+    n_normal = target.n_dimensions - 1 + target.n_noise
+    return sampled.log_evidence - 0.5 * n_normal * float(np.log(2 * np.pi))
+
+
+def _of_ensemble(run: EnsembleDraws, n_modes: int, doubt: float = np.nan) -> Diagnostics:
+    """Return what an estimator reports of an ensemble.
+
+    Walkers hardly cross between modes: of several, the shares are those that importance draws
+    found, and as much in doubt as their k-hat, ``doubt``, says.
+    """
+    return Diagnostics(
+        "emcee",
+        doubt if n_modes > 1 else np.nan,
+        run.effective_draws,
+        run.autocorrelation_time,
+        n_modes,
+        n_steps=run.n_steps,
+        converged=run.converged,
+    )

@@ -1,0 +1,172 @@
+"""From a problem to a posterior: both steps of the procedure, no state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hybridsurrogate.inference.conditional.mcmc import conditional_draws
+from hybridsurrogate.inference.conditional.sampler import MeasuredDraws, second_step
+from hybridsurrogate.inference.conjugate.collapsed import CollapsedPosterior
+from hybridsurrogate.inference.laplace.target import LaplacePosterior
+from hybridsurrogate.inference.posterior_sampler import FirstStep, first_step
+from hybridsurrogate.inference.sampling.adaptive_importance import Proposals
+from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
+from hybridsurrogate.posterior import Diagnostics, Posterior
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.threads import one_blas_thread
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted posterior: the draws of both steps and their diagnostics.
+
+    Attributes
+    ----------
+    first, second : Posterior
+    unknowns : ndarray of shape (S, d)
+        Draws of u = [z, z_hyper, log sigma] of step 1.
+    diagnostics : Diagnostics
+    powers : (alpha_S, alpha_R)
+        Those used.
+    proposals : Proposals or None
+        What importance draws of step 1 were chosen from.
+    """
+
+    first: Posterior
+    second: Posterior
+    unknowns: FloatArray
+    diagnostics: Diagnostics
+    powers: tuple[float, float | FloatArray]
+    proposals: Proposals | None = None
+
+
+def make_target(
+    problem: Problem, simulation_power: float, measured_power: float | FloatArray
+) -> CollapsedPosterior | LaplacePosterior:
+    """Return the density of step 1; an array of powers holds one for each measured row."""
+    weights, power = problem.weights, measured_power
+    if not isinstance(power, float | int):
+        weights, power = weights * power, float(np.any(power > 0))
+    if problem.collapses:
+        return CollapsedPosterior(
+            problem.model,
+            problem.X,
+            problem.y,
+            weights,
+            problem.simulation,
+            simulation_power,
+            power,
+            problem.noise_prior,
+            problem.scale,
+        )
+    return LaplacePosterior(
+        problem.model,
+        problem.X,
+        problem.y,
+        weights,
+        problem.observed,
+        problem.likelihood,
+        problem.runs,
+        simulation_power,
+        power,
+        problem.noise_prior,
+        problem.scale,
+    )
+
+
+def fit_problem(
+    problem: Problem,
+    powers: tuple[float, float | FloatArray],
+    sampler: str | EnsembleSampler,
+    n_draws: int,
+    random_state: np.random.RandomState,
+) -> Fit:
+    """Run both steps and return draws with diagnostics.
+
+    Parameters
+    ----------
+    powers : (alpha_S, alpha_R)
+        alpha_R may be an array with one power for each measured row.
+    """
+    powers = powers_used(problem, powers)
+    with one_blas_thread():
+        drawn = first_step(make_target(problem, *powers), sampler, n_draws, random_state)
+        return finish(problem, powers, drawn, random_state)
+
+
+def powers_used(
+    problem: Problem, powers: tuple[float, float | FloatArray]
+) -> tuple[float, float | FloatArray]:
+    """Return (alpha_S, alpha_R), which without runs are those of measured rows alone."""
+    return powers if problem.runs is not None else (0.0, 1.0)
+
+
+def finish(
+    problem: Problem,
+    powers: tuple[float, float | FloatArray],
+    drawn: FirstStep,
+    random_state: np.random.RandomState,
+) -> Fit:
+    """Run step 2 on the draws of step 1 at `powers_used`."""
+    model = problem.model
+    first = Posterior(
+        model,
+        problem.likelihood,
+        model.values(drawn.u[:, :-1]),
+        np.exp(drawn.u[:, -1]),
+        drawn.c,
+        drawn.a,
+    )
+    if powers[0] == 0 and np.all(powers[1] == 1):
+        # measured rows alone were used, at full power: step 2 would repeat step 1
+        return Fit(first, first, drawn.u, drawn.diagnostics, powers, drawn.proposals)
+    again = measured_draws(problem, drawn.u, drawn.c, drawn.a, random_state)
+    z = np.hstack([again.z, drawn.u[:, model.n_unknowns : -1]])
+    second = replace(
+        first, values=model.values(z), sigma=again.sigma, effect_coefficients=again.coefficients
+    )
+    diagnostics = replace(
+        drawn.diagnostics,
+        second_step=again.method,
+        second_khat=np.nan if again.method == "grid" else again.khat,
+        second_effective_draws=again.effective_draws,
+    )
+    return Fit(first, second, drawn.u, diagnostics, powers, drawn.proposals)
+
+
+def measured_draws(
+    problem: Problem,
+    u: FloatArray,
+    c: FloatArray,
+    a: FloatArray,
+    random_state: np.random.RandomState,
+) -> MeasuredDraws:
+    """Draw what measured rows say given each coefficient draw: by grid, proposals or moves."""
+    if not problem.collapses:
+        return conditional_draws(
+            problem.model,
+            problem.X,
+            problem.observed,
+            problem.weights,
+            problem.likelihood,
+            problem.noise_prior,
+            u,
+            c,
+            a,
+            random_state,
+        )
+    without_hyper = np.delete(u, np.s_[problem.model.n_unknowns : u.shape[1] - 1], axis=1)
+    return second_step(
+        problem.model,
+        problem.X,
+        problem.y,
+        problem.weights,
+        c,
+        problem.noise_prior,
+        problem.scale,
+        without_hyper,
+        random_state,
+    )

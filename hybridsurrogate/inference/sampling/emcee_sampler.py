@@ -1,0 +1,309 @@
+"""Ensemble MCMC by emcee, vectorised over walkers."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from numbers import Integral, Real
+from typing import Any
+
+import emcee
+import numpy as np
+from sklearn.base import BaseEstimator
+from sklearn.utils import check_scalar
+
+from hybridsurrogate.inference.sampling.modes import Gaussian, LogDensity
+from hybridsurrogate.inference.sampling.proposals import student_draws
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.simulation.arrays import check_number
+
+_BLOCK = 200
+_EQUILIBRIUM_WALKERS, _EQUILIBRIUM_STEPS = 400, 50
+# differential evolution (Ter Braak 2006, Statistics and Computing 16:239) beside the stretch move,
+# and now and then jumps of full length between modes
+_MOVES = (
+    (emcee.moves.DEMove(), 0.6),
+    (emcee.moves.DEMove(gamma0=1.0), 0.1),
+    (emcee.moves.StretchMove(), 0.3),
+)
+# how often a step of the ensemble leans on the Gaussian approximation instead
+_GAUSSIAN_SHARE = 0.7
+
+
+@dataclass(frozen=True)
+class EnsembleDraws:
+    """Draws of an ensemble run.
+
+    Attributes
+    ----------
+    draws : ndarray of shape (n_draws, d)
+    autocorrelation_time : float
+        Longest over the dimensions, in steps of the ensemble.
+    effective_draws : float
+        Kept draws divided by the autocorrelation time.
+    n_steps : int
+    converged : bool
+        Whether the run is longer than ``tol`` autocorrelation times.
+    """
+
+    draws: FloatArray
+    autocorrelation_time: float
+    effective_draws: float
+    n_steps: int
+    converged: bool
+
+
+class EnsembleSampler(BaseEstimator):
+    """Ensemble MCMC backend (emcee) with a stopping rule.
+
+    Pass it as ``sampler=`` of an estimator to have it used whatever the importance sampler could
+    do. The run stops when it is longer than ``tol`` autocorrelation times; the first five of them
+    are dropped.
+
+    Parameters
+    ----------
+    n_walkers : int or None, default=None
+        None: four times the number of dimensions, at least 40.
+    moves : emcee move, sequence of them or of (move, weight), or None, default=None
+        None: preconditioned Crank-Nicolson moves about the Gaussian approximation at the best
+        mode, differential evolution, and the stretch move.
+    max_steps : int, default=10000
+        Where the run stops unconverged, with a `SamplingWarning`.
+    tol : float, default=50
+        Length of the run in autocorrelation times.
+    progress : bool, default=False
+        Show a progress bar.
+    file : path or None, default=None
+        HDF5 file that keeps every step (needs h5py). A run that was stopped goes on from there and
+        ends with the result of an unbroken one. Each run has a group of its own, named after its
+        starting points: the estimator must have an int ``random_state``.
+
+    Examples
+    --------
+    >>> import hybridsurrogate as hs
+    >>> model = hs.PowerScaledSurrogate(sampler=hs.EnsembleSampler(max_steps=2000))
+    >>> model.get_params()["sampler__max_steps"]
+    2000
+    """
+
+    def __init__(
+        self,
+        n_walkers: int | None = None,
+        moves: Any = None,
+        max_steps: int = 10_000,
+        tol: float = 50.0,
+        progress: bool = False,
+        file: str | None = None,
+    ):
+        self.n_walkers = n_walkers
+        self.moves = moves
+        self.max_steps = max_steps
+        self.tol = tol
+        self.progress = progress
+        self.file = file
+
+    def run(
+        self,
+        log_density: LogDensity,
+        modes: list[Gaussian],
+        n_draws: int,
+        random_state: np.random.RandomState,
+    ) -> EnsembleDraws:
+        """Sample a density, walkers starting spread over its modes by their mass.
+
+        Parameters
+        ----------
+        log_density : callable
+            Takes points (J, d) and returns (J,).
+        modes : list of Gaussian
+        n_draws : int
+        random_state : RandomState
+
+        Returns
+        -------
+        EnsembleDraws
+
+        Raises
+        ------
+        ValueError
+            When no walker has a finite density.
+        """
+        d = len(modes[0].mean)
+        self._check(d)
+        n_walkers = self.n_walkers or max(40, 4 * d)
+        start = _spread_over(modes, n_walkers, log_density, random_state)
+        seed = random_state.randint(2**31 - 1)
+        try:
+            sampler, tau, converged = self._sampled(log_density, start, modes[0], seed)
+        except BlockingIOError as error:
+            raise BlockingIOError(
+                f"{self.file} is being written by another process: fits that run side by side, as "
+                "in a search with n_jobs, cannot share EnsembleSampler(file=...). Use n_jobs=1 or "
+                "file=None."
+            ) from error
+        except OSError as error:
+            if self.file is None:
+                raise
+            raise OSError(
+                f"EnsembleSampler(file={str(self.file)!r}) cannot be read or written ({error}). "
+                "Where its folder is there, the file is damaged or no HDF5 file: name another one, "
+                "or delete it to sample anew."
+            ) from error
+        burn = int(min(5 * tau, sampler.iteration // 2))
+        return _thinned(sampler, burn, tau, converged, n_draws, random_state)
+
+    def _sampled(
+        self, log_density: LogDensity, start: FloatArray, about: Gaussian, seed: int
+    ) -> tuple[emcee.EnsembleSampler, float, bool]:
+        """Return the sampler after its run, its autocorrelation time, whether it converged."""
+        sampler = emcee.EnsembleSampler(
+            *start.shape,
+            log_density,
+            vectorize=True,
+            moves=self.moves or _moves_about(about),
+            backend=self._backend(start, seed),
+        )
+        state = _state(start, seed)
+        if self.file is not None and sampler.backend.iteration:
+            state = sampler.backend.get_last_sample()
+        tau, converged = np.inf, False
+        while True:
+            if sampler.iteration and sampler.iteration % _BLOCK == 0:
+                tau = _autocorrelation_time(sampler)
+                converged = sampler.iteration > self.tol * tau
+            if converged or sampler.iteration >= self.max_steps:
+                break
+            # always to the next multiple: a resumed run decides where an unbroken one would
+            steps = _BLOCK - sampler.iteration % _BLOCK
+            steps = min(steps, self.max_steps - sampler.iteration)
+            # the walkers are draws of a Gaussian: a ridge of any narrowness is no fault of theirs
+            state = sampler.run_mcmc(
+                state, steps, progress=self.progress, skip_initial_state_check=True
+            )
+        return sampler, tau, converged
+
+    def _check(self, d: int) -> None:
+        check_scalar(self.max_steps, "max_steps", Integral, min_val=1)
+        check_number(self.tol, "tol", Real, min_val=0, include_boundaries="neither")
+        if self.n_walkers is not None:
+            check_scalar(self.n_walkers, "n_walkers", Integral, min_val=2)
+            if self.n_walkers < 2 * d or self.n_walkers % 2:
+                raise ValueError(
+                    f"n_walkers must be even and at least twice the {d} dimensions that are "
+                    f"sampled, got {self.n_walkers}."
+                )
+
+    def _backend(self, start: FloatArray, seed: int) -> Any:
+        if self.file is None:
+            return None
+        try:
+            import h5py  # noqa: F401
+        except ImportError:
+            raise ImportError(
+                "EnsembleSampler(file=...) keeps its steps in HDF5, which needs h5py: "
+                "pip install h5py, or leave file=None."
+            ) from None
+        digest = hashlib.sha256(start.tobytes() + str(seed).encode()).hexdigest()[:16]
+        backend = emcee.backends.HDFBackend(str(self.file), name=f"run_{digest}")
+        if not backend.initialized:
+            backend.reset(*start.shape)
+            return backend
+        try:
+            if backend.iteration:
+                backend.get_last_sample()
+        except (KeyError, RuntimeError, TypeError, ValueError) as error:
+            raise OSError(f"its steps cannot be read: {error}") from error
+        return backend
+
+
+def _moves_about(approximation: Gaussian) -> list[tuple[Any, float]]:
+    """Return the default moves, most of them about a Gaussian approximation.
+
+    They keep a share of the distance from its mean and renew the rest: preconditioned
+    Crank-Nicolson (Cotter, Roberts, Stuart and White 2013, Statistical Science 28:424), reversible
+    for the Gaussian, so that the acceptance tells only how the density differs from it. Where it is
+    near, draws are nearly independent in any dimension; where not, small steps are among them.
+    """
+    mean, factor = approximation.mean, approximation.factor
+
+    def proposal(points: FloatArray, random_state: Any) -> tuple[FloatArray, FloatArray]:
+        standard = np.linalg.solve(factor, (points - mean).T).T
+        kept = np.sqrt(random_state.uniform(size=(len(points), 1)))
+        fresh = random_state.standard_normal(points.shape)
+        moved = kept * standard + np.sqrt(1 - kept**2) * fresh
+        log_ratio = 0.5 * (np.sum(moved**2, axis=1) - np.sum(standard**2, axis=1))
+        return mean + moved @ factor.T, log_ratio
+
+    others = [(move, (1 - _GAUSSIAN_SHARE) * share) for move, share in _MOVES]
+    return [(emcee.moves.MHMove(proposal), _GAUSSIAN_SHARE), *others]
+
+
+def short_ensemble(
+    log_density: LogDensity,
+    equilibrium: FloatArray,
+    n_draws: int,
+    random_state: np.random.RandomState,
+) -> EnsembleDraws:
+    """Run a few steps from draws (m, d) that follow the density already.
+
+    Modes far apart keep their shares, and nothing has to be waited for.
+    """
+    start = equilibrium[:_EQUILIBRIUM_WALKERS]
+    sampler = emcee.EnsembleSampler(
+        len(start), start.shape[1], log_density, vectorize=True, moves=list(_MOVES)
+    )
+    state = _state(start, random_state.randint(2**31 - 1))
+    sampler.run_mcmc(state, _EQUILIBRIUM_STEPS, skip_initial_state_check=True)
+    return _thinned(sampler, 0, _autocorrelation_time(sampler), True, n_draws, random_state)
+
+
+def _thinned(
+    sampler: emcee.EnsembleSampler,
+    burn: int,
+    tau: float,
+    converged: bool,
+    n_draws: int,
+    random_state: np.random.RandomState,
+) -> EnsembleDraws:
+    chain = sampler.get_chain(discard=burn, flat=True)
+    index = np.linspace(0, len(chain) - 1, n_draws).astype(int)
+    return EnsembleDraws(
+        random_state.permutation(chain[index]),
+        tau,
+        len(chain) / tau,
+        int(sampler.iteration),
+        bool(converged),
+    )
+
+
+def _state(start: FloatArray, seed: int) -> emcee.State:
+    return emcee.State(start, random_state=np.random.RandomState(seed).get_state())
+
+
+def _autocorrelation_time(sampler: emcee.EnsembleSampler) -> float:
+    with np.errstate(invalid="ignore"):  # a walker that never moved has no autocorrelation
+        tau = float(np.max(sampler.get_autocorr_time(tol=0)))
+    return tau if np.isfinite(tau) else np.inf
+
+
+def _spread_over(
+    modes: list[Gaussian],
+    n_walkers: int,
+    log_density: LogDensity,
+    random_state: np.random.RandomState,
+) -> FloatArray:
+    """Return walkers spread over the modes by their mass, all at finite density."""
+    d = len(modes[0].mean)
+    mass = np.exp(np.array([mode.log_mass for mode in modes]) - modes[0].log_mass)
+    member = random_state.choice(len(modes), size=n_walkers, p=mass / mass.sum())
+    pool = np.stack([student_draws(mode, n_walkers, random_state) for mode in modes])
+    start = pool[member, np.arange(n_walkers)]
+    bad = ~np.isfinite(log_density(start))
+    if bad.any():
+        start[bad] = modes[0].mean + 1e-3 * random_state.standard_normal((bad.sum(), d))
+    if not np.isfinite(log_density(start)).any():
+        raise ValueError(
+            "The ensemble sampler cannot start: the log density is minus infinity at every "
+            "walker. Check priors and units."
+        )
+    return start

@@ -1,0 +1,13 @@
+"""Simulations given by the right-hand side of an ordinary differential equation.
+
+simulator    OdeSimulator: states, right-hand side, solver
+checks       what a right-hand side returns
+function     the equation as a function of arrays
+steps        steps as short as the solutions need
+integration  the solvers, vectorised over sets of parameters
+dynamics     changes of the right-hand side: courses of a rate, terms, delays
+"""
+
+from hybridsurrogate.ode.simulator import OdeSimulator
+
+__all__ = ["OdeSimulator"]

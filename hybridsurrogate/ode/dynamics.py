@@ -1,0 +1,280 @@
+"""What may be wrong with the right-hand side of an ODE: a changing rate, a lost term, a delay."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.simulation.modification import Modification, Numbers
+
+FORMS = ("constant", "proportional", "seasonal")
+
+
+@dataclass(frozen=True)
+class TimeVaryingParameter(Modification):
+    """A parameter or assumed constant p that becomes p (1 + amount s(t)) in the right-hand side.
+
+    The initial state and what is observed keep p itself.
+
+    Parameters
+    ----------
+    parameter : str
+    shape : {"step", "ramp", "logistic", "exponential", "periodic"}
+        What s(t) is:
+
+        - step: 0 before `location`, 1 after; a tanh over about two steps of the solver, so that a
+          Runge-Kutta method keeps its accuracy;
+        - ramp: (t - location) / duration, cut to [0, 1];
+        - logistic: 1 / (1 + exp(-(t - location) / width));
+        - exponential: the factor on p is exp(rate (t - center));
+        - periodic: instead of amount s(t), sine sin(a) + cosine cos(a) with
+          a = 2 pi (t - center) / period.
+    prefix : str or None, default=None
+        What the full names of the numbers begin with; None: parameter and shape.
+    center : float, default=0.0
+        Of the exponential and the periodic shape.
+
+    Notes
+    -----
+    An amount below -1 turns the sign of p around; nothing is cut off, so a prior of the amount
+    must have the support that p allows.
+
+    Examples
+    --------
+    >>> from hybridsurrogate.ode.dynamics import TimeVaryingParameter
+    >>> TimeVaryingParameter("rate", "step").constants
+    {'rate_step_amount': 0.0, 'rate_step_location': 0.0}
+    """
+
+    parameter: str
+    shape: str
+    prefix: str | None = None
+    center: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.shape not in _SHAPES:
+            raise ValueError(f"shape must be one of {list(_SHAPES)}, got {self.shape!r}.")
+
+    @property
+    def label(self) -> str:
+        """The prefix, or parameter and shape."""
+        return self.prefix or f"{self.parameter}_{self.shape}"
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        """The sizes at zero, then location, width, duration or period."""
+        return dict.fromkeys(self.sizes, 0.0) | _SHAPES[self.shape].others
+
+    @property
+    def sizes(self) -> tuple[str, ...]:
+        """The amount, the rate, or sine and cosine."""
+        return _SHAPES[self.shape].sizes
+
+    def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
+        """Raise ValueError where the right-hand side does not take the parameter."""
+        if self.parameter not in rates:
+            raise ValueError(f"rhs has no parameter {self.parameter!r}; it has {list(rates)}.")
+
+    def factors(self, t: FloatArray, numbers: Numbers, step: float) -> dict[str, FloatArray]:
+        """Return the factor on the parameter."""
+        return {self.parameter: 1 + _course(self.shape, t, self.center, numbers, step)}
+
+
+@dataclass(frozen=True)
+class MissingTerm(Modification):
+    """A term that the right-hand side lacks in the slope of one state.
+
+    Parameters
+    ----------
+    state : str
+    form : {"constant", "proportional", "seasonal"}
+        The term is `rate`, or `rate` times the state, or a forcing from outside:
+        sine sin(a) + cosine cos(a) with a = 2 pi (t - center) / period.
+    prefix : str or None, default=None
+        What the full names of the numbers begin with; None: state and form.
+    center : float, default=0.0
+        Of the seasonal form.
+
+    Examples
+    --------
+    >>> from hybridsurrogate.ode.dynamics import MissingTerm
+    >>> MissingTerm("i", "proportional").constants
+    {'i_proportional_rate': 0.0}
+    """
+
+    state: str
+    form: str
+    prefix: str | None = None
+    center: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.form not in FORMS:
+            raise ValueError(f"form must be one of {list(FORMS)}, got {self.form!r}.")
+
+    @property
+    def label(self) -> str:
+        """The prefix, or state and form."""
+        return self.prefix or f"{self.state}_{self.form}"
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        """A rate of zero; or sine and cosine of zero, then a period."""
+        return dict.fromkeys(self.sizes, 0.0) | ({"period": 1.0} if self._is_seasonal else {})
+
+    @property
+    def sizes(self) -> tuple[str, ...]:
+        """The rate, or sine and cosine."""
+        return ("sine", "cosine") if self._is_seasonal else ("rate",)
+
+    @property
+    def _is_seasonal(self) -> bool:
+        return self.form == "seasonal"
+
+    def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
+        """Raise ValueError where there is no such state."""
+        _check_state(self.state, states)
+
+    def drives(self, t: FloatArray, numbers: Numbers, step: float) -> dict[str, FloatArray]:
+        """Return the term, where it does not follow the state."""
+        if self.form == "proportional":
+            return {}
+        if self._is_seasonal:
+            return {self.state: _course("periodic", t, self.center, numbers, step)}
+        return {self.state: np.broadcast_to(numbers["rate"], (len(t), len(numbers["rate"])))}
+
+    def terms(self, state: Mapping[str, FloatArray], numbers: Numbers) -> dict[str, FloatArray]:
+        """Return the term, where it follows the state."""
+        if self.form != "proportional":
+            return {}
+        return {self.state: numbers["rate"] * state[self.state]}
+
+
+@dataclass(frozen=True)
+class DelayedState(Modification):
+    """A right-hand side that follows one state as it was a lag ago, in all slopes.
+
+    Before the start the state is what it is there. The method of the simulator must be "rk4".
+
+    Parameters
+    ----------
+    state : str
+    prefix : str or None, default=None
+        What the full name of the lag begins with; None: the state and "delayed".
+
+    Examples
+    --------
+    >>> from hybridsurrogate.ode.dynamics import DelayedState
+    >>> DelayedState("i").constants
+    {'i_delayed_lag': 0.0}
+    """
+
+    state: str
+    prefix: str | None = None
+
+    looks_back = True
+
+    @property
+    def label(self) -> str:
+        """The prefix, or the state and "delayed"."""
+        return self.prefix or f"{self.state}_delayed"
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        """A lag of zero."""
+        return {"lag": 0.0}
+
+    @property
+    def sizes(self) -> tuple[str, ...]:
+        """The lag."""
+        return ("lag",)
+
+    def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
+        """Raise ValueError where there is no such state."""
+        _check_state(self.state, states)
+
+    def lags(self, numbers: Numbers) -> dict[str, FloatArray]:
+        """Return the lag."""
+        return {self.state: numbers["lag"]}
+
+
+def _check_state(state: str, states: Sequence[str]) -> None:
+    if state not in states:
+        raise ValueError(f"There is no state {state!r}; the states are {list(states)}.")
+
+
+def _course(name: str, t: FloatArray, center: float, numbers: Numbers, step: float) -> FloatArray:
+    """Return sizes times curves (k, m) of a shape at times t (k, 1)."""
+    shape = _SHAPES[name]
+    # the dear part: solutions that differ in other numbers, as slopes need, share it
+    own, which = _distinct(np.stack([numbers[number] for number in shape.curved]))
+    curves = shape.curves(t - center, t, dict(zip(shape.curved, own, strict=True)), step)
+    course = np.zeros((len(t), len(which)))
+    for size, curve in zip(shape.sizes, curves, strict=True):
+        # unlike an index in brackets this keeps the order in memory in which times follow
+        moved = np.take(curve, which, axis=1)
+        if size not in shape.curved:
+            moved *= numbers[size]
+        course += moved
+    return course
+
+
+def _distinct(numbers: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Return the distinct columns of numbers (k, m), and which of them each column is."""
+    distinct, which = np.unique(numbers, axis=1, return_inverse=True)
+    return distinct, which.ravel()
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """A course of a factor: a curve times each size, or bent by a size that is in ``curved``."""
+
+    sizes: tuple[str, ...]
+    others: dict[str, float]
+    curved: tuple[str, ...]
+    curves: Callable[[FloatArray, FloatArray, Numbers, float], tuple[FloatArray, ...]]
+
+
+def _step(_: FloatArray, t: FloatArray, numbers: Numbers, step: float) -> tuple[FloatArray, ...]:
+    return (0.5 * (1 + np.tanh((t - numbers["location"]) / step)),)
+
+
+def _ramp(_: FloatArray, t: FloatArray, numbers: Numbers, step: float) -> tuple[FloatArray, ...]:
+    return (np.clip((t - numbers["location"]) / numbers["duration"], 0, 1),)
+
+
+def _logistic(
+    _: FloatArray, t: FloatArray, numbers: Numbers, step: float
+) -> tuple[FloatArray, ...]:
+    # tanh, unlike exp, does not overflow
+    return (0.5 * (1 + np.tanh((t - numbers["location"]) / (2 * numbers["width"]))),)
+
+
+def _exponential(
+    centred: FloatArray, _: FloatArray, numbers: Numbers, step: float
+) -> tuple[FloatArray, ...]:
+    # a factor of e^50 breaks any simulation; beyond there is overflow only
+    return (np.expm1(np.clip(numbers["rate"] * centred, -50, 50)),)
+
+
+def _periodic(
+    centred: FloatArray, _: FloatArray, numbers: Numbers, step: float
+) -> tuple[FloatArray, ...]:
+    angle = 2 * np.pi * centred / numbers["period"]
+    return np.sin(angle), np.cos(angle)
+
+
+_SHAPES = {
+    "step": _Shape(("amount",), {"location": 0.0}, ("location",), _step),
+    "ramp": _Shape(
+        ("amount",), {"location": 0.0, "duration": 1.0}, ("location", "duration"), _ramp
+    ),
+    "logistic": _Shape(
+        ("amount",), {"location": 0.0, "width": 1.0}, ("location", "width"), _logistic
+    ),
+    "exponential": _Shape(("rate",), {}, ("rate",), _exponential),
+    "periodic": _Shape(("sine", "cosine"), {"period": 1.0}, ("period",), _periodic),
+}

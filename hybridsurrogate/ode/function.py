@@ -1,0 +1,315 @@
+"""The function behind an OdeSimulator: columns by name in, outputs out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybridsurrogate.ode.checks import WrongShapeError, checked_array
+from hybridsurrogate.ode.integration import (
+    adaptive,
+    equal_runs,
+    hermite,
+    past,
+    runge_kutta,
+    together,
+)
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.simulation.modification import Active, Drive, Modification, drive_of, lags
+
+Columns = Mapping[str, FloatArray]
+
+# numbers in the states of one batch of solutions: what stays in a processor's cache
+_BLOCK = 4_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class OdeFunction:
+    """An ODE as a function of columns; the attributes are those of `OdeSimulator`.
+
+    Attributes
+    ----------
+    rate_names, start_names, observe_names : tuple of str
+        What rhs, initial_state and observe are passed.
+    time : str
+    start : float
+        Time at which solutions start.
+    step, max_step : float
+        Of "rk4", and of the other methods.
+    """
+
+    rhs: Callable[..., Any]
+    initial_state: Any
+    observe: Callable[..., Any]
+    states: tuple[str, ...]
+    rate_names: tuple[str, ...]
+    start_names: tuple[str, ...]
+    observe_names: tuple[str, ...]
+    time: str
+    start: float
+    step: float
+    method: str
+    max_step: float
+    modifications: tuple[Modification, ...]
+
+    @property
+    def __name__(self) -> str:
+        return str(getattr(self.rhs, "__name__", type(self.rhs).__name__))
+
+    @property
+    def used(self) -> set[str]:
+        """What at least one of the functions takes."""
+        return {*self.rate_names, *self.start_names, *self.observe_names}
+
+    def __call__(self, **columns: FloatArray) -> FloatArray:
+        """Return the outputs."""
+        return self.outputs(columns)[0]
+
+    def outputs(self, columns: Columns) -> tuple[FloatArray, str | None]:
+        """Return the outputs (n,), NaN where a solution failed, and the first error's words."""
+
+        def observed(solutions: _Solutions, columns: Columns, rows: slice) -> FloatArray:
+            states = solutions.at_rows(rows)
+            given = {name: columns[name][rows] for name in self.observe_names}
+            values = self.observe(states, **given)
+            return checked_array(
+                values, "observe", (states.shape[1],), "a number for each solution"
+            )
+
+        return self._in_batches(columns, observed, ())
+
+    def solution(self, columns: Columns) -> FloatArray:
+        """Return the states (n_states, n), NaN where a solution failed."""
+
+        def states(solutions: _Solutions, columns: Columns, rows: slice) -> FloatArray:
+            return solutions.at_rows(rows)
+
+        return self._in_batches(columns, states, (len(self.states),))[0]
+
+    def check(self, columns: Columns) -> None:
+        """Try the functions out, and raise what is wrong with them."""
+        solutions = self._solutions(columns)
+        state = solutions.initial()
+        # solutions that differ only in name: rhs is asked for two at once
+        solutions.slope(self.start, state)
+        with np.errstate(all="ignore"):
+            values = self.observe(state, **{name: columns[name] for name in self.observe_names})
+        checked_array(values, "observe", (state.shape[1],), "a number for each solution")
+
+    # ------------------------------------------------------------------------------ batches
+
+    def _in_batches(
+        self,
+        columns: Columns,
+        take: Callable[[_Solutions, Columns, slice], FloatArray],
+        shape: tuple[int, ...],
+    ) -> tuple[FloatArray, str | None]:
+        times = columns[self.time]
+        self._check_times(times)
+        # rows that differ only in how they are observed are of one solution
+        solved = {*self.rate_names, *self.start_names}
+        solved.update(change.full(name) for change in self.modifications for name in change.neutral)
+        keys = [values for name, values in columns.items() if name in solved - {self.time}]
+        first, member = equal_runs(keys, len(times))
+        out = np.full((*shape, len(times)), np.nan)
+        if not len(times):
+            return out, None
+        order = together(keys, first, member)
+        if order is not None:
+            sorted_columns = {name: values[order] for name, values in columns.items()}
+            out[..., order], error = self._in_batches(sorted_columns, take, shape)
+            return out, error
+        solutions = self._solutions(columns, first, member)
+        ends = np.append(first, len(times))
+        pending = list(reversed(solutions.batches(_BLOCK)))
+        error = None
+        while pending:
+            low, high = pending.pop()
+            rows = slice(ends[low], ends[high])
+            try:
+                with np.errstate(all="ignore"):
+                    values = take(solutions.part(low, high), columns, rows)
+                out[..., rows] = np.where(np.isfinite(values), values, np.nan)
+            except WrongShapeError:
+                raise
+            except Exception as failure:
+                # a solution may fail in any way, and takes its batch with it: halve until alone
+                error = error or f"{type(failure).__name__}: {failure}"
+                middle = (low + high) // 2
+                if high - low > 1:
+                    pending += [(middle, high), (low, middle)]
+        return out, error
+
+    def _check_times(self, times: FloatArray) -> None:
+        early = np.flatnonzero(times < self.start - 1e-9 * max(abs(self.start), self.step))
+        if early.size:
+            raise ValueError(
+                f"{early.size} of {times.size} rows have {self.time!r} before the start of the "
+                f"simulation at {self.start:g} (first at row {early[0]}: {times[early[0]]:g}). "
+                "The solution starts at the low end of the range of the first input."
+            )
+
+    def _solutions(
+        self,
+        columns: Columns,
+        first: NDArray[np.intp] | None = None,
+        member: NDArray[np.intp] | None = None,
+    ) -> _Solutions:
+        n = len(columns[self.time])
+        first = np.arange(n) if first is None else first
+        member = first if member is None else member
+        used = {name: columns[name][first] for name in self.used}
+        active = []
+        for change in self.modifications:
+            numbers = {
+                name: columns[change.full(name)][first]
+                for name in change.neutral
+                if change.full(name) in columns
+            }
+            moved = (np.any(numbers[s] != change.neutral[s]) for s in change.sizes if s in numbers)
+            if any(moved):
+                neutral = {name: np.full(len(first), v) for name, v in change.neutral.items()}
+                active.append((change, neutral | numbers))
+        times = np.maximum(columns[self.time], self.start)
+        return _Solutions(self, used, active, times, member, 0)
+
+
+@dataclass(frozen=True)
+class _Solutions:
+    """Solutions with their parameters (m,), and the rows (n,) that read values off them."""
+
+    ode: OdeFunction
+    values: dict[str, FloatArray]
+    active: Active
+    times: FloatArray
+    member: NDArray[np.intp]
+    first: int
+
+    def part(self, low: int, high: int) -> _Solutions:
+        values = {name: column[low:high] for name, column in self.values.items()}
+        active = [
+            (change, {name: column[low:high] for name, column in numbers.items()})
+            for change, numbers in self.active
+        ]
+        return _Solutions(self.ode, values, active, self.times, self.member, low)
+
+    def __len__(self) -> int:
+        return len(next(iter(self.values.values()))) if self.values else int(self.member[-1]) + 1
+
+    def batches(self, block: int) -> list[tuple[int, int]]:
+        """Cut the solutions so that the states of one piece stay small."""
+        if self.ode.method != "rk4":
+            return [(k, k + 1) for k in range(len(self))]
+        width = (self._n_steps(self.times) + 1) * 2 * (len(self.ode.states) + len(self.active))
+        length = max(1, block // width)
+        return [(k, min(k + length, len(self))) for k in range(0, len(self), length)]
+
+    def _n_steps(self, times: FloatArray) -> int:
+        latest = np.max(times, where=np.isfinite(times), initial=self.ode.start)
+        return max(1, int(np.ceil((latest - self.ode.start) / self.ode.step - 1e-9)))
+
+    def initial(self) -> FloatArray:
+        """Return the initial state, (n_states, m)."""
+        ode, m = self.ode, len(self)
+        value = ode.initial_state
+        if callable(value):
+            value = value(**{name: self.values[name] for name in ode.start_names})
+        if isinstance(value, Mapping):
+            if set(value) != set(ode.states):
+                raise WrongShapeError(
+                    f"initial_state has {sorted(value)}, the states are {list(ode.states)}."
+                )
+            value = [value[name] for name in ode.states]
+        shape = (len(ode.states), m)
+        if len(value) == len(ode.states) and all(np.shape(v) in ((), (m,)) for v in value):
+            return np.stack([np.broadcast_to(np.asarray(v, dtype=float), m) for v in value])
+        return checked_array(value, "initial_state", shape, "states by solutions")
+
+    def slope(
+        self,
+        t: float,
+        state: FloatArray,
+        drive: Drive | None = None,
+        late: Mapping[str, FloatArray] | None = None,
+    ) -> FloatArray:
+        """Return the right-hand side for all solutions, what drives it at t given or not.
+
+        ``late`` are states that it sees instead of those at t.
+        """
+        ode, given, seen = self.ode, self._given, state
+        if drive is None:
+            drive = drive_of(self.active, np.array([t]), ode.step).at(0)
+        if drive.factors:
+            given = given | {name: given[name] * f for name, f in drive.factors.items()}
+        if late:
+            seen = state.copy()
+            for name, values in late.items():
+                seen[ode.states.index(name)] = values
+        slopes = checked_array(ode.rhs(t, seen, **given), "rhs", state.shape, "states by solutions")
+        if drive.added or self._adding:
+            slopes = slopes.copy()
+            for name, term in drive.added.items():
+                slopes[ode.states.index(name)] += term
+            named = dict(zip(ode.states, state, strict=True))
+            for change, numbers in self._adding:
+                for name, term in change.terms(named, numbers).items():
+                    slopes[ode.states.index(name)] += term
+        return slopes
+
+    @cached_property
+    def _given(self) -> dict[str, FloatArray]:
+        return {name: self.values[name] for name in self.ode.rate_names}
+
+    @cached_property
+    def _adding(self) -> Active:
+        return [a for a in self.active if type(a[0]).terms is not Modification.terms]
+
+    @cached_property
+    def _lags(self) -> dict[str, FloatArray]:
+        return lags(self.active)
+
+    def _late(
+        self, k: int, state: FloatArray, states: FloatArray, slopes: FloatArray, known: int
+    ) -> dict[str, FloatArray]:
+        """Return the states that the right-hand side sees late, k half steps after the start."""
+        late = {}
+        for name, lag in self._lags.items():
+            row, position = self.ode.states.index(name), k / 2 - lag / self.ode.step
+            if known:
+                before = states[:known, row], slopes[:known, row]
+                late[name] = past(*before, self.ode.step, position, state[row], k / 2)
+            else:
+                late[name] = np.where(position <= 0, state[row], np.nan)
+        return late
+
+    def at_rows(self, rows: slice) -> FloatArray:
+        """Return the states (n_states, n) at the rows of these solutions."""
+        ode, times, member = self.ode, self.times[rows], self.member[rows] - self.first
+        if ode.method != "rk4":
+            start = self.initial()
+
+            def slope(t: float, state: FloatArray) -> FloatArray:
+                return self.slope(t, state[:, None])[:, 0]
+
+            return adaptive(slope, start[:, 0], times, ode.start, ode.method, ode.max_step)
+        n_steps = self._n_steps(times)
+        clock = ode.start + ode.step / 2 * np.arange(2 * n_steps + 1)
+        # all at once: exponentials are the dearer part of a changing parameter
+        table = drive_of(self.active, clock, ode.step)
+        ticks = clock.tolist()
+
+        driven = bool(table.factors or table.added)
+
+        def slope_at(
+            k: int, state: FloatArray, states: FloatArray, slopes: FloatArray, known: int
+        ) -> FloatArray:
+            late = self._late(k, state, states, slopes, known) if self._lags else None
+            return self.slope(ticks[k], state, table.at(k) if driven else table, late)
+
+        states, slopes = runge_kutta(slope_at, self.initial(), n_steps, ode.step)
+        return hermite(states, slopes, ode.step, (times - ode.start) / ode.step, member)

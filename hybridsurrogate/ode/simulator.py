@@ -1,0 +1,324 @@
+"""The simulation as an ordinary differential equation, whose dynamics may be at fault."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
+
+from hybridsurrogate.ode.checks import accepted_names
+from hybridsurrogate.ode.function import OdeFunction
+from hybridsurrogate.ode.steps import warn_if_too_long, with_step
+from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.simulation.arrays import as_numbers, as_table
+from hybridsurrogate.simulation.modification import Modification
+from hybridsurrogate.simulation.simulator import Simulator
+from hybridsurrogate.simulation.variables import Assumed, Range, check_ranges
+
+# solutions that are tried for the length of a step, and times
+_TRIED, _TIMES = 8, 64
+_METHODS = ("rk4", "RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
+
+Start = Callable[..., Any] | Sequence[Any] | Mapping[str, Any]
+
+
+@dataclass(frozen=True, init=False, repr=False, eq=False)
+class OdeSimulator(Simulator):
+    """A simulation that solves an ordinary differential equation.
+
+    A `Simulator` whose right-hand side is known, so that causes inside the dynamics
+    (`DynamicDrift`, `DynamicTerm`, `DynamicDelay`) can be weighed beside those outside.
+
+    Parameters
+    ----------
+    rhs : callable
+        ``rhs(t, state, **parameters) -> (n_states, m)``, the slopes of m solutions at once: t is
+        a number, state (n_states, m), parameters (m,) each.
+    initial_state : callable, sequence or dict of state to number
+        ``initial_state(**parameters)``, or what it returns: for every state a number or (m,).
+    observe : callable
+        ``observe(state, **parameters) -> (m,)``, the output.
+    inputs : dict of name to (low, high)
+        The first is time, and the solution starts where its range does. Others are constant while
+        a solution runs, and are passed on like parameters.
+    parameters : dict of name to scipy.stats frozen distribution, optional
+    assumed : dict of name to Assumed, optional
+    states : tuple of str
+        Names of the states, in their order.
+    output : str
+    method : str, default="rk4"
+        "rk4": Runge-Kutta of fourth order with a fixed step, for all solutions at once. Or a
+        method of `scipy.integrate.solve_ivp`, such as "LSODA" or "Radau" for stiff equations, one
+        solution after another.
+    max_step : float, optional
+        The step of "rk4", by default the longest that leaves solutions as they are when it is
+        halved, from 1/400 to 1/6400 of the range of time; the largest step of the others, which
+        have no limit by default.
+    modifications : sequence of Modification
+        Changes of the right-hand side, see `modified`.
+
+    Attributes
+    ----------
+    modifiers : dict of name to float
+        Numbers of the modifications that are no parameters, at values that change nothing. In a
+        call they may follow the assumed constants as columns of omega.
+    rates : tuple of str
+        Those parameters and assumed constants that the right-hand side takes.
+    starts : tuple of str
+        Those parameters that the initial state takes, and neither rhs nor observe.
+
+    Notes
+    -----
+    Each function is passed those inputs, parameters and assumed constants that it names, or all of
+    them where it takes ``**parameters``. They are tried out when the simulator is made, at the
+    medians of the priors. Later on a solution that is not finite or raises an exception is NaN.
+
+    Rows that follow each other with equal parameters share one solution; between its steps states
+    are interpolated by cubics. ``n_jobs`` has no effect.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> def epidemic(t, state, contact, recovery):
+    ...     new = contact * state[0] * state[1]
+    ...     return np.stack([-new, new - recovery * state[1]])
+    >>> simulator = hs.OdeSimulator(
+    ...     epidemic, initial_state={"s": 0.99, "i": 0.01}, observe=lambda state: state[1],
+    ...     inputs={"t": (0, 30)}, states=("s", "i"),
+    ...     parameters={"contact": hs.truncated_normal(0.6, 0.2, 0.1, 2)},
+    ...     assumed={"recovery": hs.Assumed(0.2, hs.truncated_normal(0.2, 0.1, 0.05, 0.5))},
+    ... )
+    >>> simulator([0.0, 10.0, 20.0], np.full((3, 1), 0.6)).round(3)
+    array([0.01 , 0.24 , 0.178])
+    """
+
+    function: OdeFunction
+    rhs: Callable[..., Any]
+    initial_state: Start
+    observe: Callable[..., Any]
+    states: tuple[str, ...]
+    method: str
+    max_step: float | None
+    modifications: tuple[Modification, ...]
+    modifiers: dict[str, float]
+    rates: tuple[str, ...]
+    starts: tuple[str, ...]
+
+    is_in_time = True
+
+    def __init__(
+        self,
+        rhs: Callable[..., Any],
+        initial_state: Start,
+        observe: Callable[..., Any],
+        inputs: Mapping[str, Range],
+        parameters: Mapping[str, Prior] | None = None,
+        assumed: Mapping[str, Assumed] | None = None,
+        states: Sequence[str] = (),
+        output: str = "y",
+        method: str = "rk4",
+        max_step: float | None = None,
+        modifications: Sequence[Modification] = (),
+    ) -> None:
+        states = (states,) if isinstance(states, str) else tuple(states)
+        if not states or len(set(states)) < len(states):
+            raise ValueError(f"states must be the different names of the states, got {states!r}.")
+        if method not in _METHODS:
+            raise ValueError(f"method must be one of {', '.join(_METHODS)}, got {method!r}.")
+        if max_step is not None and not 0 < max_step < np.inf:
+            raise ValueError(f"max_step must be positive, got {max_step!r}.")
+        time, *others = check_ranges(inputs)
+        start, stop = check_ranges(inputs)[time]
+        numbers = _numbers(modifications)
+        names = (*others, *(n for n in (*(parameters or ()), *(assumed or ())) if n not in numbers))
+        rates = accepted_names(rhs, "rhs", 2, names)
+        first = accepted_names(initial_state, "initial_state", 0, names)
+        seen = accepted_names(observe, "observe", 1, names)
+        for change in modifications:
+            change.check(rates, states)
+            if change.looks_back and method != "rk4":
+                raise ValueError(
+                    f'{type(change).__name__} needs method="rk4", which remembers what states '
+                    f"were; the simulator has {method!r}."
+                )
+        function = OdeFunction(
+            rhs,
+            initial_state,
+            observe,
+            states,
+            rates,
+            first,
+            seen,
+            time,
+            start,
+            stop - start if max_step is None else max_step,
+            method,
+            np.inf if max_step is None else max_step,
+            tuple(modifications),
+        )
+        unused = [name for name in names if name not in function.used]
+        if unused:
+            raise TypeError(
+                f"{', '.join(unused)}: neither rhs nor initial_state nor observe has an argument "
+                "of that name."
+            )
+        super().__init__(function, inputs, parameters, assumed, output)
+        own = {
+            "rhs": rhs,
+            "initial_state": initial_state,
+            "observe": observe,
+            "states": states,
+            "method": method,
+            "max_step": max_step,
+            "modifications": tuple(modifications),
+            "modifiers": {k: v for k, v in numbers.items() if k not in self.parameter_ranges},
+            "rates": tuple(name for name in rates if name in self.parameter_ranges),
+            "starts": tuple(n for n in first if n in self.parameters and n not in {*rates, *seen}),
+        }
+        self.__dict__.update(own)
+        function.check(self._medians(2))
+        if method == "rk4" and max_step is None:
+            self.__dict__["function"] = with_step(function, self._typical(), stop - start)
+        elif method == "rk4" and not modifications:
+            warn_if_too_long(function, self._typical())
+
+    def modified(
+        self,
+        modifications: Sequence[Modification],
+        parameters: Mapping[str, Prior] | None = None,
+    ) -> OdeSimulator:
+        """Return the simulator with a changed right-hand side.
+
+        Parameters
+        ----------
+        modifications : sequence of Modification
+            Their numbers become columns of omega after the assumed constants, by full name; where
+            these are left out they take values that change nothing.
+        parameters : dict of name to scipy.stats frozen distribution, optional
+            Priors of those numbers that are to be unknown parameters instead.
+
+        Examples
+        --------
+        >>> import hybridsurrogate as hs
+        >>> from hybridsurrogate.ode.dynamics import TimeVaryingParameter
+        >>> decay = hs.OdeSimulator(
+        ...     lambda t, state, rate: -rate * state, initial_state=[1.0],
+        ...     observe=lambda state: state[0], inputs={"t": (0, 4)}, states="n",
+        ...     parameters={"rate": hs.truncated_normal(1, 0.2, 0, 2)})
+        >>> stops = decay.modified([TimeVaryingParameter("rate", "step")])
+        >>> stops.modifiers
+        {'rate_step_amount': 0.0, 'rate_step_location': 0.0}
+        >>> stops([1.0, 4.0], [[1.0, -1.0, 2.0], [1.0, -1.0, 2.0]]).round(3)
+        array([0.368, 0.135])
+        """
+        return OdeSimulator(
+            self.rhs,
+            self.initial_state,
+            self.observe,
+            self.input_ranges,
+            {**self.parameters, **(parameters or {})},
+            self.assumed,
+            self.states,
+            self.output,
+            self.method,
+            self.function.step if self.method == "rk4" else self.max_step,
+            (*self.modifications, *modifications),
+        )
+
+    def solution(self, X: ArrayLike, omega: ArrayLike | None = None) -> FloatArray:
+        """Return the states (n_states, n) for rows as in calling the simulator."""
+        return self.function.solution(self._columns(*self._check_points(X, omega)))
+
+    @property
+    def remembers(self) -> bool:
+        """Whether the right-hand side can be told what states were: by "rk4" alone."""
+        return self.method == "rk4"
+
+    def held(self, X: FloatArray) -> FloatArray:
+        """Return inputs (n, n_inputs) with times before the start at the start.
+
+        A cause that shifts time, such as a delay, meets the initial state there.
+        """
+        time = X[:, :1]
+        # NaN stays NaN
+        return np.hstack(
+            [np.where(time < self.function.start, self.function.start, time), X[:, 1:]]
+        )
+
+    def typical_states(self, X: FloatArray) -> dict[str, float]:
+        """Return the root mean square of each state at the medians of the priors.
+
+        Parameters
+        ----------
+        X : ndarray of shape (n, n_inputs)
+        """
+        columns = self._medians(len(X)) | self._columns(X, np.empty((len(X), 0)))
+        square = np.nanmean(self.function.solution(columns) ** 2, axis=1)
+        sizes = np.where(square > 0, np.sqrt(square), 1.0)
+        return dict(zip(self.states, map(float, sizes), strict=True))
+
+    def _medians(self, n: int) -> dict[str, FloatArray]:
+        """Return n equal rows in the middle of the inputs and at the medians of the priors."""
+        middle = {name: (low + high) / 2 for name, (low, high) in self.input_ranges.items()}
+        values = {
+            **middle,
+            **{name: float(prior.median()) for name, prior in self.parameters.items()},
+            **{name: constant.value for name, constant in self.assumed.items()},
+        }
+        return {name: np.full(n, value) for name, value in values.items()}
+
+    def _typical(self) -> dict[str, FloatArray]:
+        """Return solutions at the medians of the priors and over nine tenths of them, by times."""
+        time, *others = self.input_names
+        random = np.random.default_rng(0)
+        ends = {name: self.input_ranges[name] for name in others}
+        ends |= {name: prior.ppf([0.05, 0.95]) for name, prior in self.parameters.items()}
+        columns = {}
+        for name, middle in self._medians(1).items():
+            tried = random.uniform(*ends[name], _TRIED) if name in ends else np.tile(middle, _TRIED)
+            columns[name] = np.repeat(np.append(middle, tried), _TIMES)
+        start, stop = self.input_ranges[time]
+        times = np.append(start, np.sort(random.uniform(start, stop, _TIMES - 1)))
+        columns[time] = np.tile(times, 1 + _TRIED)
+        return columns
+
+    def _columns(self, X: FloatArray, omega: FloatArray) -> dict[str, FloatArray]:
+        names = (*self.input_names, *self.parameter_ranges, *self.modifiers)
+        points = np.hstack([X, omega])
+        return dict(zip(names, np.ascontiguousarray(points.T), strict=False))
+
+    def _check_points(self, X: ArrayLike, omega: ArrayLike | None) -> tuple[FloatArray, FloatArray]:
+        names = (*self.parameter_ranges, *self.modifiers)
+        omega = None if omega is None else as_table(omega, "omega")
+        if isinstance(omega, pd.DataFrame):
+            if not set(names) <= set(omega.columns):
+                return super()._check_points(X, omega)
+            omega = omega[list(names)]
+        values = np.empty((0, 0)) if omega is None else as_numbers(omega, "omega")
+        if not self.modifiers or values.shape[1:] != (len(names),):
+            return super()._check_points(X, omega)
+        own, numbers = np.split(values, [len(self.parameter_ranges)], axis=1)
+        X, own = super()._check_points(X, own)
+        return X, np.hstack([own, numbers])
+
+    def _evaluate(
+        self, X: FloatArray, omega: FloatArray, n_jobs: int | None, progress: bool = False
+    ) -> tuple[FloatArray, str | None]:
+        return self.function.outputs(self._columns(X, omega))
+
+
+def _numbers(modifications: Sequence[Modification]) -> dict[str, float]:
+    numbers: dict[str, float] = {}
+    for change in modifications:
+        twice = sorted(numbers.keys() & change.constants.keys())
+        if twice:
+            raise ValueError(
+                f"Two changes of the dynamics have the number {twice[0]!r}: give one of them "
+                "another prefix."
+            )
+        numbers |= change.constants
+    return numbers

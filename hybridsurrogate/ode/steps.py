@@ -1,0 +1,116 @@
+"""The step of a Runge-Kutta method: as long as solutions allow."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybridsurrogate.exceptions import SolverWarning
+from hybridsurrogate.ode.function import Columns, OdeFunction
+from hybridsurrogate.ode.integration import extent
+from hybridsurrogate.priors import FloatArray
+
+# steps over the range of time
+_FEWEST, _MOST = 400, 6400
+# errors of a state in shares of its extent. Where a right-hand side jumps, errors are of
+# first order in the step, and small ones are not to be had
+_SMALL, _SMALL_WITH_JUMPS, _DOUBTFUL = 1e-4, 3e-3, 1e-2
+# of fourth order: half a step leaves a sixteenth of the error (Hairer, Norsett and Wanner 1993,
+# section II.4), or so. Of a lower order: half of it or more
+_MENDS, _LEFT = 8.0, 1 / 15
+# states that are smaller than this share of the largest are rounding
+_ROUNDING = 1e-10
+
+
+def with_step(function: OdeFunction, columns: Columns, span: float) -> OdeFunction:
+    """Return the function with the longest step that solutions allow.
+
+    Parameters
+    ----------
+    columns : dict of name to ndarray of shape (n_solutions * n_times,)
+        Solutions to try, the typical one first, each at the same times.
+    span : float
+        Length of the range of time.
+
+    Warns
+    -----
+    SolverWarning
+        Where the shortest step is too long.
+    """
+
+    def solved(n_steps: int) -> FloatArray:
+        out = replace(function, step=span / n_steps).solution(columns)
+        return out.reshape(len(out), _n_solutions(function, columns), -1)
+
+    n_steps, before = _FEWEST, np.inf
+    coarse, fine = solved(n_steps // 2), solved(n_steps)
+    # a solution that fails may need shorter steps, or break down whatever the step
+    known = _known(fine)
+    if not known.all():
+        known = _known(solved(_MOST))
+    while True:
+        change = _change(coarse, fine, known)
+        smooth = change * _MENDS < before
+        error = change * _LEFT if smooth else change
+        if error < (_SMALL if smooth else _SMALL_WITH_JUMPS) or n_steps >= _MOST:
+            break
+        n_steps, before, coarse = 2 * n_steps, change, fine
+        fine = solved(n_steps)
+    if known[0]:
+        _warn(error, span / n_steps, "The shortest step that is tried")
+    else:
+        warnings.warn(
+            "The solution at the medians of the priors is not finite, even with steps of "
+            f'{span / _MOST:g}. If it should be, the equation is stiff: take method="LSODA", which '
+            "chooses its own steps.",
+            SolverWarning,
+            stacklevel=3,
+        )
+    return replace(function, step=span / n_steps)
+
+
+def warn_if_too_long(function: OdeFunction, columns: Columns) -> None:
+    """Warn where solutions, as in `with_step`, change when the step is halved."""
+    coarse, fine = (
+        f.solution(columns).reshape(len(f.states), _n_solutions(f, columns), -1)
+        for f in (function, replace(function, step=function.step / 2))
+    )
+    _warn(_change(coarse, fine, _known(fine)), function.step, "max_step")
+
+
+def _n_solutions(function: OdeFunction, columns: Columns) -> int:
+    times = columns[function.time]
+    return int(np.sum(times == times[0]))
+
+
+def _known(solutions: FloatArray) -> NDArray[np.bool_]:
+    """Tell which solutions (n_states, n_solutions, n_times) are finite."""
+    return np.asarray(np.isfinite(solutions).all(axis=(0, 2)))
+
+
+def _change(coarse: FloatArray, fine: FloatArray, known: NDArray[np.bool_]) -> float:
+    """Return the largest difference of known solutions, in shares of each state's extent."""
+    coarse, fine = coarse[:, known], fine[:, known]
+    if not fine.size:
+        return 0.0
+    with np.errstate(all="ignore"):
+        size = extent(fine)[..., None]
+        size = np.maximum(size, max(_ROUNDING * float(np.max(size)), np.finfo(float).tiny))
+        change = np.abs(coarse - fine) / size
+    return float(np.max(np.where(np.isfinite(change), change, np.inf)))
+
+
+def _warn(error: float, step: float, which: str) -> None:
+    if not error > _DOUBTFUL:
+        return
+    how_much = f"{100 * error:.0f} % of its size" if error < 1 else "more than its size"
+    warnings.warn(
+        f"{which}, {step:g}, is too long for the right-hand side: a state is off by about "
+        f"{how_much}. What a diagnosis finds may be this error. Use a shorter max_step, or "
+        'method="LSODA", which chooses its own steps.',
+        SolverWarning,
+        stacklevel=4,
+    )

@@ -1,0 +1,6 @@
+"""Predictions from mixtures of posteriors.
+
+mixture        means, variances, densities and samples
+intervals      central intervals
+leave_one_out  leave-one-out scores of the rows given to fit
+"""

@@ -1,0 +1,75 @@
+"""What causes may know of the simulation and the measured rows, gathered before they are fitted."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hybridsurrogate.effects.base import Context
+from hybridsurrogate.inference.model.observation import MeasuredModel
+from hybridsurrogate.likelihoods import Likelihood
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.simulation.simulator import SimulationData, Simulator
+from hybridsurrogate.surrogates.basis import Basis
+
+
+class Mismatch(NamedTuple):
+    """How far measured outputs lie from simulated ones: `Context.distance` and `Context.ratio`."""
+
+    distance: float = 0.0
+    ratio: float = 1.0
+
+
+def make_context(
+    simulation: SimulationData | Simulator | None,
+    columns: tuple[str, ...],
+    n_inputs: int,
+    X: FloatArray,
+    scale: float,
+    likelihood: Likelihood,
+    basis: Basis,
+    location: float,
+    far: Mismatch | None = None,
+) -> Context:
+    """Return what causes may know about the measured rows."""
+    far = far or Mismatch()
+    simulator = simulation.simulator if simulation is not None else None
+    starts = simulator.starts if simulator else ()
+    if not basis.is_simulation:
+        simulator = None  # an emulator has no dynamics inside
+    return Context(
+        dict(zip(columns, X.T, strict=True)),
+        n_inputs,
+        dict(simulation.parameters) if simulation else {},
+        dict(simulation.assumed) if simulation else {},
+        scale,
+        log_scale=likelihood.log_scale,
+        location=location,
+        distance=far.distance,
+        ratio=far.ratio,
+        states=simulator.typical_states(X[:, :n_inputs]) if simulator else {},
+        remembers=simulator.remembers if simulator else False,
+        rates=simulator.rates if simulator else (),
+        starts=starts,
+        gaussian=likelihood.gaussian,
+        scales_noise=likelihood.scales_noise,
+    )
+
+
+def mismatch(
+    model: MeasuredModel, X: FloatArray, c: FloatArray, eta: FloatArray, weights: FloatArray
+) -> Mismatch:
+    """Compare outputs eta (n,) with the simulation's at the medians of all priors.
+
+    Coefficients c (p,) are those of the surrogate. Where the simulation fails there, or one of the
+    two is zero everywhere, nothing is known.
+    """
+    medians = model.values(np.zeros((1, len(model.all_priors))))
+    with np.errstate(over="ignore", invalid="ignore"):
+        simulated = model.simulated(X, medians, c)[0][0]
+        gap = float(np.average(eta - simulated, weights=weights))
+        squares = [float(np.average(np.square(v), weights=weights)) for v in (eta, simulated)]
+    if not np.isfinite([gap, *squares]).all() or not min(squares) > 0:
+        return Mismatch()
+    return Mismatch(gap, float(np.sqrt(squares[0] / squares[1])))

@@ -1,0 +1,289 @@
+"""From checked data to a problem that can be fitted: surrogate, causes and priors wired up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.inference.conjugate.emulator_posterior import coefficient_belief
+from hybridsurrogate.inference.conjugate.sufficient_statistics import Statistics, statistics
+from hybridsurrogate.inference.laplace.linear_predictor import Runs
+from hybridsurrogate.inference.model.finite_differences import least_step
+from hybridsurrogate.inference.model.observation import MeasuredModel
+from hybridsurrogate.inference.model.validation import check_effects
+from hybridsurrogate.inference.model.working_point import WorkingPoint
+from hybridsurrogate.likelihoods import Likelihood
+from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.problem.context import make_context, mismatch
+from hybridsurrogate.problem.transformed_simulation import TransformedSimulation
+from hybridsurrogate.simulation.simulator import SimulationData, Simulator
+from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.surrogates.basis import Basis
+from hybridsurrogate.surrogates.domain import Domain
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Everything a fit needs, checked.
+
+    Attributes
+    ----------
+    model : MeasuredModel
+    X, y, weights : ndarray of shape (n, n_columns), (n,), (n,)
+        Measured rows, y on the scale of eta, and their weights.
+    observed : ndarray of shape (n,)
+        y as measured.
+    likelihood : Likelihood
+    simulation : Statistics or None
+        Of the runs, on the scale of eta; None when there is no surrogate to train.
+    runs : Runs or None
+        The runs themselves.
+    noise_prior : prior of sigma
+    scale : float
+        Spread of the measured output on the scale of eta.
+    reach : float
+        Size of an effect that may be needed to get from the simulation to what was measured.
+    good : ndarray of shape (k, n_parameters)
+        Parameters, as standard normal z, that are known to fit well.
+    working_point : WorkingPoint or None
+        In a search over a likelihood that is not normal: where its rows are expanded. ``y`` is then
+        their working response, and the last column of ``X`` their noise.
+    """
+
+    model: MeasuredModel
+    X: FloatArray
+    y: FloatArray
+    weights: FloatArray
+    observed: FloatArray
+    likelihood: Likelihood
+    simulation: Statistics | None
+    runs: Runs | None
+    noise_prior: Prior
+    scale: float
+    reach: float = 0.0
+    good: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    working_point: WorkingPoint | None = None
+
+    @property
+    def noise_is_known(self) -> bool:
+        """Whether rows have the noise that they carry, and no scale of it is inferred."""
+        return self.working_point is not None and not self.likelihood.scales_noise
+
+    @property
+    def unit_noise(self) -> float:
+        """Typical noise of a row where sigma is one."""
+        if not self.model.has_row_noise:
+            return 1.0
+        return float(np.exp(np.mean(np.log(self.X[:, -1]))))
+
+    @property
+    def collapses(self) -> bool:
+        """Whether the coefficients are Gaussian given everything else."""
+        linear = not self.model.basis.known_depends_on_hyper
+        linear &= not any(effect.has_outliers for effect in self.model.effects)
+        return linear and self.likelihood.gaussian
+
+    def with_noise(self, X: FloatArray) -> FloatArray:
+        """Return rows of the user's with the typical noise of the measured ones, if rows carry it.
+
+        Rows that carry it already stay as they are.
+        """
+        if X.shape[1] == self.X.shape[1]:
+            return X
+        return np.column_stack([X, np.full(len(X), self.unit_noise)])
+
+    def given(self, hyper: FloatArray) -> Problem:
+        """Return the problem with the surrogate's hyperparameters fixed at values (n_hyper,)."""
+        if not self.model.n_hyper:
+            return self
+        basis = self.model.basis.given(hyper)
+        simulation = None
+        if self.runs is not None and len(basis.coefficient_mean):
+            X, omega = self.runs.X, self.runs.omega
+            eta = self.likelihood.working(self.runs.y) - basis.known(X, omega)
+            simulation = statistics(basis.features(X, omega), eta, spread(eta), self.runs.weights)
+        model = replace(self.model, basis=basis, reference=None)
+        return replace(self, model=model, simulation=simulation)
+
+
+def spread(values: FloatArray, weights: FloatArray | None = None) -> float:
+    """Return the standard deviation, or the size, or one: a scale that is never zero."""
+    mean = np.average(values, weights=weights)
+    sd = float(np.sqrt(np.average((values - mean) ** 2, weights=weights)))
+    size = float(np.max(np.abs(values), initial=0.0))
+    # a constant has the rounding error of its mean as sd
+    if sd > 1e-14 * size:
+        return sd
+    return size or 1.0
+
+
+def make_problem(
+    simulation: SimulationData | Simulator | None,
+    surrogate: Surrogate,
+    likelihood: Likelihood,
+    noise_prior: Prior | None,
+    effects: tuple[Cause, ...],
+    columns: tuple[str, ...],
+    X: FloatArray,
+    y: FloatArray,
+    measured_only: bool = False,
+    weights: FloatArray | None = None,
+    run_weights: FloatArray | None = None,
+) -> Problem:
+    """Wire surrogate, causes and priors; compute the statistics of the simulation runs once.
+
+    With ``measured_only`` the simulation lends its input ranges and nothing else. Weights are
+    powers of the likelihoods of single rows and runs.
+    """
+    weights = np.ones(len(y)) if weights is None else weights
+    eta = likelihood.working(y)
+    scale = spread(eta, weights)
+    runs = simulation if isinstance(simulation, SimulationData) and not measured_only else None
+    run_eta = None
+    if runs is not None:
+        likelihood.check_training(runs.y, "simulated")
+        run_eta = likelihood.working(runs.y)
+    outputs = eta if run_eta is None else run_eta
+    shares = weights if run_eta is None else None
+    n_inputs = len(simulation.input_names) if simulation is not None else X.shape[1]
+    world = None if measured_only else simulation
+    ranges = dict(world.parameter_ranges) if world else {}
+    domain = Domain(
+        _ranges_of_inputs(simulation, X[:, :n_inputs]),
+        np.array(list(ranges.values())).reshape(-1, 2),
+        float(np.average(outputs, weights=shares)),
+        spread(outputs, shares),
+        _callable(world, likelihood),
+        X[:, :n_inputs] if runs is None else runs.X,
+        np.tile(np.mean(list(ranges.values()) or np.empty((0, 2)), axis=1), (len(X), 1))
+        if runs is None
+        else runs.omega,
+        outputs,
+        columns[:n_inputs],
+        tuple(ranges),
+    )
+    try:
+        basis = _built(surrogate, domain)
+    except (IndexError, ValueError) as error:
+        # rows of a simulation have all that it gives; the hint is for those without
+        if world is not None or (simulation is None and isinstance(error, ValueError)):
+            raise
+        raise ValueError(
+            f"{type(surrogate).__name__} cannot be trained on measured data alone, where omega has "
+            f"no columns ({error}). If it needs parameters, override of_measured_data to return a "
+            "surrogate without, such as PolynomialChaos(), for predictive weighting."
+        ) from error
+    trained = bool(len(basis.coefficient_mean) or basis.hyperpriors)
+    if isinstance(world, Simulator) and trained:
+        raise ValueError(
+            f"{type(surrogate).__name__} is trained on runs, but simulation is a Simulator that "
+            "has not been run: pass simulator.run(100), or surrogate=ExactSurrogate()."
+        )
+    plain = MeasuredModel(
+        columns,
+        n_inputs,
+        dict(world.parameters) if world else {},
+        {name: c.value for name, c in world.assumed.items()} if world else {},
+        (),
+        3 * scale,
+        basis,
+    )
+    plain = replace(plain, least_step=least_step(plain, X))
+    if effects:
+        told = _reference(basis, domain, run_weights)
+        location = float(np.average(eta, weights=weights))
+        far = mismatch(plain, X, told, eta, weights)
+        context = make_context(world, columns, n_inputs, X, scale, likelihood, basis, location, far)
+        effects = tuple(effect.prepare(context) for effect in effects)
+    model = plain.with_effects(effects)
+    try:
+        check_effects(model, X)
+    except KeyError as error:
+        there = [*columns, *model.parameters, *model.constants]
+        raise ValueError(f"A cause asks for {error}; there are {there}.") from error
+    if any(effect.has_outliers for effect in effects):
+        _check_outliers(likelihood)
+    if any(effect.follows_mean for effect in effects):
+        model = replace(model, reference=_reference(basis, domain, run_weights))
+    kept, run_statistics = None, None
+    if runs is not None and run_eta is not None and trained:
+        run_weights = np.ones(len(runs.y)) if run_weights is None else run_weights
+        kept = Runs(runs.y, run_weights, runs.X, runs.omega)
+        if not basis.known_depends_on_hyper:
+            centred = run_eta - basis.known(runs.X, runs.omega)
+            features = basis.features(runs.X, runs.omega)
+            run_statistics = statistics(features, centred, domain.scale, run_weights)
+    prior = noise_prior if noise_prior is not None else likelihood.noise_prior(scale)
+    return Problem(model, X, eta, weights, y, likelihood, run_statistics, kept, prior, scale)
+
+
+def _check_outliers(likelihood: Likelihood) -> None:
+    if not likelihood.gaussian:
+        raise ValueError(
+            "Outliers are a share of rows beside a normal or log-normal likelihood, not beside a "
+            f"{likelihood.name} one."
+        )
+
+
+def _reference(basis: Basis, domain: Domain, weights: FloatArray | None) -> FloatArray:
+    """Return coefficients (p,) as the rows that train the surrogate tell them, at full power."""
+    if not len(basis.coefficient_mean):
+        return basis.coefficient_mean
+    hyper = np.array([prior.median() for prior in basis.hyperpriors.values()])
+    given = basis.given(hyper)
+    centred = domain.eta - given.known(domain.X, domain.omega)
+    features = given.features(domain.X, domain.omega)
+    weights = weights if weights is not None and len(weights) == len(centred) else None
+    told = coefficient_belief(given, statistics(features, centred, domain.scale, weights)).mean
+    factor = basis.factor(hyper[None]) if len(hyper) else None
+    return told if factor is None else basis.coefficient_mean + factor[0] @ told
+
+
+def _built(surrogate: Surrogate, domain: Domain) -> Basis:
+    basis = surrogate.build(domain)
+    if not isinstance(basis, Basis):
+        raise TypeError(f"{type(surrogate).__name__}.build must return a Basis, got {basis!r}.")
+    _check_basis(basis, domain)
+    return basis
+
+
+def _check_basis(basis: Basis, domain: Domain) -> None:
+    """Raise ValueError, by name, for a surrogate whose arrays do not fit its training rows."""
+    n, p = len(domain.X), len(basis.coefficient_mean)
+    name = type(basis).__name__.lstrip("_")
+    if len(basis.coefficient_sd) != p or not (basis.coefficient_sd > 0).all():
+        raise ValueError(f"{name} needs a positive prior sd for each of its {p} coefficients.")
+    if not basis.known_depends_on_hyper and not basis.is_simulation:
+        known = np.asarray(basis.known(domain.X, domain.omega))
+        _check_shape(f"{name}.known", known, (n,))
+    features = np.asarray(basis.features(domain.X, domain.omega))
+    _check_shape(f"{name}.features", features, (n, p))
+
+
+def _check_shape(what: str, values: FloatArray, shape: tuple[int, ...]) -> None:
+    if values.shape != shape:
+        raise ValueError(
+            f"{what} must return shape {shape} for {shape[0]} rows of inputs and parameters, got "
+            f"{values.shape}."
+        )
+    if not np.isfinite(values).all():
+        raise ValueError(f"{what} returned NaN or infinity on the training rows.")
+
+
+def _ranges_of_inputs(
+    simulation: SimulationData | Simulator | None, inputs: FloatArray
+) -> FloatArray:
+    if simulation is not None:
+        return np.array(list(simulation.input_ranges.values()), dtype=float)
+    low, high = inputs.min(axis=0), inputs.max(axis=0)
+    return np.column_stack([low, np.where(high > low, high, low + 1.0)])
+
+
+def _callable(
+    simulation: SimulationData | Simulator | None, likelihood: Likelihood
+) -> TransformedSimulation | None:
+    if simulation is None or simulation.simulator is None:
+        return None
+    return TransformedSimulation(simulation.simulator, likelihood)

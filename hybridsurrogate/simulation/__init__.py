@@ -1,0 +1,18 @@
+"""Run a simulation, hold its runs, read runs made elsewhere.
+
+arrays           the door: arrays and frames of any library, checked and by name
+variables        inputs, parameters and assumed constants with their ranges and priors
+design           Sobol and Latin hypercube designs
+simulator        Simulator: a function, run on a design or at given rows
+simulation_data  SimulationData: runs, their ranges, what they were run with
+ranges           what lies outside the simulated ranges
+csv_file         runs from files
+measured_table   measured tables of the command line
+modification     a change of an ODE's right-hand side, described
+"""
+
+from hybridsurrogate.simulation.simulation_data import SimulationData, read_simulation
+from hybridsurrogate.simulation.simulator import Simulator
+from hybridsurrogate.simulation.variables import Assumed
+
+__all__ = ["Assumed", "SimulationData", "Simulator", "read_simulation"]

@@ -1,0 +1,257 @@
+"""Runs of a simulation, from arrays, a DataFrame or a csv file."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
+
+from hybridsurrogate.exceptions import FailedRunsWarning
+from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_spread
+from hybridsurrogate.simulation.csv_file import read_csv
+from hybridsurrogate.simulation.ranges import (
+    check_support,
+    check_value,
+    parameter_range,
+    ranges_of_inputs,
+    varied_ranges,
+)
+from hybridsurrogate.simulation.variables import (
+    Assumed,
+    Range,
+    as_matrix,
+    check_lengths,
+    describe,
+    named_fields,
+    priors_of,
+    select_columns,
+)
+
+if TYPE_CHECKING:
+    from hybridsurrogate.simulation.simulator import Simulator
+
+
+@dataclass(frozen=True, init=False, repr=False, eq=False)
+class SimulationData:
+    """Runs of a simulation.
+
+    Parameters
+    ----------
+    X : array-like of shape (n_runs, n_inputs)
+        One input may also be given as (n_runs,).
+    omega : array-like of shape (n_runs, n_parameters + n_assumed) or None
+        The parameters, then the assumed constants, as varied in the runs.
+    y : array-like of shape (n_runs,)
+        Outputs. Runs with NaN or infinity are dropped with a warning.
+    inputs : dict of name to (low, high), or list of names
+        With names alone the ranges are those of the runs.
+    parameters : dict of name to scipy.stats frozen distribution, optional
+    assumed : dict of name to Assumed, optional
+    output : str
+        What ``y`` is, for labels.
+    simulator : Simulator, optional
+        The simulation that made the runs, if it can be called again.
+
+    Attributes
+    ----------
+    n_runs : int
+    input_names, parameter_names, assumed_names : tuple of str
+    input_ranges : dict of name to (low, high)
+    parameter_ranges : dict of name to (low, high)
+        Of the parameters, then of the assumed constants: the support of the prior if it has two
+        ends and holds all runs, else the range of the runs.
+
+    Warns
+    -----
+    FailedRunsWarning
+        If runs were dropped.
+    PriorWarning
+        If less than 90 % of a prior's mass lies in the simulated range.
+
+    Notes
+    -----
+    The arrays are copies and read-only. There is no length and no shape on purpose: scikit-learn's
+    searches would take the runs for rows of the measured data and slice them.
+
+    Examples
+    --------
+    >>> import hybridsurrogate as hs
+    >>> import numpy as np
+    >>> t, gravity = np.repeat([1.0, 2.0, 3.0], 3), np.tile([9.0, 10.0, 11.0], 3)
+    >>> hs.SimulationData(
+    ...     t, gravity, gravity / 2 * t**2, inputs=["t"],
+    ...     parameters={"gravity": hs.truncated_normal(9.8, 0.3, 9, 11)}, output="distance",
+    ... )
+    SimulationData(9 runs: t -> distance, parameters: gravity)
+    """
+
+    X: FloatArray
+    omega: FloatArray
+    y: FloatArray
+    n_runs: int
+    parameters: dict[str, Prior]
+    assumed: dict[str, Assumed]
+    output: str
+    simulator: Simulator | None
+    input_names: tuple[str, ...]
+    parameter_names: tuple[str, ...]
+    assumed_names: tuple[str, ...]
+    input_ranges: dict[str, Range]
+    parameter_ranges: dict[str, Range]
+
+    def __init__(
+        self,
+        X: ArrayLike,
+        omega: ArrayLike | None,
+        y: ArrayLike,
+        inputs: Mapping[str, Range] | Sequence[str],
+        parameters: Mapping[str, Prior] | None = None,
+        assumed: Mapping[str, Assumed] | None = None,
+        output: str = "y",
+        simulator: Simulator | None = None,
+    ) -> None:
+        inputs = [inputs] if isinstance(inputs, str) else inputs
+        fields = named_fields(tuple(inputs), parameters, assumed)
+        priors = priors_of(fields["parameters"], fields["assumed"])
+        X = as_matrix(X, "X", fields["input_names"])
+        omega = np.empty((len(X), 0)) if omega is None else omega
+        omega = as_matrix(omega, "omega", tuple(priors))
+        y = as_numbers(y, "y")
+        if y.ndim != 1:
+            raise ValueError(f"y must have shape (n_runs,), got {y.shape}.")
+        check_lengths({"X": X, "omega": omega, "y": y})
+        X, omega, y = drop_failed(X, omega, y, "runs", error=None)
+        for word, values in {"X": X, "omega": omega, "y": y}.items():
+            check_spread(values, f"{word} of the runs")
+        varied = varied_ranges(X, omega, fields)
+        fields |= {
+            "X": X,
+            "omega": omega,
+            "y": y,
+            "n_runs": len(y),
+            "output": output,
+            "simulator": simulator,
+            "input_ranges": ranges_of_inputs(inputs, varied),
+            "parameter_ranges": {
+                name: parameter_range(prior, varied[name]) for name, prior in priors.items()
+            },
+        }
+        self.__dict__.update(fields)
+        self._lock()
+        for name, constant in self.assumed.items():
+            check_value(name, constant.value, varied[name], self.n_runs)
+        for name, prior in priors.items():
+            check_support(name, prior, varied[name], self.n_runs)
+
+    @classmethod
+    def from_frame(
+        cls,
+        frame: Any,
+        inputs: Mapping[str, Range] | Sequence[str],
+        parameters: Mapping[str, Prior] | None = None,
+        output: str = "y",
+        assumed: Mapping[str, Assumed] | None = None,
+    ) -> SimulationData:
+        """Take the runs from the named columns of a DataFrame.
+
+        Parameters
+        ----------
+        frame : DataFrame of pandas, polars or another library
+            One run a row; other columns are ignored.
+        inputs, parameters, assumed
+            As in SimulationData; their names are columns.
+        output : str
+            The column with the simulation's output.
+
+        Returns
+        -------
+        SimulationData
+        """
+        inputs = [inputs] if isinstance(inputs, str) else inputs
+        omega_names = [*(parameters or {}), *(assumed or {})]
+        if output in [*inputs, *omega_names]:
+            raise ValueError(f"The output {output!r} is also an input, parameter or constant.")
+        frame = as_table(frame, "The table of runs")
+        if not isinstance(frame, pd.DataFrame):
+            raise TypeError(
+                "from_frame takes a DataFrame, whose columns have names; give arrays to "
+                "SimulationData(X, omega, y, ...)."
+            )
+        table = select_columns(frame, [*inputs, *omega_names, output], "The simulation runs")
+        X, omega, y = table[list(inputs)], table[omega_names], table[output]
+        return cls(X, omega, y, inputs, parameters, assumed, output)
+
+    def __sklearn_clone__(self) -> SimulationData:
+        return self
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        # pickle does not keep the read-only flag of an array
+        self.__dict__.update(state)
+        self._lock()
+
+    def __repr__(self) -> str:
+        source = "" if self.simulator is None else f" of {self.simulator.name}"
+        names = (self.input_names, self.parameter_names, self.assumed_names)
+        return f"SimulationData({describe(f'{self.n_runs} runs{source}', *names, self.output)})"
+
+    def _lock(self) -> None:
+        for array in (self.X, self.omega, self.y):
+            array.setflags(write=False)
+
+
+def read_simulation(
+    path: str | os.PathLike[str],
+    inputs: Mapping[str, Range] | Sequence[str],
+    parameters: Mapping[str, Prior] | None = None,
+    output: str = "y",
+    assumed: Mapping[str, Assumed] | None = None,
+) -> SimulationData:
+    r"""Read the runs of a simulation from a csv file.
+
+    Parameters
+    ----------
+    path : str or path
+        One run a line below a line of column names; the rest of a line after ``#`` is ignored.
+    inputs, parameters, output, assumed
+        As in ``SimulationData.from_frame``.
+
+    Returns
+    -------
+    SimulationData
+
+    Examples
+    --------
+    >>> import hybridsurrogate as hs
+    >>> with open("runs.csv", "w") as file:
+    ...     _ = file.write("t,gravity,distance\n1,9,4.5\n2,10,20\n3,11,49.5\n")
+    >>> prior = hs.truncated_normal(9.8, 0.3, 9, 11)
+    >>> hs.read_simulation("runs.csv", ["t"], parameters={"gravity": prior}, output="distance")
+    SimulationData(3 runs: t -> distance, parameters: gravity)
+    """
+    return SimulationData.from_frame(read_csv(path), inputs, parameters, output, assumed)
+
+
+def drop_failed(
+    X: FloatArray, omega: FloatArray, y: FloatArray, title: str, error: str | None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Keep the runs without NaN or infinity, and warn about the others."""
+    finite = np.isfinite(np.column_stack([X, omega, y])).all(axis=1)
+    reason = f"First error: {error}" if error else "They hold NaN or infinity."
+    if not finite.any():
+        raise ValueError(f"All {len(y)} {title} failed. {reason}")
+    if not finite.all():
+        rows = np.flatnonzero(~finite)
+        shown = ", ".join(map(str, rows[:5])) + (", ..." if len(rows) > 5 else "")
+        warnings.warn(
+            f"{len(rows)} of {len(y)} {title} failed and were dropped (rows {shown}). {reason}",
+            FailedRunsWarning,
+            stacklevel=3,
+        )
+    return X[finite], omega[finite], y[finite]

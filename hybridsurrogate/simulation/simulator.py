@@ -1,0 +1,325 @@
+"""The simulation as a callable with named arguments."""
+
+from __future__ import annotations
+
+import inspect
+import numbers
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+from numpy.typing import ArrayLike
+from tqdm import tqdm
+
+from hybridsurrogate.priors import FloatArray, Prior, prior_range
+from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_number
+from hybridsurrogate.simulation.design import draw_design, run_with_ends
+from hybridsurrogate.simulation.modification import Modification
+from hybridsurrogate.simulation.simulation_data import SimulationData, drop_failed, read_simulation
+from hybridsurrogate.simulation.variables import (
+    Assumed,
+    Range,
+    as_matrix,
+    check_lengths,
+    check_ranges,
+    describe,
+    named_fields,
+    priors_of,
+)
+
+__all__ = ["Assumed", "SimulationData", "Simulator", "read_simulation"]
+
+
+@dataclass(frozen=True, init=False, repr=False, eq=False)
+class Simulator:
+    """A simulation that can be called.
+
+    Parameters
+    ----------
+    function : callable
+        Takes inputs, parameters and assumed constants as keyword arguments, arrays of n values
+        each, and returns an array of n outputs.
+    inputs : dict of name to (low, high)
+        The inputs that are known for every measurement, and the range to simulate.
+    parameters : dict of name to scipy.stats frozen distribution, optional
+        The inputs that are unknown, and what is known about them.
+    assumed : dict of name to Assumed, optional
+        The constants that the modeller fixed.
+    output : str
+        What the function returns, for labels.
+    vectorized : bool
+        False if the function does one run at a time: numbers in, a number out.
+
+    Attributes
+    ----------
+    input_names, parameter_names, assumed_names : tuple of str
+    input_ranges : dict of name to (low, high)
+    parameter_ranges : dict of name to (low, high)
+        Of the parameters, then of the assumed constants: the support of the prior, with an
+        infinite end replaced by the 0.1 % quantile.
+    rates : tuple of str
+        Those parameters and constants of which a right-hand side is known; see `OdeSimulator`.
+    starts : tuple of str
+        Those parameters that are known to set the initial state and nothing else.
+
+    Examples
+    --------
+    >>> import hybridsurrogate as hs
+    >>> def height(t, gravity):
+    ...     return 100 - gravity / 2 * t**2
+    >>> simulator = hs.Simulator(
+    ...     height, inputs={"t": (0, 4)}, parameters={"gravity": hs.truncated_normal(9.8, 1, 5, 15)}
+    ... )
+    >>> simulator([1.0, 2.0], [10.0, 10.0])
+    array([95., 80.])
+    >>> simulator.run(50, random_state=0)
+    SimulationData(50 runs of height: t -> y, parameters: gravity)
+    """
+
+    function: Callable[..., Any]
+    parameters: dict[str, Prior]
+    assumed: dict[str, Assumed]
+    output: str
+    vectorized: bool
+    input_names: tuple[str, ...]
+    parameter_names: tuple[str, ...]
+    assumed_names: tuple[str, ...]
+    input_ranges: dict[str, Range]
+    parameter_ranges: dict[str, Range]
+    rates: tuple[str, ...]
+    starts: tuple[str, ...]
+    # whether the first input is time, along which there is a before and an after
+    is_in_time = False
+
+    def __init__(
+        self,
+        function: Callable[..., Any],
+        inputs: Mapping[str, Range],
+        parameters: Mapping[str, Prior] | None = None,
+        assumed: Mapping[str, Assumed] | None = None,
+        output: str = "y",
+        vectorized: bool = True,
+    ) -> None:
+        fields = named_fields(tuple(inputs), parameters, assumed)
+        priors = priors_of(fields["parameters"], fields["assumed"])
+        fields |= {
+            "function": function,
+            "output": output,
+            "vectorized": vectorized,
+            "input_ranges": check_ranges(inputs),
+            "parameter_ranges": {name: prior_range(prior) for name, prior in priors.items()},
+            "rates": (),
+            "starts": (),
+        }
+        self.__dict__.update(fields)
+        _check_arguments(function, self.name, (*self.input_names, *self.parameter_ranges))
+
+    @property
+    def name(self) -> str:
+        """The name of the function."""
+        return str(getattr(self.function, "__name__", type(self.function).__name__))
+
+    @property
+    def simulator(self) -> Simulator:
+        """Itself: runs and a callable simulation can be asked for it alike."""
+        return self
+
+    def typical_states(self, X: FloatArray) -> dict[str, float]:
+        """Return sizes of the states inside, which a function does not show: none."""
+        return {}
+
+    @property
+    def remembers(self) -> bool:
+        """Whether there is a right-hand side that can be told what states were: no."""
+        return False
+
+    def held(self, X: FloatArray) -> FloatArray:
+        """Return inputs (n, n_inputs) before which nothing happens moved to where it begins."""
+        return X
+
+    def modified(
+        self,
+        modifications: Sequence[Modification],
+        parameters: Mapping[str, Prior] | None = None,
+    ) -> Simulator:
+        """Return the simulator with changed dynamics; only an `OdeSimulator` knows its own."""
+        raise ValueError(
+            f"{self.name!r} shows no right-hand side to change: only an OdeSimulator does."
+        )
+
+    def __sklearn_clone__(self) -> Simulator:
+        return self
+
+    def __repr__(self) -> str:
+        names = (self.input_names, self.parameter_names, self.assumed_names)
+        return f"{type(self).__name__}({describe(self.name, *names, self.output)})"
+
+    @property
+    def is_quick(self) -> bool:
+        """Whether many runs take hardly longer than one: a function of arrays, no ODE."""
+        return self.vectorized and not self.is_in_time
+
+    def __call__(
+        self, X: ArrayLike, omega: ArrayLike | None = None, n_jobs: int | None = None
+    ) -> FloatArray:
+        """Run the simulation.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_inputs)
+        omega : array-like of shape (n, n_parameters) or (n, n_parameters + n_assumed)
+            Without the columns of the assumed constants, these take their assumed values.
+        n_jobs : int, optional
+            Processes that share the runs if the function does one at a time; a vectorised
+            function gets all rows in one call.
+
+        Returns
+        -------
+        ndarray of shape (n,)
+            NaN where a run of one at a time raised an exception.
+        """
+        return self._evaluate(*self._check_points(X, omega), n_jobs=n_jobs)[0]
+
+    def run(
+        self,
+        n_runs: int,
+        design: str = "sobol",
+        random_state: Any = None,
+        n_jobs: int | None = None,
+        progress: bool = False,
+        ends: float = 0.02,
+    ) -> SimulationData:
+        """Run the simulation over the ranges of inputs, parameters and assumed constants.
+
+        Parameters
+        ----------
+        n_runs : int
+            A power of two fills the ranges most evenly.
+        design : {"sobol", "latin-hypercube"}
+            Either is uniform over the ranges: the priors do not shape it.
+        random_state : None, int, numpy Generator or RandomState
+            The same number gives the same runs, whatever ``n_jobs`` is.
+        n_jobs : int, optional
+            As in calling the simulator.
+        progress : bool
+            Show a progress bar if the function does one run at a time.
+        ends : float
+            Share of the runs, from 0 to 0.1, that are moved to each end of the range of each input:
+            at a steep end, a source or a start, the runs beside it do not tell. A quarter of all at
+            the most; fewer than 25 runs have none there, and an end where the simulation fails, or
+            is further beyond all other runs than these are apart, has none either.
+
+        Returns
+        -------
+        SimulationData
+
+        Raises
+        ------
+        ValueError
+            For a number of runs, a design or a share that is none.
+
+        Warns
+        -----
+        FailedRunsWarning
+            If runs gave NaN, infinity or an exception; the others are kept.
+        """
+        ranges = [*self.input_ranges.values(), *self.parameter_ranges.values()]
+        check_number(ends, "ends", numbers.Real, min_val=0, max_val=0.1)
+        k = len(self.input_names)
+
+        def outputs(points: FloatArray) -> tuple[FloatArray, str | None]:
+            return self._evaluate(points[:, :k], points[:, k:], n_jobs, progress)
+
+        points = draw_design(ranges, n_runs, design, random_state)
+        points, y, error = run_with_ends(outputs, points, ranges[:k], ends)
+        X, omega = np.split(points, [k], axis=1)
+        X, omega, y = drop_failed(X, omega, y, f"runs of {self.name!r}", error)
+        return SimulationData(
+            X, omega, y, self.input_ranges, self.parameters, self.assumed, self.output, self
+        )
+
+    def _check_points(self, X: ArrayLike, omega: ArrayLike | None) -> tuple[FloatArray, FloatArray]:
+        X = as_matrix(X, "X", self.input_names)
+        table = as_table(np.empty((len(X), 0)) if omega is None else omega, "omega")
+        names = tuple(self.parameter_ranges)
+        if isinstance(table, pd.DataFrame):
+            complete = set(self.assumed_names) <= set(table.columns)
+        else:
+            table = table[:, None] if table.ndim == 1 else table
+            complete = table.shape[1:] == (len(names),)
+        if complete:
+            points = as_matrix(table, "omega", names)
+        else:
+            points = as_matrix(table, "omega", self.parameter_names)
+            values = [constant.value for constant in self.assumed.values()]
+            points = np.column_stack([points, np.tile(values, (len(points), 1))])
+        check_lengths({"X": X, "omega": points})
+        return X, points
+
+    def _evaluate(
+        self, X: FloatArray, omega: FloatArray, n_jobs: int | None, progress: bool = False
+    ) -> tuple[FloatArray, str | None]:
+        # the outputs, NaN where a run raised, and what the first such run said
+        names = (*self.input_names, *self.parameter_ranges)
+        columns = np.ascontiguousarray(np.concatenate([X.T, omega.T]))
+        if self.vectorized:
+            arguments = dict(zip(names, columns, strict=True))
+            y = as_numbers(self.function(**arguments), f"The output of {self.name!r}")
+            self._check_output(y.shape, (len(X),))
+            return y, None
+        runs = Parallel(n_jobs=n_jobs, return_as="generator")(
+            delayed(_run_once)(self.function, dict(zip(names, point, strict=True)))
+            for point in columns.T
+        )
+        if progress:
+            runs = tqdm(runs, total=len(X), desc=self.name)
+        y, first_error = np.full(len(X), np.nan), None
+        for row, (value, error) in enumerate(list(runs)):
+            if error is None:
+                self._check_output(np.shape(value), ())
+                y[row] = value
+            first_error = first_error or error
+        return y, first_error
+
+    def _check_output(self, actual: tuple[int, ...], expected: tuple[int, ...]) -> None:
+        if actual != expected:
+            hint = "arrays in, an array out" if self.vectorized else "numbers in, a number out"
+            raise ValueError(
+                f"{self.name!r} returned an array of shape {actual}, expected {expected} "
+                f"(vectorized={self.vectorized}: {hint})."
+            )
+
+
+def _run_once(
+    function: Callable[..., Any], arguments: dict[str, np.float64]
+) -> tuple[Any, str | None]:
+    try:
+        return function(**arguments), None
+    except Exception as error:
+        # a simulation may fail in any way: the run is dropped, and the message is shown
+        return np.nan, f"{type(error).__name__}: {error}"
+
+
+def _check_arguments(function: Callable[..., Any], title: str, names: tuple[str, ...]) -> None:
+    try:
+        arguments = inspect.signature(function).parameters.values()
+    except ValueError:  # some compiled functions do not tell
+        return
+    by_name = [a for a in arguments if a.kind in (a.POSITIONAL_OR_KEYWORD, a.KEYWORD_ONLY)]
+    unknown = set(names) - {a.name for a in by_name}
+    if unknown and not any(a.kind == a.VAR_KEYWORD for a in arguments):
+        raise TypeError(
+            f"{title!r} has no argument {', '.join(sorted(unknown))}: inputs, parameters and "
+            f"assumed constants are passed to it by name."
+        )
+    optional = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
+    needed = [a.name for a in arguments if a.default is a.empty and a.kind not in optional]
+    absent = [name for name in needed if name not in names]
+    if absent:
+        raise TypeError(
+            f"{title!r} needs {', '.join(absent)}, which is no input, parameter or assumed "
+            f"constant: name it as one, or give it a default."
+        )

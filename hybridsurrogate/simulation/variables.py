@@ -1,0 +1,155 @@
+"""Inputs, parameters and assumed constants: named, each with a range or a prior."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
+
+from hybridsurrogate.priors import FloatArray, Prior, check_prior, check_priors, prior_range
+from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_spread, is_numeric
+
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Assumed:
+    """A constant that the modeller fixed, perhaps wrongly.
+
+    Parameters
+    ----------
+    value : float
+        The value it was fixed at.
+    prior : scipy.stats frozen distribution
+        What it could be if that value is wrong.
+
+    Raises
+    ------
+    ValueError
+        If the prior as good as rules out the value: it lies outside the support or, where that
+        has no end, beyond the outermost 0.1 %.
+
+    Examples
+    --------
+    >>> import hybridsurrogate as hs
+    >>> from scipy.stats import uniform
+    >>> hs.Assumed(0.55, uniform(0.3, 0.6)).value
+    0.55
+    """
+
+    value: float
+    prior: Prior
+
+    def __post_init__(self) -> None:
+        check_prior(self.prior, "an assumed constant")
+        low, high = prior_range(self.prior)
+        if not low <= self.value <= high:
+            raise ValueError(
+                f"The assumed value {self.value!r} lies outside the range of its prior, "
+                f"{low:g} to {high:g}: widen the prior."
+            )
+
+
+def named_fields(
+    input_names: tuple[str, ...],
+    parameters: Mapping[str, Prior] | None,
+    assumed: Mapping[str, Assumed] | None,
+) -> dict[str, Any]:
+    """Check the names and priors, and return the attributes of a simulation that follow."""
+    for name, constant in (assumed or {}).items():
+        if not isinstance(constant, Assumed):
+            raise TypeError(
+                f"The assumed constant {name!r} must be Assumed(value, prior), got {constant!r}."
+            )
+    fields = {
+        "parameters": check_priors(parameters),
+        "assumed": dict(assumed or {}),
+        "input_names": input_names,
+        "parameter_names": tuple(parameters or ()),
+        "assumed_names": tuple(assumed or ()),
+    }
+    names = [*input_names, *fields["parameters"], *fields["assumed"]]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ValueError(
+            f"{', '.join(twice)} named more than once: inputs, parameters and assumed constants "
+            f"need different names."
+        )
+    if not input_names:
+        raise ValueError("A simulation needs at least one input.")
+    return fields
+
+
+def priors_of(parameters: dict[str, Prior], assumed: dict[str, Assumed]) -> dict[str, Prior]:
+    """Return the priors of the columns of omega, in their order."""
+    return parameters | {name: constant.prior for name, constant in assumed.items()}
+
+
+def check_ranges(ranges: Mapping[str, Range]) -> dict[str, Range]:
+    """Return finite ranges, as floats."""
+    checked = {}
+    for name, (low, high) in ranges.items():
+        if not (low < high and np.isfinite([low, high]).all()):
+            raise ValueError(
+                f"The range of {name!r} must be finite, from low to high, got ({low!r}, {high!r})."
+            )
+        check_spread(np.array([low, high], dtype=float), f"The range of {name!r}")
+        checked[name] = (float(low), float(high))
+    return checked
+
+
+def describe(
+    source: str,
+    input_names: Sequence[str],
+    parameter_names: Sequence[str],
+    assumed_names: Sequence[str],
+    output: str,
+) -> str:
+    """Say on one line what depends on what."""
+    text = f"{source}: {', '.join(input_names)} -> {output}"
+    if parameter_names:
+        text += f", parameters: {', '.join(parameter_names)}"
+    if assumed_names:
+        text += f", assumed: {', '.join(assumed_names)}"
+    return text
+
+
+def select_columns(frame: pd.DataFrame, names: Sequence[str], title: str) -> pd.DataFrame:
+    """Return the named columns, all of them numbers."""
+    missing = [name for name in names if name not in frame.columns]
+    if missing:
+        raise ValueError(
+            f"{title} have no column {', '.join(missing)}; "
+            f"there are {', '.join(map(str, frame.columns))}."
+        )
+    for name in names:
+        if not is_numeric(frame[name]):
+            raise ValueError(f"The column {name!r} must hold numbers, but some are text or dates.")
+    return frame[list(names)]
+
+
+def as_matrix(values: ArrayLike, word: str, names: Sequence[str]) -> FloatArray:
+    """Return a float copy with one column a name; those of a frame go by name."""
+    table = as_table(values, word)
+    if isinstance(table, pd.DataFrame) and any(isinstance(c, str) for c in table.columns):
+        table = select_columns(table, names, word)
+    matrix = as_numbers(table, word)
+    if matrix.ndim == 1 and len(names) == 1:
+        matrix = matrix[:, None]
+    if matrix.ndim != 2 or matrix.shape[1] != len(names):
+        raise ValueError(
+            f"{word} must have shape (n, {len(names)}), columns {', '.join(names) or 'none'}, "
+            f"got {matrix.shape}."
+        )
+    return matrix
+
+
+def check_lengths(arrays: dict[str, FloatArray]) -> None:
+    """Check that arrays, given by what to call them, have the same number of rows."""
+    if len({len(array) for array in arrays.values()}) > 1:
+        counts = ", ".join(f"{word} {len(array)}" for word, array in arrays.items())
+        raise ValueError(f"The numbers of rows differ: {counts}.")
