@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from hybridsurrogate.diagnosis.search.local_fit import (
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.conjugate.emulator_posterior import Belief
 from hybridsurrogate.inference.conjugate.noise_marginal import LogMarginal
-from hybridsurrogate.inference.evidence.grid import Layout, at_cells, layout
+from hybridsurrogate.inference.evidence.grid import Layout, at_cells, layout, refine
 from hybridsurrogate.inference.evidence.levenberg_marquardt import (
     best_from_afar,
     best_of_many,
@@ -29,16 +30,26 @@ from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.problem import Problem
 
-# how far (in nats, prior odds included) behind the best cause is far: a first fit may have found a
-# lower mode on too coarse a grid; where fits to other rows ended is nearly it
-_BEHIND, _BEHIND_NEARBY = 12.0, 4.0
+
+class Margins(NamedTuple):
+    """How far (in nats, prior odds included) behind the best cause is far, and what is hopeless."""
+
+    behind: float
+    hopeless: float
+
+
+# a first climb may have found a lower hill on too coarse a grid; where climbs in other rows ended
+# is nearly it, and what had a chance there has a finer grid already
+_MARGINS, _MARGINS_NEARBY = Margins(12.0, np.inf), Margins(4.0, 30.0)
 # a fit this many times closer than without the cause is as good as exact
 _NEGLIGIBLE = 1e-3
 # what is wrong may drive the parameters this far (in prior sds) from where they belong, that a
 # climb from there does not find back
 _DRIVEN_AWAY = 2.0
-# a fit with less than this share of the noise that it was made with is made again, so often
-_MUCH_CLOSER, _LOOKS = 0.5, 5
+# nodes of a coarse grid between which a cause that looks far behind may fit much better
+_LOOKED_BETWEEN, _LOOKS = 8, 5
+# a fit with less than this share of the noise that it was made with is made again
+_MUCH_CLOSER = 0.5
 
 
 def best_peaks(
@@ -75,8 +86,8 @@ def best_peaks(
                 fits.append(_once(problem, belief, model, plan, null))
             else:
                 fits.append(_unmoved(problem, model, plan, nearby[k], null))
-        margin = _BEHIND if nearby is None else _BEHIND_NEARBY
-        behind = _far_behind(problem, belief, noise, [null, *fits], log_prior, margin)
+        margins = _MARGINS if nearby is None else _MARGINS_NEARBY
+        behind = _far_behind(problem, belief, noise, [null, *fits], log_prior, margins)
         for k in map(int, np.flatnonzero(np.isnan(behind))):
             model, plan, peak, sigma = fits[k]
             if _is_noise_process(model) or is_followed(model.effects[-1]):
@@ -152,11 +163,12 @@ def _far_behind(
     noise: LogMarginal,
     fits: Sequence[Fitted],
     log_prior: FloatArray,
-    margin: float,
+    margins: Margins,
 ) -> FloatArray:
     """Return the log evidence of causes that are far behind; NaN for the others, failed or not.
 
-    The first of the fits is that of "nothing is wrong".
+    The first of the fits is that of "nothing is wrong". The stronger the data, the more a grid
+    misses between its nodes: what a finer one reaches counts, too.
     """
     sizes = effect_sizes(problem, fits)
     scans = [node_evidence(problem, belief, noise, fit, sizes) for fit in fits]
@@ -165,9 +177,37 @@ def _far_behind(
     # could not be followed at all gets its other starting points, too
     of_any_shape = [any(e.kind == "unexplained" for e in fit.model.effects[-1:]) for fit in fits]
     weight = np.where(np.isfinite(reached), reached + log_prior, -np.inf)
-    enough = np.max(weight[~np.array(of_any_shape)], initial=-np.inf) - margin
+    enough = np.max(weight[~np.array(of_any_shape)], initial=-np.inf) - margins.behind
     behind = weight < enough
+    hopeless = enough - margins.hopeless
+    for k in map(int, np.flatnonzero(behind & np.isfinite(reached) & (weight > hopeless))):
+        if len(fits[k].plan.nodes):
+            missed = _between_nodes(problem, belief, noise, fits[k], scans[k], sizes)
+            # what gains so much without a climb may gain as much again by one
+            behind[k] = weight[k] + missed < enough and missed < margins.behind
     return np.where(behind & np.isfinite(reached), reached, np.nan)[1:]
+
+
+def _between_nodes(
+    problem: Problem,
+    belief: Belief,
+    noise: LogMarginal,
+    fit: Fitted,
+    nodes: FloatArray,
+    sizes: FloatArray,
+) -> float:
+    """Return how many nats more a finer grid around the best nodes reaches, without a climb."""
+    density = nodes - fit.plan.log_weight
+    coarse = float(density.max())
+    for _ in range(_LOOKS):
+        index = np.argsort(-density)[:_LOOKED_BETWEEN]
+        best = fit.plan.at(index)
+        finer = refine(fit.model, best, density[index] + best.log_weight)
+        if finer is best:
+            break
+        fit = fit._replace(plan=finer)
+        density = node_evidence(problem, belief, noise, fit, sizes) - finer.log_weight
+    return max(float(density.max()) - coarse, 0.0)
 
 
 def _is_noise_process(model: MeasuredModel) -> bool:
