@@ -10,7 +10,7 @@ from scipy import stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.blocks import BLOCK, blocks, in_blocks
-from hybridsurrogate.inference.conjugate.emulator_posterior import coefficient_belief
+from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
 from hybridsurrogate.inference.evidence.grid import layout
 from hybridsurrogate.inference.evidence.linearised import linearise
@@ -59,16 +59,16 @@ def test_nodes_are_weighed_alike_alone_and_together(cause, surrogate):
     runs = SIMULATOR.run(64, random_state=0)
     problem = make_problem(runs, surrogate, hs.Normal(), None, (cause,), ("t",), X, y)
     model = problem.model
-    belief = coefficient_belief(model.basis, problem.simulation)
+    emulator = emulator_posterior(model.basis, problem.simulation)
     plan = layout(model)
     assert len(plan.grid) * N * 3 > BLOCK
     noise = NoiseTable(problem.noise_prior, problem.scale, N)
     responses, sizes = np.vstack([y, y[::-1]]), np.array([0.05, 0.5])
     z = plan.neutral + 0.1
-    parts = linearise(model, X, belief, plan, z)
+    parts = linearise(model, X, emulator, plan, z)
     together = scan(parts, responses, 0.1, noise, sizes)
     for node in rng.choice(len(plan.grid), 5, replace=False):
-        own = linearise(model, X, belief, plan.at(np.array([node])), z)
+        own = linearise(model, X, emulator, plan.at(np.array([node])), z)
         # the emulator's uncertainty is taken at the first node
         alone = scan(replace(own, U=parts.U), responses, 0.1, noise, sizes)
         assert_allclose(alone[:, 0], together[:, node], rtol=1e-9)
@@ -92,8 +92,8 @@ def test_nodes_that_change_nothing_share_the_simulation():
         SIMULATOR, hs.ExactSurrogate(), hs.Normal(), None, (cause,), ("t",), X, y
     )
     model = problem.model
-    belief, plan = coefficient_belief(model.basis, None), layout(model)
-    at_zero = linearise(model, X, belief, plan, plan.neutral)
+    emulator, plan = emulator_posterior(model.basis, None), layout(model)
+    at_zero = linearise(model, X, emulator, plan, plan.neutral)
     assert len(at_zero.mean) == len(plan.grid)
     shared = at_zero.simplified()
     assert len(shared.mean) == len(shared.G) == 1
@@ -103,7 +103,7 @@ def test_nodes_that_change_nothing_share_the_simulation():
     assert_allclose(one, other, rtol=1e-9)
     z = plan.neutral.copy()
     z[plan.sizes] += 0.5
-    elsewhere = linearise(model, X, belief, plan, z)
+    elsewhere = linearise(model, X, emulator, plan, z)
     assert elsewhere.simplified() is elsewhere
 
 

@@ -9,7 +9,7 @@ from tide import CASES, FRAME, NOISE, SIMULATOR, problem_of
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.answers.extension import extend_simulator
-from hybridsurrogate.diagnosis.search.local_fit import badness
+from hybridsurrogate.diagnosis.search.local_fit import deviance
 from hybridsurrogate.inference.evidence.marginal_likelihood import Peak
 
 
@@ -87,7 +87,7 @@ def test_of_two_peaks_the_better_with_noise_of_its_own_is_taken():
     for residual, away in fits:
         squares = residual @ residual
         peak = Peak(np.array([away]), squares, squares / sigma**2 + away**2, 0)
-        found.append(badness(problem, peak, sigma))
+        found.append(deviance(problem, peak, sigma))
         at_sigma.append(peak.objective)
         own = np.sqrt(squares / n)
         density = stats.norm.logpdf(residual, 0, own).sum() + stats.norm.logpdf(away)
@@ -96,4 +96,4 @@ def test_of_two_peaks_the_better_with_noise_of_its_own_is_taken():
     assert found[0] < found[1]
     assert at_sigma[0] > at_sigma[1]  # at the noise of a fit without the cause
     nowhere = Peak(np.zeros(1), np.inf, np.inf, 0)
-    assert badness(problem, nowhere, sigma) == np.inf
+    assert deviance(problem, nowhere, sigma) == np.inf

@@ -73,8 +73,8 @@ def test_many_rows_do_not_hide_the_truth_between_the_nodes_of_a_grid(kind, seed)
     )
     model.fit(case.X, case.y)
     prepared = prepare(model, ())
-    problem, belief = trained_emulator(prepared.problem, model)
-    found = search(problem, prepared.causes, belief, with_remainder=False)
+    problem, emulator = trained_emulator(prepared.problem, model)
+    found = search(problem, prepared.causes, emulator, with_remainder=False)
     forms = [form_of(w.cause) if w.cause else "none" for w in found.weighed]
     fits = [w for w, form in zip(found.weighed, forms, strict=True) if form.startswith(kind)]
     # fitted, the truth's own form is as close to the data as the truth, but for priors

@@ -10,7 +10,7 @@ from sklearn.gaussian_process.kernels import Matern
 import hybridsurrogate as hs
 from hybridsurrogate.datasets import make_log_sin
 from hybridsurrogate.diagnosis.emulation.conditioned import KrigedBasis, krige
-from hybridsurrogate.inference.conjugate.emulator_posterior import coefficient_belief
+from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.inference.conjugate.sufficient_statistics import statistics
 from hybridsurrogate.surrogates import Domain
 from hybridsurrogate.surrogates.covariance import (
@@ -35,8 +35,8 @@ def through(runs, degree, prior=None):
     rows = statistics(
         basis.features(runs.X, runs.omega), runs.y - basis.known(runs.X, runs.omega), 1.0
     )
-    belief = coefficient_belief(basis, rows)
-    return runs, basis, belief, krige(basis, belief, runs, runs.y)[0]
+    emulator = emulator_posterior(basis, rows)
+    return runs, basis, emulator, krige(basis, emulator, runs, runs.y)[0]
 
 
 def wave(t, x, a):
@@ -98,7 +98,7 @@ def test_slopes_of_the_likelihood(bends):
 
 
 def locally(misfits, coordinates):
-    """Return how much larger errors are at runs in order: two runs' worth of belief in none."""
+    """Return how much larger errors are at runs in order: two runs' worth of emulator in none."""
     squares, factors = misfits[np.argsort(coordinates)], []
     for k in range(len(squares)):
         weights = [np.exp(-abs(k - other) / 3) for other in range(len(squares))]
@@ -180,10 +180,10 @@ def test_short_moves_are_followed_along_slopes(simulator, degree):
 def test_new_runs_are_met_within_the_error(name):
     # up to 252 terms: more than runs, so that the polynomial alone says anything between them
     simulator = SIMULATIONS[name]
-    _, basis, belief, kriged = trained(simulator, 150, 5)
+    _, basis, emulator, kriged = trained(simulator, 150, 5)
     new = simulator.run(300, random_state=1)
     missed = kriged.output(new.X, new.omega, np.empty(0)) - new.y
-    alone = basis.output(new.X, new.omega, belief.mean) - new.y
+    alone = basis.output(new.X, new.omega, emulator.mean) - new.y
     assert np.sqrt(np.mean(missed**2)) < 0.4 * np.sqrt(np.mean(alone**2))
     sd = np.sqrt(np.sum(kriged.error(new.X, new.omega) ** 2, axis=1))
     # an error told too small is blamed on the simulation, one too large hides effects
@@ -256,8 +256,8 @@ def test_runs_that_scatter_are_smoothed(simulator):
     noisy = runs.y + 0.2 * np.random.default_rng(0).standard_normal(100)
     domain = Domain(np.array([[0, 4], [-1, 1]]), np.array([[10, 20]]), noisy.mean(), noisy.std())
     basis = hs.PolynomialChaos(1).build(domain)
-    belief = coefficient_belief(basis, None)
-    kriged, _ = krige(basis, belief, runs, noisy)
+    emulator = emulator_posterior(basis, None)
+    kriged, _ = krige(basis, emulator, runs, noisy)
     told: Covariance = kriged.process.covariance
     assert kriged.sd * np.sqrt(told.nugget) == pytest.approx(0.2, rel=0.3)
     missed = kriged.output(runs.X, runs.omega, np.empty(0)) - runs.y
@@ -284,7 +284,7 @@ def test_of_many_runs_in_order_some_of_everywhere_are_used(simulator):
     )
     domain = Domain(np.array([[0, 4], [-1, 1]]), np.array([[10, 20]]), runs.y.mean(), runs.y.std())
     basis = hs.PolynomialChaos(2).build(domain)
-    kriged, _ = krige(basis, coefficient_belief(basis, None), runs, runs.y)
+    kriged, _ = krige(basis, emulator_posterior(basis, None), runs, runs.y)
     assert len(kriged.weights) == 500
     new = simulator.run(200, random_state=1)
     missed = kriged.output(new.X, new.omega, np.empty(0)) - new.y

@@ -8,7 +8,7 @@ from scipy.special import logsumexp
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.search.evidence import search
-from hybridsurrogate.inference.conjugate.emulator_posterior import coefficient_belief
+from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.inference.evidence.grid import layout
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.problem.context import make_context
@@ -33,7 +33,7 @@ def test_a_constant_assumed_at_the_end_of_its_prior_is_found():
     wrong = hs.WrongConstant("share").prepare(context)
     model = problem.model.with_effects((wrong,))
     assert abs(layout(model).neutral).max() < 3
-    found = search(problem, [wrong], coefficient_belief(basis, None), False)
+    found = search(problem, [wrong], emulator_posterior(basis, None), False)
     none, one = found.weighed
     assert one.log_evidence > none.log_evidence + 20
     share = model.values(one.peak.z[None])[0, -1]

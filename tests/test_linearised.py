@@ -8,7 +8,7 @@ from scipy import stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.emulation.conditioned import krige
-from hybridsurrogate.inference.conjugate.emulator_posterior import coefficient_belief
+from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
 from hybridsurrogate.inference.evidence.grid import layout
 from hybridsurrogate.inference.evidence.linearised import columns_at_nodes, linearise
@@ -30,14 +30,14 @@ def test_slopes_are_the_derivative(kriged):
     problem = make_problem(
         simulation, surrogate, hs.Normal(), None, (hs.Offset(),), ("t",), t[:, None], y
     )
-    model, belief = problem.model, coefficient_belief(problem.model.basis, problem.simulation)
+    model, emulator = problem.model, emulator_posterior(problem.model.basis, problem.simulation)
     if kriged:
-        basis, belief = krige(model.basis, belief, runs, runs.y)
+        basis, emulator = krige(model.basis, emulator, runs, runs.y)
         model = replace(model, basis=basis)
     z = layout(model).neutral + 0.3
-    around = linearise(model, t[:, None], belief, layout(model), z)
+    around = linearise(model, t[:, None], emulator, layout(model), z)
     rate = 0.1 + 0.5 * stats.norm.cdf(z[0] + np.array([-1e-3, 0.0, 1e-3]))
-    low, here, high = model.basis.outer_output(t[:, None], rate[:, None], belief.mean)
+    low, here, high = model.basis.outer_output(t[:, None], rate[:, None], emulator.mean)
     error = around.G[0, :, 0] - (high - low) / 2e-3
     assert np.abs(error).max() < 1e-3 * np.abs(around.G).max()
     np.testing.assert_allclose(around.mean[0] + around.G[0, :, 0] * z[0], here, atol=1e-9)
@@ -142,9 +142,9 @@ def test_a_node_that_fails_at_a_row_has_no_slopes_there_or_elsewhere():
     problem = make_problem(
         simulator, hs.ExactSurrogate(), hs.Normal(), None, (Shift(),), ("t",), t[:, None], t
     )
-    belief = coefficient_belief(problem.model.basis, None)
+    emulator = emulator_posterior(problem.model.basis, None)
     plan = layout(problem.model)
-    around = linearise(problem.model, t[:, None], belief, plan, plan.neutral)
+    around = linearise(problem.model, t[:, None], emulator, plan, plan.neutral)
     failed = ~np.isfinite(around.mean).all(axis=1)
     assert 0 < failed.sum() < len(failed)
     assert not around.G[failed].any()

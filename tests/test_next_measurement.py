@@ -55,8 +55,8 @@ def found_in(simulator, X, y, forms=None):
     over = f"parameter-drift: linear over {simulator.input_names[0]}"
     forms = forms or ("offset", "trend", "gain", over)
     causes = [cause for cause in prepared.causes if form_of(cause) in forms]
-    problem, belief = trained_emulator(prepared.problem, model)
-    return search(problem, causes, belief, with_remainder=False)
+    problem, emulator = trained_emulator(prepared.problem, model)
+    return search(problem, causes, emulator, with_remainder=False)
 
 
 def entropy(found):
@@ -98,8 +98,8 @@ def test_a_smooth_curve_foresees_nothing_beyond_the_measured_rows():
     )
     prepared = prepare(model.fit(case.X, case.y), ())
     causes = [cause for cause in prepared.causes if cause.kind == "unexplained"]
-    problem, belief = trained_emulator(prepared.problem, model)
-    found = search(problem, causes, belief)
+    problem, emulator = trained_emulator(prepared.problem, model)
+    found = search(problem, causes, emulator)
     inside, outside = np.median(case.X, axis=0), case.X_out[-1:]
     assert information_at(found, outside)[0] == pytest.approx(0, abs=1e-9)
     assert information_at(found, inside[None]).shape == (1,)

@@ -14,7 +14,7 @@ from hybridsurrogate.catalogue import catalogue
 from hybridsurrogate.diagnosis.answers.table import form_of
 from hybridsurrogate.diagnosis.search.evidence import kind_of, search
 from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
-from hybridsurrogate.inference.conjugate.emulator_posterior import coefficient_belief
+from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.inference.evidence.grid import layout
 from hybridsurrogate.inference.evidence.linearised import linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
@@ -61,9 +61,9 @@ def test_evidence_equals_the_gaussian_marginal_likelihood(cause):
     cause = cause.prepare(context)
     model = replace(problem.model, effects=(cause,))
     plan = layout(model)
-    belief = coefficient_belief(model.basis, None)
+    emulator = emulator_posterior(model.basis, None)
     error = rng.normal(0, 0.3, (n, 2))  # of an emulator, as a factor of its covariance
-    parts = replace(linearise(model, problem.X, belief, plan, plan.neutral), U=error)
+    parts = replace(linearise(model, problem.X, emulator, plan, plan.neutral), U=error)
 
     def fixed_sigma(squares):
         return -0.5 * n * np.log(2 * np.pi * sigma**2) - 0.5 * squares / sigma**2
@@ -101,7 +101,7 @@ def weigh_noise(growth, seed):
     )
     forms = ("noise", "trend", "bump", "unexplained")
     causes = [cause for cause in catalogue(context)[0] if form_of(cause) in forms]
-    found = search(problem, causes, coefficient_belief(problem.model.basis, None))
+    found = search(problem, causes, emulator_posterior(problem.model.basis, None))
     return found, {kind_of(w): w for w in found.weighed}
 
 

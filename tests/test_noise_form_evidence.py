@@ -14,7 +14,7 @@ import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.search.evidence import search
 from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
 from hybridsurrogate.diagnosis.search.null_test import _replicates, freed, null_test
-from hybridsurrogate.inference.conjugate.emulator_posterior import coefficient_belief
+from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
 from hybridsurrogate.inference.evidence.grid import layout
 from hybridsurrogate.inference.evidence.linearised import linearise
@@ -33,7 +33,7 @@ def test_evidence_of_outliers_equals_brute_force():
     cause = hs.Outliers().prepare(context)
     model = problem.model.with_effects((cause,))
     plan = layout(model)
-    parts = linearise(model, problem.X, coefficient_belief(model.basis, None), plan, plan.neutral)
+    parts = linearise(model, problem.X, emulator_posterior(model.basis, None), plan, plan.neutral)
     table = NoiseTable(prior, problem.scale, len(t))
     # the measured response alone is followed to the end, replicates in a batch nearly so
     batch = scan(parts, y, 0.4, table, np.array([1.0]))
@@ -62,7 +62,7 @@ def test_evidence_of_noise_that_follows_the_output_equals_the_marginal_likelihoo
     model = problem.model.with_effects((cause,))
     plan, sigma = layout(model), 0.4
     z = np.full(model.n_unknowns, 0.2)
-    parts = linearise(model, problem.X, coefficient_belief(model.basis, None), plan, z)
+    parts = linearise(model, problem.X, emulator_posterior(model.basis, None), plan, z)
 
     def fixed_sigma(squares):
         return -0.5 * 9 * np.log(2 * np.pi * sigma**2) - 0.5 * squares / sigma**2
@@ -85,7 +85,7 @@ def test_evidence_of_autocorrelation_equals_the_marginal_likelihood():
     cause = hs.Autocorrelation("t").prepare(context)
     model = problem.model.with_effects((cause,))
     plan, sigma, sizes = layout(model), 0.4, np.array([0.3, 1.0])
-    parts = linearise(model, problem.X, coefficient_belief(model.basis, None), plan, plan.neutral)
+    parts = linearise(model, problem.X, emulator_posterior(model.basis, None), plan, plan.neutral)
 
     def fixed_sigma(squares):
         return -0.5 * 16 * np.log(2 * np.pi * sigma**2) - 0.5 * squares / sigma**2
@@ -161,7 +161,7 @@ def test_replicates_beside_accepted_noise_have_that_noise():
     first = next(w for w in found.weighed if w.cause and w.cause.name == name)
     problem = replace(found.problem, model=found.problem.model.with_effects((first.cause,)))
     others = [w.cause for w in found.weighed if w.cause and w is not first]
-    beside = search(problem, others, found.belief, False, first)
+    beside = search(problem, others, found.emulator, False, first)
     drawn = _replicates(beside, freed(beside), 400, np.random.RandomState(0))
     spread = drawn.std(axis=0)
     expected = sd[-40:].mean() / sd[:40].mean()

@@ -232,8 +232,8 @@ def table_of(fitted, forms):
     """Return the table of causes of a search over some forms."""
     prepared = prepare(fitted, ())
     causes = [cause for cause in prepared.causes if form_of(cause) in forms]
-    problem, belief = trained_emulator(prepared.problem, fitted)
-    return cause_table(search(problem, causes, belief), [])
+    problem, emulator = trained_emulator(prepared.problem, fitted)
+    return cause_table(search(problem, causes, emulator), [])
 
 
 def test_near_copies_have_forms_of_their_own():

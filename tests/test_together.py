@@ -30,12 +30,12 @@ def found_in(y_of, kinds, seed=1):
         simulator, surrogate=hs.ExactSurrogate(), n_draws=20, random_state=0
     ).fit(t[:, None], t + y_of(t) + rng.normal(size=80))
     prepared = prepare(model, ())
-    problem, belief = trained_emulator(prepared.problem, model)
+    problem, emulator = trained_emulator(prepared.problem, model)
     causes = [next(c for c in prepared.causes if c.kind == kind) for kind in kinds]
-    found = search(problem, causes, belief, with_remainder=False)
+    found = search(problem, causes, emulator, with_remainder=False)
     first = found.weighed[1]
     extended = replace(problem, model=problem.model.with_effects((first.cause,)))
-    return found, first, search(extended, causes[1:], belief, False, first)
+    return found, first, search(extended, causes[1:], emulator, False, first)
 
 
 def wave_and_step(t):
@@ -80,7 +80,7 @@ def test_evidence_of_two_causes_does_not_depend_on_which_is_first():
 
 def test_nothing_further_is_no_worse_than_the_accepted_cause(pair):
     found, first, beside = pair
-    null = nothing_further(beside.problem, Fitted(*first[1:5]), found.belief, found.noise)
+    null = nothing_further(beside.problem, Fitted(*first[1:5]), found.emulator, found.noise)
     assert null.peak.squares < 1.05 * first.peak.squares
 
 

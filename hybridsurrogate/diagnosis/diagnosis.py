@@ -233,14 +233,14 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         return hasattr(self, "n_features_in_")
 
     def _search(self, prepared: Prepared, random_state: np.random.RandomState) -> list[Step]:
-        problem, belief = trained_emulator(prepared.problem, self.estimator_)
+        problem, emulator = trained_emulator(prepared.problem, self.estimator_)
         problem = on_working_rows(problem, self.estimator_.posterior_)
         # a report tells of this fit, whatever set_params says later
         self._limit, self._n_replicates = self.false_alarm_rate, int(self.n_replicates)
         steps = forward_search(
             problem,
             prepared.causes,
-            belief,
+            emulator,
             int(self.max_causes),
             self._limit,
             self._n_replicates,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.inference.conjugate.emulator_posterior import coefficient_belief
+from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.inference.conjugate.sufficient_statistics import Statistics, statistics
 from hybridsurrogate.inference.laplace.linear_predictor import Runs
 from hybridsurrogate.inference.model.finite_differences import least_step
@@ -236,7 +236,7 @@ def _reference(basis: Basis, domain: Domain, weights: FloatArray | None) -> Floa
     centred = domain.eta - given.known(domain.X, domain.omega)
     features = given.features(domain.X, domain.omega)
     weights = weights if weights is not None and len(weights) == len(centred) else None
-    told = coefficient_belief(given, statistics(features, centred, domain.scale, weights)).mean
+    told = emulator_posterior(given, statistics(features, centred, domain.scale, weights)).mean
     factor = basis.factor(hyper[None]) if len(hyper) else None
     return told if factor is None else basis.coefficient_mean + factor[0] @ told
 

@@ -192,12 +192,12 @@ def learned(points: FloatArray, terms: FloatArray, residual: FloatArray) -> Cova
     limits = [(math.log(low), math.log(high)) for low, high in ranges]
     limits += [(-_MOST_BENT, _MOST_BENT)] * d
 
-    def badness(z: FloatArray, gram: FloatArray) -> tuple[float, FloatArray]:
+    def deviance(z: FloatArray, gram: FloatArray) -> tuple[float, FloatArray]:
         return _badness(z, points, gram, residual)
 
     def most_likely(places: list[FloatArray], gram: FloatArray) -> FloatArray:
         ends = [
-            minimize(badness, place, gram, method="L-BFGS-B", jac=True, bounds=limits)
+            minimize(deviance, place, gram, method="L-BFGS-B", jac=True, bounds=limits)
             for place in places
         ]
         found: FloatArray = min(ends, key=lambda end: end.fun).x
@@ -209,7 +209,7 @@ def learned(points: FloatArray, terms: FloatArray, residual: FloatArray) -> Cova
     even, none = np.zeros(d), np.zeros_like(gram)
     # along one axis, mostly time, outputs may come and go many times: few runs then have two peaks
     uneven = [place(*_STARTS[0], lengths) for lengths in np.where(np.eye(d) > 0, -2.0, 1.0)]
-    first = min(uneven, key=lambda z: badness(z, none)[0])
+    first = min(uneven, key=lambda z: deviance(z, none)[0])
     alone = most_likely([place(*_STARTS[0], even), first], none)
     if terms.shape[1]:
         starts = [place(*start, even) for start in _STARTS]

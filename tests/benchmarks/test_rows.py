@@ -72,8 +72,8 @@ def searches(form, n, seed=0):
     prepared = prepare(model.set_params(random_state=0).fit(X, y), ())
     causes = [cause for cause in prepared.causes if form_of(cause) == form]
     assert causes
-    problem, belief = trained_emulator(prepared.problem, model)
-    return lambda: search(problem, causes, belief, with_remainder=False)
+    problem, emulator = trained_emulator(prepared.problem, model)
+    return lambda: search(problem, causes, emulator, with_remainder=False)
 
 
 @pytest.mark.parametrize("form", [*FORMS, *INSIDE])

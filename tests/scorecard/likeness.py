@@ -52,11 +52,11 @@ def distance(case: Case, diagnosis: hs.DiscrepancyDiagnosis) -> float:
     with warnings.catch_warnings():
         # a simulation may leave its domain on the way; such climbs end at infinity
         warnings.simplefilter("ignore", RuntimeWarning)
-        null = best_null(problem, search.belief, noise)
+        null = best_null(problem, search.emulator, noise)
         # curves alone are compared, not with "nothing is wrong"
         prior = np.append(-np.inf, np.zeros(len(mine)))
-        fits, _ = best_peaks(problem, mine, search.belief, noise, null, prior)
+        fits, _ = best_peaks(problem, mine, search.emulator, noise, null, prior)
         # what fitted the data so well that it was taken for the truth is a start, too
-        fits += best_peaks(problem, mine, search.belief, noise, null, prior, near)[0]
+        fits += best_peaks(problem, mine, search.emulator, noise, null, prior, near)[0]
     squares = [fit.peak.squares for fit in fits if np.isfinite(fit.peak.objective)]
     return float(min(squares, default=np.inf) / case.truth["noise_sd"] ** 2)

@@ -142,7 +142,7 @@ def _nodes(found: Search, w: Weighed) -> list[tuple[int | None, float]]:
     if not len(w.plan.nodes):
         return [(None, 1.0)]
     problem = found.problem
-    parts = linearise(w.model, problem.X, found.belief, w.plan, w.peak.z)
+    parts = linearise(w.model, problem.X, found.emulator, w.plan, w.peak.z)
     log_evidence = scan(parts, problem.y[None], w.sigma, found.noise, found.sizes)[0]
     share = special.softmax(log_evidence)
     order = np.argsort(-share)[:_MOST_NODES]

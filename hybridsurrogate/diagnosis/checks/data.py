@@ -9,7 +9,7 @@ import numpy as np
 from hybridsurrogate.diagnosis.search.evidence import Search
 from hybridsurrogate.diagnosis.search.local_fit import FLOOR
 from hybridsurrogate.exceptions import DiagnosisWarning
-from hybridsurrogate.inference.conjugate.emulator_posterior import coefficient_belief
+from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.priors import FloatArray, from_normal
 from hybridsurrogate.problem.problem import Problem
 
@@ -80,7 +80,7 @@ def warn_if_mirrored(problem: Problem) -> None:
     model = problem.model
     if problem.likelihood.log_scale or not len(problem.good):
         return
-    told = coefficient_belief(model.basis, problem.simulation).mean
+    told = emulator_posterior(model.basis, problem.simulation).mean
     with np.errstate(over="ignore", invalid="ignore"):
         simulated = model.simulated(problem.X, from_normal(model.priors, problem.good), told)[0][0]
         sizes = np.linalg.norm(simulated) * np.linalg.norm(problem.y)

@@ -11,7 +11,7 @@ import numpy as np
 from hybridsurrogate.diagnosis.emulation.conditioned import KrigedBasis
 from hybridsurrogate.diagnosis.search.evidence import Search
 from hybridsurrogate.exceptions import DiagnosisWarning
-from hybridsurrogate.inference.conjugate.emulator_posterior import coefficient_belief
+from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.simulation.simulator import SimulationData
 from hybridsurrogate.surrogates import Kriging
 from hybridsurrogate.surrogates.base import Surrogate
@@ -78,9 +78,9 @@ def check_emulator(found: Search, surrogate: Basis, runs: SimulationData) -> Emu
     values = w.model.values(w.peak.z[None])
     if len(w.plan.nodes):
         values[:, w.plan.nodes] = w.plan.grid[w.peak.node]
-    U = w.model.emulator_error(problem.X, values, found.belief.factor)
-    told, _, _ = w.model.simulated(problem.X, values, found.belief.mean)
-    own = coefficient_belief(surrogate, problem.simulation).mean
+    U = w.model.emulator_error(problem.X, values, found.emulator.factor)
+    told, _, _ = w.model.simulated(problem.X, values, found.emulator.mean)
+    own = emulator_posterior(surrogate, problem.simulation).mean
     alone = replace(w.model, basis=surrogate, reference=own)
     missed = alone.simulated(problem.X, values, own)[0] - told
     rms = np.sqrt([np.mean(np.sum(U**2, axis=1)), np.mean(missed**2)]) / w.sigma

@@ -17,7 +17,7 @@ import numpy as np
 from hybridsurrogate.blocks import blocks
 from hybridsurrogate.cholesky import pivoted_cholesky
 from hybridsurrogate.diagnosis.emulation.local_variance import LocalError
-from hybridsurrogate.inference.conjugate.emulator_posterior import Belief
+from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.simulator import SimulationData
 from hybridsurrogate.surrogates.basis import Basis, each_with_each
@@ -131,15 +131,15 @@ class KrigedBasis(Basis):
 
 
 def krige(
-    basis: Basis, belief: Belief, simulation: SimulationData, run_eta: FloatArray
-) -> tuple[Basis, Belief]:
-    """Return the simulation as its runs tell it, and the belief about its coefficients.
+    basis: Basis, emulator: EmulatorPosterior, simulation: SimulationData, run_eta: FloatArray
+) -> tuple[Basis, EmulatorPosterior]:
+    """Return the simulation as its runs tell it, and the posterior of its coefficients.
 
     Parameters
     ----------
     basis : Basis
         The surrogate's.
-    belief : Belief
+    emulator : EmulatorPosterior
         About its coefficients, from the runs.
     simulation : SimulationData
     run_eta : ndarray of shape (n_runs,)
@@ -147,17 +147,17 @@ def krige(
 
     Returns
     -------
-    KrigedBasis and the belief about no coefficients; what was given where that fits all runs.
+    KrigedBasis and the posterior of no coefficients; what was given where that fits all runs.
     """
     X, omega = simulation.X, simulation.omega
     if isinstance(basis, KrigingBasis):
         process = basis.process
     else:
-        missed = run_eta - basis.output(X, omega, belief.mean)
+        missed = run_eta - basis.output(X, omega, emulator.mean)
         # exact to rounding; with as many terms as runs that says nothing
         exact = float(np.sqrt(np.mean(missed**2))) < 1e-6 * np.std(run_eta)
         if exact and len(run_eta) > len(basis.coefficient_mean):
-            return basis, belief
+            return basis, emulator
         ranges = [*simulation.input_ranges.values(), *simulation.parameter_ranges.values()]
         process = process_through(basis, np.array(ranges, dtype=float), X, omega, run_eta)
     runs = process.some(X, omega, run_eta)
@@ -173,4 +173,4 @@ def krige(
     kriged = KrigedBasis(
         none, none, process, c, runs.places, told.weights, told.whiten, told.sd, local
     )
-    return kriged, Belief(none, np.empty((0, 0)))
+    return kriged, EmulatorPosterior(none, np.empty((0, 0)))

@@ -63,9 +63,9 @@ def _without(left_out: Weighed, joint: Step, problem: Problem, causes: Sequence[
     new = [(id(others[owner]), name) for owner, name in extended.model.theta_names]
     d = model.n_parameters
     order = [*range(d), *(d + old.index(key) for key in new)]
-    z = held(known.problem, fit, known.belief, known.noise)[0][order]
+    z = held(known.problem, fit, known.emulator, known.noise)[0][order]
     # all places are known: there is no grid to look at
     plan = layout(extended.model.with_effects([*others, Nothing()]))
     accepted = Weighed(None, extended.model, plan, peak._replace(z=z), sigma, 0.0, 0.0)
     rivals = [cause for cause in causes if all(cause is not other for other in others)]
-    return search(extended, rivals, known.belief, True, accepted)
+    return search(extended, rivals, known.emulator, True, accepted)

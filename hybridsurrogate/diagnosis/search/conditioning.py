@@ -15,7 +15,7 @@ from hybridsurrogate.diagnosis.search.local_fit import (
     sigma_of,
 )
 from hybridsurrogate.effects.nothing import Nothing
-from hybridsurrogate.inference.conjugate.emulator_posterior import Belief
+from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.conjugate.noise_marginal import LogMarginal
 from hybridsurrogate.inference.evidence.grid import at_cells, layout
 from hybridsurrogate.inference.model.observation import MeasuredModel
@@ -27,19 +27,19 @@ _NEIGHBOURS = 6
 
 
 def nothing_further(
-    problem: Problem, accepted: Fitted, belief: Belief, noise: LogMarginal
+    problem: Problem, accepted: Fitted, emulator: EmulatorPosterior, noise: LogMarginal
 ) -> Fitted:
     """Fit "nothing else is wrong" from where the accepted cause was found."""
     model = problem.model.with_effects((*problem.model.effects, Nothing()))
     plan = layout(model)
     peak = highest(
-        problem, belief, model, plan, held(problem, accepted, belief, noise), accepted.sigma
+        problem, emulator, model, plan, held(problem, accepted, emulator, noise), accepted.sigma
     )
     return Fitted(model, plan, peak, sigma_of(problem, peak, accepted.sigma))
 
 
 def held(
-    problem: Problem, accepted: Fitted, belief: Belief, noise: LogMarginal
+    problem: Problem, accepted: Fitted, emulator: EmulatorPosterior, noise: LogMarginal
 ) -> list[FloatArray]:
     """Return where an accepted cause can be held: at the mean of its place, or at the best node.
 
@@ -48,7 +48,7 @@ def held(
     model, plan, peak, _ = accepted
     if not len(plan.nodes):
         return [peak.z]
-    places = [_mean_node(problem, accepted, belief, noise)]
+    places = [_mean_node(problem, accepted, emulator, noise)]
     low, high = plan.edges[peak.node].T
     if not np.all((places[0] >= low) & (places[0] <= high)):
         places.append(plan.grid[peak.node])
@@ -63,17 +63,17 @@ def placed_anew(
     starts: Sequence[FloatArray],
     sigma: float,
     edges: FloatArray,
-    belief: Belief,
+    emulator: EmulatorPosterior,
     noise: LogMarginal,
 ) -> Fitted:
     """Fit a model from starts near its peak, its last cause's grid as fine as it already was."""
     plan = at_cells(model, layout(model), edges)
-    peak = highest(problem, belief, model, plan, starts, sigma)
-    return settled(problem, belief, noise, Fitted(model, plan, peak, sigma))
+    peak = highest(problem, emulator, model, plan, starts, sigma)
+    return settled(problem, emulator, noise, Fitted(model, plan, peak, sigma))
 
 
 def _mean_node(
-    problem: Problem, accepted: Fitted, belief: Belief, noise: LogMarginal
+    problem: Problem, accepted: Fitted, emulator: EmulatorPosterior, noise: LogMarginal
 ) -> FloatArray:
     """Return the mean of the enumerated coordinates, (len(nodes),), around the best node.
 
@@ -81,7 +81,7 @@ def _mean_node(
     """
     plan = accepted.plan
     sizes = np.array([largest_size(problem)])
-    log_evidence = node_evidence(problem, belief, noise, accepted, sizes)
+    log_evidence = node_evidence(problem, emulator, noise, accepted, sizes)
     best = int(np.argmax(log_evidence))
     reach = _NEIGHBOURS * np.diff(plan.edges[best], axis=1)[:, 0]
     near = np.all(np.abs(plan.grid - plan.grid[best]) <= reach, axis=1)

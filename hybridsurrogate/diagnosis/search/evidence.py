@@ -25,7 +25,7 @@ from hybridsurrogate.diagnosis.search.local_fit import (
 )
 from hybridsurrogate.diagnosis.search.screening import best_peaks
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.inference.conjugate.emulator_posterior import Belief
+from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.conjugate.noise_marginal import KnownNoise, LogMarginal, NoiseTable
 from hybridsurrogate.inference.evidence.grid import Layout, layout
 from hybridsurrogate.inference.evidence.linearised import linearise
@@ -60,7 +60,7 @@ class Search:
     Attributes
     ----------
     problem : Problem
-    belief : Belief
+    emulator : EmulatorPosterior
         About the surrogate's coefficients, from the simulation alone.
     weighed : list of Weighed
         "None" first, then the causes in the order of the catalogue.
@@ -75,7 +75,7 @@ class Search:
     """
 
     problem: Problem
-    belief: Belief
+    emulator: EmulatorPosterior
     weighed: list[Weighed]
     probability: FloatArray
     remainder: FloatArray
@@ -86,7 +86,7 @@ class Search:
 def search(
     problem: Problem,
     causes: Sequence[Cause],
-    belief: Belief,
+    emulator: EmulatorPosterior,
     with_remainder: bool = True,
     accepted: Weighed | None = None,
     nearby: Search | None = None,
@@ -99,7 +99,7 @@ def search(
         Without effects, or with those that an earlier search accepted.
     causes : sequence of Cause
         Prepared.
-    belief : Belief
+    emulator : EmulatorPosterior
         About the surrogate's coefficients, from the simulation alone.
     with_remainder : bool
         Also weigh the winners beside a smooth remainder of unknown shape.
@@ -115,7 +115,7 @@ def search(
     InterruptedSearch
         On an interrupt: it holds the search over the causes that were fitted by then.
     """
-    problem = replace(problem, model=replace(problem.model, reference=belief.mean))
+    problem = replace(problem, model=replace(problem.model, reference=emulator.mean))
     n = len(problem.y)
     noise = (
         KnownNoise(n)
@@ -123,27 +123,27 @@ def search(
         else NoiseTable(problem.noise_prior, problem.scale, n)
     )
     if accepted is None:
-        null = best_null(problem, belief, noise)
+        null = best_null(problem, emulator, noise)
     else:
-        null = nothing_further(problem, Fitted(*accepted[1:5]), belief, noise)
+        null = nothing_further(problem, Fitted(*accepted[1:5]), emulator, noise)
     ends = _ends_of(nearby, causes)
     odds = prior_odds([None, *causes])
     fits: Sequence[Fitted] = []
     try:
-        fits, behind = best_peaks(problem, causes, belief, noise, null, np.log(odds), ends)
+        fits, behind = best_peaks(problem, causes, emulator, noise, null, np.log(odds), ends)
         known = np.append(np.nan, behind)
-        return _weigh(problem, causes, belief, noise, [null, *fits], known, with_remainder)
+        return _weigh(problem, causes, emulator, noise, [null, *fits], known, with_remainder)
     except KeyboardInterrupt as stop:
         kept = [null, *(stop.kept if isinstance(stop, InterruptedSearch) else fits)]
         unknown = np.full(len(kept), np.nan)
-        weighed = _weigh(problem, causes, belief, noise, kept, unknown, False)
+        weighed = _weigh(problem, causes, emulator, noise, kept, unknown, False)
         raise InterruptedSearch(weighed) from stop
 
 
 def _weigh(
     problem: Problem,
     causes: Sequence[Cause],
-    belief: Belief,
+    emulator: EmulatorPosterior,
     noise: LogMarginal,
     peaks: Sequence[Fitted],
     known: FloatArray,
@@ -157,16 +157,18 @@ def _weigh(
     weighed = []
     for cause, fit, evidence in zip([None, *causes], peaks, known, strict=False):
         if np.isnan(evidence):
-            evidence = np.logaddexp.reduce(node_evidence(problem, belief, noise, fit, sizes))
+            evidence = np.logaddexp.reduce(node_evidence(problem, emulator, noise, fit, sizes))
         weighed.append(Weighed(cause, *fit, float(evidence), -np.inf))
     probability, remainder = probabilities(weighed)
-    quick = Search(problem, belief, weighed, probability, remainder, sizes, noise)
+    quick = Search(problem, emulator, weighed, probability, remainder, sizes, noise)
     return remainders(quick) if with_remainder else quick
 
 
 def remainders(found: Search) -> Search:
     """Return the search with its winners also weighed beside a smooth remainder."""
-    weighed = _weigh_remainder(found.problem, found.belief, found.noise, found.weighed, found.sizes)
+    weighed = _weigh_remainder(
+        found.problem, found.emulator, found.noise, found.weighed, found.sizes
+    )
     probability, remainder = probabilities(weighed)
     return replace(found, weighed=weighed, probability=probability, remainder=remainder)
 
@@ -183,7 +185,7 @@ def _ends_of(nearby: Search | None, causes: Sequence[Cause]) -> list[Fitted] | N
 
 def _weigh_remainder(
     problem: Problem,
-    belief: Belief,
+    emulator: EmulatorPosterior,
     noise: LogMarginal,
     weighed: list[Weighed],
     sizes: FloatArray,
@@ -210,7 +212,7 @@ def _weigh_remainder(
         if w.cause is None:
             out.append(w._replace(log_evidence_with_remainder=process.log_evidence))
             continue
-        parts = linearise(w.model, problem.X, belief, w.plan, w.peak.z)
+        parts = linearise(w.model, problem.X, emulator, w.plan, w.peak.z)
         nodes = scan(parts, problem.y[None], w.sigma, noise, sizes)[0]
         # zero but for causes that were placed together, whose evidence is not that of the last one
         beyond_last = w.log_evidence - float(special.logsumexp(nodes))

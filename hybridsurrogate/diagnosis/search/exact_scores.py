@@ -23,7 +23,7 @@ from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
 from hybridsurrogate.diagnosis.search.working_rows import expanded
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.sized import Sized
-from hybridsurrogate.inference.conjugate.emulator_posterior import Belief
+from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.evidence.linearised import linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
 from hybridsurrogate.inference.model.observation import MeasuredModel
@@ -39,7 +39,7 @@ _WITHIN_REACH, _MOST = 8.0, 12
 _PLACES, _SHARES = 4, (-0.5, 0.5, 1.3)
 
 
-def screened_at_best(found: Search, causes: Sequence[Cause], belief: Belief) -> Search:
+def screened_at_best(found: Search, causes: Sequence[Cause], emulator: EmulatorPosterior) -> Search:
     """Return the search repeated with rows expanded at what leads, where something is wrong.
 
     Where rows are normal there is nothing to expand.
@@ -50,13 +50,13 @@ def screened_at_best(found: Search, causes: Sequence[Cause], belief: Belief) -> 
         With the rows expanded where nothing is wrong.
     causes : sequence of Cause
         Those of the search.
-    belief : Belief
+    emulator : EmulatorPosterior
     """
     best = found.weighed[int(np.argmax(found.probability))]
     if found.problem.working_point is None or best.cause is None:
         return found
     again = expanded(found.problem, _point_at(found, best))
-    return search(again, causes, belief, bool(np.any(found.remainder)))
+    return search(again, causes, emulator, bool(np.any(found.remainder)))
 
 
 def scored(found: Search) -> Search:
@@ -126,7 +126,7 @@ def _sized(found: Search, w: Weighed) -> tuple[MeasuredModel, FloatArray]:
     problem, model, plan, z = found.problem, w.model, w.plan, w.peak.z
     if w.cause is None:
         return model, z[None]
-    parts = linearise(model, problem.X, found.belief, plan, z)
+    parts = linearise(model, problem.X, found.emulator, plan, z)
     starts = z[None]
     if len(plan.nodes):
         log_evidence = scan(parts, problem.y[None], w.sigma, found.noise, found.sizes)[0]

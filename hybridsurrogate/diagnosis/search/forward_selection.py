@@ -21,7 +21,7 @@ from hybridsurrogate.diagnosis.search.local_fit import InterruptedSearch
 from hybridsurrogate.diagnosis.search.null_test import NullTest, evidence_bound, null_test
 from hybridsurrogate.diagnosis.search.verdict import leader
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.inference.conjugate.emulator_posterior import Belief
+from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.problem.problem import Problem
 
 # first causes whose best companions are looked for
@@ -64,7 +64,7 @@ class Step:
 def forward_search(
     problem: Problem,
     causes: Sequence[Cause],
-    belief: Belief,
+    emulator: EmulatorPosterior,
     max_causes: int,
     false_alarm_rate: float,
     n_replicates: int | None,
@@ -101,13 +101,13 @@ def forward_search(
     found: Search | None = None
     thorough = n_replicates is not None
     try:
-        found = search(problem, causes, belief, thorough, nearby=_beside_same((), nearby))
+        found = search(problem, causes, emulator, thorough, nearby=_beside_same((), nearby))
         while True:
             test = None
             if n_replicates is not None:
                 test = null_test(found, n_replicates, random_state)
             if not steps:
-                found = scored(screened_at_best(found, causes, belief))
+                found = scored(screened_at_best(found, causes, emulator))
                 problem = found.problem
                 # beside accepted causes, the evidence holds their places fixed
                 if test is not None:
@@ -120,7 +120,7 @@ def forward_search(
             tried: tuple[Search, ...] = ()
             if len(steps) + 1 < max_causes:
                 chosen, beside, tried = _look_ahead(
-                    problem, causes, belief, found, chosen, thorough, nearby
+                    problem, causes, emulator, found, chosen, thorough, nearby
                 )
             steps.append(Step(found, test, chosen, found, tried))
             if beside is None:
@@ -157,7 +157,7 @@ def _alone(steps: list[Step]) -> list[Step]:
 def _look_ahead(
     problem: Problem,
     causes: Sequence[Cause],
-    belief: Belief,
+    emulator: EmulatorPosterior,
     found: Search,
     leading: Weighed,
     thorough: bool,
@@ -174,7 +174,7 @@ def _look_ahead(
         effects = (*problem.model.effects, first.cause)
         extended = replace(problem, model=problem.model.with_effects(effects))
         known = _beside_same(effects, nearby)
-        return search(extended, _others(causes, first), belief, False, first, known)
+        return search(extended, _others(causes, first), emulator, False, first, known)
 
     log_prior = np.log(prior_odds([w.cause for w in found.weighed]))
     order = [int(k) for k in np.argsort(-found.probability)]

@@ -77,7 +77,7 @@ def _together(found: Search, first: Weighed, beside: Search, second: Weighed) ->
         if not np.isfinite(turned.peak.objective + back.peak.objective):
             break
         both = replace(problem, model=problem.model.with_effects(back.model.effects))
-        neither = nothing_further(both, back, found.belief, found.noise)
+        neither = nothing_further(both, back, found.emulator, found.noise)
         alone = _log_evidence(both, beside, back)
         pair = _log_evidence(both, found, turned) + alone - _log_evidence(both, beside, neither)
         if (value := base + pair - first.log_evidence) > best.log_evidence:
@@ -97,10 +97,10 @@ def _turned(found: Search, fit: Fitted, edges: FloatArray) -> Fitted:
     new = [(id(turned.effects[owner]), name) for owner, name in turned.theta_names]
     d = model.n_parameters
     order = [*range(d), *(d + old.index(key) for key in new)]
-    starts = [z[order] for z in held(problem, fit, found.belief, found.noise)]
-    return placed_anew(problem, turned, starts, fit.sigma, edges, found.belief, found.noise)
+    starts = [z[order] for z in held(problem, fit, found.emulator, found.noise)]
+    return placed_anew(problem, turned, starts, fit.sigma, edges, found.emulator, found.noise)
 
 
 def _log_evidence(problem: Problem, search: Search, fit: Fitted) -> float:
-    nodes = node_evidence(problem, search.belief, search.noise, fit, search.sizes)
+    nodes = node_evidence(problem, search.emulator, search.noise, fit, search.sizes)
     return float(special.logsumexp(nodes))

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.inference.conjugate.emulator_posterior import Belief
+from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.conjugate.noise_marginal import LogMarginal
 from hybridsurrogate.inference.evidence.grid import Layout, best_levels, layout, refine
 from hybridsurrogate.inference.evidence.linearised import Columns, columns_at_nodes, linearise
@@ -65,27 +65,27 @@ def effect_sizes(problem: Problem, fits: Sequence[Fitted]) -> FloatArray:
     return np.geomspace(smallest, max(largest_size(problem), 2 * smallest), _N_SIZES)
 
 
-def best_null(problem: Problem, belief: Belief, noise: LogMarginal) -> Fitted:
+def best_null(problem: Problem, emulator: EmulatorPosterior, noise: LogMarginal) -> Fitted:
     """Fit "nothing is wrong" from several starting points."""
     model = problem.model
     plan = layout(model)
     d = model.n_unknowns
     # a fixed spread of starts: the search has no randomness of its own
     z = np.vstack([np.zeros(d), np.random.RandomState(0).standard_normal((16 * d, d))])
-    output, _, factor = model.simulated(problem.X, model.values(z), belief.mean)
+    output, _, factor = model.simulated(problem.X, model.values(z), emulator.mean)
     with np.errstate(over="ignore", invalid="ignore"):
         squares = np.sum(((problem.y - output) / factor) ** 2, axis=1)
     squares = np.where(np.isfinite(squares), squares, np.inf)
     # a parameter without a slope, such as the place of a jump, is not found by climbing
     starts = [z[0], *z[np.argsort(squares)[:2]], *problem.good]
     sigma = 1.0 if problem.noise_is_known else 0.3 * problem.scale
-    peak = highest(problem, belief, model, plan, starts, sigma)
-    return settled(problem, belief, noise, Fitted(model, plan, peak, sigma))
+    peak = highest(problem, emulator, model, plan, starts, sigma)
+    return settled(problem, emulator, noise, Fitted(model, plan, peak, sigma))
 
 
 def highest(
     problem: Problem,
-    belief: Belief,
+    emulator: EmulatorPosterior,
     model: MeasuredModel,
     plan: Layout,
     starts: Sequence[FloatArray],
@@ -93,12 +93,12 @@ def highest(
 ) -> Peak:
     """Climb from every start and return the best fit; one at infinity where there is no start."""
     largest = largest_size(problem)
-    peaks = [climb(model, problem.X, problem.y, belief, plan, z, sigma, largest) for z in starts]
+    peaks = [climb(model, problem.X, problem.y, emulator, plan, z, sigma, largest) for z in starts]
     nowhere = Peak(plan.neutral, np.inf, np.inf, 0)
-    return min(peaks, key=lambda found: badness(problem, found, sigma), default=nowhere)
+    return min(peaks, key=lambda found: deviance(problem, found, sigma), default=nowhere)
 
 
-def badness(problem: Problem, peak: Peak, sigma: float) -> float:
+def deviance(problem: Problem, peak: Peak, sigma: float) -> float:
     """Return minus twice the log posterior density at a peak, with the noise that suits it best.
 
     Climbs share the noise of a fit without the cause, ``sigma``. At that much noise a fit to the
@@ -114,18 +114,20 @@ def badness(problem: Problem, peak: Peak, sigma: float) -> float:
 
 def node_evidence(
     problem: Problem,
-    belief: Belief,
+    emulator: EmulatorPosterior,
     noise: LogMarginal,
     fit: Fitted,
     sizes: FloatArray,
     columns: Columns | None = None,
 ) -> FloatArray:
     """Return the log evidence of every node of a fit, (T,)."""
-    parts = linearise(fit.model, problem.X, belief, fit.plan, fit.peak.z, columns)
+    parts = linearise(fit.model, problem.X, emulator, fit.plan, fit.peak.z, columns)
     return scan(parts, problem.y[None], fit.sigma, noise, sizes)[0]
 
 
-def settled(problem: Problem, belief: Belief, noise: LogMarginal, fit: Fitted) -> Fitted:
+def settled(
+    problem: Problem, emulator: EmulatorPosterior, noise: LogMarginal, fit: Fitted
+) -> Fitted:
     """Climb on with the noise that the fit suggests, and a finer grid where the evidence is."""
     model, plan, peak, sigma = fit
     if not np.isfinite(peak.objective):
@@ -140,7 +142,7 @@ def settled(problem: Problem, belief: Belief, noise: LogMarginal, fit: Fitted) -
         finer = plan
         if len(plan.nodes):
             here = Fitted(model, plan, peak, sigma)
-            nodes = node_evidence(problem, belief, noise, here, np.array([largest]), columns)
+            nodes = node_evidence(problem, emulator, noise, here, np.array([largest]), columns)
             found = best_levels(plan, nodes)
             # a jump has one level between two rows, however fine the grid
             alike = len(found) == len(levels) and abs(found[-1] - levels[-1]) < _ALIKE
@@ -152,7 +154,7 @@ def settled(problem: Problem, belief: Belief, noise: LogMarginal, fit: Fitted) -
             break
         if not unchanged:
             columns = columns_at_nodes(model, problem.X, plan, peak.z)
-        peak = climb(model, problem.X, problem.y, belief, plan, peak.z, sigma, largest, columns)
+        peak = climb(model, problem.X, problem.y, emulator, plan, peak.z, sigma, largest, columns)
     return Fitted(model, plan, peak, sigma)
 
 

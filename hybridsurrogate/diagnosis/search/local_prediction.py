@@ -53,7 +53,7 @@ def _at_node(found: Search, w: Weighed, X: FloatArray, node: int) -> Linearised:
     if len(plan.nodes):
         index = slice(node, node + 1)
         plan = replace(plan, grid=plan.grid[index], edges=plan.edges[index], log_weight=np.zeros(1))
-    return linearise(w.model, X, found.belief, plan, w.peak.z)
+    return linearise(w.model, X, found.emulator, plan, w.peak.z)
 
 
 def local_posterior(found: Search, w: Weighed, rows: Rows, size: float) -> Local:

@@ -65,7 +65,7 @@ def null_test(found: Search, n_replicates: int, random_state: np.random.RandomSt
         z[: len(base)] = base
         # in a replicate a change may be anywhere, not only where the measured one is
         plan = w.plan if len(w.plan.nodes) else layout(w.model)
-        parts = free(linearise(w.model, problem.X, found.belief, plan, z).simplified())
+        parts = free(linearise(w.model, problem.X, found.emulator, plan, z).simplified())
         evidence.append(
             special.logsumexp(scan(parts, responses, null.sigma, found.noise, found.sizes), axis=1)
         )
@@ -97,7 +97,7 @@ def _replicates(
 ) -> FloatArray:
     """Draw measured responses from the posterior predictive of the linearised null, (n, rows)."""
     problem, null = found.problem, found.weighed[0]
-    parts = free(linearise(null.model, problem.X, found.belief, null.plan, null.peak.z))
+    parts = free(linearise(null.model, problem.X, found.emulator, null.plan, null.peak.z))
     # an accepted cause may have changed the noise: rows are drawn in units of it
     ((unit, unequal),) = parts.at(np.zeros(1, dtype=int)).by_noise()
     G, U = unit.G[0], unit.U
@@ -129,7 +129,7 @@ def freed(found: Search) -> Callable[[Linearised], Linearised]:
     places = np.setdiff1d(np.arange(model.n_unknowns), taken).astype(int)
     if not len(places):
         return lambda parts: parts
-    parts = linearise(model, problem.X, found.belief, plan, z)
+    parts = linearise(model, problem.X, found.emulator, plan, z)
     ((unit, unequal),) = parts.at(np.zeros(1, dtype=int)).by_noise()
     G = unit.G[0]
     precision = null.sigma**2 * np.eye(G.shape[1]) + G.T @ G
@@ -139,7 +139,7 @@ def freed(found: Search) -> Callable[[Linearised], Linearised]:
     points[0, range(len(places)), places] += _MOVE
     points[1, range(len(places)), places] -= _MOVE
     values = model.values(points.reshape(-1, len(z)))
-    output, _, _ = model.simulated(problem.X, values, found.belief.mean)
+    output, _, _ = model.simulated(problem.X, values, found.emulator.mean)
     means = output + model.added(problem.X, values) @ sizes
     up, down = np.nan_to_num(means).reshape(2, len(places), -1)
     slopes: FloatArray = (up - down).T / (2 * _MOVE)

@@ -17,7 +17,7 @@ from hybridsurrogate.diagnosis.search.local_fit import (
     sigma_of,
 )
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.inference.conjugate.emulator_posterior import Belief
+from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.conjugate.noise_marginal import LogMarginal
 from hybridsurrogate.inference.evidence.grid import Layout, at_cells, layout, refine
 from hybridsurrogate.inference.evidence.levenberg_marquardt import (
@@ -55,7 +55,7 @@ _MUCH_CLOSER = 0.5
 def best_peaks(
     problem: Problem,
     causes: Sequence[Cause],
-    belief: Belief,
+    emulator: EmulatorPosterior,
     noise: LogMarginal,
     null: Fitted,
     log_prior: FloatArray,
@@ -81,18 +81,18 @@ def best_peaks(
             plan = layout(model)
             if is_followed(cause):
                 # with every unknown followed a start is a choice, which other rows must not make
-                fits.append(_followed(problem, belief, noise, model, plan, null))
+                fits.append(_followed(problem, emulator, noise, model, plan, null))
             elif nearby is None or _is_noise_process(model):
-                fits.append(_once(problem, belief, model, plan, null))
+                fits.append(_once(problem, emulator, model, plan, null))
             else:
                 fits.append(_unmoved(problem, model, plan, nearby[k], null))
         margins = _MARGINS if nearby is None else _MARGINS_NEARBY
-        behind = _far_behind(problem, belief, noise, [null, *fits], log_prior, margins)
+        behind = _far_behind(problem, emulator, noise, [null, *fits], log_prior, margins)
         for k in map(int, np.flatnonzero(np.isnan(behind))):
             model, plan, peak, sigma = fits[k]
             if _is_noise_process(model) or is_followed(model.effects[-1]):
                 continue
-            fits[k] = settled(problem, belief, noise, Fitted(model, plan, peak, sigma))
+            fits[k] = settled(problem, emulator, noise, Fitted(model, plan, peak, sigma))
     except KeyboardInterrupt as stop:
         raise InterruptedSearch(fits) from stop
     return fits, behind
@@ -100,7 +100,7 @@ def best_peaks(
 
 def _followed(
     problem: Problem,
-    belief: Belief,
+    emulator: EmulatorPosterior,
     noise: LogMarginal,
     model: MeasuredModel,
     plan: Layout,
@@ -108,9 +108,9 @@ def _followed(
 ) -> Fitted:
     """Fit a cause whose unknowns are all followed, from many starts."""
     plain, floor = plan.followed(), _NEGLIGIBLE * null.sigma
-    z, sigma = best_of_many(model, problem.X, problem.y, belief, plan, null.peak.z, floor)
-    peak = highest(problem, belief, model, plain, [z], sigma)
-    return settled(problem, belief, noise, Fitted(model, plain, peak, sigma))
+    z, sigma = best_of_many(model, problem.X, problem.y, emulator, plan, null.peak.z, floor)
+    peak = highest(problem, emulator, model, plain, [z], sigma)
+    return settled(problem, emulator, noise, Fitted(model, plain, peak, sigma))
 
 
 def _unmoved(
@@ -131,7 +131,7 @@ def _unmoved(
 
 def _once(
     problem: Problem,
-    belief: Belief,
+    emulator: EmulatorPosterior,
     model: MeasuredModel,
     plan: Layout,
     null: Fitted,
@@ -141,25 +141,25 @@ def _once(
     if _is_noise_process(model):
         # left free it would take all the noise there is: it has the size of the noise
         size = sigma * problem.unit_noise
-        peak = climb(model, problem.X, problem.y, belief, plan, starts[0], sigma, size)
+        peak = climb(model, problem.X, problem.y, emulator, plan, starts[0], sigma, size)
         return Fitted(model, plan, peak, sigma)
-    peak = highest(problem, belief, model, plan, starts, sigma)
-    args = model, problem.X, problem.y, belief, plan
+    peak = highest(problem, emulator, model, plan, starts, sigma)
+    args = model, problem.X, problem.y, emulator, plan
     afar = best_from_afar(*args, null.peak.z, peak.z, _NEGLIGIBLE * null.sigma)
     if afar is not None:
-        peak = highest(problem, belief, model, plan, [afar], sigma)
+        peak = highest(problem, emulator, model, plan, [afar], sigma)
     for _ in range(_LOOKS):
         before, sigma = sigma, sigma_of(problem, peak, sigma)
         if not sigma < _MUCH_CLOSER * before:
             break
         # held to the priors by the noise of a poor fit, a climb ends short of a good one
-        peak = highest(problem, belief, model, plan, [peak.z], sigma)
+        peak = highest(problem, emulator, model, plan, [peak.z], sigma)
     return Fitted(model, plan, peak, sigma)
 
 
 def _far_behind(
     problem: Problem,
-    belief: Belief,
+    emulator: EmulatorPosterior,
     noise: LogMarginal,
     fits: Sequence[Fitted],
     log_prior: FloatArray,
@@ -171,7 +171,7 @@ def _far_behind(
     misses between its nodes: what a finer one reaches counts, too.
     """
     sizes = effect_sizes(problem, fits)
-    scans = [node_evidence(problem, belief, noise, fit, sizes) for fit in fits]
+    scans = [node_evidence(problem, emulator, noise, fit, sizes) for fit in fits]
     reached = np.array([np.logaddexp.reduce(nodes) for nodes in scans])
     # a curve of any shape reaches high at once: what has a name is compared with its like; what
     # could not be followed at all gets its other starting points, too
@@ -182,7 +182,7 @@ def _far_behind(
     hopeless = enough - margins.hopeless
     for k in map(int, np.flatnonzero(behind & np.isfinite(reached) & (weight > hopeless))):
         if len(fits[k].plan.nodes):
-            missed = _between_nodes(problem, belief, noise, fits[k], scans[k], sizes)
+            missed = _between_nodes(problem, emulator, noise, fits[k], scans[k], sizes)
             # what gains so much without a climb may gain as much again by one
             behind[k] = weight[k] + missed < enough and missed < margins.behind
     return np.where(behind & np.isfinite(reached), reached, np.nan)[1:]
@@ -190,7 +190,7 @@ def _far_behind(
 
 def _between_nodes(
     problem: Problem,
-    belief: Belief,
+    emulator: EmulatorPosterior,
     noise: LogMarginal,
     fit: Fitted,
     nodes: FloatArray,
@@ -206,7 +206,7 @@ def _between_nodes(
         if finer is best:
             break
         fit = fit._replace(plan=finer)
-        density = node_evidence(problem, belief, noise, fit, sizes) - finer.log_weight
+        density = node_evidence(problem, emulator, noise, fit, sizes) - finer.log_weight
     return max(float(density.max()) - coarse, 0.0)
 
 

@@ -14,7 +14,10 @@ from hybridsurrogate.diagnosis.emulation.conditioned import krige
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import DiagnosisWarning
-from hybridsurrogate.inference.conjugate.emulator_posterior import Belief, coefficient_belief
+from hybridsurrogate.inference.conjugate.emulator_posterior import (
+    EmulatorPosterior,
+    emulator_posterior,
+)
 from hybridsurrogate.inference.model.validation import check_effects
 from hybridsurrogate.priors import FloatArray, to_normal
 from hybridsurrogate.problem.context import make_context, mismatch
@@ -90,7 +93,7 @@ def prepare(
     hyper = fitted.posterior_.values[:, fitted.posterior_.model.n_unknowns :]
     problem = problem.given(np.median(hyper, axis=0))
     problem = replace(problem, good=_best_draw(fitted, problem))
-    told = coefficient_belief(problem.model.basis, problem.simulation).mean
+    told = emulator_posterior(problem.model.basis, problem.simulation).mean
     context = make_context(
         fitted.simulation,
         columns,
@@ -141,16 +144,18 @@ def _lacks(cause: Cause, context: Context, problem: Problem) -> str | None:
     return None
 
 
-def trained_emulator(problem: Problem, fitted: PowerScaledSurrogate) -> tuple[Problem, Belief]:
+def trained_emulator(
+    problem: Problem, fitted: PowerScaledSurrogate
+) -> tuple[Problem, EmulatorPosterior]:
     """Return the problem with the simulation as the runs alone tell it."""
     basis = problem.model.basis
-    belief = coefficient_belief(basis, problem.simulation)
+    emulator = emulator_posterior(basis, problem.simulation)
     runs = fitted.simulation
     if problem.simulation is None or not isinstance(runs, SimulationData):
-        return problem, belief
+        return problem, emulator
     run_eta = problem.likelihood.working(runs.y)
-    kriged, belief = krige(basis, belief, runs, run_eta)
-    return with_basis(problem, kriged), belief
+    kriged, emulator = krige(basis, emulator, runs, run_eta)
+    return with_basis(problem, kriged), emulator
 
 
 def with_basis(problem: Problem, basis: Basis) -> Problem:

@@ -49,7 +49,7 @@ class Rehearsal:
     excluded : tuple of str
         Kinds that are not weighed.
     found : sequence of Search
-        On all rows, the first one first: emulator and belief come from the runs alone, which are
+        On all rows, the first one first: emulator and emulator come from the runs alone, which are
         the same in each fold, and climbs start where theirs ended.
     fitted : Pair
         On all rows: fits of the same causes start from their proposals.
@@ -76,7 +76,7 @@ class Rehearsal:
         steps = forward_search(
             problem,
             prepared.causes,
-            self.found[0].belief,
+            self.found[0].emulator,
             self.max_causes,
             self.false_alarm_rate,
             None,

@@ -11,19 +11,21 @@ from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.surrogates.basis import Basis
 
 
-class Belief(NamedTuple):
-    """Gaussian belief about the surrogate's coefficients: mean (p,) and factor (p, p) of V."""
+class EmulatorPosterior(NamedTuple):
+    """Gaussian posterior of the surrogate's coefficients: mean (p,) and factor (p, p) of V."""
 
     mean: FloatArray
     factor: FloatArray
 
 
-def coefficient_belief(basis: Basis, simulation: Statistics | None, power: float = 1.0) -> Belief:
+def emulator_posterior(
+    basis: Basis, simulation: Statistics | None, power: float = 1.0
+) -> EmulatorPosterior:
     """Return what the simulation alone says about the coefficients, its noise estimated."""
     precision = basis.coefficient_sd**-2.0
     mean = basis.coefficient_mean
     if simulation is None or not power or not simulation.n or not len(mean):
-        return Belief(mean, np.diag(basis.coefficient_sd))
+        return EmulatorPosterior(mean, np.diag(basis.coefficient_sd))
     variance = max(simulation.yy / simulation.n, 1e-300)
     for _ in range(8):
         matrix = np.diag(precision) + power * simulation.ff / variance
@@ -33,4 +35,4 @@ def coefficient_belief(basis: Basis, simulation: Statistics | None, power: float
         used = np.trace(np.linalg.solve(matrix, power * simulation.ff / variance))
         variance = max(squares, 1e-14 * simulation.yy) / max(simulation.n - used, 1.0)
     lower = np.linalg.cholesky(np.diag(precision) + power * simulation.ff / variance)
-    return Belief(mean, np.linalg.inv(lower).T)
+    return EmulatorPosterior(mean, np.linalg.inv(lower).T)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.inference.conjugate.emulator_posterior import Belief
+from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.evidence.grid import Layout
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray, to_normal
@@ -50,7 +50,7 @@ def best_of_many(
     model: MeasuredModel,
     X: FloatArray,
     y: FloatArray,
-    belief: Belief,
+    emulator: EmulatorPosterior,
     plan: Layout,
     centre: FloatArray,
     floor: float,
@@ -66,13 +66,13 @@ def best_of_many(
     """
     place = np.concatenate([plan.fixed, plan.sizes, plan.nodes])
     z = _starts(model, plan, centre)
-    residual = _Residual(model, X, y, belief, floor)
+    residual = _Residual(model, X, y, emulator, floor)
     best = _descend(residual, z, place)
     return best, float(np.sqrt(residual.variance(residual(best[None]))[0]))
 
 
 def best_of_spread(
-    model: MeasuredModel, X: FloatArray, y: FloatArray, belief: Belief, floor: float
+    model: MeasuredModel, X: FloatArray, y: FloatArray, emulator: EmulatorPosterior, floor: float
 ) -> tuple[FloatArray, float]:
     """Return z (n_unknowns,) of the best fit reached from a spread over the prior, and its sigma.
 
@@ -83,8 +83,8 @@ def best_of_spread(
     """
     # a fixed spread: what a fit finds does not depend on its random draws
     z = np.random.RandomState(0).standard_normal((_WIDE, model.n_unknowns))
-    residual = _Residual(model, X, y, belief, floor)
-    value = residual.badness(residual(z), z)
+    residual = _Residual(model, X, y, emulator, floor)
+    value = residual.deviance(residual(z), z)
     best = _descend(residual, z[np.argsort(value)[:_FOLLOWED]], np.arange(model.n_unknowns))
     return best, float(np.sqrt(residual.variance(residual(best[None]))[0]))
 
@@ -93,7 +93,7 @@ def best_from_afar(
     model: MeasuredModel,
     X: FloatArray,
     y: FloatArray,
-    belief: Belief,
+    emulator: EmulatorPosterior,
     plan: Layout,
     centre: FloatArray,
     known: FloatArray,
@@ -119,12 +119,12 @@ def best_from_afar(
     line[:, : len(centre)] = centre
     line[:, plan.nodes] = _at_nodes(model, plan, np.array([len(plan.grid) // 2]))
     line[:, plan.sizes[0]] = np.linspace(-_REACH, _REACH, _ON_LINE)
-    residual = _Residual(model, X, y, belief, floor)
+    residual = _Residual(model, X, y, emulator, floor)
 
-    def badness(z: FloatArray) -> FloatArray:
-        return residual.badness(residual(z), z)
+    def deviance(z: FloatArray) -> FloatArray:
+        return residual.deviance(residual(z), z)
 
-    along = badness(line)
+    along = deviance(line)
     inner = (along[1:-1] < along[:-2]) & (along[1:-1] <= along[2:])
     is_rugged = np.count_nonzero(inner) > 1
     if len(plan.nodes) and not is_rugged:
@@ -135,11 +135,11 @@ def best_from_afar(
         most = _FOLLOWED_OF_MANY
     spread = _spread(model, plan, line[0], wide)
     z = np.vstack([known, line, spread])
-    value = np.concatenate([badness(known[None]), along, badness(spread)])
+    value = np.concatenate([deviance(known[None]), along, deviance(spread)])
     if is_rugged:
         followed = z[np.argsort(value)[:most]]
         end = _descend(residual, followed, np.concatenate([plan.fixed, plan.sizes, plan.nodes]))
-        z, value = np.vstack([z, end]), np.append(value, badness(end[None]))
+        z, value = np.vstack([z, end]), np.append(value, deviance(end[None]))
     best = int(np.argmin(value))
     return z[best] if value[best] < value[0] - _WORTH_A_CLIMB else None
 
@@ -181,14 +181,19 @@ class _Residual:
     """Residuals of the measured rows with the columns of all causes fitted by ridge regression."""
 
     def __init__(
-        self, model: MeasuredModel, X: FloatArray, y: FloatArray, belief: Belief, floor: float
+        self,
+        model: MeasuredModel,
+        X: FloatArray,
+        y: FloatArray,
+        emulator: EmulatorPosterior,
+        floor: float,
     ):
-        self.model, self.X, self.y, self.belief, self.floor = model, X, y, belief, floor
+        self.model, self.X, self.y, self.emulator, self.floor = model, X, y, emulator, floor
 
     def __call__(self, z: FloatArray) -> FloatArray:
         """Return residuals (J, n) in units of the noise factor."""
         values = self.model.values(z)
-        output, _, noise = self.model.simulated(self.X, values, self.belief.mean)
+        output, _, noise = self.model.simulated(self.X, values, self.emulator.mean)
         residual = (self.y - output) / noise
         columns = self.model.added(self.X, values) / noise[..., None]
         if columns.shape[2]:
@@ -210,7 +215,7 @@ class _Residual:
         residual = self(points.reshape(-1, z.shape[1])).reshape(len(z), 1 + len(place), -1)
         return residual[:, 0], (residual[:, :1] - residual[:, 1:]) / step
 
-    def badness(self, residual: FloatArray, z: FloatArray) -> FloatArray:
+    def deviance(self, residual: FloatArray, z: FloatArray) -> FloatArray:
         """Return minus twice the log posterior, the noise at its best value, (J,)."""
         return self.y.size * np.log(self.variance(residual)) + np.sum(z**2, axis=-1)
 
@@ -225,7 +230,7 @@ def _descend(residual: _Residual, z: FloatArray, place: NDArray[np.intp]) -> Flo
     """Follow starts z (S, n_unknowns) along some of their unknowns; return the best end."""
     d = len(place)
     rest, slopes = residual.with_slopes(z, place)
-    badness = residual.badness(rest, z)
+    deviance = residual.deviance(rest, z)
     damping = np.full(len(z), 1e-2)
     for step in range(_MAX_STEPS):
         variance = residual.variance(rest)[:, None]
@@ -239,21 +244,21 @@ def _descend(residual: _Residual, z: FloatArray, place: NDArray[np.intp]) -> Flo
         trial = np.clip(trial, -_BOUND, _BOUND)
         # slopes of a trial that fails are in vain, but a second call would cost more
         trial_rest, trial_slopes = residual.with_slopes(trial, place)
-        trial_badness = residual.badness(trial_rest, trial)
-        better = trial_badness < badness
-        best = int(np.argmin(np.minimum(badness, trial_badness)))
-        settled = better[best] and badness[best] - trial_badness[best] < _SETTLED
+        trial_badness = residual.deviance(trial_rest, trial)
+        better = trial_badness < deviance
+        best = int(np.argmin(np.minimum(deviance, trial_badness)))
+        settled = better[best] and deviance[best] - trial_badness[best] < _SETTLED
         z[better], rest[better], slopes[better] = (
             trial[better],
             trial_rest[better],
             trial_slopes[better],
         )
-        badness = np.minimum(badness, trial_badness)
+        deviance = np.minimum(deviance, trial_badness)
         damping = np.where(better, 0.2, 6.0) * damping
         if settled or damping[best] > _STUCK:
             break
         if step % _ROUND == _ROUND - 1 and len(z) > 2:
-            kept = np.argsort(badness)[: (len(z) + 1) // 2]
+            kept = np.argsort(deviance)[: (len(z) + 1) // 2]
             z, rest, slopes = z[kept], rest[kept], slopes[kept]
-            badness, damping = badness[kept], damping[kept]
-    return z[int(np.argmin(badness))]
+            deviance, damping = deviance[kept], damping[kept]
+    return z[int(np.argmin(deviance))]

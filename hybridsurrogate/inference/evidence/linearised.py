@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.blocks import BLOCK, blocks, in_blocks
-from hybridsurrogate.inference.conjugate.emulator_posterior import Belief
+from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.evidence.grid import Layout
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray
@@ -228,7 +228,7 @@ class _Slopes(NamedTuple):
 
 
 def _slopes(
-    model: MeasuredModel, X: FloatArray, belief: Belief, plan: Layout, z: FloatArray
+    model: MeasuredModel, X: FloatArray, emulator: EmulatorPosterior, plan: Layout, z: FloatArray
 ) -> _Slopes:
     """Return the output and its slopes, at all nodes where these touch the simulation.
 
@@ -249,7 +249,7 @@ def _slopes(
         if in_simulation:
             runs[:, :, plan.nodes] = plan.grid[piece, None, :]
         response = model.close_by(
-            X, runs.reshape(len(runs) * len(points), len(z)), belief.mean, len(points)
+            X, runs.reshape(len(runs) * len(points), len(z)), emulator.mean, len(points)
         )
         # a simulation may fail far out: NaN marks the place and is never better than another one
         response[~(np.abs(response) < _ABSURD)] = np.nan
@@ -263,7 +263,7 @@ def _slopes(
         slopes[piece] = slope
         mean[piece] = response[:, 0] - (z - plan.neutral)[directions] @ slope
         if at_one is None:
-            at_one = response[0, 0].copy(), model.emulator_error(X, runs[0, :1], belief.factor)
+            at_one = response[0, 0].copy(), model.emulator_error(X, runs[0, :1], emulator.factor)
     assert at_one is not None
     return _Slopes(mean, slopes, *at_one)
 
@@ -271,7 +271,7 @@ def _slopes(
 def linearise(
     model: MeasuredModel,
     X: FloatArray,
-    belief: Belief,
+    emulator: EmulatorPosterior,
     plan: Layout,
     z: FloatArray,
     columns: Columns | None = None,
@@ -281,7 +281,7 @@ def linearise(
     The columns of earlier causes join G with their prior sd; those of the last one are sizes.
     ``columns`` may be given where they are known from `columns_at_nodes`.
     """
-    around = _slopes(model, X, belief, plan, z)
+    around = _slopes(model, X, emulator, plan, z)
     T, M, d = len(plan.grid), len(around.mean), len(plan.fixed)
     G, curves = np.swapaxes(around.slopes[:, :d], 1, 2), around.slopes[:, d:]
     rms = _rms(curves)

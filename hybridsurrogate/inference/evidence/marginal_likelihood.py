@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hybridsurrogate.cholesky import log_det_of, nudged_cholesky
-from hybridsurrogate.inference.conjugate.emulator_posterior import Belief
+from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
 from hybridsurrogate.inference.evidence.grid import Layout
 from hybridsurrogate.inference.evidence.linearised import (
@@ -170,7 +170,7 @@ def climb(
     model: MeasuredModel,
     X: FloatArray,
     y: FloatArray,
-    belief: Belief,
+    emulator: EmulatorPosterior,
     plan: Layout,
     z: FloatArray,
     sigma: float,
@@ -199,11 +199,11 @@ def climb(
     followed = np.arange(len(plan.grid))
     costly = bool(len(plan.nodes)) and model.effects[-1].touches_simulation
     for _ in range(_MAX_CLIMB):
-        parts = linearise(model, X, belief, plan, proposal, columns)
-        here, move, badness = _solve(parts, y, plan, proposal, sigma, size)
+        parts = linearise(model, X, emulator, plan, proposal, columns)
+        here, move, deviance = _solve(parts, y, plan, proposal, sigma, size)
         here = here._replace(node=int(followed[here.node]))
         if costly and len(followed) > _FOLLOWED and np.isfinite(here.objective):
-            index = np.argsort(badness)[:_FOLLOWED]
+            index = np.argsort(deviance)[:_FOLLOWED]
             followed, plan, columns = followed[index], plan.at(index), columns.at(index)
         if not np.isfinite(here.objective):
             if best is None:
@@ -226,11 +226,11 @@ def climb(
 def _solve(
     parts: Linearised, y: FloatArray, plan: Layout, z: FloatArray, sigma: float, size: float
 ) -> tuple[Peak, FloatArray, FloatArray]:
-    """Return the fit at z, columns free, the z of the best linear model, and (T,) badness."""
+    """Return the fit at z, columns free, the z of the best linear model, and (T,) deviance."""
     if parts.outliers is not None:
         heavy = heavy_fit(parts, y, plan, z, sigma, size)
         peak = Peak(z.copy(), heavy.squares, heavy.objective, heavy.node)
-        return peak, heavy.move, heavy.badness
+        return peak, heavy.move, heavy.deviance
     T, _, q = parts.H.shape
     d, s = parts.G.shape[2], len(plan.sizes)
     units = [_normal_equations(unit, y / factor, sigma) for unit, factor in parts.by_noise()]
@@ -243,13 +243,13 @@ def _solve(
     except np.linalg.LinAlgError:  # slopes without bound: the simulation breaks down around here
         return Peak(z.copy(), np.inf, np.inf, 0), z, np.full(T, np.inf)
     best_linear = total - np.einsum("tk,tk->t", right, solution)
-    badness = best_linear / sigma**2 - 2 * parts.log_weight
+    deviance = best_linear / sigma**2 - 2 * parts.log_weight
     if parts.noise is not None:
         # without noise factors the determinant is the same everywhere, and only sigma matters
-        badness = badness + 2 * np.concatenate([np.full(len(u[0]), u[3]) for u in units])
-        badness = badness + 2 * np.sum(np.log(parts.noise), axis=1)
-    badness = np.where(np.isnan(badness), np.inf, badness)
-    node = int(np.argmin(badness))
+        deviance = deviance + 2 * np.concatenate([np.full(len(u[0]), u[3]) for u in units])
+        deviance = deviance + 2 * np.sum(np.log(parts.noise), axis=1)
+    deviance = np.where(np.isnan(deviance), np.inf, deviance)
+    node = int(np.argmin(deviance))
     # the fit at z itself: what is nonlinear stays, columns are estimated anew
     ((unit, factor),) = parts.at(np.array([node])).by_noise()
     whiten, log_det = _whitener(unit.U, sigma)
@@ -273,7 +273,7 @@ def _solve(
     move[plan.fixed] = np.clip(solution[node, : len(plan.fixed)], -6, 6)
     size_move = solution[node, d : d + s] / parts.H_rms[node, :s]
     move[plan.sizes] = np.clip(plan.neutral[plan.sizes] + size_move, -6, 6)
-    return peak, move, badness
+    return peak, move, deviance
 
 
 def _normal_equations(

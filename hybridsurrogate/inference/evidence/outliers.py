@@ -224,7 +224,7 @@ class HeavyFit(NamedTuple):
     objective: float
     node: int
     move: FloatArray
-    badness: FloatArray
+    deviance: FloatArray
 
 
 def heavy_fit(
@@ -243,9 +243,9 @@ def heavy_fit(
     residual = (y - parts.mean)[None]
     shape = shape_of(parts.outliers, n)
     linear = find_mode(residual, design, noise, shape, np.zeros_like, _STEPS)
-    badness = -2 * (linear.log_joint[0] + parts.log_weight)
-    badness = np.where(np.isnan(badness), np.inf, badness)
-    node = int(np.argmin(badness))
+    deviance = -2 * (linear.log_joint[0] + parts.log_weight)
+    deviance = np.where(np.isnan(deviance), np.inf, deviance)
+    node = int(np.argmin(deviance))
     solution = linear.v[0, node]
     to_z = scale[node, :s] / parts.H_rms[node, :s]
     held = np.concatenate([z[plan.fixed], (z[plan.sizes] - plan.neutral[plan.sizes]) / to_z])
@@ -261,4 +261,4 @@ def heavy_fit(
     move[plan.fixed] = np.clip(solution[: len(plan.fixed)], -6, 6)
     move[plan.sizes] = np.clip(plan.neutral[plan.sizes] + solution[d : d + s] * to_z, -6, 6)
     squares = n * float(here.sigma[0, 0]) ** 2
-    return HeavyFit(squares, objective if np.isfinite(objective) else np.inf, node, move, badness)
+    return HeavyFit(squares, objective if np.isfinite(objective) else np.inf, node, move, deviance)

@@ -8,7 +8,7 @@ import numpy as np
 
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.conjugate.collapsed import CollapsedPosterior
-from hybridsurrogate.inference.conjugate.emulator_posterior import coefficient_belief
+from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.inference.conjugate.sufficient_statistics import (
     ROUNDING,
     Statistics,
@@ -40,7 +40,7 @@ def starting_points(
     z, z_hyper = np.split(base[0, :-1], [model.n_parameters])
     # causes are placed on the scale of eta, with the surrogate's hyperparameters where they are
     hyper = bare.values(base[:1, :-1])[0, model.n_parameters :]
-    belief = coefficient_belief(
+    emulator = emulator_posterior(
         model.basis.given(hyper), _statistics(target, hyper), target.simulation_power
     )
     model = replace(model, basis=model.basis.given(hyper))
@@ -52,11 +52,11 @@ def starting_points(
         plan = layout(partial)
         before_it, z = z, np.concatenate([z, plan.neutral[len(z) :]])
         for round_ in range(_MOST_CLIMBS):
-            peak = climb(partial, target.X, target.y, belief, plan, z, sigma, 10 * target.scale)
+            peak = climb(partial, target.X, target.y, emulator, plan, z, sigma, 10 * target.scale)
             z = peak.z.copy()
             if not round_:
                 floor = ROUNDING * target.scale
-                args = partial, target.X, target.y, belief, plan
+                args = partial, target.X, target.y, emulator, plan
                 afar = best_from_afar(*args, before_it, z, floor)
                 if afar is not None:
                     z = afar
@@ -95,8 +95,8 @@ def further_points(target: CollapsedPosterior | LaplacePosterior, mode: FloatArr
         is_rugged |= len(peaks) > 1
     if is_rugged and target.model.basis.is_simulation:
         model, floor = target.model, ROUNDING * target.scale
-        belief = coefficient_belief(model.basis, None)
-        z, sigma = best_of_spread(model, target.X, target.y, belief, floor)
+        emulator = emulator_posterior(model.basis, None)
+        z, sigma = best_of_spread(model, target.X, target.y, emulator, floor)
         out.append(np.array([[*z, np.log(sigma)]]))
     return np.concatenate(out)
 
