@@ -44,10 +44,10 @@ def central_interval(
     quantiles: list[list[FloatArray]] = []
     for some in row_blocks(mixture_at, X):
         parts = _normals(mixture_at(X[some]), X[some])
-        rows, draws = some.stop - some.start, sum(len(centre) for _, centre, _ in parts)
-        for few in blocks(rows, draws):
-            part = _at_rows(parts, few)
-            quantiles.append([_quantile(part, probability) for probability in (tail, 1 - tail)])
+        n_draws = sum(len(centre) for _, centre, _ in parts)
+        for few in blocks(some.stop - some.start, n_draws):
+            piece = _at_rows(parts, few)
+            quantiles.append([_quantile(piece, probability) for probability in (tail, 1 - tail)])
     lower, upper = np.concatenate(quantiles, axis=1)
     return likelihood.inverse(lower), likelihood.inverse(upper)
 
