@@ -5,7 +5,8 @@ import pytest
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.inference.conjugate.factored_rows import are_products, factored_rows
+from hybridsurrogate.inference.conjugate.factored_rows import FactoredRows, are_products
+from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.problem.problem import make_problem
 
 SIMULATOR = hs.Simulator(
@@ -17,8 +18,9 @@ MIXED = (hs.Offset(), hs.Autocorrelation("t"), hs.Periodic("t"), hs.GaussianProc
 @pytest.mark.parametrize(
     ("surrogate", "effects", "n_products"),
     [
-        (hs.PolynomialChaos(2), (), 6),
-        (hs.PolynomialChaos(2), MIXED, 6 + 61 + 24),
+        # y less what is known is one too where features are
+        (hs.PolynomialChaos(2), (), 6 + 1),
+        (hs.PolynomialChaos(2), MIXED, 6 + 61 + 24 + 1),
         (hs.PolynomialChaos(2), (hs.Gain(), *MIXED), 61 + 24),
         (hs.ExactSurrogate(), MIXED, 61 + 24),
         (hs.ExactSurrogate(), (hs.Delay("t"), hs.Autocorrelation("t")), 61),
@@ -41,11 +43,13 @@ def test_gram_matrices_are_those_of_the_rows(surrogate, effects, n_products):
     values = model.values(z)
     parts = model.parts(X, values)
     rows = np.concatenate([parts.features, parts.columns, (y - parts.known)[..., None]], axis=2)
+    root = np.sqrt(np.linspace(0.5, 2, 50))
+    rows *= root[:, None]
     expected = np.swapaxes(rows, 1, 2) @ rows
-    factored = factored_rows(model, X, y, values)
+    factored = FactoredRows(model, X, y, root)
     assert factored.of_rows.shape[1] == n_products
     np.testing.assert_allclose(
-        factored.gram(products), expected, rtol=1e-9, atol=1e-12 * expected.max()
+        factored.gram(values), expected, rtol=1e-9, atol=1e-12 * expected.max()
     )
 
 
@@ -64,7 +68,25 @@ def test_columns_of_ones_own_are_used_instead_of_inherited_factors():
             SIMULATOR, hs.ExactSurrogate(), hs.Normal(), None, (cause,), ("t",), t[:, None], t
         ).model
         values = model.values(np.zeros((1, model.n_unknowns)))
-        factored = factored_rows(model, t[:, None], t, values)
-        formed = factored.formed[0, :, :-1]
-        added.append(np.hstack([factored.of_rows * factored.of_draws, formed]))
+        factored = FactoredRows(model, t[:, None], t, np.ones(50))
+        formed = factored.formed(values)[0, :, :-1]
+        added.append(np.hstack([factored.of_rows * factored.of_draws(values), formed]))
     np.testing.assert_allclose(added[1], 2 * added[0])
+
+
+@pytest.mark.parametrize("effects", [(), (hs.Offset(), hs.Trend("t"))], ids=["alone", "causes"])
+def test_rows_are_read_once_however_many_draws_there_are(effects, monkeypatch):
+    """So that the time for a draw does not grow with the rows."""
+    t = np.linspace(0, 10, 50)
+    X, y = t[:, None], np.exp(-0.3 * t)
+    simulation = SIMULATOR.run(40, random_state=0)
+    surrogate = hs.PolynomialChaos(2)
+    model = make_problem(simulation, surrogate, hs.Normal(), None, effects, ("t",), X, y).model
+    lengths, factors = [], MeasuredModel.factors
+    monkeypatch.setattr(
+        MeasuredModel, "factors", lambda m, X, v: (lengths.append(len(X)), factors(m, X, v))[1]
+    )
+    factored = FactoredRows(model, X, y, np.ones(50))
+    for z in np.random.default_rng(0).standard_normal((5, 3, model.n_unknowns)):
+        factored.gram(model.values(z))
+    assert sum(length == 50 for length in lengths) == 1

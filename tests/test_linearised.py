@@ -12,7 +12,7 @@ from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_post
 from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
 from hybridsurrogate.inference.evidence.grid import layout
 from hybridsurrogate.inference.evidence.linearised import columns_at_nodes, linearise
-from hybridsurrogate.inference.evidence.marginal_likelihood import scan
+from hybridsurrogate.inference.evidence.marginal_likelihood import _whitener, scan
 from hybridsurrogate.problem.problem import make_problem
 
 SIMULATOR = hs.Simulator(
@@ -153,3 +153,18 @@ def test_a_node_that_fails_at_a_row_has_no_slopes_there_or_elsewhere():
     nodes = scan(around, problem.y[None], 0.1, noise, np.array([1.0]))[0]
     np.testing.assert_array_equal(np.isfinite(nodes[failed]), False)
     assert np.isfinite(nodes[np.argmin(np.abs(plan.grid[:, 0]))])
+
+
+@pytest.mark.parametrize(("n", "r"), [(40, 7), (7, 40), (20, 20)], ids=["tall", "wide", "square"])
+def test_whitened_rows_are_independent(n, r):
+    """Whatever the emulator leaves open: nothing in some directions, 10,000 times the noise."""
+    rng = np.random.default_rng(0)
+    sigma, U = 0.3, rng.standard_normal((n, r)) * np.geomspace(1e-8, 3e3, r)
+    U[:, 3] = U[:, 2]
+    whiten, log_det = _whitener(U, sigma)
+    W = whiten(np.eye(n), 0)
+    covariance = sigma**2 * np.eye(n) + U @ U.T
+    np.testing.assert_allclose(W @ covariance @ W.T, sigma**2 * np.eye(n), atol=1e-6)
+    expected = np.log1p((np.linalg.svd(U, compute_uv=False) / sigma) ** 2).sum() / 2
+    np.testing.assert_allclose(log_det, expected, rtol=1e-9)
+    np.testing.assert_allclose(whiten(np.ones((2, n, 3)), 1)[1, :, 2], W @ np.ones(n))

@@ -1,18 +1,21 @@
 """Step 2: the measured world given each draw of the coefficients, against closed forms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.inference.conditional.grid import _finer, _grid
+from hybridsurrogate.inference.conditional.local_proposals import log_density_of_pairs
 from hybridsurrogate.inference.conditional.pairwise_squares import (
     MeasuredGiven,
     SharedDraws,
     squares_of_factors,
     squares_of_pairs,
 )
-from hybridsurrogate.inference.conditional.sampler import _log_density, second_step
+from hybridsurrogate.inference.conditional.sampler import _draw_columns, _log_density, second_step
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.problem.problem import make_problem
 
@@ -153,21 +156,56 @@ def test_proposals_weigh_what_the_rows_say_by_hand(effects):
         np.testing.assert_allclose(told[j], np.array(expected) + constant, rtol=1e-8)
 
 
-def test_rows_that_factorise_or_not_weigh_the_same(monkeypatch):
+@pytest.mark.parametrize(
+    "effects",
+    [(hs.Bump("t"),), (hs.Offset(), hs.Trend("t")), (hs.Offset(), hs.Bump("t"))],
+    ids=["formed", "products", "both"],
+)
+def test_rows_that_factorise_or_not_weigh_the_same(effects, monkeypatch):
     rng = np.random.default_rng(4)
     runs = hs.Simulator(parabola, {"t": (-1, 1)}, {"a": stats.norm(0, 1)}).run(64, random_state=0)
     X = np.linspace(-1, 1, 30)[:, None]
     y = rng.standard_normal(30)
     prior, weights = stats.halfnorm(scale=0.5), rng.integers(1, 4, 30).astype(float)
-    problem = make_problem(
-        runs, hs.PolynomialChaos(3), hs.Normal(), prior, (hs.Bump("t"),), ("t",), X, y
-    )
-    c = rng.standard_normal((6, len(problem.model.basis.coefficient_mean)))
-    given = MeasuredGiven(problem.model, X, y, weights, c, prior, problem.scale)
-    u = np.column_stack([rng.standard_normal((50, 3)), rng.normal(-1, 0.5, 50)])
-    by_factors = _log_density(given, u, given.draws)
+    problem = make_problem(runs, hs.PolynomialChaos(3), hs.Normal(), prior, effects, ("t",), X, y)
+    model = problem.model
+    c = rng.standard_normal((6, len(model.basis.coefficient_mean)))
+    u = np.column_stack([rng.standard_normal((50, model.n_unknowns)), rng.normal(-1, 0.5, 50)])
+    which = np.arange(50) % 6
+
+    def weighed():
+        given = MeasuredGiven(model, X, y, weights, c, prior, problem.scale)
+        columns = _draw_columns(replace(given, c=c[which]), u, np.random.RandomState(0))
+        pairs = log_density_of_pairs(given, u, which)
+        return _log_density(given, u, given.draws), pairs, columns
+
+    by_factors = weighed()
     monkeypatch.setattr(MeasuredModel, "factorises", False)
-    np.testing.assert_allclose(by_factors, _log_density(given, u, given.draws), rtol=1e-9)
+    for told, expected in zip(by_factors, weighed(), strict=True):
+        np.testing.assert_allclose(told, expected, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(by_factors[1], by_factors[0][np.arange(50), which], rtol=1e-9)
+
+
+def test_rows_are_read_a_few_times_however_many_draws_there_are(monkeypatch):
+    """Rows whose features factorise: the time for a draw, or a node, does not grow with them."""
+    simulator = hs.Simulator(parabola, {"t": (-1, 1)}, {"a": stats.norm(0, 1)})
+    runs = simulator.run(64, random_state=0)
+    t = np.linspace(-1, 1, 301)
+    y = 0.3 + np.random.default_rng(6).normal(0, 0.2, 301)
+    read, factors = [], MeasuredModel.factors
+    monkeypatch.setattr(
+        MeasuredModel,
+        "factors",
+        lambda model, X, values: (read.append(len(X)), factors(model, X, values))[1],
+    )
+    times = []
+    for n_draws in (50, 1000):
+        read.clear()
+        hs.PowerScaledSurrogate(runs, hs.PolynomialChaos(3), n_draws=n_draws, random_state=0).fit(
+            t[:, None], y
+        )
+        times.append(read.count(301))
+    assert times[0] == times[1] <= 5
 
 
 def test_proposals_with_next_to_no_noise_count_for_nothing():

@@ -6,8 +6,10 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
+from hybridsurrogate.blocks import blocks
 from hybridsurrogate.likelihoods import TransformedNormal
 from hybridsurrogate.prediction.mixture import Mixture, MixtureAt, noisy, row_blocks, samples
 from hybridsurrogate.priors import FloatArray
@@ -16,8 +18,10 @@ from hybridsurrogate.priors import FloatArray
 _N_DRAWS = 20_000
 # rows at a time, so that memory stays bounded
 _N_ROWS = 500
-# Newton steps as small, in units of what holds all draws, are the last; and steps at most
+# brackets as narrow, in units of what holds all draws, end a search; and steps at most
 _TINY, _MOST_STEPS = 1e-9, 60
+# a step of a share h of the narrowest sd leaves an error of about h^3 of it: the next is needless
+_LAST_STEP = 1e-3
 
 # on the scale of eta: weight, centres (S, n) and standard deviations (S, n)
 Normals = list[tuple[Any, FloatArray, FloatArray]]
@@ -40,7 +44,10 @@ def central_interval(
     quantiles: list[list[FloatArray]] = []
     for some in row_blocks(mixture_at, X):
         parts = _normals(mixture_at(X[some]), X[some])
-        quantiles.append([_quantile(parts, probability) for probability in (tail, 1 - tail)])
+        n_draws = sum(len(centre) for _, centre, _ in parts)
+        for few in blocks(some.stop - some.start, n_draws):
+            piece = _at_rows(parts, few)
+            quantiles.append([_quantile(piece, probability) for probability in (tail, 1 - tail)])
     lower, upper = np.concatenate(quantiles, axis=1)
     return likelihood.inverse(lower), likelihood.inverse(upper)
 
@@ -74,34 +81,67 @@ def _normals(mixture: Mixture, X: FloatArray) -> Normals:
     return [(weight, *posterior.eta(X)) for weight, posterior in mixture]
 
 
+def _at_rows(parts: Normals, rows: slice | NDArray[np.intp]) -> Normals:
+    return [
+        (weight[rows] if np.ndim(weight) else weight, centre[:, rows], sigma[:, rows])
+        for weight, centre, sigma in parts
+    ]
+
+
 def _quantile(parts: Normals, probability: float) -> FloatArray:
-    """Return the quantile (n,) on the scale of eta, by Newton steps that bisection safeguards."""
-    reach = 9 * np.concatenate([sigma for _, _, sigma in parts]).max(axis=0)
-    low = np.concatenate([eta for _, eta, _ in parts]).min(axis=0) - reach
-    high = np.concatenate([eta for _, eta, _ in parts]).max(axis=0) + reach
+    """Return the quantile (n,) on the scale of eta, by Halley steps that bisection safeguards.
+
+    With F, f and f' of the mixture a step is -r / (1 - r f' / (2 f)), r = (F - probability) / f.
+    """
+    narrowest = np.min([sigma.min(axis=0) for _, _, sigma in parts], axis=0)
+    reach = 9 * np.max([sigma.max(axis=0) for _, _, sigma in parts], axis=0)
+    low = np.min([centre.min(axis=0) for _, centre, _ in parts], axis=0) - reach
+    high = np.max([centre.max(axis=0) for _, centre, _ in parts], axis=0) + reach
     tiny = _TINY * (high - low)
     mean = _average(parts, lambda centre, _: centre)
     variance = _average(parts, lambda centre, sigma: (centre - mean) ** 2 + sigma**2)
     # the quantile of a normal with the same moments
     middle = np.clip(mean + special.ndtri(probability) * np.sqrt(variance), low, high)
+    # rows without a prediction have NaN, and no search
+    left = np.flatnonzero(np.isfinite(middle))
     for _ in range(_MOST_STEPS):
-        off = _below(parts, middle) - probability
-        low, high = np.where(off < 0, middle, low), np.where(off < 0, high, middle)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            step = middle - off / _density(parts, middle)
-        inside = (low < step) & (step < high)
-        moved = np.where(inside, step, 0.5 * (low + high))
-        settled = np.abs(moved - middle) <= tiny
-        middle = moved
-        if settled.all():
+        if not len(left):
             break
+        at = middle[left]
+        some = parts if len(left) == len(middle) else _at_rows(parts, left)
+        below, density, slope = _distribution(some, at)
+        off = below - probability
+        low[left] = np.where(off < 0, at, low[left])
+        high[left] = np.where(off < 0, high[left], at)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            newton = off / density
+            curved = 0.5 * newton * slope / density
+            moved = at - newton / (1 - curved)
+        # in a far tail steps are short, and hundreds of them: there bisection is faster
+        inside = (np.abs(curved) < 0.5) & (low[left] < moved) & (moved < high[left])
+        moved = np.where(inside, moved, 0.5 * (low[left] + high[left]))
+        small = inside & (np.abs(moved - at) <= np.maximum(_LAST_STEP * narrowest, tiny)[left])
+        middle[left] = np.where(off == 0, at, moved)
+        left = left[~(small | (off == 0) | (high[left] - low[left] <= tiny[left]))]
     return middle
 
 
-def _density(parts: Normals, eta: FloatArray) -> FloatArray:
-    """Return the density of a mixture of normals at eta (n,)."""
-    heights = _average(parts, lambda c, sigma: np.exp(-0.5 * ((eta - c) / sigma) ** 2) / sigma)
-    return heights / np.sqrt(2 * np.pi)
+def _distribution(parts: Normals, eta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return distribution function, density and its slope of a mixture of normals at eta (n,)."""
+    total = np.zeros((3, len(eta)))
+    for weight, centre, sigma in parts:
+        scaled = (eta - centre) / sigma
+        heights = np.exp(-0.5 * scaled**2) / sigma
+        slopes = -np.einsum("sn,sn->n", heights, scaled / sigma) / len(centre)
+        total += weight * np.stack(
+            [
+                special.ndtr(scaled).mean(axis=0),
+                heights.mean(axis=0) / np.sqrt(2 * np.pi),
+                slopes / np.sqrt(2 * np.pi),
+            ]
+        )
+    below, density, slope = total
+    return below, density, slope
 
 
 def _below(parts: Normals, eta: FloatArray) -> FloatArray:

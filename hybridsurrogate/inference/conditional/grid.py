@@ -110,19 +110,19 @@ def _finer(
 
 def _sums_of_squares(problem: MeasuredGiven, z: FloatArray) -> FloatArray:
     """Return the residual sums of squares of every node and draw, (J, S)."""
-    model, root = problem.model, np.sqrt(problem.weights)[:, None]
+    model, rows = problem.model, problem.features_and_rest
     rounding = problem.weights.sum() * (ROUNDING * problem.scale) ** 2
     values = model.values(z)
-    factors = model.factors(problem.X, values)
-    if factors is not None:
-        residual = (problem.y - factors.known) * root[:, 0]
-        parts = factors.of_inputs * root, factors.of_parameters
-        return squares_of_factors(*parts, residual, problem.draws) + rounding
+    if rows is not None:
+        of_inputs, rest = rows
+        of_parameters = problem.parameters_part(values)
+        return squares_of_factors(of_inputs, of_parameters, rest, problem.draws) + rounding
+    root = np.sqrt(problem.weights)[:, None]
     squares = np.empty((len(z), len(problem.c)))
     for block in blocks(len(z), len(problem.y) * (1 + problem.c.shape[1])):
-        rows = model.parts(problem.X, values[block])
-        residual = (problem.y - rows.known)[..., None] * root
-        squares[block] = squares_of_pairs(rows.features * root, residual, problem.draws)
+        parts = model.parts(problem.X, values[block])
+        residual = (problem.y - parts.known)[..., None] * root
+        squares[block] = squares_of_pairs(parts.features * root, residual, problem.draws)
     return squares + rounding
 
 

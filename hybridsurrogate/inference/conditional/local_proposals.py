@@ -94,8 +94,9 @@ def log_density_of_pairs(
 
     The causes' coefficients a ~ N(0, diag(sd^2)) are integrated out by Woodbury's identity.
     """
-    model = problem.model
-    numbers = len(problem.y) * (1 + len(model.column_sd))
+    rows = problem.features_and_rest
+    n = len(problem.y if rows is None else rows[1])
+    numbers = n * (1 + len(problem.model.column_sd))
     return np.concatenate(
         [_log_density(problem, u[some], problem.c[which[some]]) for some in blocks(len(u), numbers)]
     )
@@ -104,22 +105,25 @@ def log_density_of_pairs(
 def _log_density(problem: MeasuredGiven, u: FloatArray, c: FloatArray) -> FloatArray:
     model, weights = problem.model, problem.weights
     sigma, values = np.exp(u[:, -1]), model.values(u[:, :-1])
-    factors = model.factors(problem.X, values)
-    if factors is None:
+    rows = problem.features_and_rest
+    if rows is None:
         output, noise = model.outputs(problem.X, values, c)
-    else:
-        output = factors.known + (factors.of_parameters * c) @ factors.of_inputs.T
-        noise = np.ones((len(u), 1))
-    scale = noise * sigma[:, None]
-    residual = (problem.y - output) * np.sqrt(weights) / scale
-    log_det = np.log(np.broadcast_to(scale, residual.shape)) @ weights
-    squares = np.sum(residual**2, axis=1)
-    if len(model.column_sd):
+        scale = noise * sigma[:, None]
+        residual = (problem.y - output) * np.sqrt(weights) / scale
+        log_det = np.log(np.broadcast_to(scale, residual.shape)) @ weights
         columns = model.added(problem.X, values) * model.column_sd
         columns = columns * (np.sqrt(weights) / scale)[..., None]
+    else:
+        of_inputs, rest = rows
+        fitted = (problem.parameters_part(values) * c) @ of_inputs.T
+        residual = (rest - fitted) / sigma[:, None]
+        log_det = u[:, -1] * weights.sum()
+        columns = problem.columns(values) / sigma[:, None, None]
+    squares = np.sum(residual**2, axis=1)
+    if len(model.column_sd):
         transposed = np.swapaxes(columns, 1, 2)
         factor = nudged_cholesky(np.eye(len(model.column_sd)) + transposed @ columns)
-        log_det += log_det_of(factor)
+        log_det = log_det + log_det_of(factor)
         half = np.linalg.solve(factor, transposed @ residual[..., None])[..., 0]
         squares = np.maximum(squares - np.sum(half**2, axis=1), 0.0)
     squares += weights.sum() * (ROUNDING * problem.scale / sigma) ** 2

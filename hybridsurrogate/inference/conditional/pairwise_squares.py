@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.blocks import blocks
+from hybridsurrogate.inference.conjugate.factored_rows import FactoredRows
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray, Prior
 
@@ -72,6 +73,39 @@ class MeasuredGiven:
     c: FloatArray
     noise_prior: Prior
     scale: float
+
+    @cached_property
+    def _factored(self) -> FactoredRows:
+        return FactoredRows(self.model, self.X, self.y, np.sqrt(self.weights))
+
+    @cached_property
+    def features_and_rest(self) -> tuple[FloatArray, FloatArray] | None:
+        """The inputs' part of the features (m, p) and y less what is known (m,), or None.
+
+        Times the roots of the weights; None where features do not factorise. Where columns of
+        causes do too, the m rows are few, and have the squares of all n measured ones.
+        """
+        if not self.model.factorises:
+            return None
+        factored = self._factored
+        rows = factored.compressed if factored.products.all() else factored.of_rows
+        return rows[:, : self.c.shape[1]], rows[:, -1]
+
+    def parameters_part(self, values: FloatArray) -> FloatArray:
+        """Return the parameters' part (J, p) of the features, for draws of the unknowns."""
+        return self._factored.of_draws(values)[:, : self.c.shape[1]]
+
+    def columns(self, values: FloatArray) -> FloatArray:
+        """Return the causes' columns in units of their prior sd beside `features_and_rest`.
+
+        For draws of the unknowns, (J, m, q).
+        """
+        model, factored, p = self.model, self._factored, self.c.shape[1]
+        if factored.products.all():
+            added = factored.compressed[:, p:-1] * factored.of_draws(values)[:, None, p:-1]
+        else:
+            added = model.added(self.X, values) * factored.root[:, None]
+        return added * model.column_sd
 
     @cached_property
     def draws(self) -> SharedDraws:

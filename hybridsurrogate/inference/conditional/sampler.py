@@ -164,10 +164,10 @@ def _drawn(
 
 def _log_density(problem: MeasuredGiven, u: FloatArray, draws: SharedDraws) -> FloatArray:
     """Return the log density of proposals (J, d) given coefficient draws (S, p): (J, S)."""
-    model = problem.model
+    model, rows = problem.model, problem.features_and_rest
     # rows whose features factorise are not formed for each proposal
-    width = 1 + len(model.column_sd) + (0 if model.factorises else len(draws.centre))
-    numbers = len(problem.y) * width
+    width = 1 + len(model.column_sd) + (len(draws.centre) if rows is None else 0)
+    numbers = len(problem.y if rows is None else rows[1]) * width
     pieces = blocks(len(u), numbers, _BLOCK)
     return np.concatenate([_log_density_of_some(problem, u[some], draws) for some in pieces])
 
@@ -181,8 +181,8 @@ def _log_density_of_some(problem: MeasuredGiven, u: FloatArray, draws: SharedDra
     sigma = np.exp(u[:, -1])
     values = model.values(u[:, :-1])
     root = np.sqrt(problem.weights)
-    factors = model.factors(problem.X, values)
-    if factors is None:
+    rows = problem.features_and_rest
+    if rows is None:
         parts = model.parts(problem.X, values)
         scale = parts.noise * sigma[:, None]
         scaled = root / scale
@@ -194,11 +194,11 @@ def _log_density_of_some(problem: MeasuredGiven, u: FloatArray, draws: SharedDra
     else:
         # rows need not be formed for each proposal
         scale = sigma[:, None]
-        of_inputs, rest = factors.of_inputs * root[:, None], (y - factors.known) * root
-        total = squares_of_factors(of_inputs, factors.of_parameters, rest, draws) / scale**2
-        columns = model.added(problem.X, values) * model.column_sd * (root / scale)[..., None]
-        right = np.swapaxes(columns, 1, 2) @ np.column_stack([of_inputs, rest])
-        right[..., :-1] *= factors.of_parameters[:, None]
+        of_parameters = problem.parameters_part(values)
+        total = squares_of_factors(rows[0], of_parameters, rows[1], draws) / scale**2
+        columns = problem.columns(values) / scale[..., None]
+        right = np.swapaxes(columns, 1, 2) @ np.column_stack(rows)
+        right[..., :-1] *= of_parameters[:, None]
         right /= scale[..., None]
     inner = np.eye(columns.shape[2]) + np.swapaxes(columns, 1, 2) @ columns
     factor = nudged_cholesky(inner)
@@ -218,18 +218,26 @@ def _draw_columns(
     problem: MeasuredGiven, u: FloatArray, random_state: np.random.RandomState
 ) -> FloatArray:
     """Draw a given (u_s, c_s), one for each s: (S, q)."""
-    model = problem.model
+    model, rows = problem.model, problem.features_and_rest
     q = len(model.column_sd)
     noise = random_state.standard_normal((len(u), q, 1))
     if not q:
         return noise[..., 0]
+    n = len(problem.y if rows is None else rows[1])
     pieces = []
-    for some in blocks(len(u), len(problem.y) * (problem.c.shape[1] + q), _BLOCK):
-        parts = model.parts(problem.X, model.values(u[some, :-1]))
-        scaled = np.sqrt(problem.weights) / (parts.noise * np.exp(u[some, -1:]))
-        fitted = (parts.features @ problem.c[some, :, None])[..., 0]
-        residual = (problem.y - parts.known - fitted) * scaled
-        columns = parts.columns * model.column_sd * scaled[..., None]
+    for some in blocks(len(u), n * (q + (problem.c.shape[1] if rows is None else 1)), _BLOCK):
+        values, sigma = model.values(u[some, :-1]), np.exp(u[some, -1:])
+        if rows is None:
+            parts = model.parts(problem.X, values)
+            scaled = np.sqrt(problem.weights) / (parts.noise * sigma)
+            fitted = (parts.features @ problem.c[some, :, None])[..., 0]
+            residual = (problem.y - parts.known - fitted) * scaled
+            columns = parts.columns * model.column_sd * scaled[..., None]
+        else:
+            of_inputs, rest = rows
+            fitted = (problem.parameters_part(values) * problem.c[some]) @ of_inputs.T
+            residual = (rest - fitted) / sigma
+            columns = problem.columns(values) / sigma[..., None]
         transposed = np.swapaxes(columns, 1, 2)
         factor = nudged_cholesky(np.eye(q) + transposed @ columns)
         half = np.linalg.solve(factor, transposed @ residual[..., None]) + noise[some]

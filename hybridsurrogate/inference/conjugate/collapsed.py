@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.inference.conjugate.factored_rows import are_products, factored_rows
+from hybridsurrogate.inference.conjugate.factored_rows import FactoredRows
 from hybridsurrogate.inference.conjugate.gram import posterior_factor, whitened
 from hybridsurrogate.inference.conjugate.spectral import FixedRows, few_rows, fixed_rows
 from hybridsurrogate.inference.conjugate.sufficient_statistics import ROUNDING, Statistics
@@ -230,13 +230,17 @@ class CollapsedPosterior:
         if n:
             # rows of products are not formed for each draw
             formed = size if self._few else size - int(np.count_nonzero(self._products))
-            length = min(length, _ROWS_BLOCK // (formed * n))
+            length = min(length, _ROWS_BLOCK // max(formed * n, 1))
         length = max(1, length)
         return [u[k : k + length] for k in range(0, max(len(u), 1), length)]
 
     @cached_property
+    def _factored(self) -> FactoredRows:
+        return FactoredRows(self.model, self.X, self.y, np.sqrt(self.weights))
+
+    @property
     def _products(self) -> NDArray[np.bool_]:
-        return are_products(self.model)
+        return self._factored.products
 
     def _gram(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return [[G, g], [g', yy]] of all rows at sigma = 1, and the log noise factors."""
@@ -245,10 +249,7 @@ class CollapsedPosterior:
         log_noise: FloatArray = np.zeros(len(u))
         if self.measured_power:
             if self._products.any():
-                values, root = self.model.values(u[:, :-1]), np.sqrt(self.weights)[:, None]
-                rows = factored_rows(self.model, self.X, self.y, values)
-                rows = rows._replace(formed=rows.formed * root, of_rows=rows.of_rows * root)
-                out = rows.gram(self._products)
+                out = self._factored.gram(self.model.values(u[:, :-1]))
             else:
                 formed, log_noise = self._measured_rows(u)
                 np.matmul(np.swapaxes(formed, 1, 2), formed, out=out)

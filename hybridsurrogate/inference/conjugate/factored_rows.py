@@ -1,12 +1,13 @@
 """Features and columns that are products of a part of the rows and a part of the draws.
 
 Their Gram matrices follow from one product of the rows' parts, so that rows need not be formed for
-each draw.
+each draw, and are not read again where all of them are products.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,63 +16,97 @@ from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray
 
 
-class FactoredRows(NamedTuple):
-    """Rows [features, columns, y less what is known] of J draws and n rows.
+@dataclass(frozen=True)
+class FactoredRows:
+    """Rows [features, columns, y less what is known], each a product or formed for each draw.
 
     Attributes
     ----------
-    formed : ndarray of shape (J, n, k)
-        Those that are no products, y the last of them.
-    of_rows : ndarray of shape (n, f)
-    of_draws : ndarray of shape (J, f)
-        The others are ``of_rows * of_draws``.
+    model : MeasuredModel
+    X, y, root : ndarray of shape (n, n_columns), (n,), (n,)
+        Measured rows, y on the scale of eta, and roots of their weights.
     """
 
-    formed: FloatArray
-    of_rows: FloatArray
-    of_draws: FloatArray
+    model: MeasuredModel
+    X: FloatArray
+    y: FloatArray
+    root: FloatArray
 
-    def gram(self, products: NDArray[np.bool_]) -> FloatArray:
-        """Return Gram matrices (J, f + k, f + k); ``products`` (f + k,) says which are products."""
-        formed, f = np.swapaxes(self.formed, 1, 2), self.of_rows.shape[1]
-        out = np.empty((len(formed), len(products), len(products)))
-        out[:, :f, :f] = self.of_rows.T @ self.of_rows
-        out[:, :f, :f] *= self.of_draws[:, :, None]
-        out[:, :f, :f] *= self.of_draws[:, None]
-        out[:, f:, :f] = (formed @ self.of_rows) * self.of_draws[:, None]
-        out[:, :f, f:] = np.swapaxes(out[:, f:, :f], 1, 2)
-        out[:, f:, f:] = formed @ self.formed
-        if products[:f].all():
+    @cached_property
+    def products(self) -> NDArray[np.bool_]:
+        """Which of the rows' columns are products, (p + q + 1,)."""
+        return are_products(self.model)
+
+    @cached_property
+    def of_rows(self) -> FloatArray:
+        """The rows' part of the products, (n, f), times the roots of the weights."""
+        # it is the same for all draws: one of them will do, in the middle of the priors
+        middle = self.model.values(np.zeros((1, len(self.model.all_priors))))
+        parts, _ = _column_factors(self.model, self.X, middle)
+        factors = self.model.factors(self.X, middle)
+        if factors is not None:
+            # what is known does not depend on the draw either
+            parts = np.column_stack([factors.of_inputs, parts, self.y - factors.known])
+        return parts * self.root[:, None]
+
+    def of_draws(self, values: FloatArray) -> FloatArray:
+        """Return the draws' part of the products, (J, f)."""
+        _, parts = _column_factors(self.model, self.X[:1], values)
+        factors = self.model.factors(self.X[:1], values)
+        if factors is None:
+            return parts
+        return np.column_stack([factors.of_parameters, parts, np.ones(len(values))])
+
+    def formed(self, values: FloatArray) -> FloatArray:
+        """Return the columns that are no products, (J, n, k), times the roots of the weights."""
+        model, J, n = self.model, len(values), len(self.y)
+        chosen = [k for k, effect in enumerate(model.effects) if not effect.factorises]
+        pieces = [model.added_by(chosen, self.X, values)]
+        if not model.factorises:
+            known, features, _ = model.simulated(self.X, values)
+            rest = np.broadcast_to(self.y - known, (J, n))[..., None]
+            pieces = [features, *pieces, rest]
+        return np.concatenate(pieces, axis=2) * self.root[:, None]
+
+    @cached_property
+    def compressed(self) -> FloatArray:
+        """R (r, f) of ``of_rows`` = Q R: sums of squares of what is linear in rows are as of R's.
+
+        Equal columns stay equal, which rounding in a decomposition of both would not leave them.
+        """
+        distinct, group = np.unique(self.of_rows, axis=1, return_inverse=True)
+        _, R = np.linalg.qr(distinct)
+        return R[:, group.ravel()]
+
+    @cached_property
+    def _squares(self) -> FloatArray:
+        return self.of_rows.T @ self.of_rows
+
+    def gram(self, values: FloatArray) -> FloatArray:
+        """Return Gram matrices (J, p + q + 1, p + q + 1) for draws of the unknowns (J, ...)."""
+        of_draws = self.of_draws(values)
+        f, size = of_draws.shape[1], len(self.products)
+        out = np.empty((len(values), size, size))
+        out[:, :f, :f] = self._squares * of_draws[:, :, None]
+        out[:, :f, :f] *= of_draws[:, None]
+        if f < size:
+            rows = self.formed(values)
+            formed = np.swapaxes(rows, 1, 2)
+            out[:, f:, :f] = (formed @ self.of_rows) * of_draws[:, None]
+            out[:, :f, f:] = np.swapaxes(out[:, f:, :f], 1, 2)
+            out[:, f:, f:] = formed @ rows
+        if self.products[:f].all():
             return out
-        place = np.argsort(np.argsort(~products, kind="stable"))
+        place = np.argsort(np.argsort(~self.products, kind="stable"))
         return out[:, place[:, None], place]
 
 
 def are_products(model: MeasuredModel) -> NDArray[np.bool_]:
-    """Return which of [features, columns, y] are products, (p + q + 1,)."""
+    """Return which of [features, columns, y less what is known] are products, (p + q + 1,)."""
     # noise of their own scales the rows of each draw differently
     by_cause = [e.factorises and not model.touches_noise for e in model.effects]
     features = np.full(len(model.basis.coefficient_mean), model.factorises)
-    return np.array([*features, *(by_cause[k] for k, _ in model.column_names), False])
-
-
-def factored_rows(
-    model: MeasuredModel, X: FloatArray, y: FloatArray, values: FloatArray
-) -> FactoredRows:
-    """Return the rows X (n, n_columns), y (n,) for draws of the unknowns (J, ...)."""
-    J, n = len(values), len(y)
-    of_rows, of_draws = _column_factors(model, X, values)
-    factors = model.factors(X, values)
-    if factors is None:
-        known, features, _ = model.simulated(X, values)
-    else:
-        known, features = factors.known, np.empty((J, n, 0))
-        of_rows = np.hstack([factors.of_inputs, of_rows])
-        of_draws = np.hstack([factors.of_parameters, of_draws])
-    formed = [k for k, effect in enumerate(model.effects) if not effect.factorises]
-    rest = np.broadcast_to(y - known, (J, n))[..., None]
-    rows = np.concatenate([features, model.added_by(formed, X, values), rest], axis=2)
-    return FactoredRows(rows, of_rows, of_draws)
+    return np.array([*features, *(by_cause[k] for k, _ in model.column_names), model.factorises])
 
 
 def _column_factors(

@@ -39,6 +39,9 @@ _NO_SIZE = 1e-100
 # numbers in one block of sizes, responses, nodes and directions
 _BLOCK = 1_000_000
 
+# whitened values, their rows along an axis
+Whiten = Callable[[FloatArray, int], FloatArray]
+
 
 def scan(
     parts: Linearised,
@@ -129,21 +132,23 @@ def _scan(
     return np.where(np.isnan(out), -np.inf, out)
 
 
-def _whitener(U: FloatArray, sigma: float) -> tuple[Callable[[FloatArray, int], FloatArray], float]:
+def _whitener(U: FloatArray, sigma: float) -> tuple[Whiten, float]:
     """Return a map that gives rows with covariance sigma^2 I + U U' the covariance sigma^2 I."""
     if not U.size:
         return (lambda values, axis: values), 0.0
-    Q, singular, _ = np.linalg.svd(U, full_matrices=False)
-    ratio = 1 + (singular / sigma) ** 2
-    shrink = 1 - 1 / np.sqrt(ratio)
+    # with L L' = I + U'U / sigma^2 the map W = I - U (L' + I)^-1 L^-1 U' / sigma^2 has
+    # W'W = (I + U U' / sigma^2)^-1, and the determinant is that of L: no decomposition of n rows
+    one = np.eye(U.shape[1])
+    factor = nudged_cholesky((one + U.T @ U / sigma**2)[None])[0]
+    inner = np.linalg.solve(factor.T + one, np.linalg.inv(factor)) / sigma**2
 
     def whiten(values: FloatArray, axis: int) -> FloatArray:
         moved = np.moveaxis(values, axis, 0)
         flat = moved.reshape(len(moved), -1)
-        flat = flat - Q @ (shrink[:, None] * (Q.T @ flat))
+        flat = flat - U @ (inner @ (U.T @ flat))
         return np.moveaxis(flat.reshape(moved.shape), 0, axis)
 
-    return whiten, 0.5 * float(np.sum(np.log(ratio)))
+    return whiten, float(log_det_of(factor[None])[0])
 
 
 class Peak(NamedTuple):
@@ -252,7 +257,9 @@ def _solve(
     node = int(np.argmin(deviance))
     # the fit at z itself: what is nonlinear stays, columns are estimated anew
     ((unit, factor),) = parts.at(np.array([node])).by_noise()
-    whiten, log_det = _whitener(unit.U, sigma)
+    whiten, log_det = units[0][4], units[0][3]
+    if parts.noise is not None:
+        whiten, log_det = _whitener(unit.U, sigma)
     design = np.hstack([whiten(unit.G[0], 0), whiten(unit.H[0], 0)])
     held = np.concatenate(
         [z[plan.fixed], (z[plan.sizes] - plan.neutral[plan.sizes]) * parts.H_rms[node, :s]]
@@ -278,10 +285,11 @@ def _solve(
 
 def _normal_equations(
     unit: Linearised, y: FloatArray, sigma: float
-) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+) -> tuple[FloatArray, FloatArray, FloatArray, float, Whiten]:
     """Return normal matrices (T, k, k), right sides (T, k), sums of squares (T,), log det of U.
 
-    In blocks: G and the residual are mostly the same at all nodes, and H is tall.
+    Then what whitens the rows. In blocks: G and the residual are mostly the same at all nodes, and
+    H is tall.
     """
     whiten, log_det = _whitener(unit.U, sigma)
     T, _, q = unit.H.shape
@@ -301,4 +309,4 @@ def _normal_equations(
         normal[nodes, d:, d:] = np.swapaxes(H, 1, 2) @ H
         right[nodes, d:] = across[:, d]
         start += len(H)
-    return normal, right, np.broadcast_to(inner[:, d, d], (T,)), log_det
+    return normal, right, np.broadcast_to(inner[:, d, d], (T,)), log_det, whiten
