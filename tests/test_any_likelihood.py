@@ -8,6 +8,8 @@ from scipy import integrate, stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.search.exact_scores import scored
+from hybridsurrogate.inference.laplace.inner_mode import gaussian_fit
+from hybridsurrogate.inference.laplace.linear_predictor import Design, Part, Rows
 from hybridsurrogate.inference.posterior_sampler import evidence_around
 from hybridsurrogate.inference.procedure import make_target
 from hybridsurrogate.likelihoods import Binomial, NegativeBinomial, Poisson, StudentT
@@ -207,3 +209,42 @@ def test_a_fit_tells_its_evidence_and_the_error(likelihood):
     told = model.diagnostics_
     assert 0 < told.log_evidence_error < 0.05
     assert abs(told.log_evidence - expected) < 4 * told.log_evidence_error
+
+
+def test_two_causes_of_counts_are_both_named():
+    t, rng = np.linspace(0, 40, 80), np.random.default_rng(3)
+    rate = 40 * np.exp(-0.03 * t + 0.3 * np.sin(2 * np.pi * t / 7)) * np.where(t > 20, 0.6, 1)
+    simulator = hs.Simulator(
+        lambda t, a, k: a * np.exp(-k * t),
+        inputs={"t": (0, 40)},
+        parameters={
+            "a": hs.truncated_normal(40, 10, 5, 80),
+            "k": hs.truncated_normal(0.03, 0.02, 0, 0.1),
+        },
+    )
+    model = hs.PowerScaledSurrogate(
+        simulator,
+        surrogate=hs.ExactSurrogate(),
+        likelihood="poisson",
+        n_draws=300,
+        random_state=0,
+    )
+    diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, max_causes=2, random_state=0)
+    found = {
+        cause.kind: cause.estimates
+        for cause in diagnosis.fit(t[:, None], rng.poisson(rate).astype(float)).found_causes_
+    }
+    assert found.keys() == {"periodic", "step"}
+    _, low, high = found["periodic"]["period"]
+    assert low < 7 < high
+    _, low, high = found["step"]["location"]
+    assert low < 20.3 < high
+
+
+def test_counts_of_a_rate_that_explodes_leave_no_singular_matrix():
+    """Proposals far off give rows so much weight that the prior is lost in rounding."""
+    design = np.ones((1, 40, 2))
+    rows = Rows(np.full(40, 1e9), np.ones(40))
+    part = Part(rows, np.full((1, 40), 45.0), design, np.ones((1, 1)), Poisson())
+    fit = gaussian_fit(Design([part], np.arange(2)), np.ones((1, 1)), 0)
+    assert np.isfinite(fit.mode).all()

@@ -42,7 +42,8 @@ _PLACES, _SHARES = 4, (-0.5, 0.5, 1.3)
 def screened_at_best(found: Search, causes: Sequence[Cause], emulator: EmulatorPosterior) -> Search:
     """Return the search repeated with rows expanded at what leads, where something is wrong.
 
-    Where rows are normal there is nothing to expand.
+    Where rows are normal there is nothing to expand, and where an emulator stands for the
+    simulation nothing is scored, so that all causes keep the expansion where nothing is wrong.
 
     Parameters
     ----------
@@ -53,7 +54,7 @@ def screened_at_best(found: Search, causes: Sequence[Cause], emulator: EmulatorP
     emulator : EmulatorPosterior
     """
     best = found.weighed[int(np.argmax(found.probability))]
-    if found.problem.working_point is None or best.cause is None:
+    if not _is_scored(found) or best.cause is None:
         return found
     again = expanded(found.problem, _point_at(found, best))
     return search(again, causes, emulator, bool(np.any(found.remainder)))
@@ -66,7 +67,7 @@ def scored(found: Search) -> Search:
     sampling to 0.1 nats); where an emulator stands for the simulation, the screening's evidence
     stands.
     """
-    if found.problem.working_point is None or not found.problem.model.basis.is_simulation:
+    if not _is_scored(found):
         return found
     screened = np.array([w.log_evidence for w in found.weighed])
     weight = screened + np.log(prior_odds([w.cause for w in found.weighed]))
@@ -86,6 +87,12 @@ def scored(found: Search) -> Search:
         )
     probability, remainder = probabilities(weighed)
     return replace(found, weighed=weighed, probability=probability, remainder=remainder)
+
+
+def _is_scored(found: Search) -> bool:
+    """Return whether what leads is scored: rows are not normal, the simulation itself is run."""
+    problem = found.problem
+    return problem.working_point is not None and problem.model.basis.is_simulation
 
 
 def _point_at(found: Search, w: Weighed) -> WorkingPoint:

@@ -107,7 +107,10 @@ def _newton_step(design: Design, sigma: FloatArray, v: FloatArray) -> FloatArray
         score, curvature = part.derivatives(sigma, v)
         gradient = gradient + part.back(score)
         hessian = hessian + part.gram(curvature)
-    return np.linalg.solve(hessian, gradient[..., None])[..., 0]
+    # rows far off may count so much that the prior is lost in rounding, and columns are alike
+    factor = nudged_cholesky(hessian)
+    half = np.linalg.solve(factor, gradient[..., None])
+    return np.linalg.solve(np.swapaxes(factor, 1, 2), half)[..., 0]
 
 
 def _factor(design: Design, sigma: FloatArray, v: FloatArray) -> FloatArray:
