@@ -46,7 +46,8 @@ def central_interval(
         parts = _normals(mixture_at(X[some]), X[some])
         n_draws = sum(len(centre) for _, centre, _ in parts)
         for few in blocks(some.stop - some.start, n_draws):
-            piece = _at_rows(parts, few)
+            # copied into one piece: rows of draws that lie far apart are slow to read again
+            piece = [(w, c.copy(), s.copy()) for w, c, s in _at_rows(parts, few)]
             quantiles.append([_quantile(piece, probability) for probability in (tail, 1 - tail)])
     lower, upper = np.concatenate(quantiles, axis=1)
     return likelihood.inverse(lower), likelihood.inverse(upper)

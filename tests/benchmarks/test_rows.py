@@ -59,6 +59,62 @@ ODE = hs.OdeSimulator(
 )
 
 
+FITTED = {
+    "terms": hs.PolynomialChaos(),
+    "simulation": hs.ExactSurrogate(),
+}
+
+
+def measured(n):
+    """Return n measured rows of the simulation."""
+    rng = np.random.default_rng(n)
+    X = np.column_stack([np.linspace(0, 10, n), rng.uniform(0, 5, n)])
+    return X, cooled(*X.T, 0.32, 3.0) + 0.1 * rng.standard_normal(n)
+
+
+def surrogate_of(kind):
+    simulation = SIMULATOR.run(300, random_state=0) if kind == "terms" else SIMULATOR
+    return hs.PowerScaledSurrogate(simulation, surrogate=FITTED[kind], random_state=0)
+
+
+def exponent(run, rows):
+    """Return the slope over the rows of the logarithm of the processor's time, and the last run.
+
+    Of three times the shortest: others of the machine's processes only add to it.
+    """
+    seconds = []
+    for n in rows:
+        ready, times = run(n), []
+        for _ in range(3):
+            start = time.process_time()
+            ready()
+            times.append(time.process_time() - start)
+        seconds.append(min(times))
+    return float(np.polyfit(np.log(rows), np.log(seconds), 1)[0]), ready
+
+
+@pytest.mark.filterwarnings("ignore::hybridsurrogate.HybridSurrogateWarning")
+@pytest.mark.parametrize("kind", FITTED)
+def test_fit_over_rows(benchmark, kind):
+    def run(n):
+        X, y = measured(n)
+        return lambda: surrogate_of(kind).fit(X, y)
+
+    run(100)()
+    slope, last = exponent(run, (1000, 10_000, 100_000))
+    benchmark.extra_info["exponent"] = slope
+    benchmark.pedantic(last, rounds=1)
+
+
+@pytest.mark.filterwarnings("ignore::hybridsurrogate.HybridSurrogateWarning")
+@pytest.mark.parametrize("kind", FITTED)
+def test_intervals_over_rows(benchmark, kind):
+    model = surrogate_of(kind).fit(*measured(100))
+    slope, last = exponent(lambda n: lambda: model.predict_interval(measured(n)[0]), (1000, 10_000))
+    benchmark.extra_info["exponent"] = slope
+    benchmark.pedantic(last, rounds=1)
+
+
 def searches(form, n, seed=0):
     """Return a function that weighs one form on n rows."""
     rng = np.random.default_rng([n, seed])
