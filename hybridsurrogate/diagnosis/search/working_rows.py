@@ -4,7 +4,7 @@ Screening needs normal rows. Around the fit without a cause, rows of any likelih
 those of one step of Fisher scoring: a working response and a noise of each row, of which the latter
 does not depend on what was measured. Measured and replicated data meet the same approximation, so
 that a p-value is right whatever it neglects; what leads is scored by the likelihood itself
-(`diagnosis/exact_scores.py`).
+(`exact_scores.py`).
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ class MeasuredModel(CausesOnRows):
         prior means.
     least_step : float
         Differences over less, in standard deviations of the priors, mean nothing: how rough the
-        simulation is, see `inference/roughness.py`. Zero for a smooth one.
+        simulation is, see `finite_differences.py`. Zero for a smooth one.
     unchanged : tuple of Basis and dict, or None
         Basis and constants before causes changed the right-hand side; None where none did.
     """
