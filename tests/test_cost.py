@@ -10,7 +10,7 @@ import pytest
 from tide import problem_of
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis import cost
+from hybridsurrogate.diagnosis.checks import cost
 
 FRAME = pd.DataFrame({"t": np.linspace(0, 1, 10)})
 SLOPE = {"slope": hs.truncated_normal(1, 1, -3, 5)}

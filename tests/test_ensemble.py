@@ -10,7 +10,7 @@ from moments import assert_gaussian
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.inference import ensemble
+from hybridsurrogate.inference.sampling import emcee_sampler as ensemble
 from hybridsurrogate.inference.sampling.modes import Gaussian, find_modes
 
 

@@ -8,7 +8,8 @@ import pytest
 from scipy.stats import norm
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis import answers, trust
+from hybridsurrogate.diagnosis import fitted as answers
+from hybridsurrogate.diagnosis.validation import beta_scan as trust
 from hybridsurrogate.diagnosis.validation.gain import best_beta
 
 CALLS = []

@@ -14,8 +14,8 @@ import pytest
 
 import hybridsurrogate as hs
 from hybridsurrogate import digits
-from hybridsurrogate.diagnosis import trust
 from hybridsurrogate.diagnosis.report.summary import plain
+from hybridsurrogate.diagnosis.validation import beta_scan as trust
 
 
 def decay(t, level, rate):

@@ -7,7 +7,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis import diagnosis as diagnosis_module
-from hybridsurrogate.estimators import fitting
+from hybridsurrogate.inference import procedure as fitting
 
 
 def threads():
