@@ -82,7 +82,7 @@ def test_of_two_peaks_the_better_with_noise_of_its_own_is_taken():
     n, sigma = 40, 3.9
     rng = np.random.default_rng(0)
     fits = [(0.4 * rng.standard_normal(n), 1.6), (0.5 * rng.standard_normal(n), 0.1)]
-    problem = SimpleNamespace(y=np.zeros(n), scale=1.0)
+    problem = SimpleNamespace(y=np.zeros(n), scale=1.0, noise_is_known=False)
     found, expected, at_sigma = [], [], []
     for residual, away in fits:
         squares = residual @ residual

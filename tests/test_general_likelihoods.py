@@ -217,7 +217,16 @@ def test_bad_values_and_functions(likelihood, spoil, match, measured):
         hs.PowerScaledSurrogate(likelihood=likelihood).fit(X, spoil(np.round(y)))
 
 
-def test_diagnosis_names_the_likelihoods_that_it_can_use(simulation, measured):
-    model = hs.PowerScaledSurrogate(simulation, likelihood="student-t", n_draws=50)
-    with pytest.raises(ValueError, match="For heavy tails use likelihood='normal'"):
-        hs.DiscrepancyDiagnosis(model).fit(*measured)
+def test_diagnosis_of_runs_takes_heavy_tails(simulation, measured):
+    """Nothing is wrong; an emulator stands for the simulation, so that screening alone decides."""
+    model = hs.PowerScaledSurrogate(
+        simulation,
+        surrogate=hs.PolynomialChaos(2),
+        likelihood="student-t",
+        n_draws=300,
+        random_state=0,
+    )
+    diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(*measured)
+    assert diagnosis.verdict_ == "adequate"
+    weighed = diagnosis.causes_.set_index("form")
+    assert "likelihood is not normal" in weighed.loc["noise", "note"].tolist()[-1]
