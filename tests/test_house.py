@@ -12,8 +12,15 @@ import hybridsurrogate
 ROOT = Path(hybridsurrogate.__file__).parent
 FILES = sorted(ROOT.rglob("*.py"))
 MOST_FILES, MOST_LINES = 13, 60
-# read from top to bottom: wiring, the list of the catalogue, the fields of a summary, arguments
-LONG = {"make_problem", "_built_in", "where", "summary", "__init__"}
+# read from top to bottom, by file: wiring, the list of the catalogue, the fields of a summary, a
+# section's sentences, a constructor's arguments
+LONG = {
+    ("problem.problem", "make_problem"),
+    ("catalogue", "_built_in"),
+    ("diagnosis.report.summary", "summary"),
+    ("diagnosis.report.findings", "where"),
+    ("ode.simulator", "__init__"),
+}
 
 
 def module_of(path: Path) -> str:
@@ -81,7 +88,9 @@ def test_no_private_names_of_another_file(path):
 @pytest.mark.parametrize("path", FILES, ids=module_of)
 def test_functions_are_short(path):
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if not isinstance(node, ast.FunctionDef) or node.name in LONG:
+        if not isinstance(node, ast.FunctionDef):
+            continue
+        if (module_of(path).removeprefix(f"{ROOT.name}."), node.name) in LONG:
             continue
         described = ast.get_docstring(node, clean=False) is not None
         first = node.body[1 if described and len(node.body) > 1 else 0].lineno

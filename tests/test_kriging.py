@@ -98,7 +98,7 @@ def test_slopes_of_the_likelihood(bends):
 
 
 def locally(misfits, coordinates):
-    """Return how much larger errors are at runs in order: two runs' worth of emulator in none."""
+    """Return how much larger errors are at runs in order: two runs' worth of belief in none."""
     squares, factors = misfits[np.argsort(coordinates)], []
     for k in range(len(squares)):
         weights = [np.exp(-abs(k - other) / 3) for other in range(len(squares))]

@@ -94,7 +94,7 @@ def evidence_around(
 ) -> float:
     """Return the log evidence of a density whose modes are near starts u (k, d), by importance.
 
-    NaN where no start is possible, or the weights of the draws are not to be trusted at all.
+    NaN where no start is possible. Nothing is said here of how far the weights can be trusted.
     """
     value = target.search_density(starts)
     if not np.isfinite(value).any():

@@ -13,7 +13,7 @@ import numpy as np
 
 from hybridsurrogate.priors import FloatArray
 
-# the weight of a run falls by a factor e for so many runs that lie between; runs' worth of emulator
+# the weight of a run falls by a factor e for so many runs that lie between; runs' worth of belief
 # that errors are as told
 _NEIGHBOURS, _BELIEF = 3.0, 2.0
 

@@ -1,8 +1,8 @@
 """What leads a search, scored by the nonlinear model under its own likelihood.
 
 The evidence is that of the model which an estimator fits, integrated by importance sampling; sizes
-have the prior of the search. Of the rest the screening's evidence stands, relative to that of
-"nothing is wrong".
+have the prior of the search. Of the rest the screening's evidence stands, relative to that of the
+cause that leads it.
 """
 
 from __future__ import annotations
