@@ -42,8 +42,8 @@ class TransformedSimulation:
         return self._kept(X.T.tobytes(), omega.T.tobytes(), len(X)).copy()
 
     def _run_of_bytes(self, inputs: bytes, parameters: bytes, n: int) -> FloatArray:
-        # column by column, as simulations take them, and theirs to change
-        X, omega = (np.array(np.frombuffer(b).reshape(-1, n)).T for b in (inputs, parameters))
+        # column by column, as simulations take them
+        X, omega = (np.frombuffer(b).reshape(-1, n).T for b in (inputs, parameters))
         return self._run(X, omega)
 
     def _run(self, X: FloatArray, omega: FloatArray) -> FloatArray:

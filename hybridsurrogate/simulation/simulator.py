@@ -6,7 +6,7 @@ import inspect
 import numbers
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 import pandas as pd
@@ -242,6 +242,10 @@ class Simulator:
         )
 
     def _check_points(self, X: ArrayLike, omega: ArrayLike | None) -> tuple[FloatArray, FloatArray]:
+        # most calls of a simulation: thousands in a search; what runs it makes its own columns
+        if _is_matrix(X, len(self.input_names)) and _is_matrix(omega, len(self.parameter_ranges)):
+            check_lengths({"X": X, "omega": omega})
+            return X, omega
         X = as_matrix(X, "X", self.input_names)
         table = as_table(np.empty((len(X), 0)) if omega is None else omega, "omega")
         names = tuple(self.parameter_ranges)
@@ -291,6 +295,15 @@ class Simulator:
                 f"{self.name!r} returned an array of shape {actual}, expected {expected} "
                 f"(vectorized={self.vectorized}: {hint})."
             )
+
+
+def _is_matrix(values: ArrayLike | None, n_columns: int) -> TypeGuard[FloatArray]:
+    """Tell whether values are a plain array of doubles with so many columns."""
+    return (
+        type(values) is np.ndarray
+        and values.dtype == np.float64
+        and values.shape[1:] == (n_columns,)
+    )
 
 
 def _run_once(
