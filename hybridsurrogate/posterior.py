@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hybridsurrogate.blocks import LARGE_BLOCK, blocks
 from hybridsurrogate.digits import number
 from hybridsurrogate.exceptions import FailedRunsWarning, SamplingWarning
 from hybridsurrogate.inference.model.observation import MeasuredModel
@@ -16,8 +17,6 @@ from hybridsurrogate.inference.sampling.psis import KHAT_LIMIT
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.priors import FloatArray
 
-# numbers in one block of predictions
-_BLOCK = 20_000_000
 _MIN_EFFECTIVE = 100.0
 
 
@@ -155,8 +154,8 @@ class Posterior:
         Draws for which the simulation fails at a row count as impossible there.
         """
         width = self.coefficients.shape[1] + self.effect_coefficients.shape[1] + 2
-        block = max(1, _BLOCK // (self.n_draws * width))
-        pieces = [self._eta(X[k : k + block]) for k in range(0, len(X), block)]
+        cuts = blocks(len(X), self.n_draws * width, LARGE_BLOCK) or [slice(0, 0)]
+        pieces = [self._eta(X[rows]) for rows in cuts]
         eta, noise = (np.concatenate(piece, axis=1) for piece in zip(*pieces, strict=True))
         return _possible(eta, noise)
 

@@ -62,7 +62,7 @@ def test_take_keeps_draws_together(fitted):
 def test_prediction_in_blocks_is_the_same(fitted, measured, monkeypatch):
     X, _ = measured
     eta, noise = fitted.posterior_.eta(X)
-    monkeypatch.setattr("hybridsurrogate.posterior._BLOCK", 5000)
+    monkeypatch.setattr("hybridsurrogate.posterior.LARGE_BLOCK", 5000)
     again, noise_again = fitted.posterior_.eta(X)
     np.testing.assert_allclose(eta, again, rtol=1e-12)
     assert_same_numbers(noise, noise_again)
@@ -94,7 +94,7 @@ def test_prediction_by_factors_is_that_by_features(simulation, measured, monkeyp
 def test_memory_for_intervals_is_bounded(fitted, measured, monkeypatch):
     X, y = measured
     expected = fitted._inside(X, y, [0.5, 0.9])
-    monkeypatch.setattr("hybridsurrogate.prediction.mixture._BLOCK", 5 * fitted.n_draws)
+    monkeypatch.setattr("hybridsurrogate.prediction.mixture.LARGE_BLOCK", 5 * fitted.n_draws)
     lengths, eta = [], Posterior.eta
     monkeypatch.setattr(Posterior, "eta", lambda p, X: (lengths.append(len(X)), eta(p, X))[1])
     assert_same_numbers(fitted._inside(X, y, [0.5, 0.9]), expected)

@@ -200,7 +200,7 @@ def test_large_batches_are_cut_without_a_seam(drifting, monkeypatch):
     )
     u = np.random.default_rng(0).normal(-0.5, 0.5, (23, 2))
     whole = target.log_density(u), target.draw_coefficients(u, np.random.RandomState(0))[0]
-    monkeypatch.setattr("hybridsurrogate.inference.conjugate.collapsed._BLOCK", 250)
+    monkeypatch.setattr("hybridsurrogate.inference.conjugate.collapsed.LARGE_BLOCK", 250)
     cut = target.log_density(u), target.draw_coefficients(u, np.random.RandomState(0))[0]
     for one, other in zip(whole, cut, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-10)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybridsurrogate.blocks import LARGE_BLOCK
 from hybridsurrogate.ode.checks import WrongShapeError, checked_array
 from hybridsurrogate.ode.integration import (
     adaptive,
@@ -23,9 +24,6 @@ from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.modification import Active, Drive, Modification, drive_of, lags
 
 Columns = Mapping[str, FloatArray]
-
-# numbers in the states of one batch of solutions: what stays in a processor's cache
-_BLOCK = 4_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +124,7 @@ class OdeFunction:
             return out, error
         solutions = self._solutions(columns, first, member)
         ends = np.append(first, len(times))
-        pending = list(reversed(solutions.batches(_BLOCK)))
+        pending = list(reversed(solutions.batches(LARGE_BLOCK)))
         error = None
         while pending:
             low, high = pending.pop()

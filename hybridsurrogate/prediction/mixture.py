@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import special
 from sklearn.utils import check_scalar
 
-from hybridsurrogate.blocks import blocks
+from hybridsurrogate.blocks import LARGE_BLOCK, blocks
 from hybridsurrogate.exceptions import SamplingWarning
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray
@@ -21,9 +21,6 @@ from hybridsurrogate.priors import FloatArray
 Mixture = list[tuple[Any, Posterior]]
 MixtureAt = Callable[..., Mixture]
 Draw = Callable[[Posterior, FloatArray, np.random.RandomState], FloatArray]
-
-# numbers of all draws at some rows that are in memory at once
-_BLOCK = 10_000_000
 # of so many positive means none carries so large a share, unless their distribution has no mean
 _MANY, _MOST = 50, 0.2
 
@@ -31,7 +28,7 @@ _MANY, _MOST = 50, 0.2
 def row_blocks(mixture_at: MixtureAt, X: FloatArray) -> list[slice]:
     """Cut rows X (n, n_columns) into blocks, so that memory for all draws of them is bounded."""
     draws = sum(posterior.n_draws for _, posterior in mixture_at(X[:1]))
-    return blocks(len(X), draws, _BLOCK)
+    return blocks(len(X), draws, LARGE_BLOCK)
 
 
 def moments(mixture: Mixture, X: FloatArray, with_variance: bool) -> list[NDArray[Any]]:

@@ -29,8 +29,6 @@ _ROOT = np.sqrt(5.0)
 _DIGITS = 0.01
 # a smaller bend is as good as none
 _STRAIGHT = 1e-6
-# numbers that are worked on at a time
-_BLOCK = 32_000
 
 
 class Covariance(NamedTuple):
@@ -130,7 +128,7 @@ def _distances(points: Apart, others: Apart) -> Iterator[tuple[slice, FloatArray
     is asked for again and again.
     """
     right = np.ascontiguousarray(others.right.T)
-    pieces = blocks(len(points.left), right.shape[1], _BLOCK)
+    pieces = blocks(len(points.left), right.shape[1])
     most = pieces[0].stop if pieces else 0
     both = np.empty((2, most, right.shape[1]))
     for piece in pieces:

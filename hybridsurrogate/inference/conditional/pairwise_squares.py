@@ -11,13 +11,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.blocks import blocks
+from hybridsurrogate.blocks import BLOCK, blocks
 from hybridsurrogate.inference.conjugate.factored_rows import FactoredRows
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray, Prior
 
-# numbers in one block of matrices, and the fewest nodes
-_BLOCK, _NODES = 500_000, 50
+# the fewest nodes whose matrices are worked on together
+_NODES = 50
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def squares_of_pairs(features: FloatArray, residual: FloatArray, draws: SharedDr
     first, second = draws.pairs
     total = np.empty((J, len(c)))
     # the products are read once for each block: not for a handful of nodes
-    for block in blocks(J, p**2, max(_BLOCK, _NODES * p**2)):
+    for block in blocks(J, p**2, max(BLOCK, _NODES * p**2)):
         rest = residual[block] - features[block] @ centre[:, None]
         transposed = np.swapaxes(features[block], 1, 2)
         squares = (transposed @ features[block])[:, first, second]
@@ -138,7 +138,7 @@ def squares_of_pairs(features: FloatArray, residual: FloatArray, draws: SharedDr
 
 def _row_by_row(features: FloatArray, residual: FloatArray, c: FloatArray) -> FloatArray:
     total = np.empty((len(features), len(c)))
-    for block in blocks(len(features), features.shape[1] * len(c), _BLOCK):
+    for block in blocks(len(features), features.shape[1] * len(c), BLOCK):
         rest = residual[block] - features[block] @ c.T
         total[block] = np.einsum("jns,jns->js", rest, rest)
     return total
@@ -162,7 +162,7 @@ def squares_of_factors(
     first, second = draws.pairs
     products = draws.products * (of_inputs.T @ of_inputs)[first, second][:, None]
     total = np.empty((len(of_parameters), len(draws.c)))
-    for block in blocks(len(of_parameters), p**2, max(_BLOCK, _NODES * p**2)):
+    for block in blocks(len(of_parameters), p**2, max(BLOCK, _NODES * p**2)):
         part = of_parameters[block]
         rest = residual - (part * centre) @ of_inputs.T
         cross = part * (rest @ of_inputs)
@@ -185,7 +185,7 @@ def _squares_of_groups(
     beyond = residual - Q @ along
     members = [np.flatnonzero(group == k) for k in range(len(R.T))]
     total = np.empty((len(of_parameters), len(c)))
-    for block in blocks(len(of_parameters), len(members) * len(c), _BLOCK):
+    for block in blocks(len(of_parameters), len(members) * len(c), BLOCK):
         sums = np.stack([of_parameters[block][:, own] @ c[:, own].T for own in members])
         rest = along[:, None] - R @ sums.reshape(len(members), -1)
         total[block] = np.einsum("rm,rm->m", rest, rest).reshape(-1, len(c))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hybridsurrogate.blocks import blocks
+from hybridsurrogate.blocks import LARGE_BLOCK, blocks
 from hybridsurrogate.cholesky import log_det_of, nudged_cholesky
 from hybridsurrogate.inference.conditional.grid import GRID_NODES, grid_draws
 from hybridsurrogate.inference.conditional.local_proposals import OwnDraws, own_draws
@@ -39,8 +39,6 @@ from hybridsurrogate.priors import FloatArray, Prior
 
 _N_PROPOSALS = 3000
 _N_ROUNDS = 4
-# numbers in one block of proposals: the products of all pairs of coefficients are read for each
-_BLOCK = 2_000_000
 
 
 @dataclass(frozen=True)
@@ -168,7 +166,7 @@ def _log_density(problem: MeasuredGiven, u: FloatArray, draws: SharedDraws) -> F
     # rows whose features factorise are not formed for each proposal
     width = 1 + len(model.column_sd) + (len(draws.centre) if rows is None else 0)
     numbers = len(problem.y if rows is None else rows[1]) * width
-    pieces = blocks(len(u), numbers, _BLOCK)
+    pieces = blocks(len(u), numbers, LARGE_BLOCK)
     return np.concatenate([_log_density_of_some(problem, u[some], draws) for some in pieces])
 
 
@@ -225,7 +223,7 @@ def _draw_columns(
         return noise[..., 0]
     n = len(problem.y if rows is None else rows[1])
     pieces = []
-    for some in blocks(len(u), n * (q + (problem.c.shape[1] if rows is None else 1)), _BLOCK):
+    for some in blocks(len(u), n * (q + (problem.c.shape[1] if rows is None else 1)), LARGE_BLOCK):
         values, sigma = model.values(u[some, :-1]), np.exp(u[some, -1:])
         if rows is None:
             parts = model.parts(problem.X, values)

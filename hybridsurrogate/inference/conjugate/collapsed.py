@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from hybridsurrogate.blocks import BLOCK, LARGE_BLOCK
 from hybridsurrogate.inference.conjugate.factored_rows import FactoredRows
 from hybridsurrogate.inference.conjugate.gram import posterior_factor, whitened
 from hybridsurrogate.inference.conjugate.spectral import FixedRows, few_rows, fixed_rows
@@ -28,10 +29,6 @@ _NO_NOISE = 1e-20
 # with runs, measured rows are few where there are this many coefficients for each: then their
 # covariance is cheaper than that of the coefficients
 _MANY_FOR_EACH = 1.5
-
-# numbers in one block of matrices, and of measured rows, on which many small steps work: larger
-# batches are cut so that memory stays bounded, and rows in the processor's cache
-_BLOCK, _ROWS_BLOCK = 8_000_000, 250_000
 
 
 @dataclass(frozen=True)
@@ -226,11 +223,11 @@ class CollapsedPosterior:
     def _blocks(self, u: FloatArray) -> list[FloatArray]:
         """Cut a batch so that the matrices of one piece fit into memory."""
         size, n = len(self._prior[0]) + 1, len(self.y) if self.measured_power else 0
-        length = _BLOCK // (size * n if self._few else size**2)
+        length = LARGE_BLOCK // (size * n if self._few else size**2)
         if n:
             # rows of products are not formed for each draw
             formed = size if self._few else size - int(np.count_nonzero(self._products))
-            length = min(length, _ROWS_BLOCK // max(formed * n, 1))
+            length = min(length, BLOCK // max(formed * n, 1))
         length = max(1, length)
         return [u[k : k + length] for k in range(0, max(len(u), 1), length)]
 

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hybridsurrogate.blocks import BLOCK
 from hybridsurrogate.cholesky import log_det_of, nudged_cholesky
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
@@ -36,8 +37,6 @@ _SETTLED = 0.01
 _FOLLOWED = 16
 # a prior scale that is as good as zero, whose square is a number still
 _NO_SIZE = 1e-100
-# numbers in one block of sizes, responses, nodes and directions
-_BLOCK = 1_000_000
 
 # whitened values, their rows along an axis
 Whiten = Callable[[FloatArray, int], FloatArray]
@@ -120,7 +119,7 @@ def _scan(
     # one size for all directions of a cause; caps bind only parameters, which come alone
     scales = np.maximum(np.minimum(sizes[:, None], parts.cap.min(axis=1)), _NO_SIZE)
     terms = []
-    for scale in np.array_split(scales, -(-scales.size * along_h.size // (_BLOCK * T))):
+    for scale in np.array_split(scales, -(-scales.size * along_h.size // (BLOCK * T))):
         ridge = ((sigma / scale) ** 2)[:, None, :, None]
         reduced = squares - np.sum(along_h**2 / (eigenvalue + ridge), axis=3)
         log_det_h = 0.5 * np.sum(np.log1p(eigenvalue / ridge), axis=3)

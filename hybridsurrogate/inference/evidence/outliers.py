@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hybridsurrogate.blocks import blocks
 from hybridsurrogate.inference.evidence.grid import Layout
 from hybridsurrogate.inference.evidence.linearised import Linearised
 from hybridsurrogate.inference.evidence.outlier_density import Shape, shape_of
@@ -33,8 +34,6 @@ _MOST_LEFT = 1.0
 _LEAST_BEND, _FARTHEST_MOVE = 0.3, 0.5
 # emulator error below this share of sigma is left out
 _NEGLIGIBLE = 0.1
-# numbers in one block of responses, few enough to stay in a processor's cache
-_BLOCK = 100_000
 # a robust guess of sigma from the median residual
 _TO_SIGMA = 1.4826
 
@@ -201,17 +200,14 @@ def heavy_scan(
     U = emulator_directions(parts.U, sigma)
     residual = responses[:, None, :] - parts.mean
     shape = shape_of(parts.outliers, responses.size)
-    step = max(1, _BLOCK // (T * n))
+    cuts = blocks(len(residual), T * n)
     terms = []
     for size in sizes if q else sizes[:1]:
         H = parts.H * np.minimum(size, parts.cap)[:, None, :]
         M = max(len(parts.G), T if q else 1)
         pieces = (np.broadcast_to(a, (M, n, a.shape[-1])) for a in (parts.G, H[:M], U))
         design = np.concatenate(list(pieces), axis=2)
-        pieces = (
-            log_evidence(residual[r : r + step], design, noise, shape, log_prior)
-            for r in range(0, len(residual), step)
-        )
+        pieces = (log_evidence(residual[some], design, noise, shape, log_prior) for some in cuts)
         terms.append(np.concatenate(list(pieces)))
     out = np.logaddexp.reduce(terms, axis=0) - np.log(len(terms)) + parts.log_weight
     return np.where(np.isnan(out), -np.inf, out)

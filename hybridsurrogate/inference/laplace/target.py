@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from hybridsurrogate.blocks import LARGE_BLOCK, blocks
 from hybridsurrogate.inference.conjugate.sufficient_statistics import ROUNDING
 from hybridsurrogate.inference.laplace.inner_mode import GaussianFit, gaussian_fit
 from hybridsurrogate.inference.laplace.linear_predictor import Design, Part, Rows, Runs
@@ -26,8 +27,6 @@ _LOG_2PI = float(np.log(2 * np.pi))
 _WIDTH_ROUNDS = 3
 # a direction of v that moves eta by less than this share of the first one is left to its prior
 _NEGLIGIBLE = 1e-6
-# numbers in one block of features; larger batches are cut so that memory stays bounded
-_BLOCK = 4_000_000
 
 
 @dataclass(frozen=True)
@@ -155,8 +154,8 @@ class LaplacePosterior:
     def _blocks(self, u: FloatArray) -> list[FloatArray]:
         n = len(self.y) + (len(self.runs.y) if self.runs else 0)
         width = self.n_coefficients + 2
-        length = max(1, _BLOCK // (n * width + width**2))
-        return [u[k : k + length] for k in range(0, max(len(u), 1), length)]
+        cuts = blocks(max(len(u), 1), n * width + width**2, LARGE_BLOCK)
+        return [u[some] for some in cuts]
 
     # ------------------------------------------------------------------ the approximation
 

@@ -17,7 +17,7 @@ from hybridsurrogate.inference.sampling.proposals import student_draws
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.arrays import check_number
 
-_BLOCK = 200
+_STEPS_A_ROUND = 200
 _EQUILIBRIUM_WALKERS, _EQUILIBRIUM_STEPS = 400, 50
 # differential evolution (Ter Braak 2006, Statistics and Computing 16:239) beside the stretch move,
 # and now and then jumps of full length between modes
@@ -168,13 +168,13 @@ class EnsembleSampler(BaseEstimator):
             state = sampler.backend.get_last_sample()
         tau, converged = np.inf, False
         while True:
-            if sampler.iteration and sampler.iteration % _BLOCK == 0:
+            if sampler.iteration and sampler.iteration % _STEPS_A_ROUND == 0:
                 tau = _autocorrelation_time(sampler)
                 converged = sampler.iteration > self.tol * tau
             if converged or sampler.iteration >= self.max_steps:
                 break
             # always to the next multiple: a resumed run decides where an unbroken one would
-            steps = _BLOCK - sampler.iteration % _BLOCK
+            steps = _STEPS_A_ROUND - sampler.iteration % _STEPS_A_ROUND
             steps = min(steps, self.max_steps - sampler.iteration)
             # the walkers are draws of a Gaussian: a ridge of any narrowness is no fault of theirs
             state = sampler.run_mcmc(
