@@ -13,10 +13,8 @@ from hybridsurrogate.diagnosis.search.verdict import leader
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.nothing import Nothing
 from hybridsurrogate.inference.evidence.grid import layout
+from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.problem.problem import Problem
-
-# rounds in which each cause may give way to a better one
-_ROUNDS = 2
 
 
 def beside_others(steps: Sequence[Step], problem: Problem, causes: Sequence[Cause]) -> list[Step]:
@@ -41,7 +39,7 @@ def beside_others(steps: Sequence[Step], problem: Problem, causes: Sequence[Caus
         return out
     joint = out[named[-1]]
     stale = set(named[:-1])
-    for k in named * _ROUNDS:
+    for k in named * SETTINGS.backfitting_rounds:
         if k not in stale:
             continue
         found = _without(out[k].chosen, joint, problem, causes)

@@ -18,12 +18,10 @@ from hybridsurrogate.effects.nothing import Nothing
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.conjugate.noise_marginal import LogMarginal
 from hybridsurrogate.inference.evidence.grid import at_cells, layout
+from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray, to_normal
 from hybridsurrogate.problem.problem import Problem
-
-# cells to either side of the best node that belong to the same peak
-_NEIGHBOURS = 6
 
 
 def nothing_further(
@@ -83,7 +81,7 @@ def _mean_node(
     sizes = np.array([largest_size(problem)])
     log_evidence = node_evidence(problem, emulator, noise, accepted, sizes)
     best = int(np.argmax(log_evidence))
-    reach = _NEIGHBOURS * np.diff(plan.edges[best], axis=1)[:, 0]
+    reach = SETTINGS.same_mode * np.diff(plan.edges[best], axis=1)[:, 0]
     near = np.all(np.abs(plan.grid - plan.grid[best]) <= reach, axis=1)
     weight = np.exp(log_evidence - log_evidence[best]) * near
     return weight @ plan.grid / weight.sum()

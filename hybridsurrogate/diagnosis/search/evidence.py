@@ -31,14 +31,10 @@ from hybridsurrogate.inference.evidence.grid import Layout, layout
 from hybridsurrogate.inference.evidence.linearised import linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import Peak, scan
 from hybridsurrogate.inference.evidence.outliers import settled
+from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.problem import Problem
-
-# prior odds: half on "none", a small share for "unexplained", the rest shared by kinds
-_PRIOR_NONE, _PRIOR_UNEXPLAINED = 0.5, 0.02
-# prior probability that a named cause leaves a smooth remainder
-_PRIOR_REMAINDER = 0.1
 
 
 class Weighed(NamedTuple):
@@ -256,7 +252,7 @@ def prior_odds(causes: Sequence[Cause | None]) -> FloatArray:
     ]
     of_kind = Counter(kind for kind, _ in set(forms))
     of_form = Counter(forms)
-    fixed = {"none": _PRIOR_NONE, "unexplained": _PRIOR_UNEXPLAINED}
+    fixed = {"none": SETTINGS.prior_none, "unexplained": SETTINGS.prior_unexplained}
     share = (1 - sum(fixed.values())) / max(len(of_kind.keys() - fixed.keys()), 1)
     return np.array(
         [
@@ -273,8 +269,8 @@ def probabilities(weighed: Sequence[Weighed]) -> tuple[FloatArray, FloatArray]:
     # "none" with a remainder is "unexplained", which is weighed on its own
     splits = np.isfinite(beside) & np.array([w.cause is not None for w in weighed])
     with np.errstate(divide="ignore"):
-        plain = alone + np.where(splits, np.log1p(-_PRIOR_REMAINDER), 0.0)
-        extra = np.where(splits, beside + np.log(_PRIOR_REMAINDER), -np.inf)
+        plain = alone + np.where(splits, np.log1p(-SETTINGS.prior_remainder), 0.0)
+        extra = np.where(splits, beside + np.log(SETTINGS.prior_remainder), -np.inf)
     log_total = np.logaddexp(plain, extra) + np.log(prior_odds([w.cause for w in weighed]))
     remainder = np.exp(extra - np.logaddexp(plain, extra))
     return np.exp(log_total - special.logsumexp(log_total)), remainder

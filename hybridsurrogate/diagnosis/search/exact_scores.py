@@ -26,6 +26,7 @@ from hybridsurrogate.effects.sized import Sized
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.evidence.linearised import linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
+from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.inference.model.working_point import WorkingPoint
 from hybridsurrogate.inference.posterior_sampler import evidence_around
@@ -33,8 +34,6 @@ from hybridsurrogate.inference.procedure import make_target
 from hybridsurrogate.priors import FloatArray, to_normal
 from hybridsurrogate.problem.problem import Problem
 
-# nats behind the best, prior odds included, that the screening may be off by, and causes at most
-_WITHIN_REACH, _MOST = 8.0, 12
 # places of one cause from which its modes are sought, and shares of the size's prior
 _PLACES, _SHARES = 4, (-0.5, 0.5, 1.3)
 
@@ -71,8 +70,8 @@ def scored(found: Search) -> Search:
         return found
     screened = np.array([w.log_evidence for w in found.weighed])
     weight = screened + np.log(prior_odds([w.cause for w in found.weighed]))
-    order = np.argsort(-weight)[:_MOST]
-    leading = {0, *(int(k) for k in order if weight[k] > weight[order[0]] - _WITHIN_REACH)}
+    order = np.argsort(-weight)[: SETTINGS.most_scored]
+    leading = {0, *(int(k) for k in order if weight[k] > weight[order[0]] - SETTINGS.within_reach)}
     exact = {k: _log_evidence(found, found.weighed[k]) for k in sorted(leading)}
     exact = {k: value for k, value in exact.items() if np.isfinite(value)}
     if 0 not in exact:

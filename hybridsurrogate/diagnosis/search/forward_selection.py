@@ -22,14 +22,8 @@ from hybridsurrogate.diagnosis.search.null_test import NullTest, evidence_bound,
 from hybridsurrogate.diagnosis.search.verdict import leader
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
+from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.problem.problem import Problem
-
-# first causes whose best companions are looked for
-_LOOKED_AHEAD = 4
-# a cause of this probability that leaves nothing is not compared with others again
-_BEYOND_DOUBT = 0.9
-# a pair this far (in nats) behind the best one is not placed together
-_HOPELESS = 12.0
 
 
 @dataclass(frozen=True)
@@ -181,10 +175,10 @@ def _look_ahead(
     at = next(k for k in order if found.weighed[k] is leading)
     named = [k for k in order if not ends_search(found.weighed[k])]
     position = {id(found.weighed[k].cause): k for k in named}
-    waiting = named[:_LOOKED_AHEAD]
+    waiting = named[: SETTINGS.looked_ahead]
     if (
         not ends_search(leading)
-        and found.probability[at] > _BEYOND_DOUBT
+        and found.probability[at] > SETTINGS.beyond_doubt
         and found.remainder[at] < 0.5
     ):
         waiting = [at]
@@ -197,7 +191,8 @@ def _look_ahead(
         alone = log_prior[k] + first.log_evidence
         # where nothing is left to explain, there is nothing to place beside the first
         left = in_doubt or second.probability[0] < 0.5
-        if left and alone + _companions(second) > max(values.values(), default=-np.inf) - _HOPELESS:
+        within = max(values.values(), default=-np.inf) - SETTINGS.pair_hopeless
+        if left and alone + _companions(second) > within:
             second = placed_together(found, first, second)
         made[k], values[k] = second, alone + _companions(second)
         if not waiting:

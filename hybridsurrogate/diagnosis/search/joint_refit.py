@@ -16,14 +16,9 @@ from hybridsurrogate.diagnosis.search.evidence import Search, Weighed, probabili
 from hybridsurrogate.diagnosis.search.local_fit import Fitted, node_evidence
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.evidence.levenberg_marquardt import is_followed
+from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.problem import Problem
-
-# companions that are placed together with a first cause: what is this many nats behind the best
-# of them beside the first as it stands, or comes after so many, is left as it is
-_BEHIND, _MOST = 8.0, 6
-# turns in which each of two causes is placed once, and the gain that is worth another turn
-_TURNS, _WORTH = 3, 0.3
 
 
 def placed_together(found: Search, first: Weighed, beside: Search) -> Search:
@@ -39,12 +34,12 @@ def placed_together(found: Search, first: Weighed, beside: Search) -> Search:
     """
     evidence = np.array([w.log_evidence for w in beside.weighed])
     able = [k for k, w in enumerate(beside.weighed) if w.cause and movable(w.cause)]
-    able = sorted(able, key=lambda k: -evidence[k])[:_MOST]
+    able = sorted(able, key=lambda k: -evidence[k])[: SETTINGS.most_companions]
     if first.cause is None or not movable(first.cause) or not able:
         return beside
     weighed = list(beside.weighed)
     for k in able:
-        if evidence[k] > evidence[able[0]] - _BEHIND:
+        if evidence[k] > evidence[able[0]] - SETTINGS.companion_behind:
             weighed[k] = _together(found, first, beside, weighed[k])
     probability, remainder = probabilities(weighed)
     return replace(beside, weighed=weighed, probability=probability, remainder=remainder)
@@ -71,7 +66,7 @@ def _together(found: Search, first: Weighed, beside: Search, second: Weighed) ->
     assert second.cause is not None
     best = second._replace(log_evidence=-np.inf)
     fit, reached = Fitted(*second[1:5]), second.log_evidence
-    for _ in range(_TURNS):
+    for _ in range(SETTINGS.turns):
         turned = _turned(found, fit, first.plan.edges)
         back = _turned(found, turned, second.plan.edges)
         if not np.isfinite(turned.peak.objective + back.peak.objective):
@@ -82,7 +77,7 @@ def _together(found: Search, first: Weighed, beside: Search, second: Weighed) ->
         pair = _log_evidence(both, found, turned) + alone - _log_evidence(both, beside, neither)
         if (value := base + pair - first.log_evidence) > best.log_evidence:
             best = Weighed(second.cause, *back, value, -np.inf)
-        if alone < reached + _WORTH:
+        if alone < reached + SETTINGS.worth_a_turn:
             break
         fit, reached = back, alone
     return best if np.isfinite(best.log_evidence) else second

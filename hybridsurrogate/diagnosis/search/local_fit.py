@@ -12,21 +12,11 @@ from hybridsurrogate.inference.conjugate.noise_marginal import LogMarginal
 from hybridsurrogate.inference.evidence.grid import Layout, best_levels, layout, refine
 from hybridsurrogate.inference.evidence.linearised import Columns, columns_at_nodes, linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import Peak, climb, scan
+from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.problem import Problem
 
-# effects between a fraction of the noise and a few times the spread of the output
-_SMALLEST_SIZE, _LARGEST_SIZE = 0.3, 3.0
-# prior scales of the effects' sizes
-_N_SIZES = 10
-# measurements that are precise to a millionth of the output know a wave as many times better than
-# its first grid
-_MAX_REFINEMENTS = 12
-# refinements that find nothing new before a grid is fine enough, and nats that are not new
-_MOST_FRUITLESS, _ALIKE = 4, 1e-3
-# noise that a further climb lowers by less than this share has settled
-_SETTLED_NOISE = 0.1
 # noise below this share of the output's scale is rounding
 FLOOR = 1e-6
 
@@ -56,13 +46,13 @@ class Fitted(NamedTuple):
 
 def largest_size(problem: Problem) -> float:
     """Return the largest prior scale of an effect's size, in units of y."""
-    return max(_LARGEST_SIZE * problem.scale, problem.reach)
+    return max(SETTINGS.largest_size * problem.scale, problem.reach)
 
 
 def effect_sizes(problem: Problem, fits: Sequence[Fitted]) -> FloatArray:
     """Return the prior scales of effects' sizes, in units of y, equally probable."""
-    smallest = _SMALLEST_SIZE * problem.unit_noise * min(fit.sigma for fit in fits)
-    return np.geomspace(smallest, max(largest_size(problem), 2 * smallest), _N_SIZES)
+    smallest = SETTINGS.smallest_size * problem.unit_noise * min(fit.sigma for fit in fits)
+    return np.geomspace(smallest, max(largest_size(problem), 2 * smallest), SETTINGS.n_sizes)
 
 
 def best_null(problem: Problem, emulator: EmulatorPosterior, noise: LogMarginal) -> Fitted:
@@ -136,18 +126,20 @@ def settled(
     columns = columns_at_nodes(model, problem.X, plan, peak.z)
     levels: FloatArray = np.empty(0)
     fruitless = 0
-    for round_ in range(_MAX_REFINEMENTS):
+    for round_ in range(SETTINGS.max_refinements):
         before, sigma = sigma, sigma_of(problem, peak, sigma)
-        steady = round_ > 0 and sigma > (1 - _SETTLED_NOISE) * before
+        steady = round_ > 0 and sigma > (1 - SETTINGS.settled_noise) * before
         finer = plan
         if len(plan.nodes):
             here = Fitted(model, plan, peak, sigma)
             nodes = node_evidence(problem, emulator, noise, here, np.array([largest]), columns)
             found = best_levels(plan, nodes)
             # a jump has one level between two rows, however fine the grid
-            alike = len(found) == len(levels) and abs(found[-1] - levels[-1]) < _ALIKE
-            levels, fruitless = found, fruitless + 1 if alike else 0
-            finer = refine(model, plan, nodes) if fruitless < _MOST_FRUITLESS else plan
+            same = len(found) == len(levels)
+            same = same and abs(found[-1] - levels[-1]) < SETTINGS.same_evidence
+            levels, fruitless = found, fruitless + 1 if same else 0
+            enough = fruitless >= SETTINGS.fruitless_refinements
+            finer = plan if enough else refine(model, plan, nodes)
         unchanged = finer is plan
         plan = finer
         if unchanged and steady:

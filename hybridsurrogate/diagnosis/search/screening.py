@@ -26,6 +26,7 @@ from hybridsurrogate.inference.evidence.levenberg_marquardt import (
     is_followed,
 )
 from hybridsurrogate.inference.evidence.marginal_likelihood import Peak, climb
+from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.problem import Problem
@@ -36,20 +37,6 @@ class Margins(NamedTuple):
 
     behind: float
     hopeless: float
-
-
-# a first climb may have found a lower hill on too coarse a grid; where climbs in other rows ended
-# is nearly it, and what had a chance there has a finer grid already
-_MARGINS, _MARGINS_NEARBY = Margins(12.0, np.inf), Margins(4.0, 30.0)
-# a fit this many times closer than without the cause is as good as exact
-_NEGLIGIBLE = 1e-3
-# what is wrong may drive the parameters this far (in prior sds) from where they belong, that a
-# climb from there does not find back
-_DRIVEN_AWAY = 2.0
-# nodes of a coarse grid between which a cause that looks far behind may fit much better
-_LOOKED_BETWEEN, _LOOKS = 8, 5
-# a fit with less than this share of the noise that it was made with is made again
-_MUCH_CLOSER = 0.5
 
 
 def best_peaks(
@@ -86,7 +73,11 @@ def best_peaks(
                 fits.append(_once(problem, emulator, model, plan, null))
             else:
                 fits.append(_unmoved(problem, model, plan, nearby[k], null))
-        margins = _MARGINS if nearby is None else _MARGINS_NEARBY
+        # a first fit may have found a lower mode on too coarse a grid; where those in other rows
+        # ended is nearly it, and what had a chance there has a finer grid already
+        margins = Margins(SETTINGS.behind, np.inf)
+        if nearby is not None:
+            margins = Margins(SETTINGS.behind_nearby, SETTINGS.hopeless_nearby)
         behind = _far_behind(problem, emulator, noise, [null, *fits], log_prior, margins)
         for k in map(int, np.flatnonzero(np.isnan(behind))):
             model, plan, peak, sigma = fits[k]
@@ -107,7 +98,7 @@ def _followed(
     null: Fitted,
 ) -> Fitted:
     """Fit a cause whose unknowns are all followed, from many starts."""
-    plain, floor = plan.followed(), _NEGLIGIBLE * null.sigma
+    plain, floor = plan.followed(), SETTINGS.exact_fit * null.sigma
     z, sigma = best_of_many(model, problem.X, problem.y, emulator, plan, null.peak.z, floor)
     peak = highest(problem, emulator, model, plain, [z], sigma)
     return settled(problem, emulator, noise, Fitted(model, plain, peak, sigma))
@@ -145,12 +136,12 @@ def _once(
         return Fitted(model, plan, peak, sigma)
     peak = highest(problem, emulator, model, plan, starts, sigma)
     args = model, problem.X, problem.y, emulator, plan
-    afar = best_from_afar(*args, null.peak.z, peak.z, _NEGLIGIBLE * null.sigma)
+    afar = best_from_afar(*args, null.peak.z, peak.z, SETTINGS.exact_fit * null.sigma)
     if afar is not None:
         peak = highest(problem, emulator, model, plan, [afar], sigma)
-    for _ in range(_LOOKS):
+    for _ in range(SETTINGS.looks):
         before, sigma = sigma, sigma_of(problem, peak, sigma)
-        if not sigma < _MUCH_CLOSER * before:
+        if not sigma < SETTINGS.much_closer * before:
             break
         # held to the priors by the noise of a poor fit, a climb ends short of a good one
         peak = highest(problem, emulator, model, plan, [peak.z], sigma)
@@ -199,8 +190,8 @@ def _between_nodes(
     """Return how many nats more a finer grid around the best nodes reaches, without a climb."""
     density = nodes - fit.plan.log_weight
     coarse = float(density.max())
-    for _ in range(_LOOKS):
-        index = np.argsort(-density)[:_LOOKED_BETWEEN]
+    for _ in range(SETTINGS.looks):
+        index = np.argsort(-density)[: SETTINGS.looked_between]
         best = fit.plan.at(index)
         finer = refine(fit.model, best, density[index] + best.log_weight)
         if finer is best:
@@ -219,7 +210,7 @@ def _starts(model: MeasuredModel, plan: Layout, null: Fitted) -> list[FloatArray
     """Return starting points: the fit without the cause and, far from it, the prior's centre."""
     start = plan.neutral.copy()
     start[: len(null.peak.z)] = null.peak.z
-    if np.linalg.norm(null.peak.z[: model.n_parameters]) <= _DRIVEN_AWAY:
+    if np.linalg.norm(null.peak.z[: model.n_parameters]) <= SETTINGS.driven_away:
         return [start]
     # the simulation's parameters start anew, accepted causes stay where they are
     anew = start.copy()

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from hybridsurrogate.diagnosis.search.evidence import Search, Weighed, kind_of
+from hybridsurrogate.inference.evidence.settings import SETTINGS
 
-_SET_MASS = 0.9
-# one cause is "named" when it is three times as probable as all its rivals together
-_NAMED = 0.75
 _VERDICTS = {"none": "adequate", "unexplained": "unexplained"}
 
 
@@ -32,7 +30,7 @@ def verdict_on(chosen: Weighed, found: Search) -> str:
     kind = kind_of(chosen)
     if kind in _VERDICTS:
         return _VERDICTS[kind]
-    return "named" if kind_shares(found)[kind] >= _NAMED else "ambiguous"
+    return "named" if kind_shares(found)[kind] >= SETTINGS.named else "ambiguous"
 
 
 def credible_kinds(found: Search) -> list[str]:
@@ -41,6 +39,6 @@ def credible_kinds(found: Search) -> list[str]:
     for kind, share in sorted(kind_shares(found).items(), key=lambda item: -item[1]):
         kinds.append(kind)
         mass += share
-        if mass >= _SET_MASS:
+        if mass >= SETTINGS.set_mass:
             break
     return kinds

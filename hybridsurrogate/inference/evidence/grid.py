@@ -7,14 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray, Prior, prior_range, to_normal
 
-# a grid is fine enough when this many nodes an axis lie within two nats of the best
-_ENOUGH_NODES = 4
-# nats behind the best: of many rows most cells are, and a better fit leaves them farther behind
-_HOPELESS = 100.0
-_MOST_SPLIT = 40
 # a constant may have been assumed at the very end of its prior, where z knows no slope: its search
 # begins where the prior has mass. Sizes are counted from there and reach one prior sd, so that from
 # any farther what lies beyond the prior's middle would be held against the constant.
@@ -158,16 +154,16 @@ def refine(model: MeasuredModel, plan: Layout, log_evidence: FloatArray) -> Layo
     if plan.exact or not len(plan.nodes):
         return plan
     density = log_evidence - plan.log_weight
-    if len(best_levels(plan, log_evidence)) >= _ENOUGH_NODES ** len(plan.nodes):
+    if len(best_levels(plan, log_evidence)) >= SETTINGS.nodes_enough ** len(plan.nodes):
         return plan
     split = density > density.max() - 30.0
-    split &= np.argsort(np.argsort(-density)) < _MOST_SPLIT
+    split &= np.argsort(np.argsort(-density)) < SETTINGS.most_split
     pieces = plan.edges[split]
     for k in range(len(plan.nodes)):
         borders = np.linspace(pieces[:, k, 0], pieces[:, k, 1], 4, axis=1)
         pieces = np.repeat(pieces, 3, axis=0)
         pieces[:, k, 0], pieces[:, k, 1] = borders[:, :-1].ravel(), borders[:, 1:].ravel()
-    kept = ~split & (density > density.max() - _HOPELESS)
+    kept = ~split & (density > density.max() - SETTINGS.cell_hopeless)
     return at_cells(model, plan, np.concatenate([plan.edges[kept], pieces]))
 
 

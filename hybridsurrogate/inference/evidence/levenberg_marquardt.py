@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.evidence.grid import Layout
+from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray, to_normal
 
@@ -24,11 +25,10 @@ _BOUND = 6.0
 _MAX_STEPS = 25
 # the longest step, in standard deviations of the priors
 _LONGEST = 1.5
-# the best one has arrived when it gains no more, or when no step is short enough to gain
-_SETTLED, _STUCK = 1e-2, 1e6
+# no step is short enough to gain
+_STUCK = 1e6
 # steps between two halvings
 _ROUND = 2
-_NODES = 16
 # sizes start where they change something, to either side
 _MOVE = 1.0
 # places seen from afar: along a size, how far these reach in standard deviations of the prior, and
@@ -164,9 +164,8 @@ def _at_nodes(model: MeasuredModel, plan: Layout, index: NDArray[np.intp]) -> Fl
 def _starts(model: MeasuredModel, plan: Layout, centre: FloatArray) -> FloatArray:
     """Return starts (S, n_unknowns): nodes spread over the grid, sizes moved to either side."""
     T, k = len(plan.grid), len(plan.sizes)
-    chosen = np.unique(
-        np.linspace(0, T - 1, min(T, _NODES * 2 ** max(k - 1, 0))).round().astype(int)
-    )
+    most = min(T, SETTINGS.nodes_followed * 2 ** max(k - 1, 0))
+    chosen = np.unique(np.linspace(0, T - 1, most).round().astype(int))
     # of a cause without sizes one row without columns
     moves = np.array(list(product([-_MOVE, _MOVE], repeat=k)))
     base = plan.neutral.copy()
@@ -247,7 +246,7 @@ def _descend(residual: _Residual, z: FloatArray, place: NDArray[np.intp]) -> Flo
         trial_badness = residual.deviance(trial_rest, trial)
         better = trial_badness < deviance
         best = int(np.argmin(np.minimum(deviance, trial_badness)))
-        settled = better[best] and deviance[best] - trial_badness[best] < _SETTLED
+        settled = better[best] and deviance[best] - trial_badness[best] < SETTINGS.gain_settled
         z[better], rest[better], slopes[better] = (
             trial[better],
             trial_rest[better],

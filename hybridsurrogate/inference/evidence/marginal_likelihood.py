@@ -27,14 +27,10 @@ from hybridsurrogate.inference.evidence.linearised import (
     linearise,
 )
 from hybridsurrogate.inference.evidence.outliers import heavy_fit, heavy_scan
+from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray
 
-_MAX_CLIMB = 12
-# a climb ends when a step gains less, in units of the log density times two
-_SETTLED = 0.01
-# nodes that are followed where each needs runs of the simulation
-_FOLLOWED = 16
 # a prior scale that is as good as zero, whose square is a number still
 _NO_SIZE = 1e-100
 
@@ -202,12 +198,12 @@ def climb(
         columns = columns_at_nodes(model, X, plan, point)
     followed = np.arange(len(plan.grid))
     costly = bool(len(plan.nodes)) and model.effects[-1].touches_simulation
-    for _ in range(_MAX_CLIMB):
+    for _ in range(SETTINGS.max_steps):
         parts = linearise(model, X, emulator, plan, proposal, columns)
         here, move, deviance = _solve(parts, y, plan, proposal, sigma, size)
         here = here._replace(node=int(followed[here.node]))
-        if costly and len(followed) > _FOLLOWED and np.isfinite(here.objective):
-            index = np.argsort(deviance)[:_FOLLOWED]
+        if costly and len(followed) > SETTINGS.nodes_followed and np.isfinite(here.objective):
+            index = np.argsort(deviance)[: SETTINGS.nodes_followed]
             followed, plan, columns = followed[index], plan.at(index), columns.at(index)
         if not np.isfinite(here.objective):
             if best is None:
@@ -216,7 +212,7 @@ def climb(
         elif best is None or here.objective < best.objective - 1e-4:
             gain = np.inf if best is None else best.objective - here.objective
             best, point, target, step = here, proposal, move, 1.0
-            if gain < _SETTLED:
+            if gain < SETTINGS.gain_settled:
                 break
         else:
             step *= 0.3

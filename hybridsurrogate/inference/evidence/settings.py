@@ -1,0 +1,107 @@
+"""What a search over causes is tuned by: one place, each number with what rests on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """Numbers of the search; evidences and margins in nats, places in standard normal units.
+
+    Attributes
+    ----------
+    prior_none, prior_unexplained : float
+        Prior probabilities; the rest is shared by kinds.
+    prior_remainder : float
+        Prior probability that a named cause leaves a smooth remainder.
+    smallest_size, largest_size, n_sizes : float, float, int
+        Prior scales of effects' sizes, log-spaced: from a share of the noise to a few times the
+        spread of the output.
+    behind, behind_nearby, hopeless_nearby : float
+        A cause so far behind the best one, prior odds included, is not refined: after a first
+        optimisation, or from where that in other rows ended; and where nothing is looked at again.
+    exact_fit : float
+        A fit this many times closer than without the cause is as good as exact.
+    driven_away : float
+        What is wrong may drive parameters so far (in prior standard deviations) from where they
+        belong that an optimisation from there does not find back.
+    looked_between, looks : int
+        Nodes of a coarse grid between which a cause may fit much better, and rounds of looking:
+        needed for noise below a hundredth of the output (tests of precise data).
+    much_closer : float
+        A fit with less than this share of the noise that it was made with is made again: 0.7 nats
+        at effects of eight times the noise.
+    settled_noise : float
+        Noise that a further optimisation lowers by less than this share has settled.
+    max_refinements, fruitless_refinements, same_evidence : int, int, float
+        Refinements of a grid at most, and how many in a row may gain no more than the last number:
+        a wave in measurements that are precise to a millionth needs all of them.
+    nodes_enough, cell_hopeless, most_split : int, float, int
+        A grid is fine enough with so many nodes an axis within two nats of the best; cells so far
+        behind are never split; cells split at a time.
+    max_steps, gain_settled : int, float
+        Gauss-Newton steps, and the gain (minus twice the log density) below which they end.
+    nodes_followed : int
+        Nodes that are followed where each needs runs of the simulation.
+    within_reach, most_scored : float, int
+        What the screening may be off by where causes are scored by importance sampling, and causes
+        scored at most.
+    looked_ahead : int
+        First causes whose best companions are looked for.
+    beyond_doubt : float
+        A cause of this probability that leaves nothing is not compared with others again.
+    pair_hopeless, companion_behind, most_companions : float, float, int
+        What is further behind the best pair, or the best companion, is not placed jointly; and
+        companions that are. Joint refits name 8 % more of pairs (24 pairs of size 2, 80 rows).
+    turns, worth_a_turn : int, float
+        Turns in which each of two causes is placed once, and the gain that is worth another.
+    backfitting_rounds : int
+        Rounds in which each of several causes may give way to a better one.
+    same_mode : int
+        Cells to either side of the best node that belong to the same mode.
+    set_mass, named : float
+        Probability of the set of kinds that is told, and from which one cause is named: three times
+        as probable as all its rivals together.
+    """
+
+    prior_none: float = 0.5
+    prior_unexplained: float = 0.02
+    prior_remainder: float = 0.1
+    smallest_size: float = 0.3
+    largest_size: float = 3.0
+    n_sizes: int = 10
+    behind: float = 12.0
+    behind_nearby: float = 4.0
+    hopeless_nearby: float = 30.0
+    exact_fit: float = 1e-3
+    driven_away: float = 2.0
+    looked_between: int = 8
+    looks: int = 5
+    much_closer: float = 0.5
+    settled_noise: float = 0.1
+    max_refinements: int = 12
+    fruitless_refinements: int = 4
+    same_evidence: float = 1e-3
+    nodes_enough: int = 4
+    cell_hopeless: float = 100.0
+    most_split: int = 40
+    max_steps: int = 12
+    gain_settled: float = 0.01
+    nodes_followed: int = 16
+    within_reach: float = 8.0
+    most_scored: int = 12
+    looked_ahead: int = 4
+    beyond_doubt: float = 0.9
+    pair_hopeless: float = 12.0
+    companion_behind: float = 8.0
+    most_companions: int = 6
+    turns: int = 3
+    worth_a_turn: float = 0.3
+    backfitting_rounds: int = 2
+    same_mode: int = 6
+    set_mass: float = 0.9
+    named: float = 0.75
+
+
+SETTINGS = SearchSettings()
