@@ -26,7 +26,7 @@ from hybridsurrogate.diagnosis.search.verdict import leader
 from hybridsurrogate.whole_file import written_whole
 
 FAST = ("nile", "school-influenza")
-# a curve that is no farther from another one is the same: the rule of tests/hidden_effects
+# a curve that is no farther from another one is the same: the rule of examples/hidden_effects
 SAME_CURVE = 0.05
 
 

@@ -39,7 +39,8 @@ over seeds and its Monte Carlo error.
 
 - **Settings** are those of the authors' code, the public repository
   philippreiser/multi-data-source-bayesian-surrogate-paper. Posteriors and scores on one data set of
-  case studies 1 and 2.1 are held against Stan's in `tests/test_reference.py`.
+  case studies 1 and 2.1 are held against Stan's in
+  `tests/statistical/test_reference_posteriors.py`.
 - **Ranges of the Italian case**: the code's, contact rate 0.1 to 1.3 and recovery rate 0.1 to 0.6.
 - **First input point**: as in the code, the first measured day is t = 1, and the simulation starts
   at t = 0 from that day's number of infected: one day of growth is counted twice.

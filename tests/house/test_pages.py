@@ -1,0 +1,48 @@
+"""The pages of the documentation: none is left out, and Sphinx builds them without a warning."""
+
+import shutil
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+import hybridsurrogate as hs
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+
+
+def listed(page):
+    lines = (DOCS / page).read_text(encoding="utf-8").splitlines()
+    return {line.strip() for line in lines if line.startswith("   ") and ":" not in line}
+
+
+def test_every_page_is_in_the_contents():
+    assert listed("contents.rst") - {"api", "auto_examples/index"} == {
+        page.stem for page in DOCS.glob("*.md")
+    }
+
+
+def test_every_public_name_has_its_page():
+    assert listed("api.rst") == set(hs.__all__)
+
+
+def test_sphinx_builds_the_pages(tmp_path):
+    for name in ("sphinx", "sphinx_gallery", "numpydoc", "myst_parser"):
+        if find_spec(name) is None:
+            pytest.skip(f"{name} is not installed (extra `docs`)")
+    # the gallery writes beside the pages: a copy of both, whose examples are shown and not run
+    for folder in ("docs", "examples"):
+        shutil.copytree(DOCS.parent / folder, tmp_path / folder)
+    build = subprocess.run(
+        [
+            *(sys.executable, "-m", "sphinx", "-W", "-q", "-b", "html", "-D", "plot_gallery=0"),
+            *(str(tmp_path / "docs"), str(tmp_path / "pages")),
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert build.returncode == 0, build.stderr
+    assert (tmp_path / "pages" / "auto_examples" / "plot_case_1.html").exists()
