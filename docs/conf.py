@@ -2,6 +2,8 @@
 
 from importlib.metadata import version as installed
 
+from hybridsurrogate.effects.registry import table_of_causes
+
 project = "hybridsurrogate"
 author = "The hybridsurrogate founders"
 version = release = installed("hybridsurrogate")
@@ -25,3 +27,13 @@ sphinx_gallery_conf = {
     "ignore_pattern": r"(^|/)(?!plot_)[^/]*\.py$",
     "abort_on_example_error": True,
 }
+
+
+def _fill_in(app, docname, source):
+    # what registers itself is listed by itself
+    source[0] = source[0].replace("{{ table of causes }}", table_of_causes())
+
+
+def setup(app):
+    """Connect what is filled in."""
+    app.connect("source-read", _fill_in)

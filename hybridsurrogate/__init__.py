@@ -27,6 +27,7 @@ from hybridsurrogate.effects import (
     Trend,
     WrongConstant,
 )
+from hybridsurrogate.effects.registry import classes as _causes
 from hybridsurrogate.estimators import (
     AveragedSurrogate,
     KennedyOHaganSurrogate,
@@ -137,3 +138,7 @@ __all__ = [
     "read_simulation",
     "truncated_normal",
 ]
+
+# a cause that registers itself is exported, whether it is listed above or not
+globals().update(_causes())
+__all__ += sorted(_causes().keys() - set(__all__))

@@ -11,7 +11,7 @@ from hidden_effects.by_hand import diagnose_by_hand
 from hidden_effects.by_package import diagnose
 from hidden_effects.forms import KINDS
 
-from hybridsurrogate.catalogue import KINDS as WHOLE
+from hybridsurrogate.effects.registry import kinds as whole_catalogue
 
 from . import sparse_terms, structure, symbolic, toolbox
 from .calibration import Measurements
@@ -38,7 +38,7 @@ def _package(measured: Measurements, seed: int) -> dict[str, Any]:
 
 
 def _package_of_nine(measured: Measurements, seed: int) -> dict[str, Any]:
-    return diagnose(measured, seed, sorted({*WHOLE} - {*KINDS}))
+    return diagnose(measured, seed, sorted({*whole_catalogue()} - {*KINDS}))
 
 
 def _by_hand(measured: Measurements, seed: int) -> dict[str, Any]:

@@ -1,4 +1,10 @@
-"""The catalogue of causes: one small file a kind."""
+"""The catalogue of causes: one small file a kind, which registers itself.
+
+registry (what a file registers), base (the four methods of a cause), context (what it may know of
+the data), over_column, sized, picture, notation; then rooms by what a cause changes: output,
+parameters, inputs, dynamics, noise. Imports of today's causes below serve type checkers and
+editors: a new file needs none.
+"""
 
 from hybridsurrogate.effects.base import SIMULATED, Cause, Context
 from hybridsurrogate.effects.dynamics.dynamic_delay import DynamicDelay
@@ -23,6 +29,7 @@ from hybridsurrogate.effects.output.trend import Trend
 from hybridsurrogate.effects.parameters.gain import Gain
 from hybridsurrogate.effects.parameters.parameter_drift import ParameterDrift
 from hybridsurrogate.effects.parameters.wrong_constant import WrongConstant
+from hybridsurrogate.effects.registry import classes, load
 
 __all__ = [
     "SIMULATED",
@@ -51,3 +58,7 @@ __all__ = [
     "Trend",
     "WrongConstant",
 ]
+
+load()
+globals().update(classes())
+__all__ += sorted(classes().keys() - set(__all__))

@@ -77,6 +77,15 @@ class Context:
     gaussian: bool = True
     scales_noise: bool = True
 
+    def begins_at_zero(self, column: str) -> bool:
+        """Tell whether a column ends near zero, and is never on the other side of it.
+
+        Of its span it may begin a quarter from zero and still be measured from there.
+        """
+        low, high = self.X[column].min(), self.X[column].max()
+        ends = sorted(abs(end) for end in (low, high))
+        return bool(low * high >= 0 and ends[0] <= 0.25 * (high - low))
+
     @property
     def sd_of_shift(self) -> float | None:
         """Prior sd of a constant added to the simulation, None where the usual one will do.

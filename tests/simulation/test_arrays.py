@@ -11,7 +11,7 @@ import pytest
 from scipy import sparse, stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.catalogue import KINDS
+from hybridsurrogate.effects.registry import kinds
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_number
 
 
@@ -182,9 +182,9 @@ def test_choosing_beta_takes_columns_by_name(frame, plane_runs, rows):
 def test_a_diagnosis_takes_columns_by_name(frame, plane_simulator, rows):
     X, y = rows
     exact = power_scaled(plane_simulator, surrogate=hs.ExactSurrogate())
-    kinds = [kind for kind in KINDS if kind not in ("offset", "gain")]
+    others = [kind for kind in kinds() if kind not in ("offset", "gain")]
     diagnoses = [
-        hs.DiscrepancyDiagnosis(exact, exclude=kinds, n_replicates=20, cv=2, random_state=0).fit(
+        hs.DiscrepancyDiagnosis(exact, exclude=others, n_replicates=20, cv=2, random_state=0).fit(
             given, y
         )
         for given in (X, swapped(frame, X))

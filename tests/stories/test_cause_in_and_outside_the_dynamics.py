@@ -5,10 +5,10 @@ import pytest
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.catalogue import KINDS
+from hybridsurrogate.effects.registry import kinds
 
 # for time: the search for a second cause is what is tested
-OTHERS = tuple(kind for kind in KINDS if kind not in ("missing-term", "step"))
+OTHERS = tuple(kind for kind in kinds() if kind not in ("missing-term", "step"))
 
 
 def emptying(source):

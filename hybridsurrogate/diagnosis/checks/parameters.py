@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from sklearn.utils import check_scalar
 
-from hybridsurrogate.catalogue import KINDS
+from hybridsurrogate.effects.registry import kinds
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
 from hybridsurrogate.simulation.arrays import check_number
 
@@ -32,10 +32,10 @@ def check_settings(diagnosis: DiscrepancyDiagnosis) -> None:
     as_causes(diagnosis.causes, "causes")
     exclude = diagnosis.exclude
     listed = isinstance(exclude, Collection) and not isinstance(exclude, str)
-    if not listed or any(kind not in KINDS for kind in exclude):
+    if not listed or any(kind not in kinds() for kind in exclude):
         raise ValueError(
             f"exclude must be a sequence of kinds of the catalogue, got {exclude!r}; the kinds are "
-            f"{', '.join(KINDS)}."
+            f"{', '.join(kinds())}."
         )
     check_number(diagnosis.false_alarm_rate, "false_alarm_rate", Real)
     check_scalar(diagnosis.n_replicates, "n_replicates", Integral)

@@ -12,41 +12,10 @@ from hybridsurrogate.diagnosis.report.tables import noise_of, thirds, unit_of
 from hybridsurrogate.diagnosis.report.view import View, label_of, label_of_cause
 from hybridsurrogate.diagnosis.search.verdict import kind_shares
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.registry import meaning_of
 
 if TYPE_CHECKING:
     from hybridsurrogate.diagnosis.answers.finding import CauseFinding
-
-# what each kind means for the one who wrote the simulation
-_MEANING = {
-    "offset": "{output} is measured higher or lower than simulated by the same amount everywhere",
-    "trend": "the gap between measured and simulated {output} grows steadily over {column}",
-    "periodic": "a regular wave over {column} is in the data and not in the simulation",
-    "step": "{output} changes level at one place of {column}, and the simulation does not",
-    "bump": "around one place of {column} the data rise or dip, and the simulation does not",
-    "gain": "measured {output} is a constant multiple of simulated {output}",
-    "wrong-constant": "the assumed constant {target} has another value",
-    "parameter-drift": "the parameter {target} changes over {column} instead of staying constant",
-    "missing-input": "{target}, which the simulation ignores, influences {output}",
-    "ramp": "from one place of {column} on the gap grows steadily",
-    "decay": "a gap at the start of {column} dies away",
-    "saturation": "a gap grows over {column} and levels off",
-    "interaction": "the columns {target} act together, which the simulation ignores",
-    "delay": "the measurements lag behind the simulation, or run ahead of it, in {column}, as "
-    "where its clock or its sensor is off",
-    "missing-term": "{target} gains or loses something that its equation leaves out",
-    "noise": "the scatter of the measurements changes over {column}",
-    # forms that are another thing than the plain one of their kind, by their first word
-    "delay: inside": "what {target} does to itself and to others comes later than the equations "
-    "say",
-    "missing-term: seasonal": "something drives {target} up and down regularly, and its equation "
-    "leaves that out",
-    "trend: quadratic": "the gap between measured and simulated {output} is a parabola over "
-    "{column}",
-    "missing-input: categorical": "{output} is higher or lower by an amount of its own for each "
-    "value of {target}, which the simulation ignores",
-    "offset: level": "{output} is off where {target} has one of its values",
-    "missing-input: level": "{output} is off where {target} has one of its values",
-}
 
 
 def title_of(view: View) -> str:
@@ -255,8 +224,7 @@ def _with_estimates(view: View, finding: CauseFinding, cause: Cause) -> str:
 
 
 def _meaning(view: View, finding: CauseFinding, cause: Cause) -> list[str]:
-    form = f"{cause.kind}: {(cause.variant.split() or [''])[0]}"
-    meaning = cause.meaning or _MEANING.get(form, _MEANING.get(cause.kind))
+    meaning = meaning_of(cause)
     if meaning is None:
         return []
     column = getattr(cause, "column", None) or finding.target

@@ -10,6 +10,7 @@ from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.dynamics.dynamic import Dynamic
 from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.over_column import span_and_spacing
+from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.ode.dynamics import DelayedState
 from hybridsurrogate.priors import Prior, frozen
 
@@ -101,3 +102,18 @@ class DynamicDelay(Dynamic):
         state = word(self.state)
         late = rf"{state}\left(t - {number(values['lag'])}\right)"
         return rf"{SIMULATION}, \quad {state}\left(t\right) \to {late}"
+
+
+register(
+    Form(
+        "delay: inside",
+        DynamicDelay,
+        lambda context: map(DynamicDelay, context.states),
+        meaning="what {target} does to itself and to others comes later than the equations say",
+        call="`DynamicDelay(state)`, inside an ODE",
+        formula="slopes follow the state as it was a lag ago",
+        priors="lag: half-Cauchy, scale a tenth of the span",
+        estimates="lag",
+        left_out='fewer than 8 times; no `OdeSimulator` with `method="rk4"` and `ExactSurrogate`',
+    )
+)

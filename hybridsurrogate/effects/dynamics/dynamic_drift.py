@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 from scipy import stats
@@ -19,6 +19,7 @@ from hybridsurrogate.effects.notation import (
     word,
 )
 from hybridsurrogate.effects.over_column import period_nodes, period_prior, span_and_spacing
+from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.ode.dynamics import TimeVaryingParameter
 from hybridsurrogate.priors import Prior, frozen, prior_sd, truncated_normal
 
@@ -238,3 +239,58 @@ def _ordinary_change(context: Context, name: str) -> float:
     low, middle, high = prior.ppf([0.16, 0.5, 0.84])
     relative = (high - low) / 2 / abs(middle) if middle else np.inf
     return float(min(_LARGEST_CHANGE, _CHANGE_PER_DOUBT * relative))
+
+
+def _inside(shape: str) -> Callable[[Context], Iterator[Cause]]:
+    # a step is a steep logistic course, a ramp is within a twentieth of one
+    return lambda context: (DynamicDrift(rate, shape) for rate in context.rates)
+
+
+register(
+    Form(
+        "parameter-drift: inside",
+        DynamicDrift,
+        _inside("logistic"),
+        call="`DynamicDrift(p)`, inside an ODE",
+        formula="p (1 + amount / (1 + exp(-(t - location) / width)))",
+        priors="log(1 + amount): normal, sd s = 0.7, at most three times the relative sd of p's "
+        "prior; location: uniform; width: log-uniform",
+        estimates="amount, location, width",
+        left_out="fewer than 8 times; no `OdeSimulator` with `ExactSurrogate`",
+    )
+)
+register(
+    Form(
+        "parameter-drift: inside, ramp",
+        DynamicDrift,
+        call='`..., shape="ramp"`',
+        formula="p (1 + amount (t - location) / duration), from location on and until it has ended",
+        priors="amount, location: the same; duration: log-uniform, 2 spacings to half the span",
+        estimates="amount, location, duration",
+        left_out='not weighed unless passed, as is `shape="step"`: both are nearly logistic',
+    )
+)
+register(
+    Form(
+        "parameter-drift: inside, exponential",
+        DynamicDrift,
+        _inside("exponential"),
+        call='`..., shape="exponential"`',
+        formula="p exp(rate (t - first row))",
+        priors="rate: Student-t, 3 degrees of freedom, scale s over the span",
+        estimates="rate",
+        left_out="the same",
+    )
+)
+register(
+    Form(
+        "parameter-drift: inside, periodic",
+        DynamicDrift,
+        _inside("periodic"),
+        call='`..., shape="periodic"`',
+        formula="p (1 + amplitude sin(2π (t - center) / period + phase))",
+        priors="sine, cosine: normal, sd s / 2; period: log-uniform, 2 spacings to 2 spans",
+        estimates="period, amplitude",
+        left_out="the same",
+    )
+)

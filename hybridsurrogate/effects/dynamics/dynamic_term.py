@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 from scipy import stats
@@ -11,6 +11,7 @@ from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.dynamics.dynamic import Dynamic
 from hybridsurrogate.effects.notation import SIMULATION, number, signed, word
 from hybridsurrogate.effects.over_column import period_nodes, period_prior, span_and_spacing
+from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.ode.dynamics import MissingTerm
 from hybridsurrogate.priors import Prior, frozen
 
@@ -149,3 +150,55 @@ class DynamicTerm(Dynamic):
         else:
             term = signed(values["rate"]) + ("" if self.form == "constant" else rf" \, {state}")
         return rf"{SIMULATION}, \quad {slope} \to {slope} {term}"
+
+
+def _of_states(form: str) -> Callable[[Context], Iterator[Cause]]:
+    return lambda context: (DynamicTerm(state, form) for state in context.states)
+
+
+def _lacking(context: Context) -> list[tuple[None, str]]:
+    reason = "inside the dynamics: needs an OdeSimulator and surrogate=ExactSurrogate()"
+    return [] if context.states else [(None, reason)]
+
+
+register(
+    Form(
+        "missing-term",
+        DynamicTerm,
+        _of_states("constant"),
+        meaning="{target} gains or loses something that its equation leaves out",
+        lacking=_lacking,
+        like=("parameter-drift",),
+        call="`DynamicTerm(state)`",
+        formula="slope of the state + rate",
+        priors="rate: Student-t, typical state over the span",
+        estimates="rate",
+        left_out="the same",
+    )
+)
+register(
+    Form(
+        "missing-term: proportional",
+        DynamicTerm,
+        _of_states("proportional"),
+        call='`..., form="proportional"`',
+        formula="slope of the state + rate state",
+        priors="rate: Student-t, one over the span",
+        estimates="rate",
+        left_out="the same",
+    )
+)
+register(
+    Form(
+        "missing-term: seasonal",
+        DynamicTerm,
+        _of_states("seasonal"),
+        meaning="something drives {target} up and down regularly, and its equation leaves that out",
+        call='`..., form="seasonal"`',
+        formula="slope of the state + amplitude sin(2π (t - center) / period + phase)",
+        priors="sine, cosine: Student-t, half the typical state at the median period; period: log-"
+        "uniform, 2 spacings to 2 spans",
+        estimates="period, amplitude",
+        left_out="the same",
+    )
+)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, Rows
 from hybridsurrogate.effects.notation import SIMULATION, minus, plus
 from hybridsurrogate.effects.over_column import span_and_spacing
+from hybridsurrogate.effects.registry import Form, over_inputs, register
 from hybridsurrogate.priors import Prior, frozen
 
 
@@ -79,3 +81,37 @@ class Delay(Cause):
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""
         return rf"{SIMULATION}{minus(self.column, values['lag'], 4)}"
+
+
+def _trouble_with_labels(cause: Cause, context: Context) -> str | None:
+    """Return what is wrong with few whole numbers side by side, such as those of sensors.
+
+    A shift is one number and no shape, but one from label to label means nothing.
+    """
+    column = cause.target or ""
+    values = np.unique(context.X[column])
+    whole = np.all(values == np.round(values)) and np.all(np.diff(values) == 1)
+    if not whole or len(values) >= 5:
+        return None
+    return (
+        f"{column} has {len(values)} distinct values one apart, which may be labels; 5 are needed"
+    )
+
+
+register(
+    Form(
+        "delay",
+        Delay,
+        over_inputs(Delay),
+        meaning="the measurements lag behind the simulation, or run ahead of it, in {column}, as "
+        "where its clock or its sensor is off",
+        trouble=_trouble_with_labels,
+        like=("periodic", "wrong-constant"),
+        call="`Delay(x)`",
+        formula="eta(x - lag), x an input, of which the clock or the sensor is off; not cut off at "
+        "the simulated range",
+        priors="lag: Cauchy, scale a tenth of the span",
+        estimates="lag",
+        left_out="one distinct value, or fewer than 5 whole numbers one apart, which may be labels",
+    )
+)

@@ -10,6 +10,7 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.over_column import OverColumn, span_and_spacing
+from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import Prior, frozen
 
 # pairs of waves, and their longest period on the column scaled to [-1, 1]: half of what it leaves
@@ -155,3 +156,21 @@ class Autocorrelation(OverColumn):
         decay = rf"e^{{-|{column} - {column}'| / {number(values['length'])}}}"
         covariance = rf"{variance} \, {decay}"
         return rf"{SIMULATION} + u, \quad \text{{cov}}\left(u, u'\right) = {covariance}"
+
+
+register(
+    Form(
+        "noise: autocorrelation",
+        Autocorrelation,
+        lambda context: map(Autocorrelation, context.inputs[:1]),
+        least_rows=8,
+        least_distinct=12,
+        like=("unexplained",),
+        call="`Autocorrelation(x)`",
+        formula="eta + u(x); u Gaussian, covariance amplitude² exp(-distance / length)",
+        priors="length: log-uniform, half a spacing to a twentieth of the span or four spacings; "
+        "amplitude: log-uniform, 0.3 % to 100 % of the spread of the output",
+        estimates="length, amplitude",
+        left_out="fewer than 12 distinct values",
+    )
+)

@@ -10,6 +10,7 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.over_column import OverColumn
+from hybridsurrogate.effects.registry import Form, over_columns, register
 from hybridsurrogate.priors import Prior, frozen
 
 
@@ -90,3 +91,19 @@ class Noise(OverColumn):
             rf"\text{{ over }} {number(self.span)} \text{{ of }} {word(self.column)}"
         )
         return rf"{SIMULATION}, \quad {growth}"
+
+
+register(
+    Form(
+        "noise",
+        Noise,
+        over_columns(Noise),
+        meaning="the scatter of the measurements changes over {column}",
+        least_rows=8,
+        call="`Noise(x)`",
+        formula="eta; noise sigma exp(slope u), centred at the mean of x",
+        priors="slope of u: standard normal",
+        estimates="slope (of log sigma, per unit of x), ratio (last end against first)",
+        left_out="fewer than 8 rows",
+    )
+)

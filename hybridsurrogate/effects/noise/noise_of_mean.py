@@ -9,6 +9,7 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import SIMULATED, Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, number
+from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import Prior, frozen
 
 # an output near zero still has this share of its usual size
@@ -143,3 +144,19 @@ class NoiseOfMean(Cause):
         """Return the extended simulation in LaTeX."""
         power = rf"|{SIMULATION}|^{{{number(values['exponent'], 3)}}}"
         return rf"{SIMULATION}, \quad \text{{noise}} \propto {power}"
+
+
+register(
+    Form(
+        "noise: mean",
+        NoiseOfMean,
+        lambda context: [NoiseOfMean()],
+        least_rows=8,
+        call="`NoiseOfMean()`",
+        formula="eta; noise sigma (m / size)^exponent, m = √(eta² + (size / 20)²), size: root mean "
+        "square of the output",
+        priors="exponent: normal, sd 1, or size / (2 spread of the output) where that is more",
+        estimates="exponent, ratio (output one spread above its mean against one below)",
+        left_out="fewer than 8 rows",
+    )
+)

@@ -9,6 +9,7 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, number
+from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.likelihoods.contaminated import LARGEST, SMALLEST
 from hybridsurrogate.priors import Prior, frozen
 
@@ -85,3 +86,18 @@ class Outliers(Cause):
         """Return the extended simulation in LaTeX."""
         share = number(100 * values["share"], 2)
         return rf"{SIMULATION}, \quad {share} \% \text{{ outliers}}"
+
+
+register(
+    Form(
+        "noise: tails",
+        Outliers,
+        lambda context: [Outliers()],
+        least_rows=8,
+        call="`Outliers()`",
+        formula="eta; each row with probability share an outlier, of 3 to 30 sigma (log-uniform)",
+        priors="share: log-uniform, 1 to 40 %",
+        estimates="share",
+        left_out="fewer than 8 rows",
+    )
+)

@@ -10,6 +10,7 @@ from scipy import stats
 from hybridsurrogate.effects.base import FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, number, plus, signed
 from hybridsurrogate.effects.over_column import Located
+from hybridsurrogate.effects.registry import Form, over_inputs, register
 from hybridsurrogate.priors import Prior, frozen
 
 
@@ -78,3 +79,21 @@ class Bump(Located):
             rf"{SIMULATION} {signed(values['amplitude'])} "
             rf"\exp\left(-\frac{{{square}}}{{2 \cdot {number(values['width'])}^{{2}}}}\right)"
         )
+
+
+register(
+    Form(
+        "bump",
+        Bump,
+        over_inputs(Bump),
+        meaning="around one place of {column} the data rise or dip, and the simulation does not",
+        least_distinct=8,
+        like=("step", "periodic"),
+        call="`Bump(x)`",
+        formula="eta + amplitude exp(-(x - location)² / (2 width²))",
+        priors="location: uniform; width: log-uniform, half a spacing (at most a twentieth of the "
+        "span) to a quarter of the span",
+        estimates="location, width, amplitude",
+        left_out="fewer than 8",
+    )
+)

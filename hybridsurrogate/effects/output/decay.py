@@ -10,6 +10,7 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, number, plus, signed
 from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
+from hybridsurrogate.effects.registry import Form, over_inputs, register
 from hybridsurrogate.priors import Prior, frozen
 
 
@@ -76,3 +77,20 @@ class Decay(FromOrigin):
             rf"{SIMULATION} {signed(values['amplitude'])} "
             rf"\exp\left(-\frac{{{distance}}}{{{number(values['scale'])}}}\right)"
         )
+
+
+register(
+    Form(
+        "decay",
+        Decay,
+        over_inputs(Decay),
+        meaning="a gap at the start of {column} dies away",
+        least_distinct=6,
+        like=("saturation", "bump"),
+        call="`Decay(x)`",
+        formula="eta + amplitude exp(-(x - origin) / scale); origin: smallest measured x",
+        priors="scale: log-uniform, 2 spacings to the span",
+        estimates="amplitude, scale",
+        left_out="fewer than 6",
+    )
+)

@@ -9,6 +9,7 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION
+from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import Prior, frozen
 
 # basis functions an input: enough for the shortest length scale below (Riutort-Mayol et al. 2023,
@@ -150,3 +151,18 @@ def _joined(factors: Sequence[FloatArray]) -> FloatArray:
     if len(factors) == 2:
         return np.einsum("rj,rk->rjk", *factors).reshape(len(factors[0]), -1)
     return np.hstack(factors)
+
+
+register(
+    Form(
+        "unexplained",
+        GaussianProcessDiscrepancy,
+        lambda context: [GaussianProcessDiscrepancy()],
+        like=("noise",),
+        call="`GaussianProcessDiscrepancy()`",
+        formula="eta + a smooth curve over the inputs",
+        priors="length scale on [-1, 1]: log-uniform, 0.15 (0.3 for several inputs) to 2",
+        estimates="length_scale",
+        left_out="never",
+    )
+)

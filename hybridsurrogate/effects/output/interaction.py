@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from itertools import combinations
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed
+from hybridsurrogate.effects.registry import Form, register
 
 
 class Interaction(Cause):
@@ -109,3 +111,45 @@ class Interaction(Cause):
             for name, center, span in zip(self.reads, self.centers, self.spans, strict=True)
         )
         return rf"{SIMULATION} {signed(values['slope'])} {' '.join(factors)}"
+
+
+def _of_pairs(context: Context) -> Iterator[Cause]:
+    return (Interaction(*pair) for pair in combinations(context.inputs, 2))
+
+
+def _from_zero(context: Context) -> Iterator[Cause]:
+    for pair in combinations(context.inputs, 2):
+        if all(map(context.begins_at_zero, pair)):
+            yield Interaction(*pair, centers=(0.0, 0.0))
+
+
+def _lacking(context: Context) -> list[tuple[None, str]]:
+    reason = "a product needs two inputs, the simulation has one"
+    return [] if len(context.inputs) > 1 else [(None, reason)]
+
+
+register(
+    Form(
+        "interaction",
+        Interaction,
+        _of_pairs,
+        meaning="the columns {target} act together, which the simulation ignores",
+        lacking=_lacking,
+        like=("gain",),
+        call="`Interaction(x1, x2)`",
+        formula="eta + slope (x1 - center1) (x2 - center2)",
+        estimates="slope",
+        left_out="the simulation has one input",
+    )
+)
+register(
+    Form(
+        "interaction: from zero",
+        Interaction,
+        _from_zero,
+        call="`Interaction(x1, x2, centers=(0, 0))`",
+        formula="eta + slope x1 x2: right where either is zero",
+        estimates="slope",
+        left_out="one of them does not begin within a quarter of its span from zero",
+    )
+)

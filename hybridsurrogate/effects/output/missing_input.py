@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from hybridsurrogate.effects.notation import (
     word,
 )
 from hybridsurrogate.effects.over_column import OverColumn
+from hybridsurrogate.effects.registry import Form, over_extras, register
 
 _SHAPES = ("linear", "quadratic", "categorical")
 _MOST_LEVELS, _ROWS_PER_LEVEL = 6, 3
@@ -220,3 +221,115 @@ def trouble_with_levels(values: FloatArray, column: str) -> str | None:
     if counts.min() < _ROWS_PER_LEVEL:
         return f"a level of {column} has {counts.min()} rows, {_ROWS_PER_LEVEL} are needed for each"
     return None
+
+
+def _at_levels(context: Context) -> Iterator[Cause]:
+    for column in context.extras:
+        if trouble_with_levels(context.X[column], column) is None:
+            for level in np.unique(context.X[column]):
+                yield MissingInput(column, shape="categorical", level=float(level))
+
+
+def _from_zero(context: Context) -> Iterator[Cause]:
+    # such as a dose, where the simulation knows none
+    for column in context.extras:
+        if len(np.unique(context.X[column])) > 2 and context.begins_at_zero(column):
+            yield MissingInput(column, center=0.0)
+
+
+def _trouble_with_categories(cause: Cause, context: Context) -> str | None:
+    (column,) = cause.reads
+    if len(np.unique(context.X[column])) == 2:
+        return f"{column} has 2 distinct values: a straight line over it says the same"
+    return trouble_with_levels(context.X[column], column)
+
+
+def _lacking(context: Context) -> list[tuple[None, str]]:
+    return [] if context.extras else [(None, "no measured column beside the inputs")]
+
+
+def _without_levels(context: Context) -> Iterator[tuple[str, str]]:
+    for column in context.extras:
+        trouble = trouble_with_levels(context.X[column], column)
+        if trouble:
+            yield column, f"level: {trouble}"
+
+
+register(
+    Form(
+        "missing-input",
+        MissingInput,
+        over_extras(MissingInput),
+        meaning="{target}, which the simulation ignores, influences {output}",
+        lacking=_lacking,
+        like=("noise",),
+        call="`MissingInput(x)`",
+        formula="eta + slope (x - mean)",
+        estimates="slope",
+        left_out="no measured column beside the inputs",
+    )
+)
+register(
+    Form(
+        "missing-input: quadratic",
+        MissingInput,
+        over_extras(lambda column: MissingInput(column, shape="quadratic")),
+        least_distinct=4,
+        call='`..., shape="quadratic"`',
+        formula="... + curvature (x - mean)²",
+        estimates="slope, curvature",
+        left_out="fewer than 4 distinct values",
+    )
+)
+register(
+    Form(
+        "missing-input: categorical",
+        MissingInput,
+        over_extras(lambda column: MissingInput(column, shape="categorical")),
+        meaning="{output} is higher or lower by an amount of its own for each value of {target}, "
+        "which the simulation ignores",
+        trouble=_trouble_with_categories,
+        call='`..., shape="categorical"`',
+        formula="eta + deviation of the row's level, mean zero over the rows",
+        estimates="one deviation a level",
+        left_out="fewer than 3 or more than 6 levels, or one with fewer than 3 rows",
+    )
+)
+register(
+    Form(
+        "missing-input: level",
+        MissingInput,
+        _at_levels,
+        meaning="{output} is off where {target} has one of its values",
+        lacking=_without_levels,
+        call='`..., shape="categorical", level=3`',
+        formula="eta, + amplitude where x = 3",
+        estimates="amplitude",
+        left_out="fewer than 2 or more than 6 levels, or one with fewer than 3 rows",
+    )
+)
+register(
+    Form(
+        "missing-input: with offset",
+        MissingInput,
+        over_extras(lambda column: MissingInput(column, offset=True)),
+        least_distinct=3,
+        only_alone=True,
+        call="`MissingInput(x, offset=True)`",
+        formula="eta + offset + slope (x - mean): right at another value than the mean",
+        estimates="slope, offset",
+        left_out="fewer than 3 distinct values; `max_causes` above one, where an offset is a cause "
+        "of its own",
+    )
+)
+register(
+    Form(
+        "missing-input: from zero",
+        MissingInput,
+        _from_zero,
+        call="`MissingInput(x, center=0)`",
+        formula="eta + slope x: right where x is zero, not at its mean",
+        estimates="slope",
+        left_out="x has two values, or does not begin within a quarter of its span from zero",
+    )
+)

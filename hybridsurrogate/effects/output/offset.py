@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, plus, signed, where
+from hybridsurrogate.effects.output.missing_input import trouble_with_levels
+from hybridsurrogate.effects.registry import Form, register
 
 
 class Offset(Cause):
@@ -109,3 +111,47 @@ class Offset(Cause):
         if self.column is None or self.level is None:
             return f"{SIMULATION} {amplitude}"
         return rf"{SIMULATION} {amplitude} \, {where(self.column, '=', self.level, 12)}"
+
+
+def _at_levels(context: Context) -> Iterator[Cause]:
+    # sensors side by side, or the standards of a calibration
+    for column in context.inputs:
+        if trouble_with_levels(context.X[column], column) is None:
+            for level in np.unique(context.X[column]):
+                yield Offset(column, float(level))
+
+
+def _trouble_on_log_scale(cause: Cause, context: Context) -> str | None:
+    if cause.target is None and context.log_scale:
+        return "on a logarithmic scale a constant is a factor, weighed as gain"
+    return None
+
+
+register(
+    Form(
+        "offset",
+        Offset,
+        lambda context: [Offset()],
+        meaning="{output} is measured higher or lower than simulated by the same amount everywhere",
+        trouble=_trouble_on_log_scale,
+        like=("trend", "gain"),
+        call="`Offset()`",
+        formula="eta + amplitude",
+        priors="sd of the amplitude: as above, or a third of the mean distance of measured from "
+        "simulated outputs where that is more",
+        estimates="amplitude",
+        left_out="the output is logarithmic: it is a gain",
+    )
+)
+register(
+    Form(
+        "offset: level",
+        Offset,
+        _at_levels,
+        meaning="{output} is off where {target} has one of its values",
+        call="`Offset(x, level=2)`",
+        formula="eta, + amplitude where the input x is 2",
+        estimates="amplitude",
+        left_out="fewer than 2 or more than 6 values of x, or one with fewer than 3 rows",
+    )
+)

@@ -10,6 +10,7 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, number, plus
 from hybridsurrogate.effects.over_column import LONGEST_PERIOD, OverColumn, period_nodes
+from hybridsurrogate.effects.registry import Form, over_columns, over_inputs, register
 from hybridsurrogate.priors import Prior, frozen
 
 # more periods than this in the measured span are looked for only where a prior says so
@@ -148,3 +149,33 @@ class Periodic(OverColumn):
         if "overtone" in values:
             waves.append(("overtone", "overtone_peak", values["period"] / 2))
         return waves
+
+
+register(
+    Form(
+        "periodic",
+        Periodic,
+        over_columns(Periodic),
+        meaning="a regular wave over {column} is in the data and not in the simulation",
+        least_distinct=8,
+        like=("trend", "bump"),
+        call="`Periodic(x)`",
+        formula="eta + amplitude cos(2π (x - peak) / period)",
+        priors="period: log-uniform, 2 spacings (at least a 100th of the span) to 2 spans",
+        estimates="period, amplitude, peak",
+        left_out="fewer than 8",
+    )
+)
+register(
+    Form(
+        "periodic: overtone",
+        Periodic,
+        over_inputs(lambda column: Periodic(column, harmonics=2)),
+        least_distinct=12,
+        call="`Periodic(x, harmonics=2)`",
+        formula="... + overtone cos(4π (x - overtone_peak) / period)",
+        priors="period: log-uniform, 4 spacings (at least a 50th of the span) to 2 spans",
+        estimates="period, amplitude, peak, overtone, overtone_peak",
+        left_out="fewer than 12",
+    )
+)

@@ -9,6 +9,7 @@ import numpy as np
 from hybridsurrogate.effects.base import FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed
 from hybridsurrogate.effects.over_column import Located
+from hybridsurrogate.effects.registry import Form, over_inputs, register
 from hybridsurrogate.priors import Prior
 
 
@@ -77,3 +78,20 @@ class Ramp(Located):
         place = values["location"]
         distance = minus(self.column, place, digits_at(place, self.span))
         return rf"{SIMULATION} {signed(values['slope'])} \max\left(0, {distance}\right)"
+
+
+register(
+    Form(
+        "ramp",
+        Ramp,
+        over_inputs(Ramp),
+        meaning="from one place of {column} on the gap grows steadily",
+        least_distinct=6,
+        like=("trend", "step"),
+        call="`Ramp(x)`",
+        formula="eta + slope max(x - location, 0)",
+        priors="location: uniform over the rows",
+        estimates="location, slope",
+        left_out="fewer than 6",
+    )
+)

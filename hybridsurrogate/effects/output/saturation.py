@@ -9,6 +9,7 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed
 from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
+from hybridsurrogate.effects.registry import Form, over_inputs, register
 from hybridsurrogate.priors import Prior, frozen
 
 
@@ -81,3 +82,20 @@ class Saturation(FromOrigin):
         half = signed(beyond)
         ratio = rf"\frac{{{distance}}}{{{distance} {half}}}"
         return f"{SIMULATION} {signed(values['amplitude'])} {ratio}"
+
+
+register(
+    Form(
+        "saturation",
+        Saturation,
+        over_inputs(Saturation),
+        meaning="a gap grows over {column} and levels off",
+        least_distinct=6,
+        like=("trend", "decay"),
+        call="`Saturation(x)`",
+        formula="eta + amplitude (x - origin) / ((x - origin) + (half - origin))",
+        priors="half - origin: log-uniform, one spacing to the span",
+        estimates="amplitude, half (where half of it is reached)",
+        left_out="fewer than 6",
+    )
+)

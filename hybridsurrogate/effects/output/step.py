@@ -9,6 +9,7 @@ import numpy as np
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, signed, where
 from hybridsurrogate.effects.over_column import MOST_GAPS, Located, gaps
+from hybridsurrogate.effects.registry import Form, over_columns, register
 from hybridsurrogate.priors import Prior
 
 
@@ -103,3 +104,33 @@ class Step(Located):
             self.column, "<" if self.before else r"\geq", place, digits_at(place, self.span, 6)
         )
         return rf"{SIMULATION} {signed(values['amplitude'])} \, {indicator}"
+
+
+register(
+    Form(
+        "step",
+        Step,
+        over_columns(Step),
+        meaning="{output} changes level at one place of {column}, and the simulation does not",
+        least_distinct=6,
+        like=("ramp", "parameter-drift"),
+        call="`Step(x)`",
+        formula="eta, + amplitude from location on",
+        priors="location: uniform over the rows",
+        estimates="location, amplitude",
+        left_out="fewer than 6",
+    )
+)
+register(
+    Form(
+        "step: before",
+        Step,
+        over_columns(lambda column: Step(column, before=True)),
+        least_distinct=6,
+        call="`Step(x, before=True)`",
+        formula="eta, + amplitude before location",
+        priors="the same",
+        estimates="location, amplitude",
+        left_out="the same",
+    )
+)

@@ -9,6 +9,7 @@ import numpy as np
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed
 from hybridsurrogate.effects.over_column import OverColumn
+from hybridsurrogate.effects.registry import Form, over_inputs, register
 
 
 class Trend(OverColumn):
@@ -104,3 +105,33 @@ class Trend(OverColumn):
         if "curvature" in values:
             text += f" {signed(values['curvature'])} {distance}^{{2}}"
         return text
+
+
+register(
+    Form(
+        "trend",
+        Trend,
+        over_inputs(Trend),
+        meaning="the gap between measured and simulated {output} grows steadily over {column}",
+        least_distinct=3,
+        like=("ramp", "saturation", "parameter-drift"),
+        call="`Trend(x)`",
+        formula="eta + level + slope (x - center)",
+        estimates="slope, level",
+        left_out="x has fewer than 3 distinct values",
+    )
+)
+register(
+    Form(
+        "trend: quadratic",
+        Trend,
+        over_inputs(lambda column: Trend(column, degree=2)),
+        meaning="the gap between measured and simulated {output} is a parabola over {column}",
+        least_distinct=4,
+        like=("ramp", "bump"),
+        call="`Trend(x, degree=2)`",
+        formula="... + curvature (x - center)²",
+        estimates="slope, level, curvature",
+        left_out="fewer than 4",
+    )
+)

@@ -9,6 +9,7 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, number
+from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import Prior, frozen
 
 _LAPLACE_SCALE = 1 / 3
@@ -99,3 +100,20 @@ class Gain(Cause):
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""
         return rf"{number(values['gain'])} \cdot {SIMULATION}"
+
+
+register(
+    Form(
+        "gain",
+        Gain,
+        lambda context: [Gain()],
+        meaning="measured {output} is a constant multiple of simulated {output}",
+        like=("offset", "wrong-constant"),
+        call="`Gain()`",
+        formula="gain eta",
+        priors="log gain: Laplace, scale 1/3, or a third of the log ratio of measured to simulated "
+        "outputs where that exceeds 2",
+        estimates="gain",
+        left_out="never",
+    )
+)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +25,7 @@ from hybridsurrogate.effects.over_column import (
     period_nodes,
     span_and_spacing,
 )
+from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import Prior, frozen, prior_sd
 
 # the simulation runs at every period that is tried
@@ -272,3 +273,101 @@ class ParameterDrift(Cause):
             angle = rf"\frac{{2 \pi \, {word(self.column)}}}{{{number(values['period'], 5)}}}"
             shift = rf"+ {number(values['amplitude'])} \sin\left({angle} + \varphi\right)"
         return rf"{SIMULATION}, \quad {name} \to {name} {shift}"
+
+
+def _over_inputs(shape: str) -> Callable[[Context], Iterator[Cause]]:
+    def propose(context: Context) -> Iterator[Cause]:
+        for column in context.inputs:
+            # a rate that changes in time does so inside the dynamics, and a start is of one moment
+            inside = (*context.rates, *context.starts) if column == context.inputs[0] else ()
+            for parameter in context.parameters:
+                if parameter not in inside:
+                    yield ParameterDrift(parameter, column, shape)
+
+    return propose
+
+
+def _over_extras(context: Context) -> Iterator[Cause]:
+    for column in context.extras:
+        for parameter in context.parameters:
+            yield ParameterDrift(parameter, column)
+
+
+def _lacking(context: Context) -> Iterator[tuple[str | None, str]]:
+    if not context.parameters:
+        yield None, "the simulation has no parameters"
+    for parameter in context.starts:
+        yield parameter, f"over {context.inputs[0]}: it sets the initial state and nothing else"
+    if context.parameters and not context.extras:
+        yield None, "over extras: no measured column beside the inputs"
+
+
+register(
+    Form(
+        "parameter-drift",
+        ParameterDrift,
+        _over_inputs("linear"),
+        meaning="the parameter {target} changes over {column} instead of staying constant",
+        least_distinct=3,
+        lacking=_lacking,
+        like=("trend", "gain"),
+        call="`ParameterDrift(p, x)`",
+        formula="eta(p + slope (x - center))",
+        priors="slope: Cauchy, one prior sd of p over the span",
+        estimates="slope",
+        left_out="no parameters; fewer than 3 distinct values of an input, 2 of another column; "
+        "over time, p sets an ODE's initial state only",
+    )
+)
+register(
+    Form(
+        "parameter-drift: step",
+        ParameterDrift,
+        _over_inputs("step"),
+        least_distinct=6,
+        call='`..., shape="step"`',
+        formula="eta(p, + change from location on)",
+        priors="change: Cauchy, prior sd of p; location: uniform",
+        estimates="change, location",
+        left_out="fewer than 6",
+    )
+)
+register(
+    Form(
+        "parameter-drift: logistic",
+        ParameterDrift,
+        _over_inputs("logistic"),
+        least_distinct=8,
+        call='`..., shape="logistic"`',
+        formula="eta(p + change / (1 + exp(-(x - location) / width)))",
+        priors="the same; width as for `bump`",
+        estimates="change, location, width",
+        left_out="fewer than 8",
+    )
+)
+register(
+    Form(
+        "parameter-drift: periodic",
+        ParameterDrift,
+        _over_inputs("periodic"),
+        least_distinct=8,
+        call='`..., shape="periodic"`',
+        formula="eta(p + amplitude sin(2π (x - center) / period + phase))",
+        priors="sine, cosine: Cauchy, prior sd of p; period: log-uniform, 4 spacings (at least a "
+        "25th of the span) to 2 spans",
+        estimates="period, amplitude",
+        left_out="fewer than 8",
+    )
+)
+register(
+    Form(
+        "parameter-drift: over extras",
+        ParameterDrift,
+        _over_extras,
+        call="over another measured column",
+        formula="eta(p + slope (x - center))",
+        priors="the same",
+        estimates="slope",
+        left_out="fewer than 2 distinct values",
+    )
+)

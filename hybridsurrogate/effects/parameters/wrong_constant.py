@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from hybridsurrogate.effects.base import Cause, Context, Rows
 from hybridsurrogate.effects.notation import SIMULATION, number, word
+from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import Prior
 
 
@@ -85,3 +86,24 @@ class WrongConstant(Cause):
         name = word(self.constant)
         value, was = number(values["value"]), number(self.assumed)
         return rf"{SIMULATION}, \quad {name} = {value} \text{{ (was }} {was} \text{{)}}"
+
+
+def _lacking(context: Context) -> list[tuple[None, str]]:
+    return [] if context.assumed else [(None, "the simulation has no assumed constants")]
+
+
+register(
+    Form(
+        "wrong-constant",
+        WrongConstant,
+        lambda context: map(WrongConstant, context.assumed),
+        meaning="the assumed constant {target} has another value",
+        lacking=_lacking,
+        like=("gain", "parameter-drift"),
+        call="`WrongConstant(c)`",
+        formula="eta(c = value)",
+        priors="value: the prior given with `Assumed`",
+        estimates="value",
+        left_out="the simulation assumes no constants",
+    )
+)

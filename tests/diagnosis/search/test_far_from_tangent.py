@@ -5,9 +5,9 @@ import pytest
 from scipy import special
 
 import hybridsurrogate as hs
-from hybridsurrogate.catalogue import KINDS
 from hybridsurrogate.diagnosis.search.evidence import prior_odds
 from hybridsurrogate.diagnosis.search.null_test import evidence_bound
+from hybridsurrogate.effects.registry import kinds
 
 WAVE = hs.Simulator(
     lambda t, height, rate: height * np.cos(rate * t),
@@ -86,7 +86,7 @@ def test_a_rate_that_swings_through_many_radians_is_found(amplitude):
 
 
 def test_evidence_tells_what_tangents_do_not_see():
-    others = [kind for kind in KINDS if kind != "wrong-constant"]
+    others = [kind for kind in kinds() if kind != "wrong-constant"]
     diagnosis = diagnose(2.0, 0, exclude=others)
     assert diagnosis._test.share > 0.05
     assert diagnosis.p_value_ == pytest.approx(1 / 201)

@@ -1,0 +1,145 @@
+"""Which causes there are: each file of effects/ registers its own forms.
+
+A new cause is one file in a room of effects/: it is imported, exported, proposed to every
+diagnosis, told in reports and listed in the documentation because it registers itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+
+from hybridsurrogate.effects.base import Cause, Context
+
+# what may not be excluded: a curve of any shape is weighed always
+_ALWAYS = "unexplained"
+_ROOMS = ("output", "parameters", "inputs", "dynamics", "noise")
+
+
+def _nothing(*_: object) -> None:
+    return None
+
+
+@dataclass(frozen=True)
+class Form:
+    """One form of a kind of cause, and when it is weighed.
+
+    Attributes
+    ----------
+    name : str
+        The kind, and after a colon the form where it is not the plain one.
+    cause : type of Cause
+    propose : callable
+        Takes a `Context` and yields the causes of this form that can be told there.
+    meaning : str or None
+        What it means for the one who wrote the simulation, for a report: a sentence in which
+        {output}, {target} and {column} stand for names. None: as for the plain form.
+    least_rows, least_distinct : int
+        Measured rows, and distinct values of the columns it looks at, that it needs.
+    trouble : callable
+        Takes a cause and a `Context` and returns why it cannot be weighed there; None: it can.
+    lacking : callable
+        Takes a `Context` and returns pairs (target, reason) for what is not proposed there.
+    only_alone : bool
+        Whether it stands for two causes at once, and is needless where a second one is searched.
+    like : tuple of str
+        Kinds whose curves it is easily taken for.
+    call, formula, priors, estimates, left_out : str
+        Cells of the documentation's table.
+    """
+
+    name: str
+    cause: type[Cause]
+    propose: Callable[[Context], Iterable[Cause]] = lambda context: ()
+    meaning: str | None = None
+    least_rows: int = 4
+    least_distinct: int = 2
+    trouble: Callable[[Cause, Context], str | None] = _nothing
+    lacking: Callable[[Context], Iterable[tuple[str | None, str]] | None] = _nothing
+    only_alone: bool = False
+    like: tuple[str, ...] = ()
+    call: str = ""
+    formula: str = ""
+    priors: str = ""
+    estimates: str = ""
+    left_out: str = ""
+
+    @property
+    def kind(self) -> str:
+        """The word by which reports call the kind."""
+        return self.name.partition(": ")[0]
+
+
+FORMS: dict[str, Form] = {}
+
+
+def register(form: Form) -> None:
+    """Make a form part of the catalogue.
+
+    Raises
+    ------
+    ValueError
+        If another one has its name.
+    """
+    if form.name in FORMS:
+        raise ValueError(f"Two forms of causes are called {form.name!r}: give one another name.")
+    FORMS[form.name] = form
+
+
+def load() -> None:
+    """Import every file of the rooms of effects/, so that its causes register themselves."""
+    here = Path(__file__).parent
+    for room in _ROOMS:
+        for path in sorted((here / room).glob("*.py")):
+            if path.stem != "__init__":
+                import_module(f"{__package__}.{room}.{path.stem}")
+
+
+def kinds() -> tuple[str, ...]:
+    """Return the kinds that may be excluded from a diagnosis."""
+    return tuple(dict.fromkeys(f.kind for f in FORMS.values() if f.kind != _ALWAYS))
+
+
+def classes() -> dict[str, type[Cause]]:
+    """Return every registered class by its name."""
+    return {form.cause.__name__: form.cause for form in FORMS.values()}
+
+
+def over_inputs(make: Callable[[str], Cause]) -> Callable[[Context], Iterator[Cause]]:
+    """Return what proposes one cause for each input of the simulation."""
+    return lambda context: (make(column) for column in context.inputs)
+
+
+def over_extras(make: Callable[[str], Cause]) -> Callable[[Context], Iterator[Cause]]:
+    """Return what proposes one cause for each measured column that the simulation ignores."""
+    return lambda context: (make(column) for column in context.extras)
+
+
+def over_columns(make: Callable[[str], Cause]) -> Callable[[Context], Iterator[Cause]]:
+    """Return what proposes one cause for each measured column."""
+    return lambda context: (make(column) for column in context.X)
+
+
+def meaning_of(cause: Cause) -> str | None:
+    """Return what a cause means, in words with places for names; None where nothing is known."""
+    first = (cause.variant.split() or [""])[0]
+    forms = (FORMS.get(f"{cause.kind}: {first}"), FORMS.get(cause.kind))
+    told = (form.meaning for form in forms if form is not None and form.meaning)
+    return cause.meaning or next(told, None)
+
+
+def table_of_causes() -> str:
+    """Return the documentation's table of all forms, in Markdown."""
+    priors = "own parameters and their priors"
+    rows: list[tuple[str, ...]] = [
+        ("kind", "cause", "formula", priors, "estimates", "left out when"),
+        ("---",) * 6,
+    ]
+    for kind in (*kinds(), _ALWAYS):
+        for form in (form for form in FORMS.values() if form.kind == kind):
+            first = f"`{kind}`" if form.name == kind else ""
+            cells = (form.call, form.formula, form.priors, form.estimates, form.left_out)
+            rows.append((first, *cells))
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)

@@ -1,0 +1,123 @@
+"""What every registered cause holds, and that a new one is one file."""
+
+from __future__ import annotations
+
+import inspect
+import pickle
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from sklearn.base import clone
+from tide import context_of
+
+import hybridsurrogate as hs
+from hybridsurrogate.catalogue import catalogue
+from hybridsurrogate.effects.registry import (
+    FORMS,
+    Form,
+    classes,
+    kinds,
+    meaning_of,
+    register,
+    table_of_causes,
+)
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "add_a_cause.md"
+
+
+@pytest.mark.parametrize("name", classes())
+def test_what_is_registered_is_exported(name):
+    assert getattr(hs, name) is getattr(hs.effects, name) is classes()[name]
+    assert name in hs.__all__
+    assert name in hs.effects.__all__
+
+
+@pytest.mark.parametrize("form", FORMS.values(), ids=lambda form: form.name)
+def test_what_a_form_declares(form):
+    assert form.cause.kind == form.kind
+    assert set(form.like) <= {*kinds(), "unexplained"} - {form.kind}
+    assert form.least_rows >= 4
+    assert form.least_distinct >= 2
+    row = f"| {form.call} | {form.formula} | {form.priors} | {form.estimates} | {form.left_out} |"
+    assert row in table_of_causes()
+    told = form.meaning or FORMS[form.kind].meaning
+    if form.kind != "unexplained":
+        names = {"output": "level", "target": "dose", "column": "t"}
+        assert "{" not in told.format(**names)
+
+
+@pytest.mark.parametrize("form", FORMS.values(), ids=lambda form: form.name)
+def test_what_a_form_proposes(form):
+    """In a simulation of two inputs, measured with a time of its own and batches."""
+    context = context_of()
+    for cause in form.propose(context):
+        assert cause.kind == form.kind
+        if form.trouble(cause, context):
+            continue
+        prepared = cause.prepare(context)
+        again = pickle.loads(pickle.dumps(prepared))
+        assert (again.name, again.variant) == (prepared.name, prepared.variant)
+        assert clone(cause).get_params().keys() == cause.get_params().keys()
+        if form.kind != "unexplained":
+            assert meaning_of(prepared)
+
+
+def test_two_forms_of_one_name_are_refused():
+    with pytest.raises(ValueError, match="'step'"):
+        register(Form("step", hs.Step))
+
+
+def test_every_class_that_is_exported_is_registered():
+    exported = (getattr(hs, name) for name in hs.__all__)
+    causes = {one for one in exported if inspect.isclass(one) and issubclass(one, hs.Cause)}
+    assert causes - {hs.Cause} == set(classes().values())
+
+
+def test_a_cause_of_the_users_own_needs_no_registration():
+    class Own(hs.Step):
+        kind = "own"
+
+    causes, _ = catalogue(context_of(), [Own("t")])
+    assert any(cause.kind == "own" for cause in causes)
+    assert "own" not in kinds()
+
+
+STORY = """
+import numpy as np
+import hybridsurrogate as hs
+from hybridsurrogate.effects.registry import table_of_causes
+
+assert "Pulse" in hs.__all__ and "`Pulse(x)`" in table_of_causes()
+simulator = hs.Simulator(
+    lambda t, rate: rate * t,
+    inputs={"t": (0, 10)},
+    parameters={"rate": hs.truncated_normal(1, 0.2, 0, 2)},
+    output="level",
+)
+t = np.linspace(0, 10, 80)
+y = 1.1 * t + np.where(t < 4, 0, 3 * np.exp(-np.maximum(t - 4, 0) / 1.5))
+y += 0.2 * np.random.default_rng(0).standard_normal(80)
+model = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate(), random_state=0)
+diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(t[:, None], y)
+assert diagnosis.best_cause_.kind == "pulse", diagnosis.causes_.head()
+assert "something is added to level, and dies away" in str(diagnosis.report())
+"""
+
+
+def test_a_new_cause_is_one_file(tmp_path):
+    """The file of the documentation, put into a copy of the package."""
+    (source,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S)
+    assert len(source.splitlines()) <= 60
+    package = Path(hs.__file__).parent
+    copied = shutil.copytree(
+        package, tmp_path / "hybridsurrogate", ignore=shutil.ignore_patterns("__pycache__")
+    )
+    (copied / "effects" / "output" / "pulse.py").write_text(source, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-c", STORY], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert not done.returncode, done.stderr
