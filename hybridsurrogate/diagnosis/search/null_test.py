@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,12 +9,9 @@ from scipy import special
 
 from hybridsurrogate.diagnosis.search.evidence import Search, prior_odds
 from hybridsurrogate.inference.evidence.grid import layout
-from hybridsurrogate.inference.evidence.linearised import Linearised, linearise
+from hybridsurrogate.inference.evidence.linearised import linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
 from hybridsurrogate.priors import FloatArray
-
-# half a difference, in standard normal coordinates: about the rows next to a step
-_MOVE = 0.03
 
 
 class NullTest(NamedTuple):
@@ -53,11 +48,12 @@ def null_test(found: Search, n_replicates: int, random_state: np.random.RandomSt
 
     Every cause is linearised once, at the null fit and where it changes nothing: designs do not
     depend on y, so measured and replicated responses are weighed in one batch, by the same
-    statistic. The places of causes that were accepted before are free, to first order.
+    statistic. Causes that were accepted before stay where they were found: their places free, to
+    first order, changed no cause and no verdict of 82 cases (48 pairs of size 2, 34 single effects
+    of size 4, up to two causes each).
     """
     problem, null = found.problem, found.weighed[0]
-    free = freed(found)
-    responses = np.vstack([problem.y, _replicates(found, free, n_replicates, random_state)])
+    responses = np.vstack([problem.y, _replicates(found, n_replicates, random_state)])
     base = null.peak.z
     evidence = []
     for w in found.weighed:
@@ -65,7 +61,7 @@ def null_test(found: Search, n_replicates: int, random_state: np.random.RandomSt
         z[: len(base)] = base
         # in a replicate a change may be anywhere, not only where the measured one is
         plan = w.plan if len(w.plan.nodes) else layout(w.model)
-        parts = free(linearise(w.model, problem.X, found.emulator, plan, z).simplified())
+        parts = linearise(w.model, problem.X, found.emulator, plan, z).simplified()
         evidence.append(
             special.logsumexp(scan(parts, responses, null.sigma, found.noise, found.sizes), axis=1)
         )
@@ -89,15 +85,10 @@ def evidence_bound(found: Search) -> float:
     return float(min(1.0, odds * prior[1:].sum() / prior[0]))
 
 
-def _replicates(
-    found: Search,
-    free: Callable[[Linearised], Linearised],
-    n: int,
-    random_state: np.random.RandomState,
-) -> FloatArray:
+def _replicates(found: Search, n: int, random_state: np.random.RandomState) -> FloatArray:
     """Draw measured responses from the posterior predictive of the linearised null, (n, rows)."""
     problem, null = found.problem, found.weighed[0]
-    parts = free(linearise(null.model, problem.X, found.emulator, null.plan, null.peak.z))
+    parts = linearise(null.model, problem.X, found.emulator, null.plan, null.peak.z)
     # an accepted cause may have changed the noise: rows are drawn in units of it
     ((unit, unequal),) = parts.at(np.zeros(1, dtype=int)).by_noise()
     G, U = unit.G[0], unit.U
@@ -115,41 +106,3 @@ def _replicates(
         return problem.working_point.replicates(eta, random_state)
     noise = sigma[:, None] * random_state.standard_normal((n, rows))
     return unequal * (unit.mean[0] + g @ G.T + emulator + noise)
-
-
-def freed(found: Search) -> Callable[[Linearised], Linearised]:
-    """Return what adds the places of the accepted causes to a model linearised at the null fit.
-
-    A cause that is held at its place can neither give way to another one nor be as uncertain as it
-    is: a test of "nothing further" would be about this one place.
-    """
-    problem, null = found.problem, found.weighed[0]
-    model, plan, z = null.model, null.plan, null.peak.z
-    taken = [*plan.fixed, *plan.sizes, *plan.nodes]
-    places = np.setdiff1d(np.arange(model.n_unknowns), taken).astype(int)
-    if not len(places):
-        return lambda parts: parts
-    parts = linearise(model, problem.X, found.emulator, plan, z)
-    ((unit, unequal),) = parts.at(np.zeros(1, dtype=int)).by_noise()
-    G = unit.G[0]
-    precision = null.sigma**2 * np.eye(G.shape[1]) + G.T @ G
-    fitted = np.linalg.solve(precision, G.T @ (problem.y / unequal - unit.mean[0]))
-    sizes = fitted[len(plan.fixed) :] * model.column_sd
-    points = np.tile(z, (2, len(places), 1))
-    points[0, range(len(places)), places] += _MOVE
-    points[1, range(len(places)), places] -= _MOVE
-    values = model.values(points.reshape(-1, len(z)))
-    output, _, _ = model.simulated(problem.X, values, found.emulator.mean)
-    means = output + model.added(problem.X, values) @ sizes
-    up, down = np.nan_to_num(means).reshape(2, len(places), -1)
-    slopes: FloatArray = (up - down).T / (2 * _MOVE)
-
-    def free(parts: Linearised) -> Linearised:
-        wide = np.broadcast_to(slopes, (len(parts.G), *slopes.shape))
-        return replace(
-            parts,
-            mean=parts.mean - slopes @ z[places],
-            G=np.concatenate([parts.G, wide], axis=2),
-        )
-
-    return free
