@@ -1,7 +1,9 @@
 """Settings of Sphinx: `python -m sphinx docs docs/_build` (extra `docs`) builds the pages."""
 
 from importlib.metadata import version as installed
+from pathlib import Path
 
+import hybridsurrogate as hs
 from hybridsurrogate.effects.registry import table_of_causes
 
 project = "hybridsurrogate"
@@ -29,11 +31,20 @@ sphinx_gallery_conf = {
 }
 
 
-def _fill_in(app, docname, source):
-    # what registers itself is listed by itself
+def page_of_names():
+    """Return the page of all public names."""
+    head = ["API", "===", "", ".. currentmodule:: hybridsurrogate", ""]
+    head += [".. autosummary::", "   :toctree: generated", ""]
+    return "\n".join([*head, *(f"   {name}" for name in sorted(hs.__all__)), ""])
+
+
+def fill_in(app, docname, source):
+    """Put the table of causes into a page that Sphinx has read."""
     source[0] = source[0].replace("{{ table of causes }}", table_of_causes())
 
 
 def setup(app):
-    """Connect what is filled in."""
-    app.connect("source-read", _fill_in)
+    """Write the page of names, and have the table filled in."""
+    # autosummary looks for names in files, so the page must lie there before it looks
+    (Path(app.srcdir) / "api.rst").write_text(page_of_names(), encoding="utf-8")
+    app.connect("source-read", fill_in)
