@@ -25,23 +25,9 @@ from hybridsurrogate.inference.sampling.modes import Gaussian, distinct, find_mo
 from hybridsurrogate.inference.sampling.proposals import moment_match
 from hybridsurrogate.inference.sampling.psis import KHAT_LIMIT
 from hybridsurrogate.inference.sampling.ridges import ridge_through
+from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.posterior import Diagnostics
 from hybridsurrogate.priors import FloatArray
-
-# proposals of the importance sampler: three for each draw that is kept
-_OVERSAMPLING = 3
-# few draws still need enough proposals for k-hat and weights that mean something
-_MIN_PROPOSALS = 1000
-# so many, at least, where they are tried once more: still far fewer than an ensemble's steps
-_LARGE_BATCH = 12_000
-# importance draws with a smaller effective share are tried once more, from wider proposals
-_ENOUGH_EFFECTIVE = 0.1
-# from this share of the best one's mass on, a further mode makes the posterior multimodal
-_MODE_SHARE = 0.02
-# starts from which an evidence's modes are sought
-_FOLLOWED = 4
-# a mode with less than this share gets no proposals of its own
-_PROPOSAL_SHARE = 1e-5
 
 
 @dataclass(frozen=True)
@@ -79,10 +65,10 @@ def _approximations(
 ) -> tuple[list[Gaussian], list[Gaussian], bool]:
     """Return the modes that matter, what is proposed around all, and whether along lines."""
     best = found[0].log_mass
-    minor = [mode for mode in found if mode.log_mass > best + np.log(_PROPOSAL_SHARE)]
+    minor = [mode for mode in found if mode.log_mass > best + np.log(SETTINGS.proposal_share)]
     lines = with_lines(target, minor)
     best = max(line.mode.log_mass for line in lines)
-    modes = [line.mode for line in lines if line.mode.log_mass > best + np.log(_MODE_SHARE)]
+    modes = [line.mode for line in lines if line.mode.log_mass > best + np.log(SETTINGS.mode_share)]
     proposals = [proposal for line in lines for proposal in line.proposals]
     return modes, proposals, any(line.position is not None for line in lines)
 
@@ -100,12 +86,12 @@ def evidence_around(
     if not np.isfinite(value).any():
         return np.nan
     steps = target.step_share, target.model.least_step
-    starts = starts[np.argsort(-value)[:_FOLLOWED]]
+    starts = starts[np.argsort(-value)[: SETTINGS.evidence_starts]]
     modes, minor, _ = _approximations(target, find_modes(target.search_density, starts, *steps))
     sampled = importance_draws(
         target.extended_log_density,
         minor,
-        _MIN_PROPOSALS,
+        SETTINGS.min_proposals,
         1,
         random_state,
         n_noise=target.n_noise,
@@ -138,23 +124,23 @@ def _collapsed_draws(
 ) -> tuple[FloatArray, Diagnostics, Proposals | None]:
     log_density, doubt = target.log_density, np.nan
     if sampler in ("auto", "importance"):
-        n = max(_OVERSAMPLING * n_draws, _MIN_PROPOSALS)
+        n = max(SETTINGS.oversampling * n_draws, SETTINGS.min_proposals)
         sampled = importance_draws(log_density, minor, n, n_draws, random_state, modes=modes)
         trusted = sampled.khat <= KHAT_LIMIT
-        few = not trusted or sampled.effective_draws < _ENOUGH_EFFECTIVE * n
+        few = not trusted or sampled.effective_draws < SETTINGS.enough_effective * n
         # draws of a Gaussian on a bent ridge look good where all of them lie close to its middle
         adapted = len(sampled.proposals.points) > n
         if adapted and sampler == "auto" and not has_lines and target.n_dimensions > 2:
             along = _ridge_draws(target, minor, n, n_draws, random_state)
             if along is not None and along.khat <= KHAT_LIMIT:
                 sampled, trusted, modes = along, True, modes[:1]
-                few = sampled.effective_draws < _ENOUGH_EFFECTIVE * n
+                few = sampled.effective_draws < SETTINGS.enough_effective * n
         if few and sampler == "auto":
             # one large batch of better proposals costs less than the many steps of an ensemble
             weight = np.full(n_draws, 1 / n_draws)
             all_of_it = float(special.logsumexp([part.log_mass for part in minor]))
             wide = replace(moment_match(sampled.draws, weight, minor[0]), log_mass=all_of_it)
-            many = max(4 * n, _LARGE_BATCH)
+            many = max(4 * n, SETTINGS.large_batch)
             again = importance_draws(
                 log_density, [wide, *minor], many, n_draws, random_state, modes=modes
             )
@@ -203,7 +189,7 @@ def _full_draws(
     """Return importance draws of pairs [u, v], else those of the ensemble over the full vector."""
     doubt = np.nan
     if sampler in ("auto", "importance"):
-        n, n_noise = max(_OVERSAMPLING * n_draws, _MIN_PROPOSALS), target.n_noise
+        n, n_noise = max(SETTINGS.oversampling * n_draws, SETTINGS.min_proposals), target.n_noise
         density = target.extended_log_density
         sampled = importance_draws(
             density, minor, n, n_draws, random_state, n_noise=n_noise, modes=modes

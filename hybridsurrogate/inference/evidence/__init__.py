@@ -6,4 +6,5 @@ marginal_likelihood  its evidence in closed form, and Gauss-Newton steps to the 
 outliers             the same where some rows are outliers
 outlier_density      their density, tabulated
 levenberg_marquardt  fits from many starts
+settings             the numbers that a search is tuned by
 """

@@ -10,4 +10,5 @@ psis                    Pareto-smoothed weights and k-hat
 moment_matching         proposals moved to another density
 emcee_sampler           the ensemble sampler, with a stopping rule
 differential_evolution  its moves for many chains at once
+settings                the numbers that all of them are tuned by
 """

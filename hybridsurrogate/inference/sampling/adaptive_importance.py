@@ -26,15 +26,8 @@ from hybridsurrogate.inference.sampling.proposals import (
     standard_student,
 )
 from hybridsurrogate.inference.sampling.psis import KHAT_LIMIT, level_smooth
+from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.priors import FloatArray
-
-# draws whose weights have a larger k-hat can be trusted, but intervals fall short: around bends up
-# to 6.5 % lie beyond an end that should leave 5 % where rounds stop at 0.5, up to 5.7 % at 0.3
-_GOOD_KHAT = 0.3
-# fewer points than this near a mode tell nothing of it
-_FEWEST = 25
-# with more proposals than this none is sliced
-_MOST_SLICED = 4
 
 
 @dataclass(frozen=True)
@@ -102,7 +95,7 @@ def importance_draws(
     scale, target = 1.0, np.empty(0)
     mixed: FloatArray = np.empty(0)
     # with coefficients among the unknowns each value takes a climb: what can be trusted is enough
-    good = KHAT_LIMIT if n_noise else _GOOD_KHAT
+    good = KHAT_LIMIT if n_noise else SETTINGS.good_khat
     for round_ in range(max_rounds):
         rounds.append(_drawn(components, scale, n_proposals, n_noise, random_state))
         target = np.append(target, log_density(rounds[-1].points))
@@ -121,7 +114,7 @@ def importance_draws(
             break
         shaping = balanced(smoothed, cells, np.asarray(khats) > good, shaped.shape[1])
         components = matched(shaped, shaping, components)
-        if len(components) <= _MOST_SLICED:
+        if len(components) <= SETTINGS.most_sliced:
             components = [*components, *slices(shaped, shaping, components)]
         if n_noise:
             noise = points[:, -n_noise:]
@@ -185,7 +178,7 @@ def _smoothed_by_cell(log_weight: FloatArray, cells: list[Cell]) -> tuple[FloatA
     khats = []
     for cell in cells:
         khats.append(np.inf)
-        if np.count_nonzero(np.isfinite(log_weight[cell])) >= _FEWEST:
+        if np.count_nonzero(np.isfinite(log_weight[cell])) >= SETTINGS.fewest_near:
             out[cell], khats[-1] = level_smooth(log_weight[cell])
     return out, khats
 

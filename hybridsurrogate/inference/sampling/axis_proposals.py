@@ -17,25 +17,8 @@ from hybridsurrogate.inference.conjugate.collapsed import CollapsedPosterior
 from hybridsurrogate.inference.laplace.target import LaplacePosterior
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.inference.sampling.modes import Gaussian, distinct
+from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.priors import FloatArray, to_normal
-
-# points on a line: windows around the mode, each twice as wide as the one before
-_WINDOWS, _POINTS = 14, 33
-_END = 6.5
-# total variation distance to the normal from which on it is a poor proposal
-_FAR_FROM_NORMAL = 0.25
-_BINS = 40
-# a bin with less than this share of the mass is proposed as often as one that has it: its middle,
-# from which its mass is reckoned, need not be where the density is highest
-_LEAST_MASS = 1e-3
-# share of a bin's width that is its proposal's standard deviation
-_BIN_SD = 0.6
-# points evenly over the prior, about as close as rows are
-_EVEN = 256
-# between two points whose log densities differ by more, none far below the best, is a third one
-_STEEP, _DEEP, _HALVINGS = 0.5, 8.0, 5
-# nodes from which the other unknowns are followed first, and steps uphill in them
-_RIDGE, _FOLLOWING_STEPS = 64, 4
 
 
 class Line(NamedTuple):
@@ -73,7 +56,7 @@ def enumerated(model: MeasuredModel) -> list[tuple[int, FloatArray]]:
             nodes = np.asarray(grids[owner][name], dtype=float)
             nodes = nodes.reshape(len(nodes), -1).mean(axis=1, keepdims=True)
             nodes = to_normal([prior], nodes)
-            out.append((position, np.clip(nodes[:, 0], -_END, _END)))
+            out.append((position, np.clip(nodes[:, 0], -SETTINGS.prior_end, SETTINGS.prior_end)))
     return out
 
 
@@ -83,7 +66,7 @@ def _line(
     places: list[tuple[int, FloatArray]],
 ) -> Line:
     """Return proposals along the unknown in which the density is farthest from normal, if any."""
-    worst, chosen = _FAR_FROM_NORMAL, None
+    worst, chosen = SETTINGS.far_from_normal, None
     precision = np.linalg.inv(mode.factor @ mode.factor.T)
     for position, nodes in places:
         # with the others held: how the density falls off where they follow is the mode's affair
@@ -105,9 +88,13 @@ def _line(
 
 def _points_around(centre: float, sd: float, nodes: FloatArray) -> FloatArray:
     """Return points on a line, close around the centre, with the nodes between them."""
-    offsets = sd * 2.0 ** np.arange(_WINDOWS)[:, None] * np.linspace(-1, 1, _POINTS)
+    offsets = (
+        sd
+        * 2.0 ** np.arange(SETTINGS.windows)[:, None]
+        * np.linspace(-1, 1, SETTINGS.window_points)
+    )
     z = np.concatenate([centre + offsets.ravel(), nodes])
-    return np.unique(z[np.abs(z) <= _END])
+    return np.unique(z[np.abs(z) <= SETTINGS.prior_end])
 
 
 def _cells(z: FloatArray, value: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -127,12 +114,12 @@ def _refined(
 
     Evenly over the prior too, the other unknowns on the ridge.
     """
-    z = np.union1d(z, special.ndtri((np.arange(_EVEN) + 0.5) / _EVEN))
+    z = np.union1d(z, special.ndtri((np.arange(SETTINGS.even_points) + 0.5) / SETTINGS.even_points))
     value = target.search_density(_between(ridge, position, z))
-    for _ in range(_HALVINGS):
+    for _ in range(SETTINGS.line_halvings):
         with np.errstate(invalid="ignore"):
-            steep = np.abs(np.diff(value)) > _STEEP
-        steep &= np.maximum(value[1:], value[:-1]) > value.max() - _DEEP
+            steep = np.abs(np.diff(value)) > SETTINGS.steep
+        steep &= np.maximum(value[1:], value[:-1]) > value.max() - SETTINGS.line_deep
         middle = 0.5 * (z[1:] + z[:-1])[steep]
         if not len(middle):
             break
@@ -166,19 +153,21 @@ def _bins(
     slope = covariance[others, position] / covariance[position, position]
     rest = covariance[np.ix_(others, others)] - np.outer(slope, covariance[position, others])
     rest_factor = np.linalg.cholesky(rest + 1e-12 * np.trace(rest) * np.eye(len(rest)))
-    start = np.unique(np.append(nodes[:: -(-len(nodes) // _RIDGE)], mode.mean[position]))
+    start = np.unique(
+        np.append(nodes[:: -(-len(nodes) // SETTINGS.followed_nodes)], mode.mean[position])
+    )
     straight = _between(mode.mean[None], position, start)
     ridge, _, _ = _followed(target, straight, others, rest_factor)
     at = _bin_edges(*_cells(*_refined(target, ridge, position, z)))
     middles = _between(ridge, position, 0.5 * (at[1:] + at[:-1]))
     means, value, width = _followed(target, middles, others, rest_factor)
-    spread = np.maximum(_BIN_SD * np.diff(at), 1e-6 * (at[-1] - at[0]))
+    spread = np.maximum(SETTINGS.bin_sd * np.diff(at), 1e-6 * (at[-1] - at[0]))
     volume = np.log(np.diagonal(rest_factor) * width).sum(axis=1)
-    mass = value + np.log(spread / _BIN_SD) + volume + 0.5 * len(rest) * np.log(2 * np.pi)
-    mass = np.maximum(mass, special.logsumexp(mass) + np.log(_LEAST_MASS))
-    factors = np.zeros((_BINS, *mode.factor.shape))
+    mass = value + np.log(spread / SETTINGS.bin_sd) + volume + 0.5 * len(rest) * np.log(2 * np.pi)
+    mass = np.maximum(mass, special.logsumexp(mass) + np.log(SETTINGS.bin_least_mass))
+    factors = np.zeros((SETTINGS.bins, *mode.factor.shape))
     factors[:, position, position] = spread
-    factors[np.ix_(np.arange(_BINS), others, others)] = rest_factor * width[:, None, :]
+    factors[np.ix_(np.arange(SETTINGS.bins), others, others)] = rest_factor * width[:, None, :]
     return [
         Gaussian(mean, factor, float(log_mass))
         for mean, factor, log_mass in zip(means, factors, mass, strict=True)
@@ -192,7 +181,7 @@ def _bin_edges(edges: FloatArray, log_mass: FloatArray) -> FloatArray:
     rise = np.abs(np.diff(height, prepend=0.0)) + np.abs(np.diff(height, append=0.0))
     share = (cells + root / root.sum() + rise / rise.sum() + np.diff(special.ndtr(edges))) / 4
     cumulative = np.concatenate([[0.0], np.cumsum(share)])
-    return np.interp(np.linspace(0, 1, _BINS + 1), cumulative / cumulative[-1], edges)
+    return np.interp(np.linspace(0, 1, SETTINGS.bins + 1), cumulative / cumulative[-1], edges)
 
 
 def _followed(
@@ -212,7 +201,7 @@ def _followed(
     value = target.search_density(points)
     curvature = np.ones((len(points), r))
     reach = np.ones(len(points))
-    for _ in range(_FOLLOWING_STEPS):
+    for _ in range(SETTINGS.following_steps):
         around = (points[:, None] + offsets).reshape(-1, points.shape[1])
         plus, minus = np.split(target.search_density(around).reshape(len(points), -1), 2, axis=1)
         with np.errstate(invalid="ignore"):

@@ -18,11 +18,9 @@ from hybridsurrogate.inference.evidence.grid import layout
 from hybridsurrogate.inference.evidence.levenberg_marquardt import best_from_afar, best_of_spread
 from hybridsurrogate.inference.evidence.marginal_likelihood import climb
 from hybridsurrogate.inference.laplace.target import LaplacePosterior
+from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.priors import FloatArray, to_normal
 
-_MAX_STARTS = 5
-# with the noise of a poor fit one node is as good as another: the fit is repeated with its own
-_MOST_CLIMBS, _SETTLED_NOISE = 5, 0.7
 # places along one parameter, in standard normal coordinates: beyond, no prior has mass
 _LINE = np.linspace(-6.5, 6.5, 41)
 _SPACING = _LINE[1] - _LINE[0]
@@ -51,7 +49,7 @@ def starting_points(
         partial = replace(model, effects=causes)
         plan = layout(partial)
         before_it, z = z, np.concatenate([z, plan.neutral[len(z) :]])
-        for round_ in range(_MOST_CLIMBS):
+        for round_ in range(SETTINGS.noise_refits):
             peak = climb(partial, target.X, target.y, emulator, plan, z, sigma, 10 * target.scale)
             z = peak.z.copy()
             if not round_:
@@ -66,7 +64,7 @@ def starting_points(
                 z[plan.nodes] = to_normal(priors, plan.grid[peak.node])
             before = sigma
             sigma = max(float(np.sqrt(peak.squares / len(target.y))), ROUNDING * target.scale)
-            if sigma > _SETTLED_NOISE * before:
+            if sigma > SETTINGS.settled_noise * before:
                 break
     return np.array([[*z, *z_hyper, np.log(sigma * factor)] for factor in (1.0, 2.0)])
 
@@ -156,4 +154,4 @@ def _best_prior_points(
     distance = np.linalg.norm(z[:, None] - z, axis=2)
     neighbours = np.argsort(distance, axis=1)[:, 1 : 2 * d + 1]
     peaks = np.flatnonzero(value >= value[neighbours].max(axis=1))
-    return u[peaks[np.argsort(-value[peaks])][:_MAX_STARTS]]
+    return u[peaks[np.argsort(-value[peaks])][: SETTINGS.max_starts]]

@@ -11,15 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.priors import FloatArray
 
 LogDensity = Callable[[FloatArray], FloatArray]
 # log density of points (K, d) for the draws (K,) of something else that they are given
 PairLogDensity = Callable[[FloatArray, NDArray[np.intp]], FloatArray]
-
-_MOST_MOVES = 40
-# densities are told apart to a hundredth of a nat
-_MOST_ROUNDING = 1e-2
 
 
 @dataclass(frozen=True)
@@ -71,9 +68,9 @@ def find_modes(
         return log_density(points)
 
     x, value, hessian = climb(
-        any_start, x[alive], value[alive], step_share, _MOST_MOVES, True, least_step
+        any_start, x[alive], value[alive], step_share, SETTINGS.mode_steps, True, least_step
     )
-    if np.spacing(np.abs(value.max())) > _MOST_ROUNDING:
+    if np.spacing(np.abs(value.max())) > SETTINGS.mode_rounding:
         raise ValueError(
             f"At the best parameters the log density is {value.max():.1g}, so low that rounding "
             "hides how it changes: the data are further from the simulation than any noise that "

@@ -13,11 +13,8 @@ from hybridsurrogate.inference.sampling.adaptive_importance import (
 )
 from hybridsurrogate.inference.sampling.modes import LogDensity
 from hybridsurrogate.inference.sampling.psis import KHAT_LIMIT, pareto_smooth
+from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.priors import FloatArray
-
-_MAX_TRANSFORMS = 6
-# below this share of effective draws a transformation is tried even where k-hat is fine
-_ENOUGH = 0.2
 
 
 def matched_draws(
@@ -50,10 +47,10 @@ def matched_draws(
     d = proposals.points.shape[1] - n_noise
     log_weight = log_density(proposals.points) - proposals.log_density
     smoothed, khat = pareto_smooth(log_weight)
-    for k in range(_MAX_TRANSFORMS):
+    for k in range(SETTINGS.max_transforms):
         weight = np.exp(smoothed - special.logsumexp(smoothed))
         effective = 1 / np.sum(weight**2)
-        if khat <= KHAT_LIMIT and effective >= _ENOUGH * len(weight):
+        if khat <= KHAT_LIMIT and effective >= SETTINGS.enough_matched * len(weight):
             break
         moved = _moved(proposals, weight, d, ("mean", "scales", "covariance")[k % 3])
         new_weight = log_density(moved.points) - moved.log_density

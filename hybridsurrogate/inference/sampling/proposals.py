@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from hybridsurrogate.inference.sampling.modes import Gaussian
+from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.priors import FloatArray
 
 # indices of points
@@ -17,15 +18,6 @@ Cell = NDArray[np.intp]
 
 DEGREES_OF_FREEDOM = 5.0
 PROPOSAL_SCALE = 1.1
-# a proposal with less of the weight than this stays where it is
-_LEAST_SHARE = 1e-3
-# a component gets at least this share of the points
-_LEAST_PROPOSED = 0.05
-# effective points, for each dimension, from which a proposal is shaped
-_SHAPING = 10.0
-_HALVINGS = 12
-# slices of the draws of one proposal
-_SLICES = 4
 
 
 def student_draws(
@@ -90,7 +82,7 @@ def mixture_log_density(components: list[Gaussian], points: FloatArray) -> Float
 
 def _shares(components: list[Gaussian]) -> FloatArray:
     mass = np.array([g.log_mass for g in components])
-    least = min(_LEAST_PROPOSED, 0.5 / len(components))
+    least = min(SETTINGS.least_proposed, 0.5 / len(components))
     share = np.maximum(np.exp(mass - special.logsumexp(mass)), least)
     return share / share.sum()
 
@@ -116,14 +108,14 @@ def balanced(
         if np.isfinite(log_weight[cell]).any():
             fair = 0.5 / len(cells) if doubted and len(cells) > 1 else 0.0
             share = max(out[cell].sum(), fair)
-            out[cell] = share * _evened(log_weight[cell], _SHAPING * d)
+            out[cell] = share * _evened(log_weight[cell], SETTINGS.shaping * d)
     return out / out.sum()
 
 
 def _evened(log_weight: FloatArray, least: float) -> FloatArray:
     """Return normalised weights to the largest power up to one with so many effective points."""
     low, high = 0.0, 2.0
-    for _ in range(_HALVINGS):
+    for _ in range(SETTINGS.proposal_halvings):
         power = 0.5 * (low + high)
         weight: FloatArray = special.softmax(power * log_weight)
         if 1 / np.sum(weight**2) < least:
@@ -140,11 +132,11 @@ def matched(points: FloatArray, weight: FloatArray, components: list[Gaussian]) 
     share = _responsible(points, weight, components)
     mass = share.sum(axis=1)
     moved = [
-        moment_match(points, own / m, g) if m > _LEAST_SHARE else g
+        moment_match(points, own / m, g) if m > SETTINGS.least_share else g
         for own, m, g in zip(share, mass, components, strict=True)
     ]
     return [
-        replace(g, log_mass=float(np.log(max(m, _LEAST_SHARE))))
+        replace(g, log_mass=float(np.log(max(m, SETTINGS.least_share))))
         for g, m in zip(moved, mass, strict=True)
     ]
 
@@ -153,15 +145,17 @@ def slices(points: FloatArray, weight: FloatArray, components: list[Gaussian]) -
     """Return proposals along each component: slices of its points across their longest axis."""
     out = []
     for own, g in zip(_responsible(points, weight, components), components, strict=True):
-        if own.sum() <= _LEAST_SHARE:
+        if own.sum() <= SETTINGS.least_share:
             continue
         axis = np.linalg.eigh(g.factor @ g.factor.T)[1][:, -1]
         order = np.argsort(points @ axis)
-        part = np.minimum(_SLICES * np.cumsum(own[order]) / own.sum(), _SLICES - 1).astype(int)
-        for k in range(_SLICES):
+        part = np.minimum(
+            SETTINGS.slices * np.cumsum(own[order]) / own.sum(), SETTINGS.slices - 1
+        ).astype(int)
+        for k in range(SETTINGS.slices):
             inside = order[part == k]
             m = own[inside].sum()
-            if m > _LEAST_SHARE:
+            if m > SETTINGS.least_share:
                 one = moment_match(points[inside], own[inside] / m, g)
                 out.append(replace(one, log_mass=float(np.log(m))))
     return out

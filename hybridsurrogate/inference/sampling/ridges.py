@@ -17,15 +17,8 @@ from scipy.interpolate import CubicSpline
 
 from hybridsurrogate.inference.conjugate.collapsed import CollapsedPosterior
 from hybridsurrogate.inference.sampling.modes import Gaussian, climb, distinct, factors
+from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.priors import FloatArray
-
-# distance of points on the curve: in standard deviations of the prior, and of the approximation
-_SPACING, _SHARE = 0.1, 0.5
-# no prior has mass beyond; the curve ends where the density is so many nats below its best
-_END, _DEEP = 6.5, 12.0
-_MOST_CLIMBS = 40
-# points through which the next is extrapolated
-_NEAR = 4
 
 
 @dataclass(frozen=True)
@@ -69,7 +62,10 @@ def ridge_through(target: CollapsedPosterior, mode: Gaussian) -> Ridge | None:
     # log sigma, the last, is never exchanged for another unknown
     position = int(np.argmax(np.diag(covariance)[:-1]))
     others = np.arange(len(mode.mean)) != position
-    spacing = min(_SPACING, _SHARE * float(np.sqrt(covariance[position, position])))
+    spacing = min(
+        SETTINGS.ridge_spacing,
+        SETTINGS.ridge_share * float(np.sqrt(covariance[position, position])),
+    )
     slope = covariance[others, position] / covariance[position, position]
     ahead = _followed(target, mode.mean, position, slope, spacing)
     behind = _followed(target, mode.mean, position, slope, -spacing)
@@ -100,13 +96,17 @@ def _followed(
     """Return s (K,), others (K, r), log densities and Hessians (K, r, r), the mode's the first."""
     start = np.delete(mode, position)
     s, x = [mode[position]], [start]
-    _, value, hessian = _climbed(target, position, s[0], start, _MOST_CLIMBS)
+    _, value, hessian = _climbed(target, position, s[0], start, SETTINGS.mode_steps)
     values, hessians = [value], [hessian]
-    while abs(s[-1] + spacing) < _END and values[-1] > max(values) - _DEEP:
-        near = x[-_NEAR:]
+    while (
+        abs(s[-1] + spacing) < SETTINGS.prior_end and values[-1] > max(values) - SETTINGS.ridge_deep
+    ):
+        near = x[-SETTINGS.ridge_near :]
         # a polynomial through the last points; its first slope is that of the approximation
         ahead = start + spacing * slope if len(near) == 1 else _extrapolated(near)
-        found, value, hessian = _climbed(target, position, s[-1] + spacing, ahead, _MOST_CLIMBS)
+        found, value, hessian = _climbed(
+            target, position, s[-1] + spacing, ahead, SETTINGS.mode_steps
+        )
         if not np.isfinite(value):
             break
         s.append(s[-1] + spacing)

@@ -1,0 +1,107 @@
+"""What the sampling of posteriors is tuned by: one place, each number with what rests on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class SamplingSettings:
+    """Numbers of importance sampling and of the search for modes.
+
+    Places and distances are in standard normal coordinates, log densities in nats.
+
+    Attributes
+    ----------
+    oversampling, min_proposals : int
+        Proposals for each draw that is kept, and at least: fewer say nothing of k-hat.
+    large_batch : int
+        At least so many where draws are tried once more: far fewer than an ensemble's steps.
+    enough_effective : float
+        Draws of a smaller effective share are tried once more, from wider proposals.
+    mode_share, proposal_share : float
+        Share of the best mode's mass from which a further one makes a posterior multimodal, and
+        from which it has proposals of its own.
+    evidence_starts : int
+        Starts from which an evidence's modes are sought.
+    good_khat : float
+        Rounds of adaptation stop here. Around bends up to 6.5 % of draws lie beyond an end that
+        should leave 5 % where they stop at 0.5, up to 5.7 % at 0.3.
+    fewest_near, most_sliced, slices : int
+        Fewer points near a mode tell nothing of it; with more proposals none is sliced; slices.
+    least_share, least_proposed : float
+        A proposal with less of the weight stays where it is; each has at least this share of the
+        points.
+    shaping : float
+        Effective points, for each dimension, from which a proposal is shaped.
+    proposal_halvings : int
+        Halvings of a proposal's step where it does not help.
+    prior_end : float
+        No prior has mass beyond.
+    windows, window_points : int
+        Along a line: windows around the mode, each twice as wide as the one before.
+    far_from_normal : float
+        Total variation distance from which on a normal is a poor proposal along a line.
+    bins, bin_least_mass, bin_sd : int, float, float
+        Of a piecewise proposal; a bin with less mass is proposed as often as one that has it; the
+        standard deviation of its proposal in widths.
+    even_points : int
+        Points evenly over the prior of a line, about as close as rows are.
+    steep, line_deep, line_halvings : float, float, int
+        Between two points whose log densities differ by more, none far below the best, is a third.
+    followed_nodes, following_steps : int
+        Nodes from which the other unknowns are followed first, and steps uphill in them.
+    max_starts, noise_refits, settled_noise : int, int, float
+        Starts of a search for modes; fits repeated with their own noise, and the share by which it
+        has settled.
+    mode_steps, mode_rounding : int, float
+        Steps to a mode; log densities are told apart to this.
+    max_transforms, enough_matched : int, float
+        Moment matching: transformations, and the effective share below which one is tried.
+    ridge_spacing, ridge_share, ridge_deep, ridge_near : float, float, float, int
+        Of points on a ridge: distance in standard deviations of the prior and of the approximation,
+        depth at which it ends, points through which the next is extrapolated.
+    """
+
+    oversampling: int = 3
+    min_proposals: int = 1000
+    large_batch: int = 12_000
+    enough_effective: float = 0.1
+    mode_share: float = 0.02
+    proposal_share: float = 1e-5
+    evidence_starts: int = 4
+    good_khat: float = 0.3
+    fewest_near: int = 25
+    most_sliced: int = 4
+    slices: int = 4
+    least_share: float = 1e-3
+    least_proposed: float = 0.05
+    shaping: float = 10.0
+    proposal_halvings: int = 12
+    prior_end: float = 6.5
+    windows: int = 14
+    window_points: int = 33
+    far_from_normal: float = 0.25
+    bins: int = 40
+    bin_least_mass: float = 1e-3
+    bin_sd: float = 0.6
+    even_points: int = 256
+    steep: float = 0.5
+    line_deep: float = 8.0
+    line_halvings: int = 5
+    followed_nodes: int = 64
+    following_steps: int = 4
+    max_starts: int = 5
+    noise_refits: int = 5
+    settled_noise: float = 0.7
+    mode_steps: int = 40
+    mode_rounding: float = 1e-2
+    max_transforms: int = 6
+    enough_matched: float = 0.2
+    ridge_spacing: float = 0.1
+    ridge_share: float = 0.5
+    ridge_deep: float = 12.0
+    ridge_near: int = 4
+
+
+SETTINGS = SamplingSettings()
