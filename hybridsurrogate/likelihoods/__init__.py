@@ -1,35 +1,37 @@
-"""Likelihoods: one file a family."""
+"""Likelihoods: one file a family, which registers its names."""
 
-from hybridsurrogate.likelihoods.base import Likelihood
-from hybridsurrogate.likelihoods.binomial import Binomial
+from importlib import import_module
+from pkgutil import iter_modules
+from typing import TYPE_CHECKING
+
+from hybridsurrogate.likelihoods.base import LIKELIHOODS, Likelihood
 from hybridsurrogate.likelihoods.contaminated import Contaminated
-from hybridsurrogate.likelihoods.counts import NegativeBinomial, Poisson
 from hybridsurrogate.likelihoods.custom import CustomLikelihood
-from hybridsurrogate.likelihoods.normal import LogNormal, Normal, TransformedNormal
-from hybridsurrogate.likelihoods.student_t import StudentT
+from hybridsurrogate.likelihoods.normal import TransformedNormal
 
+for _file in iter_modules(__path__, f"{__name__}."):
+    import_module(_file.name)
+
+# what a file registers is public
+_CLASSES = {type(likelihood).__name__: type(likelihood) for likelihood in LIKELIHOODS.values()}
+globals().update(_CLASSES)
 __all__ = [
-    "Binomial",
+    "LIKELIHOODS",
     "Contaminated",
     "CustomLikelihood",
     "Likelihood",
-    "LogNormal",
-    "NegativeBinomial",
-    "Normal",
-    "Poisson",
-    "StudentT",
     "TransformedNormal",
     "as_likelihood",
+    *_CLASSES,
 ]
 
-LIKELIHOODS: dict[str, Likelihood] = {
-    "normal": Normal(),
-    "lognormal": LogNormal(),
-    "student-t": StudentT(),
-    "negative-binomial": NegativeBinomial(),
-    "poisson": Poisson(),
-    "binomial": Binomial(),
-}
+if TYPE_CHECKING:  # for type checkers and editors, which do not run the loop
+    from hybridsurrogate.likelihoods.binomial import Binomial as Binomial
+    from hybridsurrogate.likelihoods.counts import NegativeBinomial as NegativeBinomial
+    from hybridsurrogate.likelihoods.counts import Poisson as Poisson
+    from hybridsurrogate.likelihoods.normal import LogNormal as LogNormal
+    from hybridsurrogate.likelihoods.normal import Normal as Normal
+    from hybridsurrogate.likelihoods.student_t import StudentT as StudentT
 
 
 def as_likelihood(likelihood: str | Likelihood) -> Likelihood:
@@ -39,7 +41,7 @@ def as_likelihood(likelihood: str | Likelihood) -> Likelihood:
     ----------
     likelihood : str or Likelihood
         "normal", "lognormal", "student-t", "negative-binomial", "poisson", "binomial" (one
-        trial a row), or an object.
+        trial a row), or any other name in `LIKELIHOODS`; or an object.
 
     Returns
     -------

@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
 
 import numpy as np
+from scipy import integrate, stats
 
+from hybridsurrogate.blocks import blocks
+from hybridsurrogate.likelihoods.quadrature import density_on_nodes, draw
+from hybridsurrogate.likelihoods.smoothing import positive, smoothed_moments
 from hybridsurrogate.priors import FloatArray, Prior
 
-# samples of a row from which its Fisher information is averaged where no formula is given
+# samples of a row from which expectations are averaged where no formula is given
 _SAMPLES = 400
+# width of the first smoothing of a density that may have kinks, in units of sigma
+_KERNEL = 0.8
 
 
 class Likelihood(ABC):
     """How a measured value scatters around what the surrogate says.
+
+    A likelihood needs ``log_density`` alone. Without a ``sample`` of its own it is drawn from and
+    averaged over on nodes of y; counts need one, as their density lies on whole numbers. Mean,
+    variance and Fisher information are averages over samples where no formula is given.
 
     ``eta``, the surrogate's output, and ``sigma``, the second parameter, broadcast against each
     other; by convention draws come first and rows last, so ``eta`` has shape (n_draws, n) and
@@ -41,6 +52,15 @@ class Likelihood(ABC):
     >>> from hybridsurrogate.likelihoods import Poisson
     >>> isinstance(Poisson(), Likelihood), Poisson().log_scale, Poisson().has_scale
     (True, True, False)
+
+    Laplace noise, whose variance is 2 sigma^2:
+
+    >>> class Laplace(Likelihood):
+    ...     rough = True
+    ...     def log_density(self, y, eta, sigma):
+    ...         return -np.abs(y - eta) / sigma - np.log(2 * sigma)
+    >>> Laplace().variance(np.zeros((1, 1)), np.full((1, 1), 3.0)).round(1)
+    array([[18.]])
     """
 
     name = "likelihood"
@@ -50,62 +70,124 @@ class Likelihood(ABC):
     rough = False
     gaussian = False
 
-    @abstractmethod
     def check(self, y: FloatArray, source: str = "measured") -> None:
-        """Raise ValueError when y cannot come from this likelihood; name its source."""
+        """Raise ValueError when y cannot come from this likelihood; name its source.
+
+        By default where a logarithm is asked for and y has none.
+        """
+        if self.log_scale and not (y >= 0).all():
+            raise ValueError(
+                f"The likelihood has log_scale=True, but {np.sum(y < 0)} {source} values are "
+                "negative: eta would be the logarithm of their mean."
+            )
 
     def check_training(self, y: FloatArray, source: str = "measured") -> None:
         """Raise ValueError when nothing can be fitted to y; scores need `check` alone."""
         self.check(y, source)
 
-    @abstractmethod
     def working(self, y: FloatArray) -> FloatArray:
         """Return y on the scale of eta, nudged off the ends where that is not finite.
 
-        Scales, defaults and starting points come from it.
+        Scales, defaults and starting points come from it. By default y, or its logarithm.
         """
+        if not self.log_scale:
+            return np.asarray(y, dtype=float)
+        smallest = np.min(y[y > 0], initial=1.0)
+        return np.log(np.maximum(y, 0.5 * smallest))
 
-    @abstractmethod
     def link(self, output: FloatArray) -> FloatArray:
-        """Return the eta of a noise-free output."""
+        """Return the eta of a noise-free output; by default the output, or its logarithm."""
+        return np.log(output) if self.log_scale else np.asarray(output, dtype=float)
 
-    @abstractmethod
     def inverse(self, eta: FloatArray) -> FloatArray:
-        """Return the noise-free output of eta."""
+        """Return the noise-free output of eta; by default eta, or its exponential."""
+        return np.exp(np.minimum(eta, 700.0)) if self.log_scale else eta
 
     @abstractmethod
     def log_density(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the log density (or log probability) of each y."""
 
-    @abstractmethod
     def mean(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the mean of y."""
+        return self._expected(lambda y, eta, sigma: y, eta, sigma)
 
-    @abstractmethod
     def variance(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the variance of y."""
+        mean = np.broadcast_to(self.mean(eta, sigma), np.shape(eta))
+        return self._expected(lambda y, eta, sigma, mean: np.square(y - mean), eta, sigma, mean)
 
-    @abstractmethod
     def sample(
         self, eta: FloatArray, sigma: FloatArray, random_state: np.random.RandomState
     ) -> FloatArray:
         """Draw y once for each eta."""
+        eta = np.asarray(eta, dtype=float)
+        uniform, out = random_state.uniform(size=eta.shape), np.empty(eta.shape)
+        for part, y, density in self._on_nodes(eta, sigma):
+            out[part] = draw(y, density, uniform[part])
+        return out
 
-    @abstractmethod
+    @property
+    def has_sampler(self) -> bool:
+        """Whether it has a way to draw y of its own."""
+        return type(self).sample is not Likelihood.sample
+
     def noise_prior(self, scale: float) -> Prior:
-        """Return the default prior of sigma for outputs with this spread on the scale of eta."""
+        """Return the default prior of sigma for outputs with this spread on the scale of eta.
+
+        Half-normal: the spread of the output, or one on a logarithmic scale.
+        """
+        if not self.has_scale:
+            # of a number that nothing depends on
+            return stats.lognorm(1.0)
+        return stats.halfnorm(scale=1.0 if self.log_scale else scale)
+
+    def _on_nodes(
+        self, eta: FloatArray, sigma: FloatArray
+    ) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
+        """Yield blocks of draws, with nodes of y and the density there."""
+        sigma = np.broadcast_to(1.0 if sigma is None else sigma, eta.shape)
+        for part in blocks(len(eta), 129 * eta[:1].size):
+            width = sigma[part] if self.has_scale else 1.0
+            yield (
+                part,
+                *density_on_nodes(self.log_density, self.inverse, eta[part], sigma[part], width),
+            )
+
+    def _expected(
+        self,
+        function: Callable[..., FloatArray],
+        eta: FloatArray,
+        sigma: FloatArray,
+        *others: FloatArray,
+    ) -> FloatArray:
+        """Return the mean of ``function(y, eta, sigma, *others)`` over y, all in eta's shape."""
+        eta = np.asarray(eta, dtype=float)
+        out = np.zeros(eta.shape)
+        if self.has_sampler:
+            random_state = np.random.RandomState(0)
+            for _ in range(_SAMPLES):
+                out += function(self.sample(eta, sigma, random_state), eta, sigma, *others)
+            return out / _SAMPLES
+        sigma = np.broadcast_to(1.0 if sigma is None else sigma, eta.shape)
+        for part, y, density in self._on_nodes(eta, sigma):
+            given = (eta[part], sigma[part], *(other[part] for other in others))
+            values = np.stack([function(one, *given) for one in y])
+            # beyond the last digits of a density a score need not be a number
+            values = np.where(density > 0, values, 0.0)
+            out[part] = integrate.trapezoid(values * density, y, axis=0)
+        return out
 
     def information(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the Fisher information of each row about its eta, in the shape of eta.
 
         By default the mean square of the score over samples of y.
         """
-        random_state = np.random.RandomState(0)
-        total = np.zeros(np.shape(eta))
-        for _ in range(_SAMPLES):
-            score, _ = self.derivatives(self.sample(eta, sigma, random_state), eta, sigma)
-            total += np.nan_to_num(np.square(score), posinf=0.0)
-        return np.maximum(total / _SAMPLES, np.finfo(float).tiny)
+
+        def square(y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+            score, _ = self.derivatives(y, eta, sigma)
+            return np.nan_to_num(np.square(score), posinf=0.0)
+
+        return np.maximum(self._expected(square, eta, sigma), np.finfo(float).tiny)
 
     def working_rows(
         self, y: FloatArray, eta: FloatArray, sigma: FloatArray
@@ -132,9 +214,10 @@ class Likelihood(ABC):
         Where the density is `rough`: its mean over eta ~ N(eta, width^2), width like eta or None
         for a guess.
         """
-        return self.log_density(y, eta, sigma)
+        if not self.rough:
+            return self.log_density(y, eta, sigma)
+        return self._moments(y, eta, sigma, width)[0]
 
-    @abstractmethod
     def derivatives(
         self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
@@ -143,3 +226,47 @@ class Likelihood(ABC):
         Curvature only shapes proposals, so where the density is not log-concave a positive stand-in
         does.
         """
+        _, gradient, curvature = self._moments(y, eta, sigma, width)
+        return gradient, positive(curvature, gradient)
+
+    def _moments(
+        self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return value, slope and curvature of the smoothed log density."""
+        eta = np.asarray(eta, dtype=float)
+        narrow = 1e-3 * (1 + np.abs(eta))
+        if width is None:
+            width = _KERNEL * sigma if self.has_scale and self.rough else narrow
+            if self.scales_noise and not self.rough:
+                width = 0.01 * sigma
+        wide = smoothed_moments(self.log_density, y, eta, sigma, width)
+        # near the end of a support some values of eta are impossible
+        bad = ~np.isfinite(wide[0])
+        if not bad.any():
+            return wide
+        sharp = smoothed_moments(self.log_density, y, eta, sigma, np.minimum(narrow, width))
+        value, gradient, curvature = (np.where(bad, b, a) for a, b in zip(wide, sharp, strict=True))
+        return value, gradient, curvature
+
+
+# an instance by the name that `likelihood=` takes; property tests run over it
+LIKELIHOODS: dict[str, Likelihood] = {}
+
+
+def register(name: str, likelihood: Likelihood) -> None:
+    """Give a likelihood a name and make its class public; its file calls it at the end.
+
+    Examples
+    --------
+    >>> from hybridsurrogate.likelihoods.base import register
+    >>> register("gamma", stats.gamma)  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+        ...
+    TypeError: register('gamma', ...) needs a Likelihood object, got <scipy...
+    """
+    if not isinstance(likelihood, Likelihood):
+        raise TypeError(f"register({name!r}, ...) needs a Likelihood object, got {likelihood!r}.")
+    taken = LIKELIHOODS.get(name, likelihood)
+    if type(taken) is not type(likelihood):
+        raise ValueError(f"The name {name!r} is that of {taken!r}: choose another.")
+    LIKELIHOODS[name] = likelihood

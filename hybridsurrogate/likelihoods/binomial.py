@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special, stats
+from scipy import special
 
-from hybridsurrogate.likelihoods.base import Likelihood
-from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.likelihoods.base import Likelihood, register
+from hybridsurrogate.priors import FloatArray
 
 # log odds beyond which a success is certain to all digits
 _MAX_ETA = 36.0
@@ -89,10 +89,6 @@ class Binomial(Likelihood):
         """Draw y once for each eta."""
         return random_state.binomial(self.trials, special.expit(eta)).astype(float)
 
-    def noise_prior(self, scale: float) -> Prior:
-        """Return the prior of a number that nothing depends on."""
-        return stats.lognorm(1.0)
-
     def information(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return trials p (1 - p), as the variance."""
         return self.variance(eta, sigma) + 1e-12
@@ -102,3 +98,6 @@ class Binomial(Likelihood):
     ) -> tuple[FloatArray, FloatArray]:
         """Return y - mean, and the variance."""
         return y - self.inverse(eta), self.information(eta, sigma)
+
+
+register("binomial", Binomial())

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special, stats
 
-from hybridsurrogate.likelihoods.base import Likelihood
+from hybridsurrogate.likelihoods.base import Likelihood, register
 from hybridsurrogate.priors import FloatArray, Prior
 
 # beyond this eta a mean has no use and its square no number
@@ -76,10 +76,6 @@ class Poisson(_Counts):
     ) -> FloatArray:
         """Draw y once for each eta."""
         return random_state.poisson(np.minimum(self.inverse(eta), _MAX_MEAN)).astype(float)
-
-    def noise_prior(self, scale: float) -> Prior:
-        """Return the prior of a number that nothing depends on."""
-        return stats.lognorm(1.0)
 
     def information(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the mean."""
@@ -152,3 +148,7 @@ class NegativeBinomial(_Counts):
         mean = self.inverse(eta)
         share = precision / (precision + mean)
         return (y - mean) * share, mean * share * (precision + y) / (precision + mean) + 1e-12
+
+
+register("poisson", Poisson())
+register("negative-binomial", NegativeBinomial())

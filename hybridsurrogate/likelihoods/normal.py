@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.likelihoods.base import Likelihood
+from hybridsurrogate.likelihoods.base import Likelihood, register
 from hybridsurrogate.priors import FloatArray, Prior
 
 _LOG_2PI = float(np.log(2 * np.pi))
@@ -153,3 +153,7 @@ class LogNormal(TransformedNormal):
         """Return (exp(sigma^2) - 1) exp(2 eta + sigma^2)."""
         with np.errstate(over="ignore"):
             return np.expm1(np.square(sigma)) * self.inverse(2 * eta + np.square(sigma))
+
+
+register("normal", Normal())
+register("lognormal", LogNormal())

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special, stats
+from scipy import special
 
+from hybridsurrogate.likelihoods.base import register
 from hybridsurrogate.likelihoods.heavy_tailed import HeavyTailed
-from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.priors import FloatArray
 
 
 @dataclass(frozen=True)
@@ -46,18 +47,6 @@ class StudentT(HeavyTailed):
                 "numbers. Most data have a df of 2 to 30."
             )
 
-    def working(self, y: FloatArray) -> FloatArray:
-        """Return y."""
-        return np.asarray(y, dtype=float)
-
-    def link(self, output: FloatArray) -> FloatArray:
-        """Return the output."""
-        return np.asarray(output, dtype=float)
-
-    def inverse(self, eta: FloatArray) -> FloatArray:
-        """Return eta."""
-        return eta
-
     def log_density(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the log density of each y."""
         z = (y - eta) / sigma
@@ -81,10 +70,6 @@ class StudentT(HeavyTailed):
         """Draw y once for each eta."""
         return eta + sigma * random_state.standard_t(self.df, size=np.shape(eta))
 
-    def noise_prior(self, scale: float) -> Prior:
-        """Return a half-normal prior with the spread of the output as scale."""
-        return stats.halfnorm(scale=scale)
-
     def information(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return (df + 1) / (df + 3) / sigma^2 (Lange, Little and Taylor 1989, JASA 84:881)."""
         share = (self.df + 1) / (self.df + 3)
@@ -93,3 +78,6 @@ class StudentT(HeavyTailed):
     def precision(self, residual: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the expected precision of each row in the scale mixture of normals."""
         return (self.df + 1) / (self.df + np.square(residual / sigma)) / np.square(sigma)
+
+
+register("student-t", StudentT())
