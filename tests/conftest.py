@@ -18,6 +18,12 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("HYBRIDSURROGATE_SHARED", str(SHARED))
 
 
+def pytest_collection_modifyitems(items):
+    """Put what runs longest first: with short tests last, processes end together."""
+    longest = ("stories", "statistical", "studies")
+    items.sort(key=lambda item: item.path.parent.name not in longest)
+
+
 def fall(t, gravity):
     return 100 - gravity / 2 * t**2
 
