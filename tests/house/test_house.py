@@ -12,11 +12,10 @@ import hybridsurrogate
 ROOT = Path(hybridsurrogate.__file__).parent
 FILES = sorted(ROOT.rglob("*.py"))
 MOST_FILES, MOST_LINES = 13, 60
-# read from top to bottom, by file: wiring, the list of the catalogue, the fields of a summary, a
+# read from top to bottom, by file: wiring, the fields of a summary, a
 # section's sentences, a constructor's arguments
 LONG = {
     ("problem.problem", "make_problem"),
-    ("catalogue", "_built_in"),
     ("diagnosis.report.summary", "summary"),
     ("diagnosis.report.findings", "where"),
     ("ode.simulator", "__init__"),
