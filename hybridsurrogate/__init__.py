@@ -50,6 +50,7 @@ from hybridsurrogate.exceptions import (
 )
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import (
+    LIKELIHOODS,
     Binomial,
     CustomLikelihood,
     LogNormal,
@@ -62,6 +63,7 @@ from hybridsurrogate.ode.simulator import OdeSimulator
 from hybridsurrogate.priors import truncated_normal
 from hybridsurrogate.simulation.simulator import Assumed, SimulationData, Simulator, read_simulation
 from hybridsurrogate.surrogates import (
+    SURROGATES,
     ExactSurrogate,
     FeatureSurrogate,
     GaussianProcess,
@@ -139,6 +141,10 @@ __all__ = [
     "truncated_normal",
 ]
 
-# a cause that registers itself is exported, whether it is listed above or not
-globals().update(_causes())
-__all__ += sorted(_causes().keys() - set(__all__))
+# whatever a file registers is public; the lists above are for type checkers
+_REGISTERED = {
+    **_causes(),
+    **{type(one).__name__: type(one) for one in (*LIKELIHOODS.values(), *SURROGATES.values())},
+}
+globals().update(_REGISTERED)
+__all__ += sorted(_REGISTERED.keys() - {*__all__})

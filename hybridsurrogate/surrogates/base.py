@@ -40,3 +40,32 @@ class Surrogate(BaseEstimator, ABC):
         It is built where omega has no columns: a surrogate that needs parameters returns another.
         """
         return self
+
+
+# an instance by name; property tests run over it
+SURROGATES: dict[str, Surrogate] = {}
+
+
+def register(name: str, surrogate: Surrogate) -> None:
+    """Give a surrogate a name and make its class public; its file calls it at the end.
+
+    Parameters
+    ----------
+    name : str
+    surrogate : Surrogate
+        One that can be built on any domain, for the tests of what all surrogates must hold.
+
+    Examples
+    --------
+    >>> register("line", dict())
+    Traceback (most recent call last):
+        ...
+    TypeError: register('line', ...) needs a Surrogate object, got {}.
+    """
+    if not isinstance(surrogate, Surrogate):
+        raise TypeError(f"register({name!r}, ...) needs a Surrogate object, got {surrogate!r}.")
+    taken = SURROGATES.get(name, surrogate)
+    # a file that is loaded anew makes its class anew
+    if type(taken).__qualname__ != type(surrogate).__qualname__:
+        raise ValueError(f"The name {name!r} is that of {taken!r}: choose another.")
+    SURROGATES[name] = surrogate

@@ -10,7 +10,7 @@ import numpy as np
 
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.modification import Modification
-from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.surrogates.base import Surrogate, register
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.domain import Domain
 from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
@@ -75,3 +75,6 @@ class ExactBasis(Basis):
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return no features."""
         return np.empty((len(X), 0))
+
+
+register("exact", ExactSurrogate())

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
+from sklearn.preprocessing import PolynomialFeatures
 
 from hybridsurrogate.priors import FloatArray, Prior, check_prior
-from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.surrogates.base import Surrogate, register
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.domain import Domain
 
@@ -139,3 +140,6 @@ def _transformed(transformer: Any, points: FloatArray, width: int | None) -> Flo
             f"{transformer!r} returned NaN or infinity on inputs and parameters scaled to [-1, 1]."
         )
     return features
+
+
+register("feature", FeatureSurrogate(PolynomialFeatures(3)))

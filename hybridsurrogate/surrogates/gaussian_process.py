@@ -11,7 +11,7 @@ from scipy import stats
 from sklearn.utils import check_scalar
 
 from hybridsurrogate.priors import FloatArray, Prior, check_prior
-from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.surrogates.base import Surrogate, register
 from hybridsurrogate.surrogates.basis import Basis, Factors
 from hybridsurrogate.surrogates.domain import Domain
 from hybridsurrogate.surrogates.polynomial_chaos import legendre, multi_indices
@@ -194,3 +194,6 @@ def _correlation(kernel: str, distance: FloatArray) -> FloatArray:
         return (1 + r + r**2 / 3) * np.exp(-r)
     r = np.sqrt(3) * distance
     return (1 + r) * np.exp(-r)
+
+
+register("gaussian-process", GaussianProcess())

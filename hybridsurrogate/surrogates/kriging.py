@@ -11,7 +11,7 @@ from hybridsurrogate.blocks import blocks
 from hybridsurrogate.cholesky import nudged_cholesky, pivoted_cholesky
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.design import draw_design
-from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.surrogates.base import Surrogate, register
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.domain import Domain
 from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
@@ -162,3 +162,6 @@ class KrigingBasis(Basis):
         r = directions.shape[1]
         whiten = self.whiten @ directions
         return replace(self, coefficient_mean=np.zeros(r), coefficient_sd=np.ones(r), whiten=whiten)
+
+
+register("kriging", Kriging())

@@ -13,7 +13,7 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPRegressor
 
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.surrogates.base import Surrogate, register
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.domain import Domain
 from hybridsurrogate.surrogates.feature import FeatureSurrogate
@@ -101,3 +101,6 @@ class HiddenLayers(TransformerMixin, BaseEstimator):
         for weight, shift in zip(weights, shifts, strict=True):
             X = activate(X @ weight + shift)
         return X
+
+
+register("network", NetworkSurrogate(hidden_layer_sizes=(16,)))

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy import stats
 
 from hybridsurrogate.priors import FloatArray, Prior, check_priors
-from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.surrogates.base import Surrogate, register
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.domain import Domain
 
@@ -101,3 +102,10 @@ class _ParametricBasis(Basis):
 
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         return np.empty((len(X), 0))
+
+
+def _straight(X: FloatArray, omega: FloatArray, constants: dict[str, FloatArray]) -> FloatArray:
+    return constants["slope"] * X[:, 0]
+
+
+register("parametric", ParametricSurrogate(_straight, {"slope": stats.norm(0, 10)}))

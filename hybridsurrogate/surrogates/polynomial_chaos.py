@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sklearn.utils import check_scalar
 
 from hybridsurrogate.priors import FloatArray, Prior, check_prior
-from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.surrogates.base import Surrogate, register
 from hybridsurrogate.surrogates.basis import Basis, Factors
 from hybridsurrogate.surrogates.domain import Domain
 
@@ -162,3 +162,6 @@ def legendre(x: FloatArray, degree: int) -> FloatArray:
     for k in range(1, degree):
         out[k + 1] = ((2 * k + 1) * x * out[k] - k * out[k - 1]) / (k + 1)
     return out * np.sqrt(np.arange(degree + 1) + 0.5)[:, None]
+
+
+register("polynomial-chaos", PolynomialChaos())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import os
 import pickle
 import re
 import shutil
@@ -108,16 +109,49 @@ assert "something is added to level, and dies away" in str(diagnosis.report())
 """
 
 
-def test_a_new_cause_is_one_file(tmp_path):
-    """The file of the documentation, put into a copy of the package."""
-    (source,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S)
-    assert len(source.splitlines()) <= 60
-    package = Path(hs.__file__).parent
-    copied = shutil.copytree(
-        package, tmp_path / "hybridsurrogate", ignore=shutil.ignore_patterns("__pycache__")
-    )
-    (copied / "effects" / "output" / "pulse.py").write_text(source, encoding="utf-8")
+FIT = """
+import numpy as np
+import hybridsurrogate as hs
+
+t = np.linspace(0, 4, 30)
+fall = hs.Simulator(
+    lambda t, g: 100 - g / 2 * t**2,
+    inputs={"t": (0, 4)},
+    parameters={"g": hs.truncated_normal(9.8, 1, 5, 15)},
+)
+y = 100 - 4.7 * t**2 + 0.2 * np.random.default_rng(0).laplace(size=30)
+model = hs.PowerScaledSurrogate(
+    fall, surrogate=hs.ExactSurrogate(), likelihood="laplace", n_draws=200, random_state=0
+).fit(t[:, None], y)
+assert abs(model.posterior_.named()["g"].mean() - 9.4) < 0.1
+assert type(model.posterior_.likelihood) is hs.Laplace
+assert hs.Plane().get_params() == {}
+"""
+
+
+@pytest.fixture(scope="module")
+def copied(tmp_path_factory):
+    """Return a folder with a copy of the package, in which the files of the page lie."""
+    folder = tmp_path_factory.mktemp("copied")
+    skip = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(Path(hs.__file__).parent, folder / "hybridsurrogate", ignore=skip)
+    page = PAGE.read_text(encoding="utf-8")
+    files = re.findall(r"`(hybridsurrogate/\S+\.py)`:\s+```python\n(.*?)```", page, re.S)
+    assert len(files) == 3
+    for path, source in files:
+        assert len(source.splitlines()) <= 60
+        (folder / path).write_text(source, encoding="utf-8")
+    return folder
+
+
+@pytest.mark.parametrize("story", [STORY, FIT], ids=["a cause", "a likelihood and a surrogate"])
+def test_a_new_thing_is_one_file(copied, story):
     done = subprocess.run(
-        [sys.executable, "-c", STORY], cwd=tmp_path, capture_output=True, text=True, check=False
+        [sys.executable, "-c", story],
+        cwd=copied,
+        env=os.environ | {"PYTHONPATH": str(copied)},
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert not done.returncode, done.stderr

@@ -57,7 +57,7 @@ def log_normal(y, eta, sigma):
 
 NORMAL = CustomLikelihood(log_normal)
 ALONE = {
-    "laplace": (Laplace(), stats.laplace(ETA, SIGMA)),
+    "double-exponential": (Laplace(), stats.laplace(ETA, SIGMA)),
     "gamma": (Gamma(), stats.gamma(SIGMA**-2.0, scale=np.exp(ETA) * SIGMA**2)),
     "logistic": (Logistic(), stats.logistic(ETA, 0.05)),
     "custom": (NORMAL, stats.norm(ETA, SIGMA)),
