@@ -100,7 +100,7 @@ def test_files_of_ones_own(files, capsys):
         (("--parameters", "mass"), "has no columns ['mass']"),
         (("--simulation", "nowhere.csv"), "nowhere.csv"),
         (("--max-causes", "0"), "max_causes == 0, must be >= 1"),
-        (("--exclude", "weather"), "the kinds are offset, gain"),
+        (("--exclude", "weather"), "the kinds are bump, decay"),
     ],
 )
 def test_a_mistake_ends_with_one_clear_line(files, capsys, change, message):

@@ -6,30 +6,34 @@ parameters, inputs, dynamics, noise. Imports of today's causes below serve type 
 editors: a new file needs none.
 """
 
+from typing import TYPE_CHECKING
+
 from hybridsurrogate.effects.base import SIMULATED, Cause, Context
-from hybridsurrogate.effects.dynamics.dynamic_delay import DynamicDelay
-from hybridsurrogate.effects.dynamics.dynamic_drift import DynamicDrift
-from hybridsurrogate.effects.dynamics.dynamic_term import DynamicTerm
-from hybridsurrogate.effects.inputs.delay import Delay
-from hybridsurrogate.effects.noise.autocorrelation import Autocorrelation
-from hybridsurrogate.effects.noise.noise import Noise
-from hybridsurrogate.effects.noise.noise_of_mean import NoiseOfMean
-from hybridsurrogate.effects.noise.outliers import Outliers
-from hybridsurrogate.effects.output.bump import Bump
-from hybridsurrogate.effects.output.decay import Decay
-from hybridsurrogate.effects.output.discrepancy_process import GaussianProcessDiscrepancy
-from hybridsurrogate.effects.output.interaction import Interaction
-from hybridsurrogate.effects.output.missing_input import MissingInput
-from hybridsurrogate.effects.output.offset import Offset
-from hybridsurrogate.effects.output.periodic import Periodic
-from hybridsurrogate.effects.output.ramp import Ramp
-from hybridsurrogate.effects.output.saturation import Saturation
-from hybridsurrogate.effects.output.step import Step
-from hybridsurrogate.effects.output.trend import Trend
-from hybridsurrogate.effects.parameters.gain import Gain
-from hybridsurrogate.effects.parameters.parameter_drift import ParameterDrift
-from hybridsurrogate.effects.parameters.wrong_constant import WrongConstant
 from hybridsurrogate.effects.registry import classes, load
+
+if TYPE_CHECKING:  # the files are loaded below, room by room
+    from hybridsurrogate.effects.dynamics.dynamic_delay import DynamicDelay
+    from hybridsurrogate.effects.dynamics.dynamic_drift import DynamicDrift
+    from hybridsurrogate.effects.dynamics.dynamic_term import DynamicTerm
+    from hybridsurrogate.effects.inputs.delay import Delay
+    from hybridsurrogate.effects.noise.autocorrelation import Autocorrelation
+    from hybridsurrogate.effects.noise.noise import Noise
+    from hybridsurrogate.effects.noise.noise_of_mean import NoiseOfMean
+    from hybridsurrogate.effects.noise.outliers import Outliers
+    from hybridsurrogate.effects.output.bump import Bump
+    from hybridsurrogate.effects.output.decay import Decay
+    from hybridsurrogate.effects.output.discrepancy_process import GaussianProcessDiscrepancy
+    from hybridsurrogate.effects.output.interaction import Interaction
+    from hybridsurrogate.effects.output.missing_input import MissingInput
+    from hybridsurrogate.effects.output.offset import Offset
+    from hybridsurrogate.effects.output.periodic import Periodic
+    from hybridsurrogate.effects.output.ramp import Ramp
+    from hybridsurrogate.effects.output.saturation import Saturation
+    from hybridsurrogate.effects.output.step import Step
+    from hybridsurrogate.effects.output.trend import Trend
+    from hybridsurrogate.effects.parameters.gain import Gain
+    from hybridsurrogate.effects.parameters.parameter_drift import ParameterDrift
+    from hybridsurrogate.effects.parameters.wrong_constant import WrongConstant
 
 __all__ = [
     "SIMULATED",
