@@ -77,7 +77,7 @@ def test_the_text_states_verdict_numbers_and_gain(named, report):
     difference = digits.plus_minus(gain.elpd_difference, gain.standard_error, sign=True)
     assert f"difference {difference}" in text
     assert "it chose: step 3" in text
-    assert "Not weighed: wrong-constant (the simulation has no assumed constants)" in text
+    assert "wrong-constant (the simulation has no assumed constants)" in text
     assert "On the rows held back (10 rows)" in text
     assert f"In LaTeX: \\text{{level <mg>}} = {best.latex}" in text
     assert "There is no weight to choose" in text
