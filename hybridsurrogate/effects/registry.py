@@ -139,7 +139,8 @@ def table_of_causes() -> str:
     ]
     for kind in (*kinds(), _ALWAYS):
         for form in (form for form in FORMS.values() if form.kind == kind):
-            first = f"`{kind}`" if form.name == kind else ""
+            near = f" (near: {', '.join(form.like)})" if form.like else ""
+            first = f"`{kind}`{near}" if form.name == kind else ""
             cells = (form.call, form.formula, form.priors, form.estimates, form.left_out)
             rows.append((first, *cells))
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)

@@ -78,6 +78,14 @@ def test_every_class_that_is_exported_is_registered():
     assert causes - {hs.Cause} == set(classes().values())
 
 
+def test_a_cause_of_the_users_own_may_have_a_registered_kind():
+    class Late(hs.Cause):
+        kind = "delay"
+        target = "clock"
+
+    assert any(type(cause) is Late for cause in catalogue(context_of(), [Late()])[0])
+
+
 def test_a_cause_of_the_users_own_needs_no_registration():
     class Own(hs.Step):
         kind = "own"

@@ -89,6 +89,8 @@ def _trouble_with_labels(cause: Cause, context: Context) -> str | None:
     A shift is one number and no shape, but one from label to label means nothing.
     """
     column = cause.target or ""
+    if column not in context.X:  # one of the user's own, of this kind
+        return None
     values = np.unique(context.X[column])
     whole = np.all(values == np.round(values)) and np.all(np.diff(values) == 1)
     if not whole or len(values) >= 5:
