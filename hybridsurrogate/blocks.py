@@ -12,8 +12,8 @@ from hybridsurrogate.priors import FloatArray
 # not asked of the system again and again
 BLOCK = 200_000
 # where a block is a call that costs much however few its numbers are, such as a run of the
-# simulation: as many as memory may hold at once, 64 MB
-LARGE_BLOCK = 40 * BLOCK
+# simulation: as many as memory may hold at once, 32 MB
+LARGE_BLOCK = 20 * BLOCK
 
 
 def blocks(n: int, numbers: int, most: int = BLOCK) -> list[slice]:

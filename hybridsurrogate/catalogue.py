@@ -60,7 +60,7 @@ def catalogue(
             causes.append(cause.prepare(context))
     for form in FORMS.values():
         if form.kind not in excluded:
-            for target, reason in form.lacking(context) or ():
+            for target, reason in form.lacking(context):
                 skip(form, target, reason)
     return causes, skipped
 

@@ -8,18 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from importlib import import_module
-from pathlib import Path
 
 from hybridsurrogate.effects.base import Cause, Context
+from hybridsurrogate.registration import add, import_all
 
 # what may not be excluded: a curve of any shape is weighed always
 _ALWAYS = "unexplained"
 _ROOMS = ("output", "parameters", "inputs", "dynamics", "noise")
-
-
-def _nothing(*_: object) -> None:
-    return None
 
 
 @dataclass(frozen=True)
@@ -56,8 +51,8 @@ class Form:
     meaning: str | None = None
     least_rows: int = 4
     least_distinct: int = 2
-    trouble: Callable[[Cause, Context], str | None] = _nothing
-    lacking: Callable[[Context], Iterable[tuple[str | None, str]] | None] = _nothing
+    trouble: Callable[[Cause, Context], str | None] = lambda cause, context: None
+    lacking: Callable[[Context], Iterable[tuple[str | None, str]]] = lambda context: ()
     only_alone: bool = False
     like: tuple[str, ...] = ()
     call: str = ""
@@ -80,21 +75,25 @@ def register(form: Form) -> None:
 
     Raises
     ------
+    TypeError
+        For a form of something else than a class of causes.
     ValueError
-        If another one has its name.
+        If its name begins with another word than the kind of its class, or is taken.
     """
-    if form.name in FORMS:
-        raise ValueError(f"Two forms of causes are called {form.name!r}: give one another name.")
-    FORMS[form.name] = form
+    if not (isinstance(form.cause, type) and issubclass(form.cause, Cause)):
+        raise TypeError(f"Form({form.name!r}, ...) needs a subclass of Cause, got {form.cause!r}.")
+    if form.kind != form.cause.kind:
+        raise ValueError(
+            f"Form({form.name!r}, ...) must begin with the kind of {form.cause.__name__}, "
+            f"{form.cause.kind!r}, and may go on with ': ' and a word for the form."
+        )
+    add(FORMS, form.name, form, lambda one: one.cause)
 
 
 def load() -> None:
     """Import every file of the rooms of effects/, so that its causes register themselves."""
-    here = Path(__file__).parent
     for room in _ROOMS:
-        for path in sorted((here / room).glob("*.py")):
-            if path.stem != "__init__":
-                import_module(f"{__package__}.{room}.{path.stem}")
+        import_all(f"{__package__}.{room}")
 
 
 def kinds() -> tuple[str, ...]:
@@ -138,7 +137,8 @@ def table_of_causes() -> str:
         ("---",) * 6,
     ]
     for kind in (*kinds(), _ALWAYS):
-        for form in (form for form in FORMS.values() if form.kind == kind):
+        forms = [form for form in FORMS.values() if form.kind == kind]
+        for form in sorted(forms, key=lambda form: form.name != kind):
             near = f" (near: {', '.join(form.like)})" if form.like else ""
             first = f"`{kind}`{near}" if form.name == kind else ""
             cells = (form.call, form.formula, form.priors, form.estimates, form.left_out)

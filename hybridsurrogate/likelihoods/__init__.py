@@ -1,16 +1,14 @@
 """Likelihoods: one file a family, which registers its names."""
 
-from importlib import import_module
-from pkgutil import iter_modules
 from typing import TYPE_CHECKING
 
 from hybridsurrogate.likelihoods.base import LIKELIHOODS, Likelihood
 from hybridsurrogate.likelihoods.contaminated import Contaminated
 from hybridsurrogate.likelihoods.custom import CustomLikelihood
 from hybridsurrogate.likelihoods.normal import TransformedNormal
+from hybridsurrogate.registration import import_all
 
-for _file in iter_modules(__path__, f"{__name__}."):
-    import_module(_file.name)
+import_all(__name__)
 
 # what a file registers is public
 _CLASSES = {type(likelihood).__name__: type(likelihood) for likelihood in LIKELIHOODS.values()}

@@ -12,6 +12,7 @@ from hybridsurrogate.blocks import blocks
 from hybridsurrogate.likelihoods.quadrature import density_on_nodes, draw
 from hybridsurrogate.likelihoods.smoothing import positive, smoothed_moments
 from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.registration import add
 
 # samples of a row from which expectations are averaged where no formula is given
 _SAMPLES = 400
@@ -266,8 +267,4 @@ def register(name: str, likelihood: Likelihood) -> None:
     """
     if not isinstance(likelihood, Likelihood):
         raise TypeError(f"register({name!r}, ...) needs a Likelihood object, got {likelihood!r}.")
-    taken = LIKELIHOODS.get(name, likelihood)
-    # a file that is loaded anew makes its class anew
-    if type(taken).__qualname__ != type(likelihood).__qualname__:
-        raise ValueError(f"The name {name!r} is that of {taken!r}: choose another.")
-    LIKELIHOODS[name] = likelihood
+    add(LIKELIHOODS, name, likelihood)

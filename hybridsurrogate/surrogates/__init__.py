@@ -1,15 +1,13 @@
 """Surrogates: one file a family, which registers an instance."""
 
-from importlib import import_module
-from pkgutil import iter_modules
 from typing import TYPE_CHECKING
 
+from hybridsurrogate.registration import import_all
 from hybridsurrogate.surrogates.base import SURROGATES, Surrogate
 from hybridsurrogate.surrogates.basis import Basis, Factors
 from hybridsurrogate.surrogates.domain import Domain
 
-for _file in iter_modules(__path__, f"{__name__}."):
-    import_module(_file.name)
+import_all(__name__)
 
 # what a file registers is public
 _CLASSES = {type(surrogate).__name__: type(surrogate) for surrogate in SURROGATES.values()}

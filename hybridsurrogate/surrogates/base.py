@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 
 from sklearn.base import BaseEstimator
 
+from hybridsurrogate.registration import add
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.domain import Domain
 
@@ -64,8 +65,4 @@ def register(name: str, surrogate: Surrogate) -> None:
     """
     if not isinstance(surrogate, Surrogate):
         raise TypeError(f"register({name!r}, ...) needs a Surrogate object, got {surrogate!r}.")
-    taken = SURROGATES.get(name, surrogate)
-    # a file that is loaded anew makes its class anew
-    if type(taken).__qualname__ != type(surrogate).__qualname__:
-        raise ValueError(f"The name {name!r} is that of {taken!r}: choose another.")
-    SURROGATES[name] = surrogate
+    add(SURROGATES, name, surrogate)

@@ -17,6 +17,7 @@ from tide import context_of
 
 import hybridsurrogate as hs
 from hybridsurrogate.catalogue import catalogue
+from hybridsurrogate.effects import registry
 from hybridsurrogate.effects.registry import (
     FORMS,
     Form,
@@ -55,7 +56,12 @@ def test_what_a_form_declares(form):
 def test_what_a_form_proposes(form):
     """In a simulation of two inputs, measured with a time of its own and batches."""
     context = context_of()
-    for cause in form.propose(context):
+    proposed = list(form.propose(context))
+    # it has no states that an equation moves, no input of few values, no column from zero beside
+    absent = form.name in ("offset: level", "missing-input: from zero")
+    absent |= "inside" in form.name or form.kind == "missing-term"
+    assert bool(proposed) != absent
+    for cause in proposed:
         assert cause.kind == form.kind
         if form.trouble(cause, context):
             continue
@@ -67,9 +73,35 @@ def test_what_a_form_proposes(form):
             assert meaning_of(prepared)
 
 
-def test_two_forms_of_one_name_are_refused():
-    with pytest.raises(ValueError, match="'step'"):
-        register(Form("step", hs.Step))
+def test_the_table_begins_each_kind_with_its_word_and_needs_no_row_of_another():
+    table = [row[1:-1].split("|") for row in table_of_causes().splitlines()[2:]]
+    assert len(table) == len(FORMS)
+    named = [cells for cells in table if cells[0].strip()]
+    assert [cells[0].split("`")[1] for cells in named] == [*kinds(), "unexplained"]
+    assert not any(cell.strip() == "the same" for cells in named for cell in cells)
+
+
+@pytest.mark.parametrize(
+    ("name", "cause", "error", "words"),
+    [
+        ("step", hs.Step, ValueError, "The name 'step' is that of Step: choose another"),
+        ("stride", hs.Step, ValueError, "must begin with the kind of Step, 'step'"),
+        ("step: other", "Step", TypeError, "needs a subclass of Cause, got 'Step'"),
+    ],
+)
+def test_forms_that_cannot_be_registered(name, cause, error, words):
+    before = dict(FORMS)
+    with pytest.raises(error, match=words):
+        register(Form(name, cause))
+    assert before == FORMS
+
+
+def test_a_file_that_is_loaded_anew_replaces_its_form(monkeypatch):
+    monkeypatch.setattr(registry, "FORMS", dict(FORMS))
+    anew = type("Step", (hs.Cause,), {"kind": "step", "__module__": hs.Step.__module__})
+    registry.register(Form("step", anew))
+    assert registry.FORMS["step"].cause is anew
+    assert FORMS["step"].cause is hs.Step
 
 
 def test_every_class_that_is_exported_is_registered():

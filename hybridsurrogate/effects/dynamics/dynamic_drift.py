@@ -279,7 +279,7 @@ register(
         formula="p exp(rate (t - first row))",
         priors="rate: Student-t, 3 degrees of freedom, scale s over the span",
         estimates="rate",
-        left_out="the same",
+        left_out="as `DynamicDrift(p)`",
     )
 )
 register(
@@ -291,6 +291,6 @@ register(
         formula="p (1 + amplitude sin(2π (t - center) / period + phase))",
         priors="sine, cosine: normal, sd s / 2; period: log-uniform, 2 spacings to 2 spans",
         estimates="period, amplitude",
-        left_out="the same",
+        left_out="as `DynamicDrift(p)`",
     )
 )

@@ -173,7 +173,7 @@ register(
         formula="slope of the state + rate",
         priors="rate: Student-t, typical state over the span",
         estimates="rate",
-        left_out="the same",
+        left_out="fewer than 8 times; no `OdeSimulator` with `ExactSurrogate`",
     )
 )
 register(

@@ -94,6 +94,6 @@ register(
         priors="location: uniform; width: log-uniform, half a spacing (at most a twentieth of the "
         "span) to a quarter of the span",
         estimates="location, width, amplitude",
-        left_out="fewer than 8",
+        left_out="fewer than 8 distinct values",
     )
 )

@@ -91,6 +91,6 @@ register(
         formula="eta + amplitude exp(-(x - origin) / scale); origin: smallest measured x",
         priors="scale: log-uniform, 2 spacings to the span",
         estimates="amplitude, scale",
-        left_out="fewer than 6",
+        left_out="fewer than 6 distinct values",
     )
 )

@@ -163,7 +163,7 @@ register(
         formula="eta + amplitude cos(2π (x - peak) / period)",
         priors="period: log-uniform, 2 spacings (at least a 100th of the span) to 2 spans",
         estimates="period, amplitude, peak",
-        left_out="fewer than 8",
+        left_out="fewer than 8 distinct values",
     )
 )
 register(
@@ -176,6 +176,6 @@ register(
         formula="... + overtone cos(4π (x - overtone_peak) / period)",
         priors="period: log-uniform, 4 spacings (at least a 50th of the span) to 2 spans",
         estimates="period, amplitude, peak, overtone, overtone_peak",
-        left_out="fewer than 12",
+        left_out="fewer than 12 distinct values",
     )
 )

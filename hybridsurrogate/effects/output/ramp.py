@@ -92,6 +92,6 @@ register(
         formula="eta + slope max(x - location, 0)",
         priors="location: uniform over the rows",
         estimates="location, slope",
-        left_out="fewer than 6",
+        left_out="fewer than 6 distinct values",
     )
 )

@@ -96,6 +96,6 @@ register(
         formula="eta + amplitude (x - origin) / ((x - origin) + (half - origin))",
         priors="half - origin: log-uniform, one spacing to the span",
         estimates="amplitude, half (where half of it is reached)",
-        left_out="fewer than 6",
+        left_out="fewer than 6 distinct values",
     )
 )

@@ -118,7 +118,7 @@ register(
         formula="eta, + amplitude from location on",
         priors="location: uniform over the rows",
         estimates="location, amplitude",
-        left_out="fewer than 6",
+        left_out="fewer than 6 distinct values",
     )
 )
 register(

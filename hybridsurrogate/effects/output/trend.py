@@ -132,6 +132,6 @@ register(
         call="`Trend(x, degree=2)`",
         formula="... + curvature (x - center)²",
         estimates="slope, level, curvature",
-        left_out="fewer than 4",
+        left_out="fewer than 4 distinct values",
     )
 )

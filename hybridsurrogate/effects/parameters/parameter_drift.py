@@ -329,7 +329,7 @@ register(
         formula="eta(p, + change from location on)",
         priors="change: Cauchy, prior sd of p; location: uniform",
         estimates="change, location",
-        left_out="fewer than 6",
+        left_out="fewer than 6 distinct values",
     )
 )
 register(
@@ -342,7 +342,7 @@ register(
         formula="eta(p + change / (1 + exp(-(x - location) / width)))",
         priors="the same; width as for `bump`",
         estimates="change, location, width",
-        left_out="fewer than 8",
+        left_out="fewer than 8 distinct values",
     )
 )
 register(
@@ -356,7 +356,7 @@ register(
         priors="sine, cosine: Cauchy, prior sd of p; period: log-uniform, 4 spacings (at least a "
         "25th of the span) to 2 spans",
         estimates="period, amplitude",
-        left_out="fewer than 8",
+        left_out="fewer than 8 distinct values",
     )
 )
 register(
@@ -366,7 +366,7 @@ register(
         _over_extras,
         call="over another measured column",
         formula="eta(p + slope (x - center))",
-        priors="the same",
+        priors="slope: Cauchy, one prior sd of p over the span",
         estimates="slope",
         left_out="fewer than 2 distinct values",
     )
