@@ -46,6 +46,8 @@ def scans_1_2():
 
 
 def at_betas(frame, betas):
+    # claims on rows that are not there would hold of nothing
+    assert {*betas} <= {*frame["beta"].dropna()}
     return frame[frame["beta"].isin(betas)]
 
 
