@@ -7,16 +7,10 @@ from time import perf_counter
 
 import numpy as np
 
+from hybridsurrogate.diagnosis.checks.settings import SETTINGS
 from hybridsurrogate.digits import number
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.problem.problem import Problem
-
-# sets of parameters that a search runs at least: 33 000 to 112 000 with two parameters, 40 rows
-_RUNS = 30_000
-# seconds for one set of parameters from which a search takes minutes
-_SLOW = 0.005
-# sets that are timed: many at once may take hardly longer than two
-_TIMED = (2, 200)
 
 
 def seconds_a_run(problem: Problem) -> float:
@@ -28,12 +22,12 @@ def seconds_a_run(problem: Problem) -> float:
     each = 0.0
     if not model.basis.is_simulation:
         return each
-    for n in _TIMED:
+    for n in SETTINGS.timed_runs:
         z = np.random.RandomState(0).standard_normal((n, model.n_unknowns))
         start = perf_counter()
         model.simulated(problem.X, model.values(z))
         each = (perf_counter() - start) / n
-        if each < _SLOW:
+        if each < SETTINGS.slow_run:
             break
     return each
 
@@ -41,11 +35,12 @@ def seconds_a_run(problem: Problem) -> float:
 def warn_if_slow(problem: Problem) -> None:
     """Warn the caller of ``fit`` where the simulation is too slow to be run in a search."""
     each = seconds_a_run(problem)
-    if each < _SLOW:
+    if each < SETTINGS.slow_run:
         return
+    runs = SETTINGS.runs_of_a_search
     warnings.warn(
         f"The simulation takes {number(1000 * each, 2)} ms for one set of parameters, and a search "
-        f"runs at least {_RUNS} of them: {number(_RUNS * each / 60, 2)} minutes or much more, and "
+        f"runs at least {runs} of them: {number(runs * each / 60, 2)} minutes or much more, and "
         "several times as many with folds. Runs of it, simulator.run(200) with "
         "surrogate=Kriging(), are searched in seconds; cv=None leaves the folds out.",
         DiagnosisWarning,

@@ -6,20 +6,13 @@ import warnings
 
 import numpy as np
 
+from hybridsurrogate.diagnosis.checks.settings import SETTINGS
 from hybridsurrogate.diagnosis.search.evidence import Search
 from hybridsurrogate.diagnosis.search.local_fit import FLOOR
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.priors import FloatArray, from_normal
 from hybridsurrogate.problem.problem import Problem
-
-# one or two rows may agree by chance where the output is rounded
-_FEWEST = 3
-# the search knows no noise below the floor; what a few times more leaves open is no better known
-_NEAR = 3.0
-# cosine between what is measured and simulated from which the sign looks wrong; the best fit of
-# parameters has moved it towards zero
-_MIRRORED = 0.7
 
 
 def copies(X: FloatArray, y: FloatArray) -> int:
@@ -35,7 +28,7 @@ def copies(X: FloatArray, y: FloatArray) -> int:
     """
     again = len(X) - len(np.unique(X, axis=0))
     alike = len(X) - len(np.unique(np.column_stack([X, y]), axis=0))
-    return alike if alike >= _FEWEST and 2 * alike > again else 0
+    return alike if alike >= SETTINGS.fewest_rows and 2 * alike > again else 0
 
 
 def warn_of_copies(X: FloatArray, y: FloatArray) -> None:
@@ -86,7 +79,7 @@ def warn_if_mirrored(problem: Problem) -> None:
         sizes = np.linalg.norm(simulated) * np.linalg.norm(problem.y)
         likeness = float(simulated @ problem.y) / sizes if sizes > 0 else 0.0
     # a cosine: positive where the simulation has anything of the output
-    if likeness < -_MIRRORED:
+    if likeness < -SETTINGS.mirrored:
         warnings.warn(
             "Even at its best fit the simulation has the other sign than the measured output: "
             f"the cosine between the two is {likeness:.2f}. No cause that is searched for changes "
@@ -99,7 +92,7 @@ def warn_if_mirrored(problem: Problem) -> None:
 def warn_if_exact(found: Search) -> None:
     """Warn the caller of ``fit`` where the simulation alone misses too little to be diagnosed."""
     least = FLOOR * found.problem.scale
-    if found.weighed[0].sigma > _NEAR * least:
+    if found.weighed[0].sigma > SETTINGS.near_floor * least:
         return
     warnings.warn(
         f"The simulation meets the measured output to about {FLOOR:g} of its spread. Smaller noise "

@@ -11,20 +11,10 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
+from hybridsurrogate.diagnosis.checks.settings import SETTINGS
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray, prior_sd
-
-# from here on an estimate's variance is more than five times what it were with the parameter known
-CORRELATED = 0.9
-# share of its prior's width that a parameter keeps where data say little about it
-UNKNOWN = 0.5
-# share of the cause's curve below which only its level, say, goes with the parameter
-SHARED = 0.5
-# draws that suffice for a mean curve
-_MOST_DRAWS = 200
-# share of a posterior standard deviation by which a parameter is moved for its derivative
-_STEP = 0.05
 
 
 def confounding(
@@ -80,8 +70,10 @@ def confounded(table: pd.DataFrame) -> pd.DataFrame:
     hardly better known than before the data: where both are known well in spite of the
     correlation, the data did tell them apart.
     """
-    correlated = table["correlation"].abs() >= CORRELATED
-    return table[correlated & (table["width"] >= UNKNOWN) & (table["absorbed"] >= SHARED)]
+    correlated = table["correlation"].abs() >= SETTINGS.correlated
+    return table[
+        correlated & (table["width"] >= SETTINGS.unknown) & (table["absorbed"] >= SETTINGS.shared)
+    ]
 
 
 def told(table: pd.DataFrame) -> Iterator[str]:
@@ -117,7 +109,7 @@ def _projected(curve: FloatArray, direction: FloatArray) -> float:
 
 def _curve(before: Posterior, after: Posterior, position: int, X: FloatArray) -> FloatArray:
     """Return what one cause adds to eta at rows X, averaged over draws, (n,)."""
-    index = np.linspace(0, after.n_draws - 1, min(after.n_draws, _MOST_DRAWS)).astype(int)
+    index = np.linspace(0, after.n_draws - 1, min(after.n_draws, SETTINGS.curve_draws)).astype(int)
     draws, model = after.take(index), after.model
     others = [effect for k, effect in enumerate(model.effects) if k != position]
     theta = np.array([owner != position for owner, _ in model.theta_names], dtype=bool)
@@ -142,7 +134,7 @@ def _derivatives(before: Posterior, after: Posterior, X: FloatArray) -> FloatArr
     d = after.model.n_parameters
     hyper = before.values[:, d:].mean(axis=0)
     centre = np.concatenate([after.values[:, :d].mean(axis=0), hyper])
-    step = _STEP * after.values[:, :d].std(axis=0)
+    step = SETTINGS.derivative_step * after.values[:, :d].std(axis=0)
     points = np.repeat(centre[None], 2 * d, axis=0)
     points[np.arange(d), np.arange(d)] += step
     points[d + np.arange(d), np.arange(d)] -= step

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING
 
 from sklearn.utils import check_scalar
 
+from hybridsurrogate.diagnosis.checks.settings import SETTINGS
 from hybridsurrogate.effects.registry import kinds
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
 from hybridsurrogate.simulation.arrays import check_number
 
 if TYPE_CHECKING:
     from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
-
-_MIN_ROWS = 8
 
 
 def check_settings(diagnosis: DiscrepancyDiagnosis) -> None:
@@ -61,8 +60,10 @@ def check_rows(n: int, columns: Collection[str], numbers: Collection[str]) -> No
     numbers : collection of str
         Parameters and assumed constants of the simulation.
     """
-    if n < _MIN_ROWS:
-        raise ValueError(f"A diagnosis needs at least {_MIN_ROWS} measured rows, got {n}.")
+    if n < SETTINGS.least_rows:
+        raise ValueError(
+            f"A diagnosis needs at least {SETTINGS.least_rows} measured rows, got {n}."
+        )
     twice = [name for name in columns if name in numbers]
     if twice:
         raise ValueError(

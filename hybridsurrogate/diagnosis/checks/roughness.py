@@ -6,13 +6,11 @@ import warnings
 
 import numpy as np
 
+from hybridsurrogate.diagnosis.checks.settings import SETTINGS
 from hybridsurrogate.digits import number
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.inference.model.finite_differences import LONGEST_STEP, around, output
 from hybridsurrogate.problem.problem import Problem
-
-# jumps of this share of the noise hide effects
-_LARGE = 0.25
 
 
 def warn_if_rough(problem: Problem) -> None:
@@ -32,7 +30,7 @@ def warn_if_rough(problem: Problem) -> None:
     # a simulation that fails all around its best fit has no jumps to speak of
     jump = float(np.sqrt(np.sum(second**2) / max(6 * second.size, 1)))
     noise = float(np.std(problem.y - best[0]))
-    if not jump > _LARGE * noise:
+    if not jump > SETTINGS.large_jump * noise:
         return
     warnings.warn(
         f"The simulation is rough: its output jumps by about {number(jump, 2)} where parameters "

@@ -13,14 +13,12 @@ from numpy.typing import ArrayLike
 from hybridsurrogate import digits, plotting
 from hybridsurrogate.diagnosis.answers.experimental_design import information_at
 from hybridsurrogate.diagnosis.report.section import Picture
+from hybridsurrogate.diagnosis.report.settings import SETTINGS
 from hybridsurrogate.diagnosis.report.view import View, label_of, prediction
 from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, Gain, best_beta
 from hybridsurrogate.plotting import AFTER, BEFORE
 
 Test = tuple[ArrayLike, ArrayLike] | None
-
-# a range so wide that small outputs would be a flat line
-_DECADES_FOR_LOG_AXIS = 1.5
 
 
 def rendered(axes: list[Axes], description: str) -> Picture:
@@ -252,5 +250,5 @@ def _draw_model(
 
 
 def _log_axis(ax: Axes, view: View, y: np.ndarray) -> None:
-    if view.log_scale and y.min() > 0 and np.log10(y.max() / y.min()) > _DECADES_FOR_LOG_AXIS:
+    if view.log_scale and y.min() > 0 and np.log10(y.max() / y.min()) > SETTINGS.log_axis_decades:
         ax.set_yscale("log")

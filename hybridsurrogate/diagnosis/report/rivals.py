@@ -7,17 +7,11 @@ import numpy as np
 from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.answers.table import NOT_WEIGHED, is_weighed
 from hybridsurrogate.diagnosis.report.scores import is_worse
+from hybridsurrogate.diagnosis.report.settings import SETTINGS
 from hybridsurrogate.diagnosis.report.tables import noise_of
 from hybridsurrogate.diagnosis.report.view import View, label, label_of, label_of_cause
 
-# probability of a remainder from which on it is told
-_REMAINDER = 0.5
-# causes whose failing runs are told one by one; the table of causes has all of them
-_MOST_NOTES = 3
 _NOTED = ["kind", "target", "form", "note"]
-# expected information in bits below which one more measurement is hardly worth it
-_LITTLE_INFORMATION = 0.07
-_SETTLED = 0.95
 
 
 def rivals(view: View) -> list[str]:
@@ -37,12 +31,14 @@ def rivals(view: View) -> list[str]:
     table = d.causes_
     weighed = is_weighed(table)
     failing = table[weighed & (table["note"] != "")]
-    for kind, target, form, note in failing[_NOTED].head(_MOST_NOTES).to_numpy():
+    for kind, target, form, note in failing[_NOTED].head(SETTINGS.most_notes).to_numpy():
         variant = form.removeprefix(kind).removeprefix(": ")
         under = "As it is" if kind == "none" else f"With {label(kind, target, variant)}"
         out.append(f"{under} {note}.")
-    if len(failing) > _MOST_NOTES:
-        out.append(f"The notes in causes_ tell of {len(failing) - _MOST_NOTES} more such causes.")
+    if len(failing) > SETTINGS.most_notes:
+        out.append(
+            f"The notes in causes_ tell of {len(failing) - SETTINGS.most_notes} more such causes."
+        )
     left = table[~weighed]
     skipped = [
         f"{label(kind, target if isinstance(target, str) else None)} "
@@ -66,8 +62,8 @@ def next_step(view: View) -> list[str]:
         return out
     bits = f"{_small(d.next_information_)} bits"
     scale = "where 1 bit decides between two explanations that are equally probable"
-    if d.next_information_ < _LITTLE_INFORMATION:
-        settled = asked.probability.max() > _SETTLED
+    if d.next_information_ < SETTINGS.little_information:
+        settled = asked.probability.max() > SETTINGS.settled
         why = (
             "the data have decided between them already"
             if settled
@@ -117,7 +113,7 @@ def _advice(view: View) -> str:
         f"Check {digits.listing(found)} where the data come from: a cause that fits is not yet a "
         "cause that is true."
     )
-    if _remainder_beside(view) > _REMAINDER:
+    if _remainder_beside(view) > SETTINGS.told_remainder:
         check += (
             f" Something is left beside {_it(view)}: search on with "
             f"max_causes={len(view.found) + 1}, and put a mechanism of your own among the causes."
@@ -179,7 +175,7 @@ def _remainder_beside(view: View) -> float:
 
 def _remainder(view: View) -> list[str]:
     remainder = _remainder_beside(view)
-    if remainder <= _REMAINDER:
+    if remainder <= SETTINGS.told_remainder:
         return []
     left = view.y - view.after
     order = np.argsort(view.x, kind="stable")

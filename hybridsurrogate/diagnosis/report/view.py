@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
+from hybridsurrogate.diagnosis.report.settings import SETTINGS
 from hybridsurrogate.diagnosis.search.evidence import Search, Weighed, kind_of
 from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
 from hybridsurrogate.diagnosis.validation.beta_scan import has_weight, is_slow
@@ -21,14 +22,6 @@ from hybridsurrogate.priors import FloatArray
 if TYPE_CHECKING:
     from hybridsurrogate.diagnosis.answers.finding import CauseFinding
     from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
-
-_MOST_RIVALS = 4
-_MOST_CAUSES = 8
-_WORTH_DRAWING = 0.005
-# a form of the same kind with more than this share of the cause's probability may be it as well
-_AS_PROBABLE = 0.25
-_N_BINS = 5
-_FEW_LEVELS = 12
 
 
 @dataclass(frozen=True)
@@ -178,7 +171,7 @@ class View:
     ) -> FloatArray:
         """Return rows that vary the shown column, the others at their medians or at one row."""
         known = np.unique(self.x)
-        few = self.name not in self.inputs and len(known) <= _FEW_LEVELS
+        few = self.name not in self.inputs and len(known) <= SETTINGS.few_levels
         # between its few values a column such as a batch means nothing
         values = known if few else np.linspace(low, high, n)
         row = np.median(self.X, axis=0) if at is None else at
@@ -189,7 +182,7 @@ class View:
     @property
     def most_probable(self) -> list[tuple[Weighed, float]]:
         """The first few of all causes that were weighed, with their probabilities."""
-        return self.weighed[:_MOST_CAUSES]
+        return self.weighed[: SETTINGS.most_causes]
 
     @property
     def weighed(self) -> list[tuple[Weighed, float]]:
@@ -200,11 +193,11 @@ class View:
 
     def rivals(self, found: Search) -> list[Weighed]:
         """Return the most probable explanations, at least two where there are two."""
-        order = np.argsort(-found.probability, kind="stable")[:_MOST_RIVALS]
+        order = np.argsort(-found.probability, kind="stable")[: SETTINGS.most_rivals]
         return [
             found.weighed[k]
             for place, k in enumerate(order)
-            if place < 2 or found.probability[k] > _WORTH_DRAWING
+            if place < 2 or found.probability[k] > SETTINGS.worth_drawing
         ]
 
     def kindred(self) -> list[Weighed]:
@@ -215,7 +208,7 @@ class View:
         return [
             w
             for w, p in self.weighed
-            if kind_of(w) == cause.kind and w.cause is not cause and p > _AS_PROBABLE * own
+            if kind_of(w) == cause.kind and w.cause is not cause and p > SETTINGS.as_probable * own
         ]
 
     @property
@@ -294,5 +287,5 @@ def label_of(rival: Weighed) -> str:
 def _explained(x: FloatArray, curve: FloatArray) -> float:
     """Return the spread of a curve's mean over bins of a column with equally many rows."""
     order = np.argsort(x, kind="stable")
-    parts = np.array_split(curve[order], min(_N_BINS, len(curve)))
+    parts = np.array_split(curve[order], min(SETTINGS.bins, len(curve)))
     return float(np.std([part.mean() for part in parts]))

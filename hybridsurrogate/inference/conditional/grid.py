@@ -19,17 +19,14 @@ from hybridsurrogate.inference.conditional.principal_components import main_dire
 from hybridsurrogate.inference.conjugate.noise_marginal import marginal_over_noise, noise_grid
 from hybridsurrogate.inference.conjugate.sufficient_statistics import ROUNDING
 from hybridsurrogate.inference.model.prior_density import prior_log_density
+from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.priors import FloatArray
 
 # along each parameter, by the number of parameters
 GRID_NODES = {0: 1, 1: 101, 2: 41}
-_Z_RANGE = 7.0
 # a posterior on fewer nodes than this gets a grid this many times finer
 _FEW_NODES = {1: 8.0, 2: 50.0}
 _REFINEMENT = {1: 10, 2: 3}
-# of the log density from a node to a point in its cell; where cells are as wide as two standard
-# deviations of the posterior
-_MOST_CHANGE = 0.5
 
 
 def grid_draws(
@@ -41,7 +38,7 @@ def grid_draws(
     is whether its cells are smaller than the posterior of most draws.
     """
     d = problem.model.n_unknowns
-    low, high = np.full(d, -_Z_RANGE), np.full(d, _Z_RANGE)
+    low, high = np.full(d, -SETTINGS.prior_reach), np.full(d, SETTINGS.prior_reach)
     noise = noise_grid(problem.noise_prior, problem.scale, problem.weights.sum())
 
     def weighed(nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -69,7 +66,7 @@ def grid_draws(
     u, at_node = np.hstack([z, log_sigma]), np.hstack([nodes[pick], log_sigma])
     every = np.arange(S)
     change = log_density_of_pairs(problem, u, every) - log_density_of_pairs(problem, at_node, every)
-    return u, bool(np.median(np.abs(change)) < _MOST_CHANGE)
+    return u, bool(np.median(np.abs(change)) < SETTINGS.node_change)
 
 
 def _grid(low: FloatArray, high: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:

@@ -27,11 +27,9 @@ from hybridsurrogate.inference.sampling.proposals import (
     standard_student_draws,
 )
 from hybridsurrogate.inference.sampling.psis import level_smooth
+from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.priors import FloatArray
 
-# proposals for each draw
-_EACH = 60
-_STEP_SHARE, _MOST_STEPS = 0.1, 20
 _IMPOSSIBLE = -1e300
 
 
@@ -72,13 +70,20 @@ def own_draws(
     # a start where the simulation fails stays where it is
     value = np.maximum(value[first], _IMPOSSIBLE)
     mode, _, hessian = climb(
-        log_density, starts[first], value, _STEP_SHARE, _MOST_STEPS, rivals=False
+        log_density,
+        starts[first],
+        value,
+        SETTINGS.follow_share,
+        SETTINGS.follow_steps,
+        rivals=False,
     )
     factor = PROPOSAL_SCALE * factors(hessian)
-    scaled = standard_student_draws((_EACH, S, d), random_state)
+    scaled = standard_student_draws((SETTINGS.proposals_each, S, d), random_state)
     points = mode + np.einsum("sij,msj->msi", factor, scaled)
-    log_weight = log_density(points.reshape(-1, d), np.tile(np.arange(S), _EACH))
-    log_weight = log_weight.reshape(_EACH, S) - standard_student(np.sum(scaled**2, axis=2), d)
+    log_weight = log_density(points.reshape(-1, d), np.tile(np.arange(S), SETTINGS.proposals_each))
+    log_weight = log_weight.reshape(SETTINGS.proposals_each, S) - standard_student(
+        np.sum(scaled**2, axis=2), d
+    )
     share = node_shares(log_weight)
     pick = one_node_each(share, random_state)
     some = np.unique(np.linspace(0, S - 1, min(S, 100)).astype(int))

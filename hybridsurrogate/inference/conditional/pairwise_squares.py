@@ -14,10 +14,8 @@ from numpy.typing import NDArray
 from hybridsurrogate.blocks import BLOCK, blocks
 from hybridsurrogate.inference.conjugate.factored_rows import FactoredRows
 from hybridsurrogate.inference.model.observation import MeasuredModel
+from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.priors import FloatArray, Prior
-
-# the fewest nodes whose matrices are worked on together
-_NODES = 50
 
 
 @dataclass(frozen=True)
@@ -126,7 +124,7 @@ def squares_of_pairs(features: FloatArray, residual: FloatArray, draws: SharedDr
     first, second = draws.pairs
     total = np.empty((J, len(c)))
     # the products are read once for each block: not for a handful of nodes
-    for block in blocks(J, p**2, max(BLOCK, _NODES * p**2)):
+    for block in blocks(J, p**2, max(BLOCK, SETTINGS.nodes_together * p**2)):
         rest = residual[block] - features[block] @ centre[:, None]
         transposed = np.swapaxes(features[block], 1, 2)
         squares = (transposed @ features[block])[:, first, second]
@@ -162,7 +160,7 @@ def squares_of_factors(
     first, second = draws.pairs
     products = draws.products * (of_inputs.T @ of_inputs)[first, second][:, None]
     total = np.empty((len(of_parameters), len(draws.c)))
-    for block in blocks(len(of_parameters), p**2, max(BLOCK, _NODES * p**2)):
+    for block in blocks(len(of_parameters), p**2, max(BLOCK, SETTINGS.nodes_together * p**2)):
         part = of_parameters[block]
         rest = residual - (part * centre) @ of_inputs.T
         cross = part * (rest @ of_inputs)

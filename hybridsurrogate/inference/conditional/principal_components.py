@@ -7,14 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from hybridsurrogate.inference.conditional.pairwise_squares import MeasuredGiven
+from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.priors import FloatArray
-
-# what may be left out of an output on average, in standard deviations of the noise
-_NEGLIGIBLE = 3e-3
-# at most so many nodes, and rows of them, are asked for the directions
-_NODES, _ROWS = 100, 20_000
-# fewer coefficients are few
-_FEW = 30
 
 
 def main_directions(problem: MeasuredGiven, z: FloatArray, sigma: float) -> MeasuredGiven:
@@ -38,15 +32,15 @@ def main_directions(problem: MeasuredGiven, z: FloatArray, sigma: float) -> Meas
     """
     model, c = problem.model, problem.c
     follows = any(effect.follows_mean for effect in model.effects)
-    if model.factorises or follows or c.shape[1] < _FEW:
+    if model.factorises or follows or c.shape[1] < SETTINGS.few_coefficients:
         return problem
-    asked = min(_NODES, len(z), max(1, _ROWS // len(problem.y)))
+    asked = min(SETTINGS.direction_nodes, len(z), max(1, SETTINGS.direction_rows // len(problem.y)))
     some = np.unique(np.linspace(0, len(z) - 1, asked).astype(int))
     features = model.parts(problem.X, model.values(z[some])).features.reshape(-1, c.shape[1])
     features = features[np.isfinite(features).all(axis=1)]
     v, axes = problem.draws.principal
     seen, turn = np.linalg.eigh(axes.T @ (features.T @ features) @ axes)
     left_out = np.sqrt(np.cumsum(np.maximum(seen, 0.0)) / max(len(features), 1))
-    turned = turn[:, left_out > _NEGLIGIBLE * sigma]
+    turned = turn[:, left_out > SETTINGS.output_left_out * sigma]
     model = replace(model, basis=model.basis.along(axes @ turned))
     return replace(problem, model=model, c=v @ turned)

@@ -35,10 +35,8 @@ from hybridsurrogate.inference.sampling.proposals import (
     moment_match,
 )
 from hybridsurrogate.inference.sampling.psis import KHAT_LIMIT, level_smooth
+from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.priors import FloatArray, Prior
-
-_N_PROPOSALS = 3000
-_N_ROUNDS = 4
 
 
 @dataclass(frozen=True)
@@ -128,16 +126,16 @@ def _by_proposals(
     first = moment_match(first_step, np.full(n, 1 / n), spread)
     components = [first, modes[0]]
     some = np.linspace(0, len(problem.c) - 1, min(25, len(problem.c))).astype(int)
-    for round_ in range(_N_ROUNDS):
-        points = mixture_points(components, _N_PROPOSALS, random_state)
+    for round_ in range(SETTINGS.conditional_rounds):
+        points = mixture_points(components, SETTINGS.conditional_proposals, random_state)
         log_proposal = mixture_log_density(components, points)
         given = main_directions(problem, points[:, :-1], sigma)
         log_weight = _log_density(given, points, given.draws) - log_proposal[:, None]
         share = node_shares(log_weight)
         effective = float(np.median(1 / np.sum(share**2, axis=0)))
         khat = float(np.median([level_smooth(log_weight[:, s])[1] for s in some]))
-        enough = effective > 0.1 * _N_PROPOSALS and khat <= KHAT_LIMIT
-        if enough or round_ == _N_ROUNDS - 1:
+        enough = effective > 0.1 * SETTINGS.conditional_proposals and khat <= KHAT_LIMIT
+        if enough or round_ == SETTINGS.conditional_rounds - 1:
             break
         components = [moment_match(points, share.mean(axis=1), first), modes[0]]
     drawn = OwnDraws(points[one_node_each(share, random_state)], khat, effective)

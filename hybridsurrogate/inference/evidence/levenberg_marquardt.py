@@ -21,24 +21,9 @@ from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray, to_normal
 
-_BOUND = 6.0
-_MAX_STEPS = 25
-# the longest step, in standard deviations of the priors
-_LONGEST = 1.5
-# no step is short enough to gain
-_STUCK = 1e6
-# steps between two halvings
-_ROUND = 2
-# sizes start where they change something, to either side
-_MOVE = 1.0
 # places seen from afar: along a size, how far these reach in standard deviations of the prior, and
 # besides; how many are followed, how much better (minus twice the log posterior) one has to be
 _ON_LINE, _REACH, _WIDE, _FOLLOWED, _WORTH_A_CLIMB = 49, 2.4, 400, 16, 2.0
-# of an oscillation whose rate swings few places are near enough to be followed to the right end:
-# there are more of them where a run is quick and rows are few
-_WIDEST, _SIMULATED_ROWS, _FOLLOWED_OF_MANY = 8000, 800_000, 32
-# residual of a place where the simulation fails, in scales of the output
-_IMPOSSIBLE = 1e6
 
 
 def is_followed(cause: Cause) -> bool:
@@ -131,8 +116,8 @@ def best_from_afar(
         return None  # nodes are enumerated, and sizes are followed from each
     wide, most = _WIDE if is_rugged else _ON_LINE, _FOLLOWED
     if is_rugged and model.basis.is_quick:
-        wide = int(np.clip(_SIMULATED_ROWS // len(y), _WIDE, _WIDEST))
-        most = _FOLLOWED_OF_MANY
+        wide = int(np.clip(SETTINGS.population_rows // len(y), _WIDE, SETTINGS.widest_population))
+        most = SETTINGS.followed_of_many
     spread = _spread(model, plan, line[0], wide)
     z = np.vstack([known, line, spread])
     value = np.concatenate([deviance(known[None]), along, deviance(spread)])
@@ -167,13 +152,13 @@ def _starts(model: MeasuredModel, plan: Layout, centre: FloatArray) -> FloatArra
     most = min(T, SETTINGS.nodes_followed * 2 ** max(k - 1, 0))
     chosen = np.unique(np.linspace(0, T - 1, most).round().astype(int))
     # of a cause without sizes one row without columns
-    moves = np.array(list(product([-_MOVE, _MOVE], repeat=k)))
+    moves = np.array(list(product([-SETTINGS.size_start, SETTINGS.size_start], repeat=k)))
     base = plan.neutral.copy()
     base[: len(centre)] = centre
     z = np.tile(base, (len(chosen), len(moves), 1))
     z[:, :, plan.sizes] += moves
     z[:, :, plan.nodes] = _at_nodes(model, plan, chosen)[:, None, :]
-    return np.clip(z.reshape(-1, len(base)), -_BOUND, _BOUND)
+    return np.clip(z.reshape(-1, len(base)), -SETTINGS.furthest_place, SETTINGS.furthest_place)
 
 
 class _Residual:
@@ -203,7 +188,7 @@ class _Residual:
             fitted = np.linalg.solve(normal, right[..., None])
             residual = residual - (columns @ fitted)[..., 0]
         # solutions that run away are finite for a while
-        most = _IMPOSSIBLE * max(self.floor, float(np.ptp(self.y)))
+        most = SETTINGS.failed_residual * max(self.floor, float(np.ptp(self.y)))
         return np.where(np.abs(residual) < most, residual, most)
 
     def with_slopes(self, z: FloatArray, place: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
@@ -231,7 +216,7 @@ def _descend(residual: _Residual, z: FloatArray, place: NDArray[np.intp]) -> Flo
     rest, slopes = residual.with_slopes(z, place)
     deviance = residual.deviance(rest, z)
     damping = np.full(len(z), 1e-2)
-    for step in range(_MAX_STEPS):
+    for step in range(SETTINGS.optimiser_steps):
         variance = residual.variance(rest)[:, None]
         normal = slopes @ np.swapaxes(slopes, 1, 2) / variance[..., None] + np.eye(d)
         right = np.einsum("jdn,jn->jd", slopes, rest) / variance - z[:, place]
@@ -239,8 +224,10 @@ def _descend(residual: _Residual, z: FloatArray, place: NDArray[np.intp]) -> Flo
         move = np.linalg.solve(normal, right[..., None])[..., 0]
         length = np.linalg.norm(move, axis=1, keepdims=True)
         trial = z.copy()
-        trial[:, place] += move * np.minimum(1.0, _LONGEST / np.maximum(length, 1e-300))
-        trial = np.clip(trial, -_BOUND, _BOUND)
+        trial[:, place] += move * np.minimum(
+            1.0, SETTINGS.longest_step / np.maximum(length, 1e-300)
+        )
+        trial = np.clip(trial, -SETTINGS.furthest_place, SETTINGS.furthest_place)
         # slopes of a trial that fails are in vain, but a second call would cost more
         trial_rest, trial_slopes = residual.with_slopes(trial, place)
         trial_badness = residual.deviance(trial_rest, trial)
@@ -254,9 +241,9 @@ def _descend(residual: _Residual, z: FloatArray, place: NDArray[np.intp]) -> Flo
         )
         deviance = np.minimum(deviance, trial_badness)
         damping = np.where(better, 0.2, 6.0) * damping
-        if settled or damping[best] > _STUCK:
+        if settled or damping[best] > SETTINGS.stuck:
             break
-        if step % _ROUND == _ROUND - 1 and len(z) > 2:
+        if step % SETTINGS.steps_a_round == SETTINGS.steps_a_round - 1 and len(z) > 2:
             kept = np.argsort(deviance)[: (len(z) + 1) // 2]
             z, rest, slopes = z[kept], rest[kept], slopes[kept]
             deviance, damping = deviance[kept], damping[kept]

@@ -21,23 +21,16 @@ from hybridsurrogate.blocks import blocks
 from hybridsurrogate.inference.evidence.grid import Layout
 from hybridsurrogate.inference.evidence.linearised import Linearised
 from hybridsurrogate.inference.evidence.outlier_density import Shape, shape_of
+from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.priors import FloatArray
 
-_STEPS, _STEPS_IN_BATCH = 25, 6
-# sigma moves by less: EM has arrived
-_SETTLED = 3e-3
-# step of differences of log sigma
-_DS = 1e-3
-# EM is cut off, and a Newton step from far away promises too much
-_MOST_LEFT = 1.0
-# of log sigma: the curvature a row has at least, the longest step
-_LEAST_BEND, _FARTHEST_MOVE = 0.3, 0.5
-# emulator error below this share of sigma is left out
-_NEGLIGIBLE = 0.1
 # a robust guess of sigma from the median residual
 _TO_SIGMA = 1.4826
 
 LogPrior = Callable[[FloatArray], FloatArray]
+
+# step of differences of log sigma
+_DS = 1e-3
 
 
 class Mode(NamedTuple):
@@ -105,11 +98,13 @@ def find_mode(
             # The prior of sigma is weak beside the rows, and left to the evidence
             squares = np.einsum("rtn,rtn->rt", weight, z**2)
             bend = squares + np.einsum("rtn,rtn->rt", shape.curvature(z), z**2)
-            move = (squares - n) / np.maximum(bend, _LEAST_BEND * n)
-            sigma = sigma * np.exp(np.clip(move, -_FARTHEST_MOVE, _FARTHEST_MOVE))
+            move = (squares - n) / np.maximum(bend, SETTINGS.outlier_least_curvature * n)
+            sigma = sigma * np.exp(
+                np.clip(move, -SETTINGS.outlier_longest_step, SETTINGS.outlier_longest_step)
+            )
         sigma = np.maximum(sigma, 1e-300)
         weight = shape.precision(rest / sigma[..., None])
-        if step and np.max(np.abs(sigma / before - 1)) < _SETTLED:
+        if step and np.max(np.abs(sigma / before - 1)) < SETTINGS.outlier_settled:
             break
     z = rest / sigma[..., None]
     log_noise = np.sum(np.log(noise), axis=-1)
@@ -130,7 +125,7 @@ def log_evidence(
     log_prior: LogPrior,
 ) -> FloatArray:
     """Return the log evidence of every response and node, (R, T); arguments as in `find_mode`."""
-    n_steps = _STEPS if len(residual) == 1 else _STEPS_IN_BATCH
+    n_steps = SETTINGS.outlier_steps if len(residual) == 1 else SETTINGS.outlier_steps_in_batch
     mode = find_mode(residual, design, noise, shape, log_prior, n_steps)
     D = design / noise[..., None]
     transposed = np.swapaxes(D, 1, 2)
@@ -153,7 +148,7 @@ def log_evidence(
     # saddles between two readings of a row: no direction is wider than its prior
     eigenvalue = np.maximum(eigenvalue, 0.5)
     along = (np.swapaxes(vector, -1, -2) @ gradient[..., None])[..., 0]
-    left = np.minimum(0.5 * np.sum(along**2 / eigenvalue, axis=2), _MOST_LEFT)
+    left = np.minimum(0.5 * np.sum(along**2 / eigenvalue, axis=2), SETTINGS.outlier_newton)
     log_det = np.sum(np.log(eigenvalue), axis=2)
     return mode.log_joint + left + 0.5 * np.log(2 * np.pi) - 0.5 * log_det
 
@@ -172,7 +167,7 @@ def settled(parts: Linearised, y: FloatArray, sigma: float) -> Linearised:
     design = np.concatenate([parts.G, np.broadcast_to(U, (len(parts.G), *U.shape))], axis=2)
     residual = (y - parts.mean)[None]
     shape = shape_of(parts.outliers, len(y))
-    mode = find_mode(residual, design, noise, shape, np.zeros_like, _STEPS)
+    mode = find_mode(residual, design, noise, shape, np.zeros_like, SETTINGS.outlier_steps)
     factor = shape.precision(mode.z[0]) ** -0.5
     return replace(parts, noise=factor * noise, outliers=None)
 
@@ -182,7 +177,7 @@ def emulator_directions(U: FloatArray, sigma: float) -> FloatArray:
     if not U.size:
         return U.reshape(len(U), 0)
     Q, singular, _ = np.linalg.svd(U, full_matrices=False)
-    large = singular > _NEGLIGIBLE * sigma
+    large = singular > SETTINGS.emulator_share * sigma
     return Q[:, large] * singular[large]
 
 
@@ -238,7 +233,7 @@ def heavy_fit(
     design = np.concatenate([np.broadcast_to(a, (M, n, a.shape[-1])) for a in pieces], axis=2)
     residual = (y - parts.mean)[None]
     shape = shape_of(parts.outliers, n)
-    linear = find_mode(residual, design, noise, shape, np.zeros_like, _STEPS)
+    linear = find_mode(residual, design, noise, shape, np.zeros_like, SETTINGS.outlier_steps)
     deviance = -2 * (linear.log_joint[0] + parts.log_weight)
     deviance = np.where(np.isnan(deviance), np.inf, deviance)
     node = int(np.argmin(deviance))
@@ -251,7 +246,9 @@ def heavy_fit(
     rest = residual[:, min(node, len(parts.mean) - 1)] - design[at][:, kept] @ held
     noise = noise[min(node, len(noise) - 1)][None]
     shape = shape_of(parts.outliers[node : node + 1], n)
-    here = find_mode(rest[None], design[at][None, :, free], noise, shape, np.zeros_like, _STEPS)
+    here = find_mode(
+        rest[None], design[at][None, :, free], noise, shape, np.zeros_like, SETTINGS.outlier_steps
+    )
     objective = -2 * float(here.log_joint[0, 0]) + float(held @ held)
     move = z.copy()
     move[plan.fixed] = np.clip(solution[: len(plan.fixed)], -6, 6)

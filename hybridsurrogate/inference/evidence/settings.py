@@ -65,6 +65,28 @@ class SearchSettings:
     set_mass, named : float
         Probability of the set of kinds that is told, and from which one cause is named: three times
         as probable as all its rivals together.
+    furthest_place, size_start, longest_step : float
+        Of unknowns when a cause is optimised, in prior standard deviations: the furthest place, how
+        far a size that changes something is moved at the start, to either side, and the longest
+        step.
+    optimiser_steps, steps_a_round : int
+        Levenberg-Marquardt steps, and steps between two halvings of the places that are followed.
+    stuck : float
+        Damping at which no step is short enough to gain.
+    widest_population, population_rows, followed_of_many : int
+        Starting places of an optimisation at most, rows of their outputs at most, and places
+        followed where a run is quick and rows are few.
+    failed_residual : float
+        Residual of a place where the simulation fails, in scales of the output.
+    outlier_steps, outlier_steps_in_batch, outlier_settled : int, int, float
+        Steps of EM to the mode with outliers, for one response and for many, and the relative move
+        of the noise at which it has arrived.
+    outlier_newton : float
+        EM is cut off: what a last Newton step may promise at most.
+    outlier_least_curvature, outlier_longest_step : float
+        In the log of the noise: the curvature that a row has at least, and the longest step.
+    emulator_share : float
+        Errors of an emulator below this share of the noise are left out beside outliers.
     """
 
     prior_none: float = 0.5
@@ -104,6 +126,23 @@ class SearchSettings:
     same_mode: int = 6
     set_mass: float = 0.9
     named: float = 0.75
+    furthest_place: float = 6.0
+    size_start: float = 1.0
+    longest_step: float = 1.5
+    optimiser_steps: int = 25
+    steps_a_round: int = 2
+    stuck: float = 1e6
+    widest_population: int = 8000
+    population_rows: int = 800_000
+    followed_of_many: int = 32
+    failed_residual: float = 1e6
+    outlier_steps: int = 25
+    outlier_steps_in_batch: int = 6
+    outlier_settled: float = 3e-3
+    outlier_newton: float = 1.0
+    outlier_least_curvature: float = 0.3
+    outlier_longest_step: float = 0.5
+    emulator_share: float = 0.1
 
 
 SETTINGS = SearchSettings()

@@ -9,13 +9,8 @@ import numpy as np
 from hybridsurrogate.cholesky import log_det_of, nudged_cholesky
 from hybridsurrogate.inference.laplace.linear_predictor import Design
 from hybridsurrogate.inference.model.prior_density import prior_log_density
+from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.priors import FloatArray
-
-_NEWTON_STEPS = 60
-# the mode shapes proposals only: a thousandth of a nat from it is near enough
-_TOLERANCE = 1e-3
-# of a climb before the smoothing of a rough density is matched to its own posterior
-_WIDTH_STEPS = 4
 
 
 @dataclass(frozen=True)
@@ -62,9 +57,9 @@ def gaussian_fit(whole: Design, sigma: FloatArray, width_rounds: int) -> Gaussia
     v: FloatArray = np.zeros((len(sigma), len(whole.kept)))
     if v.shape[1] and any(part.likelihood.rough for part in whole.parts):
         for _ in range(width_rounds):
-            v, _ = _climb(design, sigma, v, _WIDTH_STEPS)
+            v, _ = _climb(design, sigma, v, SETTINGS.width_steps)
             design = design.widened(_factor(design, sigma, v))
-    v, height = _climb(design, sigma, v, _NEWTON_STEPS)
+    v, height = _climb(design, sigma, v, SETTINGS.newton_steps)
     factor = _factor(design, sigma, v)
     return GaussianFit(whole, v, factor, log_det_of(factor), height)
 
@@ -91,7 +86,7 @@ def _climb(
         climber = np.flatnonzero(active)
         v[climber[better]] = trials[best, index][better]
         value[climber[better]] = values[best, index][better]
-        active[climber[~(gain > _TOLERANCE)]] = False
+        active[climber[~(gain > SETTINGS.newton_tolerance)]] = False
         if not active.any():
             break
     return v, value

@@ -19,14 +19,11 @@ from hybridsurrogate.inference.laplace.inner_mode import GaussianFit, gaussian_f
 from hybridsurrogate.inference.laplace.linear_predictor import Design, Part, Rows, Runs
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.inference.model.prior_density import prior_log_density, prior_of_unknowns
+from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.likelihoods.base import Likelihood
 from hybridsurrogate.priors import FloatArray, Prior
 
 _LOG_2PI = float(np.log(2 * np.pi))
-# how often the smoothing of a rough density is matched to its own posterior
-_WIDTH_ROUNDS = 3
-# a direction of v that moves eta by less than this share of the first one is left to its prior
-_NEGLIGIBLE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -107,7 +104,7 @@ class LaplacePosterior:
         kept = np.arange(self.n_coefficients)
         if factor is not None and truncated:
             size = np.sqrt(np.sum(factor**2, axis=1))
-            large = (size > _NEGLIGIBLE * size.max(axis=1, keepdims=True)).any(axis=0)
+            large = (size > SETTINGS.direction_share * size.max(axis=1, keepdims=True)).any(axis=0)
             factor = factor[:, :, large]
             kept = kept[np.concatenate([large, np.ones(len(model.column_sd), dtype=bool)])]
         parts = []
@@ -218,6 +215,6 @@ class LaplacePosterior:
             c = (factor @ v[:, :p, None])[..., 0]
         return model.basis.coefficient_mean + c, v[:, p:] * model.column_sd
 
-    def _fit(self, u: FloatArray, width_rounds: int = _WIDTH_ROUNDS) -> GaussianFit:
+    def _fit(self, u: FloatArray, width_rounds: int = SETTINGS.width_rounds) -> GaussianFit:
         design = self._design(u, truncated=True)
         return gaussian_fit(design, np.exp(u[:, -1:]), width_rounds)

@@ -13,12 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hybridsurrogate.inference.sampling.modes import PairLogDensity
+from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.priors import FloatArray
-
-_POOL = 60
-_STEPS = 160
-# moves of several sizes at once: some posteriors are as wide as the population, some far narrower
-_SMALLEST = 0.03
 
 
 @dataclass(frozen=True)
@@ -58,7 +54,7 @@ def moved_draws(
     points, value = _best_of_pool(log_density, start, random_state)
     accepted = np.zeros(S)
     halves = np.array_split(random_state.permutation(S), 2)
-    for step in range(_STEPS):
+    for step in range(SETTINGS.evolution_steps):
         for mine, other in (halves, halves[::-1]):
             trial = points[mine] + differences(points[other], len(mine), random_state, step)
             new = log_density(trial, mine)
@@ -75,7 +71,7 @@ def _best_of_pool(
     """Return for each chain its own start or a member of the pool, by their densities."""
     S = len(start)
     chains = np.arange(S)
-    pool = start[random_state.choice(S, min(_POOL, S), replace=False)]
+    pool = start[random_state.choice(S, min(SETTINGS.population, S), replace=False)]
     value = np.stack(
         [log_density(start, chains)]
         + [log_density(np.tile(member, (S, 1)), chains) for member in pool]
@@ -96,7 +92,7 @@ def differences(
     second = random_state.randint(len(others), size=n)
     size = 1.0 if step % 10 == 9 else 2.38 / np.sqrt(2 * d)
     if step % 10 != 9:
-        size = size * _SMALLEST ** random_state.uniform(size=(n, 1))
+        size = size * SETTINGS.smallest_move ** random_state.uniform(size=(n, 1))
     # a subset of the dimensions at a time: in many dimensions single ones move farther
     kept = random_state.uniform(size=(n, d)) < random_state.choice([0.3, 1.0], size=(n, 1))
     jitter = 1e-6 * random_state.standard_normal((n, d))

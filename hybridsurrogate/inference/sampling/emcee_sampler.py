@@ -14,11 +14,10 @@ from sklearn.utils import check_scalar
 
 from hybridsurrogate.inference.sampling.modes import Gaussian, LogDensity
 from hybridsurrogate.inference.sampling.proposals import student_draws
+from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.arrays import check_number
 
-_STEPS_A_ROUND = 200
-_EQUILIBRIUM_WALKERS, _EQUILIBRIUM_STEPS = 400, 50
 # differential evolution (Ter Braak 2006, Statistics and Computing 16:239) beside the stretch move,
 # and now and then jumps of full length between modes
 _MOVES = (
@@ -26,8 +25,6 @@ _MOVES = (
     (emcee.moves.DEMove(gamma0=1.0), 0.1),
     (emcee.moves.StretchMove(), 0.3),
 )
-# how often a step of the ensemble leans on the Gaussian approximation instead
-_GAUSSIAN_SHARE = 0.7
 
 
 @dataclass(frozen=True)
@@ -168,13 +165,13 @@ class EnsembleSampler(BaseEstimator):
             state = sampler.backend.get_last_sample()
         tau, converged = np.inf, False
         while True:
-            if sampler.iteration and sampler.iteration % _STEPS_A_ROUND == 0:
+            if sampler.iteration and sampler.iteration % SETTINGS.ensemble_steps == 0:
                 tau = _autocorrelation_time(sampler)
                 converged = sampler.iteration > self.tol * tau
             if converged or sampler.iteration >= self.max_steps:
                 break
             # always to the next multiple: a resumed run decides where an unbroken one would
-            steps = _STEPS_A_ROUND - sampler.iteration % _STEPS_A_ROUND
+            steps = SETTINGS.ensemble_steps - sampler.iteration % SETTINGS.ensemble_steps
             steps = min(steps, self.max_steps - sampler.iteration)
             # the walkers are draws of a Gaussian: a ridge of any narrowness is no fault of theirs
             state = sampler.run_mcmc(
@@ -234,8 +231,8 @@ def _moves_about(approximation: Gaussian) -> list[tuple[Any, float]]:
         log_ratio = 0.5 * (np.sum(moved**2, axis=1) - np.sum(standard**2, axis=1))
         return mean + moved @ factor.T, log_ratio
 
-    others = [(move, (1 - _GAUSSIAN_SHARE) * share) for move, share in _MOVES]
-    return [(emcee.moves.MHMove(proposal), _GAUSSIAN_SHARE), *others]
+    others = [(move, (1 - SETTINGS.gaussian_moves) * share) for move, share in _MOVES]
+    return [(emcee.moves.MHMove(proposal), SETTINGS.gaussian_moves), *others]
 
 
 def short_ensemble(
@@ -248,12 +245,12 @@ def short_ensemble(
 
     Modes far apart keep their shares, and nothing has to be waited for.
     """
-    start = equilibrium[:_EQUILIBRIUM_WALKERS]
+    start = equilibrium[: SETTINGS.equilibrium_walkers]
     sampler = emcee.EnsembleSampler(
         len(start), start.shape[1], log_density, vectorize=True, moves=list(_MOVES)
     )
     state = _state(start, random_state.randint(2**31 - 1))
-    sampler.run_mcmc(state, _EQUILIBRIUM_STEPS, skip_initial_state_check=True)
+    sampler.run_mcmc(state, SETTINGS.equilibrium_steps, skip_initial_state_check=True)
     return _thinned(sampler, 0, _autocorrelation_time(sampler), True, n_draws, random_state)
 
 

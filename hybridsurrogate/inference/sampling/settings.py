@@ -61,6 +61,35 @@ class SamplingSettings:
     ridge_spacing, ridge_share, ridge_deep, ridge_near : float, float, float, int
         Of points on a ridge: distance in standard deviations of the prior and of the approximation,
         depth at which it ends, points through which the next is extrapolated.
+    population, evolution_steps, smallest_move : int, int, float
+        Differential evolution that starts an ensemble; moves of several sizes at once, down to this
+        one: some posteriors are as wide as the population, some far narrower.
+    ensemble_steps, gaussian_moves : int, float
+        Steps of the ensemble between two looks at its convergence, and the share of them that leans
+        on the Gaussian approximation.
+    equilibrium_walkers, equilibrium_steps : int
+        Of the ensemble that tells the equilibrium where many draws are asked for.
+    prior_reach, node_change : float
+        The grid over the prior of a parameter, and the change of the log density from a node to a
+        point of its cell at which cells are as wide as two standard deviations of the posterior.
+    proposals_each, follow_share, follow_steps : int, float, int
+        Given each parameter: proposals, and steps to the mode of those with enough of the weight.
+    nodes_together : int
+        The fewest nodes whose matrices are worked on together.
+    output_left_out, few_coefficients : float, int
+        What leading directions of the coefficients may leave out of an output on average, in
+        standard deviations of the noise; fewer coefficients are few.
+    direction_nodes, direction_rows : int
+        Nodes, and their rows, that are asked for these directions.
+    conditional_proposals, conditional_rounds : int
+        Proposals of a parameter in each round, and rounds.
+    newton_steps, newton_tolerance : int, float
+        To the inner mode, which shapes proposals only: a thousandth of a nat is near enough.
+    width_steps, width_rounds : int
+        Steps before the smoothing of a rough density is matched to its own posterior; how often.
+    direction_share : float
+        A direction that moves the linear predictor by a smaller share of the first one is left to
+        its prior.
     """
 
     oversampling: int = 3
@@ -102,6 +131,30 @@ class SamplingSettings:
     ridge_share: float = 0.5
     ridge_deep: float = 12.0
     ridge_near: int = 4
+    population: int = 60
+    evolution_steps: int = 160
+    smallest_move: float = 0.03
+    ensemble_steps: int = 200
+    gaussian_moves: float = 0.7
+    equilibrium_walkers: int = 400
+    equilibrium_steps: int = 50
+    prior_reach: float = 7.0
+    node_change: float = 0.5
+    proposals_each: int = 60
+    follow_share: float = 0.1
+    follow_steps: int = 20
+    nodes_together: int = 50
+    output_left_out: float = 3e-3
+    few_coefficients: int = 30
+    direction_nodes: int = 100
+    direction_rows: int = 20_000
+    conditional_proposals: int = 3000
+    conditional_rounds: int = 4
+    newton_steps: int = 60
+    newton_tolerance: float = 1e-3
+    width_steps: int = 4
+    width_rounds: int = 3
+    direction_share: float = 1e-6
 
 
 SETTINGS = SamplingSettings()
