@@ -1,0 +1,57 @@
+"""From where on what a check finds is told: one place, each number with what rests on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class CheckSettings:
+    """Numbers of the checks before and after a search.
+
+    Attributes
+    ----------
+    least_rows : int
+        Measured rows that a diagnosis needs.
+    runs_of_a_search, slow_run, timed_runs : int, float, tuple
+        Sets of parameters that a search runs at least (33 000 to 112 000 with two parameters and 40
+        rows), seconds for one from which it takes minutes, and sets that are timed: many at once
+        may take hardly longer than two.
+    fewest_rows : int
+        Rows that agree before they are told: one or two may by chance where the output is rounded.
+    near_floor : float
+        The search knows no noise below its floor; what a few times more leaves open is no better
+        known.
+    mirrored : float
+        Cosine between what is measured and simulated from which the sign looks wrong; the best fit
+        of parameters has moved it towards zero.
+    large_jump : float
+        Jumps of this share of the noise hide effects.
+    correlated : float
+        Correlation from which an estimate's variance is more than five times what it were with the
+        parameter known.
+    unknown : float
+        Share of its prior's width that a parameter keeps where data say little about it.
+    shared : float
+        Share of the cause's curve below which only its level, say, goes with the parameter.
+    curve_draws, derivative_step : int, float
+        Draws that suffice for a mean curve, and the share of a posterior standard deviation by
+        which a parameter is moved for its derivative.
+    """
+
+    least_rows: int = 8
+    runs_of_a_search: int = 30_000
+    slow_run: float = 0.005
+    timed_runs: tuple[int, int] = (2, 200)
+    fewest_rows: int = 3
+    near_floor: float = 3.0
+    mirrored: float = 0.7
+    large_jump: float = 0.25
+    correlated: float = 0.9
+    unknown: float = 0.5
+    shared: float = 0.5
+    curve_draws: int = 200
+    derivative_step: float = 0.05
+
+
+SETTINGS = CheckSettings()
