@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
-from hybridsurrogate.inference.conjugate.collapsed import CollapsedPosterior
-from hybridsurrogate.inference.laplace.target import LaplacePosterior
 from hybridsurrogate.inference.sampling.adaptive_importance import (
     ImportanceDraws,
     Proposals,
@@ -26,6 +24,7 @@ from hybridsurrogate.inference.sampling.proposals import moment_match
 from hybridsurrogate.inference.sampling.psis import KHAT_LIMIT
 from hybridsurrogate.inference.sampling.ridges import ridge_through
 from hybridsurrogate.inference.sampling.settings import SETTINGS
+from hybridsurrogate.inference.sampling.target import Target
 from hybridsurrogate.posterior import Diagnostics
 from hybridsurrogate.priors import FloatArray
 
@@ -45,23 +44,41 @@ class FirstStep:
 
 
 def first_step(
-    target: CollapsedPosterior | LaplacePosterior,
+    target: Target,
     sampler: str | EnsembleSampler,
     n_draws: int,
     random_state: np.random.RandomState,
 ) -> FirstStep:
     """Draw all unknowns of step 1."""
     modes, minor, has_lines = _approximations(target, _modes(target, random_state))
-    if isinstance(target, CollapsedPosterior):
-        u, diagnostics, proposals = _collapsed_draws(
-            target, modes, minor, has_lines, sampler, n_draws, random_state
-        )
-        return FirstStep(u, *target.draw_coefficients(u, random_state), diagnostics, proposals)
-    return _full_draws(target, modes, minor, sampler, n_draws, random_state)
+    doubt = np.nan
+    if sampler in ("auto", "importance"):
+        n = max(SETTINGS.oversampling * n_draws, SETTINGS.min_proposals)
+        sampled = _importance(target, minor, n, n_draws, random_state, modes)
+        if sampler == "auto" and target.is_exact:
+            sampled, modes = _improved(
+                target, sampled, modes, minor, has_lines, n, n_draws, random_state
+            )
+        trusted = sampled.khat <= KHAT_LIMIT
+        if trusted and sampler == "auto" and target.is_exact and len(modes) > 1:
+            # the shares of far modes are right already; the ensemble only smooths
+            density = target.joint_log_density
+            run = short_ensemble(density, sampled.draws, n_draws, random_state)
+            drawn = target.unwalked(run.draws, random_state)
+            return FirstStep(*drawn, _of_ensemble(run, len(modes)), sampled.proposals)
+        if trusted or sampler == "importance":
+            drawn = target.resolved(sampled.draws, random_state)
+            return FirstStep(*drawn, of_importance(target, sampled, len(modes)), sampled.proposals)
+        doubt = sampled.khat
+    backend = sampler if isinstance(sampler, EnsembleSampler) else EnsembleSampler()
+    start = modes if target.is_exact else _around(target, minor, random_state)
+    run = backend.run(target.joint_log_density, start, n_draws, random_state)
+    diagnostics = _of_ensemble(run, len(modes), doubt)
+    return FirstStep(*target.unwalked(run.draws, random_state), diagnostics)
 
 
 def _approximations(
-    target: CollapsedPosterior | LaplacePosterior, found: list[Gaussian]
+    target: Target, found: list[Gaussian]
 ) -> tuple[list[Gaussian], list[Gaussian], bool]:
     """Return the modes that matter, what is proposed around all, and whether along lines."""
     best = found[0].log_mass
@@ -74,7 +91,7 @@ def _approximations(
 
 
 def evidence_around(
-    target: CollapsedPosterior | LaplacePosterior,
+    target: Target,
     starts: FloatArray,
     random_state: np.random.RandomState,
 ) -> float:
@@ -88,21 +105,11 @@ def evidence_around(
     steps = target.step_share, target.model.least_step
     starts = starts[np.argsort(-value)[: SETTINGS.evidence_starts]]
     modes, minor, _ = _approximations(target, find_modes(target.search_density, starts, *steps))
-    sampled = importance_draws(
-        target.extended_log_density,
-        minor,
-        SETTINGS.min_proposals,
-        1,
-        random_state,
-        n_noise=target.n_noise,
-        modes=modes,
-    )
+    sampled = _importance(target, minor, SETTINGS.min_proposals, 1, random_state, modes)
     return log_evidence_of(target, sampled)
 
 
-def _modes(
-    target: CollapsedPosterior | LaplacePosterior, random_state: np.random.RandomState
-) -> list[Gaussian]:
+def _modes(target: Target, random_state: np.random.RandomState) -> list[Gaussian]:
     starts = starting_points(target, random_state)
     steps = target.step_share, target.model.least_step
     modes = find_modes(target.search_density, starts, *steps)
@@ -113,53 +120,57 @@ def _modes(
     return distinct(modes)
 
 
-def _collapsed_draws(
-    target: CollapsedPosterior,
+def _importance(
+    target: Target,
+    components: list[Gaussian],
+    n: int,
+    n_draws: int,
+    random_state: np.random.RandomState,
+    modes: list[Gaussian],
+) -> ImportanceDraws:
+    return importance_draws(
+        target.extended_log_density,
+        components,
+        n,
+        n_draws,
+        random_state,
+        n_noise=target.n_noise,
+        modes=modes,
+    )
+
+
+def _improved(
+    target: Target,
+    sampled: ImportanceDraws,
     modes: list[Gaussian],
     minor: list[Gaussian],
     has_lines: bool,
-    sampler: str | EnsembleSampler,
+    n: int,
     n_draws: int,
     random_state: np.random.RandomState,
-) -> tuple[FloatArray, Diagnostics, Proposals | None]:
-    log_density, doubt = target.log_density, np.nan
-    if sampler in ("auto", "importance"):
-        n = max(SETTINGS.oversampling * n_draws, SETTINGS.min_proposals)
-        sampled = importance_draws(log_density, minor, n, n_draws, random_state, modes=modes)
-        trusted = sampled.khat <= KHAT_LIMIT
-        few = not trusted or sampled.effective_draws < SETTINGS.enough_effective * n
-        # draws of a Gaussian on a bent ridge look good where all of them lie close to its middle
-        adapted = len(sampled.proposals.points) > n
-        if adapted and sampler == "auto" and not has_lines and target.n_dimensions > 2:
-            along = _ridge_draws(target, minor, n, n_draws, random_state)
-            if along is not None and along.khat <= KHAT_LIMIT:
-                sampled, trusted, modes = along, True, modes[:1]
-                few = sampled.effective_draws < SETTINGS.enough_effective * n
-        if few and sampler == "auto":
-            # one large batch of better proposals costs less than the many steps of an ensemble
-            weight = np.full(n_draws, 1 / n_draws)
-            all_of_it = float(special.logsumexp([part.log_mass for part in minor]))
-            wide = replace(moment_match(sampled.draws, weight, minor[0]), log_mass=all_of_it)
-            many = max(4 * n, SETTINGS.large_batch)
-            again = importance_draws(
-                log_density, [wide, *minor], many, n_draws, random_state, modes=modes
-            )
-            sampled = again if again.khat <= max(sampled.khat, KHAT_LIMIT) else sampled
-            trusted = sampled.khat <= KHAT_LIMIT
-        if sampler == "importance" or (trusted and len(modes) == 1):
-            return sampled.draws, of_importance(target, sampled, len(modes)), sampled.proposals
-        if trusted:
-            # the shares of far modes are right already; the ensemble only smooths
-            run = short_ensemble(log_density, sampled.draws, n_draws, random_state)
-            return run.draws, _of_ensemble(run, len(modes)), sampled.proposals
-        doubt = sampled.khat
-    backend = sampler if isinstance(sampler, EnsembleSampler) else EnsembleSampler()
-    run = backend.run(log_density, modes, n_draws, random_state)
-    return run.draws, _of_ensemble(run, len(modes), doubt), None
+) -> tuple[ImportanceDraws, list[Gaussian]]:
+    """Return better importance draws where few count: along a ridge, or from a larger batch."""
+    few = sampled.khat > KHAT_LIMIT or sampled.effective_draws < SETTINGS.enough_effective * n
+    # draws of a Gaussian on a bent ridge look good where all of them lie close to its middle
+    adapted = len(sampled.proposals.points) > n
+    if adapted and not has_lines and target.n_dimensions > 2:
+        along = _ridge_draws(target, minor, n, n_draws, random_state)
+        if along is not None and along.khat <= KHAT_LIMIT:
+            sampled, modes = along, modes[:1]
+            few = sampled.effective_draws < SETTINGS.enough_effective * n
+    if few:
+        # one large batch of better proposals costs less than the many steps of an ensemble
+        weight = np.full(n_draws, 1 / n_draws)
+        all_of_it = float(special.logsumexp([part.log_mass for part in minor]))
+        wide = replace(moment_match(sampled.draws, weight, minor[0]), log_mass=all_of_it)
+        many = max(4 * n, SETTINGS.large_batch)
+        again = _importance(target, [wide, *minor], many, n_draws, random_state, modes)
+        sampled = again if again.khat <= max(sampled.khat, KHAT_LIMIT) else sampled
+    return sampled, modes
 
 
 def _ridge_draws(
-    target: CollapsedPosterior,
+    target: Target,
     modes: list[Gaussian],
     n: int,
     n_draws: int,
@@ -171,62 +182,32 @@ def _ridge_draws(
         return None
 
     def straight(v: FloatArray) -> FloatArray:
-        return target.log_density(ridge.points(v))
+        return target.extended_log_density(ridge.points(v))
 
     drawn = importance_draws(straight, [ridge.approximation], n, n_draws, random_state)
     proposals = replace(drawn.proposals, points=ridge.points(drawn.proposals.points))
     return replace(drawn, draws=ridge.points(drawn.draws), proposals=proposals)
 
 
-def _full_draws(
-    target: LaplacePosterior,
-    modes: list[Gaussian],
-    minor: list[Gaussian],
-    sampler: str | EnsembleSampler,
-    n_draws: int,
-    random_state: np.random.RandomState,
-) -> FirstStep:
-    """Return importance draws of pairs [u, v], else those of the ensemble over the full vector."""
-    doubt = np.nan
-    if sampler in ("auto", "importance"):
-        n, n_noise = max(SETTINGS.oversampling * n_draws, SETTINGS.min_proposals), target.n_noise
-        density = target.extended_log_density
-        sampled = importance_draws(
-            density, minor, n, n_draws, random_state, n_noise=n_noise, modes=modes
-        )
-        if sampler == "importance" or sampled.khat <= KHAT_LIMIT:
-            drawn = target.resolved(sampled.draws, random_state)
-            return FirstStep(*drawn, of_importance(target, sampled, len(modes)), sampled.proposals)
-        doubt = sampled.khat
-    backend = sampler if isinstance(sampler, EnsembleSampler) else EnsembleSampler()
-    start = _around(target, minor, random_state)
-    run = backend.run(target.joint_log_density, start, n_draws, random_state)
-    diagnostics = _of_ensemble(run, len(modes), doubt)
-    u = run.draws[:, : target.n_dimensions]
-    return FirstStep(u, *target.unwhitened(run.draws), diagnostics)
-
-
 def _around(
-    target: LaplacePosterior,
+    target: Target,
     components: list[Gaussian],
     random_state: np.random.RandomState,
 ) -> list[Gaussian]:
     """Return Gaussians in the full space from which the ensemble starts: one around each mode."""
-    d, whole = target.n_dimensions, target.n_dimensions + target.n_coefficients
+    d, p = target.n_dimensions, target.n_noise
     out = []
     for mode in components:
-        e = random_state.standard_normal((4 * whole, target.n_coefficients))
+        e = random_state.standard_normal((4 * (d + p), p))
         u = mode.mean + random_state.standard_normal((len(e), d)) @ mode.factor.T
-        points = np.hstack([u, target.coefficients_at(np.hstack([u, e]))])
+        points = target.walked(np.hstack([u, e]))
         points = points[np.isfinite(points).all(axis=1)]
-        covariance = np.cov(points.T) + 1e-10 * np.eye(whole)
+        covariance = np.cov(points.T) + 1e-10 * np.eye(d + p)
         out.append(Gaussian(points.mean(axis=0), np.linalg.cholesky(covariance), mode.log_mass))
     return out
 
 
-def of_importance(
-    target: CollapsedPosterior | LaplacePosterior, sampled: ImportanceDraws, n_modes: int
-) -> Diagnostics:
+def of_importance(target: Target, sampled: ImportanceDraws, n_modes: int) -> Diagnostics:
     """Return what an estimator reports of importance draws."""
     return Diagnostics(
         "importance",
@@ -239,9 +220,7 @@ def of_importance(
     )
 
 
-def log_evidence_of(
-    target: CollapsedPosterior | LaplacePosterior, sampled: ImportanceDraws
-) -> float:
+def log_evidence_of(target: Target, sampled: ImportanceDraws) -> float:
     """Return the log evidence of draws of a density, with the constants that densities leave out.
 
     These are of the standard normal coordinates z and, where they are drawn, v.

@@ -13,6 +13,7 @@ from hybridsurrogate.inference.laplace.target import LaplacePosterior
 from hybridsurrogate.inference.posterior_sampler import FirstStep, first_step
 from hybridsurrogate.inference.sampling.adaptive_importance import Proposals
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
+from hybridsurrogate.inference.sampling.target import Target
 from hybridsurrogate.posterior import Diagnostics, Posterior
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.problem import Problem
@@ -45,7 +46,7 @@ class Fit:
 
 def make_target(
     problem: Problem, simulation_power: float, measured_power: float | FloatArray
-) -> CollapsedPosterior | LaplacePosterior:
+) -> Target:
     """Return the density of step 1; an array of powers holds one for each measured row."""
     weights, power = problem.weights, measured_power
     if not isinstance(power, float | int):

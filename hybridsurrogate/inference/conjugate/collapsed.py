@@ -6,7 +6,7 @@ coefficients of surrogate and causes are Gaussian, so their draws are exact and 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -65,28 +65,41 @@ class CollapsedPosterior:
         """Length of u."""
         return self.model.n_unknowns + self.model.n_hyper + 1
 
-    # as the Laplace posterior, so that samplers need not know which of the two they have
+    # what samplers ask, whatever their target: nothing stands for coefficients that are exact
 
+    is_exact = True
     step_share = 0.1
+    n_noise = 0
 
-    @property
-    def n_noise(self) -> int:
-        """Dimensions that importance draws need beside u: none, the coefficients are exact."""
-        return 0
+    def with_model(self, model: MeasuredModel) -> CollapsedPosterior:
+        """Return the same posterior of another model."""
+        return replace(self, model=model)
+
+    def run_statistics(self, hyper: FloatArray) -> Statistics | None:
+        """Return the statistics of the runs in the features at hyperparameters (n_hyper,)."""
+        runs, factor = self.simulation, self.model.basis.factor(hyper[None])
+        if runs is None or factor is None:
+            return runs
+        whitened = factor[0].T @ runs.ff @ factor[0]
+        return Statistics(runs.n, whitened, factor[0].T @ runs.fy, runs.yy)
 
     def search_density(self, u: FloatArray) -> FloatArray:
         """Return the log density of points u."""
         return self.log_density(u)
 
-    def extended_log_density(self, points: FloatArray) -> FloatArray:
-        """Return the log density of points u."""
-        return self.log_density(points)
+    extended_log_density = joint_log_density = search_density
 
     def resolved(
         self, points: FloatArray, random_state: np.random.RandomState
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return u, c and a of points u, the coefficients drawn."""
         return points, *self.draw_coefficients(points, random_state)
+
+    unwalked = resolved
+
+    def walked(self, points: FloatArray) -> FloatArray:
+        """Return the points u themselves."""
+        return points
 
     @cached_property
     def _unequal(self) -> bool:

@@ -8,13 +8,17 @@ pairs (u, v) are exact, so the approximation costs effective draws and never cor
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from hybridsurrogate.blocks import LARGE_BLOCK, blocks
-from hybridsurrogate.inference.conjugate.sufficient_statistics import ROUNDING
+from hybridsurrogate.inference.conjugate.sufficient_statistics import (
+    ROUNDING,
+    Statistics,
+    statistics,
+)
 from hybridsurrogate.inference.laplace.inner_mode import GaussianFit, gaussian_fit
 from hybridsurrogate.inference.laplace.linear_predictor import Design, Part, Rows, Runs
 from hybridsurrogate.inference.model.observation import MeasuredModel
@@ -63,8 +67,21 @@ class LaplacePosterior:
         """Length of u."""
         return self.model.n_unknowns + self.model.n_hyper + 1
 
+    is_exact = False
     # each value of the approximation ends a climb of its own, and is as rough as that is exact
     step_share = 0.5
+
+    def with_model(self, model: MeasuredModel) -> LaplacePosterior:
+        """Return the same posterior of another model."""
+        return replace(self, model=model)
+
+    def run_statistics(self, hyper: FloatArray) -> Statistics | None:
+        """Return the statistics of the runs in the features at hyperparameters (n_hyper,)."""
+        runs, basis = self.runs, self.model.basis.given(hyper)
+        if runs is None or not len(basis.coefficient_mean):
+            return None
+        eta = self.likelihood.working(runs.y) - basis.known(runs.X, runs.omega)
+        return statistics(basis.features(runs.X, runs.omega), eta, self.scale, runs.weights)
 
     @property
     def n_coefficients(self) -> int:
@@ -167,7 +184,7 @@ class LaplacePosterior:
         return np.where(np.isfinite(out), out, -np.inf)
 
     def extended_log_density(self, points: FloatArray) -> FloatArray:
-        """Return the exact log density of [u, e], (J, d + p), with v = `coefficients_at`.
+        """Return the exact log density of [u, e], (J, d + p), with v as in `walked`.
 
         With e standard normal it is proportional to the proposal where the approximation is exact.
         """
@@ -187,23 +204,23 @@ class LaplacePosterior:
         self, points: FloatArray, random_state: np.random.RandomState
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return u, c and a of points [u, e] of `extended_log_density`."""
-        u = points[:, : self.n_dimensions]
-        return u, *self.unwhitened(np.hstack([u, self.coefficients_at(points)]))
+        return self.unwalked(self.walked(points), random_state)
 
     @property
     def n_noise(self) -> int:
         """Length of e."""
         return self.n_coefficients
 
-    def coefficients_at(self, points: FloatArray) -> FloatArray:
-        """Return v (J, p) for points [u, e]."""
+    def walked(self, points: FloatArray) -> FloatArray:
+        """Return [u, v] for points [u, e]."""
         d = self.n_dimensions
-        return np.concatenate(
-            [self._fit(block[:, :d]).draw(block[:, d:]) for block in self._blocks(points)]
-        )
+        v = [self._fit(block[:, :d]).draw(block[:, d:]) for block in self._blocks(points)]
+        return np.hstack([points[:, :d], np.concatenate(v)])
 
-    def unwhitened(self, w: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return coefficients (c, a) of points w = [u, v]: arrays (J, p) and (J, q)."""
+    def unwalked(
+        self, w: FloatArray, random_state: np.random.RandomState
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return u (J, d) and coefficients c (J, p) and a (J, q) of places w = [u, v]."""
         model = self.model
         d, p = self.n_dimensions, len(model.basis.coefficient_mean)
         v = w[:, d:]
@@ -213,7 +230,7 @@ class LaplacePosterior:
             c = v[:, :p] * model.basis.coefficient_sd
         else:
             c = (factor @ v[:, :p, None])[..., 0]
-        return model.basis.coefficient_mean + c, v[:, p:] * model.column_sd
+        return w[:, :d], model.basis.coefficient_mean + c, v[:, p:] * model.column_sd
 
     def _fit(self, u: FloatArray, width_rounds: int = SETTINGS.width_rounds) -> GaussianFit:
         design = self._design(u, truncated=True)

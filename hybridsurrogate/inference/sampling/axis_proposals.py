@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from hybridsurrogate.inference.conjugate.collapsed import CollapsedPosterior
-from hybridsurrogate.inference.laplace.target import LaplacePosterior
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.inference.sampling.modes import Gaussian, distinct
 from hybridsurrogate.inference.sampling.settings import SETTINGS
+from hybridsurrogate.inference.sampling.target import Target
 from hybridsurrogate.priors import FloatArray, to_normal
 
 
@@ -29,7 +28,7 @@ class Line(NamedTuple):
     position: int | None = None
 
 
-def with_lines(target: CollapsedPosterior | LaplacePosterior, modes: list[Gaussian]) -> list[Line]:
+def with_lines(target: Target, modes: list[Gaussian]) -> list[Line]:
     """Return the proposals around each mode; modes on the line of a better one go.
 
     Parameters
@@ -61,7 +60,7 @@ def enumerated(model: MeasuredModel) -> list[tuple[int, FloatArray]]:
 
 
 def _line(
-    target: CollapsedPosterior | LaplacePosterior,
+    target: Target,
     mode: Gaussian,
     places: list[tuple[int, FloatArray]],
 ) -> Line:
@@ -105,7 +104,7 @@ def _cells(z: FloatArray, value: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _refined(
-    target: CollapsedPosterior | LaplacePosterior,
+    target: Target,
     ridge: FloatArray,
     position: int,
     z: FloatArray,
@@ -137,7 +136,7 @@ def _between(ridge: FloatArray, position: int, z: FloatArray) -> FloatArray:
 
 
 def _bins(
-    target: CollapsedPosterior | LaplacePosterior,
+    target: Target,
     mode: Gaussian,
     position: int,
     nodes: FloatArray,
@@ -185,7 +184,7 @@ def _bin_edges(edges: FloatArray, log_mass: FloatArray) -> FloatArray:
 
 
 def _followed(
-    target: CollapsedPosterior | LaplacePosterior,
+    target: Target,
     points: FloatArray,
     others: NDArray[np.bool_],
     rest_factor: FloatArray,

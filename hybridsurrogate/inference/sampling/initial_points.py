@@ -7,18 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.inference.conjugate.collapsed import CollapsedPosterior
 from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
-from hybridsurrogate.inference.conjugate.sufficient_statistics import (
-    ROUNDING,
-    Statistics,
-    statistics,
-)
+from hybridsurrogate.inference.conjugate.sufficient_statistics import ROUNDING
 from hybridsurrogate.inference.evidence.grid import layout
 from hybridsurrogate.inference.evidence.levenberg_marquardt import best_from_afar, best_of_spread
 from hybridsurrogate.inference.evidence.marginal_likelihood import climb
-from hybridsurrogate.inference.laplace.target import LaplacePosterior
 from hybridsurrogate.inference.sampling.settings import SETTINGS
+from hybridsurrogate.inference.sampling.target import Target
 from hybridsurrogate.priors import FloatArray, to_normal
 
 # places along one parameter, in standard normal coordinates: beyond, no prior has mass
@@ -26,20 +21,18 @@ _LINE = np.linspace(-6.5, 6.5, 41)
 _SPACING = _LINE[1] - _LINE[0]
 
 
-def starting_points(
-    target: CollapsedPosterior | LaplacePosterior, random_state: np.random.RandomState
-) -> FloatArray:
+def starting_points(target: Target, random_state: np.random.RandomState) -> FloatArray:
     """Return points u from which an optimiser should climb: best prior draws, best nodes."""
     model = target.model
     bare = replace(model, effects=())
-    base = _best_prior_points(replace(target, model=bare), random_state)
+    base = _best_prior_points(target.with_model(bare), random_state)
     if not model.effects:
         return base
     z, z_hyper = np.split(base[0, :-1], [model.n_parameters])
     # causes are placed on the scale of eta, with the surrogate's hyperparameters where they are
     hyper = bare.values(base[:1, :-1])[0, model.n_parameters :]
     emulator = emulator_posterior(
-        model.basis.given(hyper), _statistics(target, hyper), target.simulation_power
+        model.basis.given(hyper), target.run_statistics(hyper), target.simulation_power
     )
     model = replace(model, basis=model.basis.given(hyper))
     sigma = float(np.exp(base[0, -1]))
@@ -69,7 +62,7 @@ def starting_points(
     return np.array([[*z, *z_hyper, np.log(sigma * factor)] for factor in (1.0, 2.0)])
 
 
-def further_points(target: CollapsedPosterior | LaplacePosterior, mode: FloatArray) -> FloatArray:
+def further_points(target: Target, mode: FloatArray) -> FloatArray:
     """Return the other local maxima (m, d) on lines through a mode (d,), one a parameter.
 
     Far in the tail of a parameter's prior a surrogate may bend back to the data; random starts in
@@ -99,25 +92,7 @@ def further_points(target: CollapsedPosterior | LaplacePosterior, mode: FloatArr
     return np.concatenate(out)
 
 
-def _statistics(
-    target: CollapsedPosterior | LaplacePosterior, hyper: FloatArray
-) -> Statistics | None:
-    """Return the statistics of the runs in the features at fixed hyperparameters (n_hyper,)."""
-    if isinstance(target, CollapsedPosterior):
-        told = target.simulation
-        factor = target.model.basis.factor(hyper[None])
-        if told is None or factor is None:
-            return told
-        whitened = factor[0].T @ told.ff @ factor[0]
-        return Statistics(told.n, whitened, factor[0].T @ told.fy, told.yy)
-    runs, basis = target.runs, target.model.basis.given(hyper)
-    if runs is None or not len(basis.coefficient_mean):
-        return None
-    eta = target.likelihood.working(runs.y) - basis.known(runs.X, runs.omega)
-    return statistics(basis.features(runs.X, runs.omega), eta, target.scale, runs.weights)
-
-
-def _noise_levels(target: CollapsedPosterior | LaplacePosterior) -> FloatArray:
+def _noise_levels(target: Target) -> FloatArray:
     """Return log noise scales to start from, spread over what data may have and the prior allows.
 
     A prior that knows the noise may have no mass at any of a few shares of the spread.
@@ -129,9 +104,7 @@ def _noise_levels(target: CollapsedPosterior | LaplacePosterior) -> FloatArray:
     return np.log(np.maximum(sigma, 1e-300))
 
 
-def _best_prior_points(
-    target: CollapsedPosterior | LaplacePosterior, random_state: np.random.RandomState
-) -> FloatArray:
+def _best_prior_points(target: Target, random_state: np.random.RandomState) -> FloatArray:
     """Return the local maxima among points spread over the prior and beyond, best first.
 
     Posteriors can have a second mode far in a tail, where the surrogate bends back to the data.

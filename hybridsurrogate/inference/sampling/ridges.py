@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy import special
 from scipy.interpolate import CubicSpline
 
-from hybridsurrogate.inference.conjugate.collapsed import CollapsedPosterior
 from hybridsurrogate.inference.sampling.modes import Gaussian, climb, distinct, factors
 from hybridsurrogate.inference.sampling.settings import SETTINGS
+from hybridsurrogate.inference.sampling.target import Target
 from hybridsurrogate.priors import FloatArray
 
 
@@ -53,7 +53,7 @@ class Ridge:
         return u
 
 
-def ridge_through(target: CollapsedPosterior, mode: Gaussian) -> Ridge | None:
+def ridge_through(target: Target, mode: Gaussian) -> Ridge | None:
     """Return the ridge through a mode along the unknown of which least is known; None without one.
 
     It is followed from point to point: the next is extrapolated, then climbed to.
@@ -87,7 +87,7 @@ def ridge_through(target: CollapsedPosterior, mode: Gaussian) -> Ridge | None:
 
 
 def _followed(
-    target: CollapsedPosterior,
+    target: Target,
     mode: FloatArray,
     position: int,
     slope: FloatArray,
@@ -122,7 +122,7 @@ def _extrapolated(x: list[FloatArray]) -> FloatArray:
 
 
 def _climbed(
-    target: CollapsedPosterior, position: int, s: float, others: FloatArray, most: int
+    target: Target, position: int, s: float, others: FloatArray, most: int
 ) -> tuple[FloatArray, float, FloatArray]:
     """Return where the others end that climb with one unknown at s, log density and Hessian."""
 
