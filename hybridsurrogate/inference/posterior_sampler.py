@@ -16,13 +16,12 @@ from hybridsurrogate.inference.sampling.axis_proposals import with_lines
 from hybridsurrogate.inference.sampling.emcee_sampler import (
     EnsembleDraws,
     EnsembleSampler,
-    short_ensemble,
 )
 from hybridsurrogate.inference.sampling.initial_points import further_points, starting_points
 from hybridsurrogate.inference.sampling.modes import Gaussian, distinct, find_modes
 from hybridsurrogate.inference.sampling.proposals import moment_match
 from hybridsurrogate.inference.sampling.psis import KHAT_LIMIT
-from hybridsurrogate.inference.sampling.ridges import ridge_through
+from hybridsurrogate.inference.sampling.ridges import elongation, ridge_through
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.inference.sampling.target import Target
 from hybridsurrogate.posterior import Diagnostics
@@ -59,14 +58,7 @@ def first_step(
             sampled, modes = _improved(
                 target, sampled, modes, minor, has_lines, n, n_draws, random_state
             )
-        trusted = sampled.khat <= KHAT_LIMIT
-        if trusted and sampler == "auto" and target.is_exact and len(modes) > 1:
-            # the shares of far modes are right already; the ensemble only smooths
-            density = target.joint_log_density
-            run = short_ensemble(density, sampled.draws, n_draws, random_state)
-            drawn = target.unwalked(run.draws, random_state)
-            return FirstStep(*drawn, _of_ensemble(run, len(modes)), sampled.proposals)
-        if trusted or sampler == "importance":
+        if sampled.khat <= KHAT_LIMIT or sampler == "importance":
             drawn = target.resolved(sampled.draws, random_state)
             return FirstStep(*drawn, of_importance(target, sampled, len(modes)), sampled.proposals)
         doubt = sampled.khat
@@ -153,7 +145,8 @@ def _improved(
     few = sampled.khat > KHAT_LIMIT or sampled.effective_draws < SETTINGS.enough_effective * n
     # draws of a Gaussian on a bent ridge look good where all of them lie close to its middle
     adapted = len(sampled.proposals.points) > n
-    if adapted and not has_lines and target.n_dimensions > 2:
+    thin = few or elongation(minor[0]) > SETTINGS.ridge_elongation
+    if adapted and thin and not has_lines and target.n_dimensions > 2:
         along = _ridge_draws(target, minor, n, n_draws, random_state)
         if along is not None and along.khat <= KHAT_LIMIT:
             sampled, modes = along, modes[:1]

@@ -235,25 +235,6 @@ def _moves_about(approximation: Gaussian) -> list[tuple[Any, float]]:
     return [(emcee.moves.MHMove(proposal), SETTINGS.gaussian_moves), *others]
 
 
-def short_ensemble(
-    log_density: LogDensity,
-    equilibrium: FloatArray,
-    n_draws: int,
-    random_state: np.random.RandomState,
-) -> EnsembleDraws:
-    """Run a few steps from draws (m, d) that follow the density already.
-
-    Modes far apart keep their shares, and nothing has to be waited for.
-    """
-    start = equilibrium[: SETTINGS.equilibrium_walkers]
-    sampler = emcee.EnsembleSampler(
-        len(start), start.shape[1], log_density, vectorize=True, moves=list(_MOVES)
-    )
-    state = _state(start, random_state.randint(2**31 - 1))
-    sampler.run_mcmc(state, SETTINGS.equilibrium_steps, skip_initial_state_check=True)
-    return _thinned(sampler, 0, _autocorrelation_time(sampler), True, n_draws, random_state)
-
-
 def _thinned(
     sampler: emcee.EnsembleSampler,
     burn: int,

@@ -53,6 +53,12 @@ class Ridge:
         return u
 
 
+def elongation(mode: Gaussian) -> float:
+    """Return how many times as long as thick a Gaussian is."""
+    singular = np.linalg.svd(mode.factor, compute_uv=False)
+    return float(singular[0] / singular[-1])
+
+
 def ridge_through(target: Target, mode: Gaussian) -> Ridge | None:
     """Return the ridge through a mode along the unknown of which least is known; None without one.
 

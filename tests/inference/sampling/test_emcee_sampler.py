@@ -163,8 +163,6 @@ def test_a_ridge_of_any_narrowness():
     random = np.random.RandomState(0)
     drawn = hs.EnsembleSampler().run(log_density, [ridge], 1000, random).draws @ turned.T
     np.testing.assert_allclose(drawn.std(axis=0), sds, rtol=0.15)
-    drawn = ensemble.short_ensemble(log_density, drawn[:200] @ turned, 200, random).draws
-    np.testing.assert_allclose((drawn @ turned.T).std(axis=0), sds, rtol=0.3)
 
 
 def bimodal(x):
@@ -193,7 +191,7 @@ def squared(x, omega):
     return omega**2 * x
 
 
-def test_two_modes_go_to_the_ensemble():
+def test_draws_weigh_two_modes_of_a_square():
     simulator = hs.Simulator(
         squared, inputs={"x": (0, 1)}, parameters={"omega": stats.uniform(-2, 4)}
     )
@@ -202,10 +200,10 @@ def test_two_modes_go_to_the_ensemble():
     model = hs.PowerScaledSurrogate(
         simulator, surrogate=hs.ExactSurrogate(), n_draws=2000, random_state=0
     ).fit(X, y)
-    assert model.diagnostics_.sampler == "emcee"
     assert model.diagnostics_.n_modes == 2
     omega = model.posterior_.values[:, 0]
-    assert np.mean(omega > 0) == pytest.approx(0.5, abs=0.1)
+    # shares of far modes are those of importance weights: an ensemble hardly crosses between them
+    assert np.mean(omega > 0) == pytest.approx(0.5, abs=0.05)
     assert np.abs(omega).mean() == pytest.approx(1.0, abs=0.05)
 
 
