@@ -3,7 +3,7 @@
 A constant added to the simulation and to the measurements alike is no fault of the simulation:
 absolute pressures, Julian dates and frequencies must get the verdict that they get near zero. All
 nine data sets in all units, as a table: ``python tests/statistical/test_large_offsets.py``; names
-after it choose some.
+after it choose some. Here each is tried at a far level and in other units.
 """
 
 from __future__ import annotations
@@ -164,6 +164,8 @@ SCALES = [
     *(Scale(x_unit=unit) for unit in (1e-9, 1e9)),
     Scale(1e6, 1e-9, 2.45e6, 1e9),
 ]
+# a slice of them: far outputs, tiny ones far away, huge ones, both axes elsewhere
+FEW = [Scale(1e9), Scale(1e18, 1e-9), Scale(0.0, 1e9), Scale(1e6, 1e-9, 2.45e6, 1e9)]
 
 
 def diagnose(case, scale):
@@ -223,7 +225,7 @@ def test_a_common_level_changes_no_verdict(case, scale):
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.__name__)
 def test_no_level_and_no_unit_changes_a_verdict(case):
     first = told(case, Scale())
-    found = {scale: agrees(case, scale, first) for scale in SCALES if fits(case, scale)}
+    found = {scale: agrees(case, scale, first) for scale in FEW if fits(case, scale)}
     assert {scale: here for scale, (same, here) in found.items() if not same} == {}
 
 
