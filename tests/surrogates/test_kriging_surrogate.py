@@ -179,7 +179,7 @@ def test_intervals_of_causes_hold_the_truth_where_only_runs_are_known():
     Over many seeds: ``python -m examples.emulated_intervals``.
     """
     surrogates = hs.Kriging(), hs.PolynomialChaos()
-    both = [intervals(NUMBERS[seed % 4], 700 + seed, surrogates) for seed in range(8)]
-    # 4 or fewer of 8 in one of 200 such tests
-    assert sum(found[0].holds for found in both) >= 5
+    both = [intervals(NUMBERS[seed % 4], 700 + seed, surrogates) for seed in range(6)]
+    # 3 or fewer of 6 in one of 63 such tests, 2 or fewer in one of 790
+    assert sum(found[0].holds for found in both) >= 4
     assert np.median([found[0].width / found[1].width for found in both]) < 0.5

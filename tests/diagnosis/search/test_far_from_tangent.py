@@ -70,13 +70,12 @@ def test_a_rate_that_drifts_by_many_periods_is_found(shift, form, name, value):
         assert diagnosis.best_cause_.estimates[name][0] == pytest.approx(value, rel=0.05)
 
 
-@pytest.mark.parametrize("amplitude", [0.2, 0.3])
-def test_a_rate_that_swings_through_many_radians_is_found(amplitude):
-    """By 8 and 12 rad, beyond what the rows resolve: 29 of 32 such cases, of 400 places 11."""
+def test_a_rate_that_swings_through_many_radians_is_found():
+    """By 12 rad, beyond what the rows resolve."""
     right = 0
     for period in (6, 9, 13, 20):
         for phase in (1.0, 4.0):
-            rate = 1.56 + amplitude * np.sin(2 * np.pi * ROWS / period + phase)
+            rate = 1.56 + 0.3 * np.sin(2 * np.pi * ROWS / period + phase)
             truth = DAMPED(ROWS, np.column_stack([np.full(60, 5.3), rate]))
             diagnosis = diagnosis_of(DAMPED, truth, int(phase))
             if diagnosis.verdict_ == "named" and "periodic over t" in diagnosis.causes_["form"][0]:
