@@ -93,7 +93,7 @@ def error(data: DataSet, model, X: Frame, y: np.ndarray) -> float:
 def without_own(data: DataSet, found: Search) -> tuple[hs.Cause, float]:
     """Return who leads a search, and with what probability, where own causes are left out."""
     own = {cause.kind for cause in data.own}
-    kept = [weighed for weighed in found.weighed if kind_of(weighed) not in own]
+    kept = [weighed for weighed in found.candidates if kind_of(weighed) not in own]
     probability, remainder = probabilities(kept)
     rest = replace(found, weighed=kept, probability=probability, remainder=remainder)
     best = leader(rest)
@@ -141,7 +141,7 @@ def row(data: DataSet, frame: Frame, fast: bool) -> list[str]:
     seconds = time.perf_counter() - start
     best, found = diagnosis.best_cause_, diagnosis.search_
     models = (diagnosis.estimator_, fit_model(data, train, *data.documented))
-    leading = best if best.kind == "none" else found.weighed[leader(found)].cause
+    leading = best if best.kind == "none" else found.candidates[leader(found)].cause
     right = judge(data, leading, models, train, test)
     kinds = {cause.kind for cause in data.documented}
     if right.startswith("no") and diagnosis.verdict_ == "ambiguous":

@@ -12,7 +12,7 @@ import hybridsurrogate as hs
 from hybridsurrogate.blocks import BLOCK, blocks, in_blocks
 from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
-from hybridsurrogate.inference.evidence.grid import layout
+from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.linearised import linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import _normal_equations, scan
 from hybridsurrogate.problem.problem import make_problem
@@ -60,15 +60,15 @@ def test_nodes_are_weighed_alike_alone_and_together(cause, surrogate):
     problem = make_problem(runs, surrogate, hs.Normal(), None, (cause,), ("t",), X, y)
     model = problem.model
     emulator = emulator_posterior(model.basis, problem.simulation)
-    plan = layout(model)
-    assert len(plan.grid) * N * 3 > BLOCK
+    grid = make_grid(model)
+    assert len(grid.points) * N * 3 > BLOCK
     noise = NoiseTable(problem.noise_prior, problem.scale, N)
     responses, sizes = np.vstack([y, y[::-1]]), np.array([0.05, 0.5])
-    z = plan.neutral + 0.1
-    parts = linearise(model, X, emulator, plan, z)
+    z = grid.neutral + 0.1
+    parts = linearise(model, X, emulator, grid, z)
     together = scan(parts, responses, 0.1, noise, sizes)
-    for node in rng.choice(len(plan.grid), 5, replace=False):
-        own = linearise(model, X, emulator, plan.at(np.array([node])), z)
+    for node in rng.choice(len(grid.points), 5, replace=False):
+        own = linearise(model, X, emulator, grid.at(np.array([node])), z)
         # the emulator's uncertainty is taken at the first node
         alone = scan(replace(own, U=parts.U), responses, 0.1, noise, sizes)
         assert_allclose(alone[:, 0], together[:, node], rtol=1e-9)
@@ -92,18 +92,18 @@ def test_nodes_that_change_nothing_share_the_simulation():
         SIMULATOR, hs.ExactSurrogate(), hs.Normal(), None, (cause,), ("t",), X, y
     )
     model = problem.model
-    emulator, plan = emulator_posterior(model.basis, None), layout(model)
-    at_zero = linearise(model, X, emulator, plan, plan.neutral)
-    assert len(at_zero.mean) == len(plan.grid)
+    emulator, grid = emulator_posterior(model.basis, None), make_grid(model)
+    at_zero = linearise(model, X, emulator, grid, grid.neutral)
+    assert len(at_zero.mean) == len(grid.points)
     shared = at_zero.simplified()
     assert len(shared.mean) == len(shared.G) == 1
     noise, sizes = NoiseTable(problem.noise_prior, problem.scale, len(y)), np.array([0.1])
     responses = y + 0.1 * np.random.default_rng(2).standard_normal((3, 50))
     one, other = (scan(parts, responses, 0.1, noise, sizes) for parts in (at_zero, shared))
     assert_allclose(one, other, rtol=1e-9)
-    z = plan.neutral.copy()
-    z[plan.sizes] += 0.5
-    elsewhere = linearise(model, X, emulator, plan, z)
+    z = grid.neutral.copy()
+    z[grid.sizes] += 0.5
+    elsewhere = linearise(model, X, emulator, grid, z)
     assert elsewhere.simplified() is elsewhere
 
 

@@ -129,7 +129,7 @@ def test_a_diagnosis_weighs_the_whole_catalogue():
     found = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(FRAME, y)
     causes, skipped = catalogue(context_of())
     # and "none"
-    assert len(found.search_.weighed) == 1 + len(causes)
+    assert len(found.search_.candidates) == 1 + len(causes)
     assert len(found.causes_) == 1 + len(causes) + len(skipped)
 
 
@@ -145,7 +145,7 @@ def test_a_jump_and_a_wave_along_an_extra_column():
 
 
 def test_a_cause_of_ones_own_replaces_the_built_in_one():
-    """Weighed twice it would halve its probability."""
+    """Candidate twice it would halve its probability."""
     context = context_of()
     location = stats.uniform(3, 2)
     causes, skipped = catalogue(context, [hs.Step("t", location=location), hs.Periodic("wind")])

@@ -10,7 +10,7 @@ from hidden_effects.cases import Case
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.search.local_fit import Fitted, best_null
-from hybridsurrogate.diagnosis.search.screening import best_peaks
+from hybridsurrogate.diagnosis.search.screening import best_modes
 from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
 
 # neither says what the curve is: nothing is wrong, or a curve of any shape
@@ -41,7 +41,7 @@ def distance(case: Case, diagnosis: hs.DiscrepancyDiagnosis) -> float:
     if hidden in ("none", found) or "kinds" in case.truth:
         return float("nan")
     search, truth = diagnosis.search_, case.truth["mu"]
-    named = [w for w in search.weighed if w.cause and w.cause.kind == found]
+    named = [w for w in search.candidates if w.cause and w.cause.kind == found]
     mine = [w.cause for w in named if w.cause and w.cause.changes_output]
     # a curve of size zero would draw the truth of a case whose noise alone is strange
     if not mine or found in _NAMELESS or hidden == "noise":
@@ -50,13 +50,13 @@ def distance(case: Case, diagnosis: hs.DiscrepancyDiagnosis) -> float:
     problem = replace(search.problem, y=truth)
     noise = NoiseTable(problem.noise_prior, problem.scale, len(truth))
     with warnings.catch_warnings():
-        # a simulation may leave its domain on the way; such climbs end at infinity
+        # a simulation may leave its domain on the way; such fits end at infinity
         warnings.simplefilter("ignore", RuntimeWarning)
         null = best_null(problem, search.emulator, noise)
         # curves alone are compared, not with "nothing is wrong"
         prior = np.append(-np.inf, np.zeros(len(mine)))
-        fits, _ = best_peaks(problem, mine, search.emulator, noise, null, prior)
+        fits, _ = best_modes(problem, mine, search.emulator, noise, null, prior)
         # what fitted the data so well that it was taken for the truth is a start, too
-        fits += best_peaks(problem, mine, search.emulator, noise, null, prior, near)[0]
-    squares = [fit.peak.squares for fit in fits if np.isfinite(fit.peak.objective)]
+        fits += best_modes(problem, mine, search.emulator, noise, null, prior, near)[0]
+    squares = [fit.mode.squares for fit in fits if np.isfinite(fit.mode.objective)]
     return float(min(squares, default=np.inf) / case.truth["noise_sd"] ** 2)

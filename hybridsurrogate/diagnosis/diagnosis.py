@@ -326,7 +326,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         if hasattr(self, "search_") and not hasattr(self, "causes_"):
             left = not_reached(self.search_, prepared.causes)
             self.causes_ = cause_table(self.search_, [*left, *prepared.skipped])
-        n = len(self.search_.weighed) - 1 if hasattr(self, "search_") else 0
+        n = len(self.search_.candidates) - 1 if hasattr(self, "search_") else 0
         warnings.warn(
             f"The diagnosis was interrupted: {n} of {len(prepared.causes)} causes had been weighed"
             f"{', and causes_ holds them' if n else ''}. There is no gain, and no report.",

@@ -43,5 +43,5 @@ def weigh(X, y, simulator=LINE, forms=(*FORMS, "noise", "trend", "step", "bump",
     problem, context = problem_of(X, y, simulator)
     causes = [cause for cause in catalogue(context)[0] if form_of(cause) in forms]
     found = search(problem, causes, emulator_posterior(problem.model.basis, None))
-    first = found.weighed[int(np.argmax(found.probability))]
+    first = found.candidates[int(np.argmax(found.probability))]
     return found, "none" if first.cause is None else first.cause.name

@@ -77,12 +77,12 @@ def test_many_rows_do_not_hide_the_truth_between_the_nodes_of_a_grid(kind, seed)
     prepared = prepare(model, ())
     problem, emulator = trained_emulator(prepared.problem, model)
     found = search(problem, prepared.causes, emulator, with_remainder=False)
-    forms = [form_of(w.cause) if w.cause else "none" for w in found.weighed]
-    fits = [w for w, form in zip(found.weighed, forms, strict=True) if form.startswith(kind)]
+    forms = [form_of(w.cause) if w.cause else "none" for w in found.candidates]
+    fits = [w for w, form in zip(found.candidates, forms, strict=True) if form.startswith(kind)]
     # fitted, the truth's own form is as close to the data as the truth, but for priors
     truth = np.sum((case.y - case.truth["mu"]) ** 2)
-    best = min(fits, key=lambda w: w.peak.squares)
-    assert best.peak.squares <= truth + 6 * case.truth["noise_sd"] ** 2
+    best = min(fits, key=lambda w: w.mode.squares)
+    assert best.mode.squares <= truth + 6 * case.truth["noise_sd"] ** 2
     first = forms[int(np.argmax(found.probability))]
     assert first.partition(":")[0] == kind.partition(":")[0]
 

@@ -10,7 +10,7 @@ from tide import CASES, FRAME, NOISE, SIMULATOR, problem_of
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.answers.extension import extend_simulator
 from hybridsurrogate.diagnosis.search.local_fit import deviance
-from hybridsurrogate.inference.evidence.marginal_likelihood import Peak
+from hybridsurrogate.inference.evidence.marginal_likelihood import LocalMode
 
 
 @pytest.fixture(scope="module")
@@ -86,14 +86,14 @@ def test_of_two_peaks_the_better_with_noise_of_its_own_is_taken():
     found, expected, at_sigma = [], [], []
     for residual, away in fits:
         squares = residual @ residual
-        peak = Peak(np.array([away]), squares, squares / sigma**2 + away**2, 0)
-        found.append(deviance(problem, peak, sigma))
-        at_sigma.append(peak.objective)
+        mode = LocalMode(np.array([away]), squares, squares / sigma**2 + away**2, 0)
+        found.append(deviance(problem, mode, sigma))
+        at_sigma.append(mode.objective)
         own = np.sqrt(squares / n)
         density = stats.norm.logpdf(residual, 0, own).sum() + stats.norm.logpdf(away)
         expected.append(-2 * density)
     assert found[0] - found[1] == pytest.approx(expected[0] - expected[1])
     assert found[0] < found[1]
     assert at_sigma[0] > at_sigma[1]  # at the noise of a fit without the cause
-    nowhere = Peak(np.zeros(1), np.inf, np.inf, 0)
+    nowhere = LocalMode(np.zeros(1), np.inf, np.inf, 0)
     assert deviance(problem, nowhere, sigma) == np.inf

@@ -119,7 +119,7 @@ def test_a_diagnosis_in_other_units_of_the_output(likelihood):
     ]
     told = []
     for one in found:
-        none, *causes = one.search_.weighed
+        none, *causes = one.search_.candidates
         told.append({w.cause.name: w.log_evidence - none.log_evidence for w in causes})
     assert told[1] == pytest.approx(told[0], abs=0.01)
     assert told[2] == pytest.approx(told[0], abs=0.01)

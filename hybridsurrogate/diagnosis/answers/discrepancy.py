@@ -96,23 +96,23 @@ class Third(NamedTuple):
     rows: float
 
 
-def estimate_discrepancy(found: Search, cause: Cause | None) -> Discrepancy:
+def estimate_discrepancy(result: Search, cause: Cause | None) -> Discrepancy:
     """Return the smooth discrepancy over one input, by the catch-all Gaussian process.
 
     The input is the one over which the cause acts, else the first.
     """
-    problem = found.problem
+    problem = result.problem
     inputs = problem.model.columns[: problem.model.n_inputs]
     column = next((name for name in (cause.reads if cause else ()) if name in inputs), inputs[0])
-    process = next(w for w in found.weighed if w.cause and w.cause.kind == "unexplained")
+    process = next(w for w in result.candidates if w.cause and w.cause.kind == "unexplained")
     k = problem.model.columns.index(column)
     grid = np.repeat(np.median(problem.X, axis=0)[None], _N_GRID, axis=0)
     grid[:, k] = np.linspace(problem.X[:, k].min(), problem.X[:, k].max(), _N_GRID)
     # the size that the residuals themselves suggest, so that noise is not drawn as a curve
-    residual = problem.y - _fitted(found)
-    size = float(np.clip(np.std(residual), found.sizes[0], found.sizes[-1]))
-    measured, rows = measured_and_other(found, process, grid)
-    local = local_posterior(found, process, measured, size)
+    residual = problem.y - _fitted(result)
+    size = float(np.clip(np.std(residual), result.sizes[0], result.sizes[-1]))
+    measured, rows = measured_and_other(result, process, grid)
+    local = local_posterior(result, process, measured, size)
     H = rows.design[:, rows.first :]
     mean = H @ local.mean[rows.first :]
     sd = np.sqrt(np.einsum("nk,kl,nl->n", H, local.covariance[rows.first :, rows.first :], H))
@@ -164,5 +164,5 @@ def shares_of_thirds(X: FloatArray, delta: FloatArray, columns: Sequence[str]) -
     return out
 
 
-def _fitted(found: Search) -> FloatArray:
-    return predict_locally(found, found.weighed[0], found.problem.X)[0]
+def _fitted(result: Search) -> FloatArray:
+    return predict_locally(result, result.candidates[0], result.problem.X)[0]

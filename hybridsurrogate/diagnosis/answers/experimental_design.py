@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from hybridsurrogate.diagnosis.search.evidence import Search, Weighed, kind_of
+from hybridsurrogate.diagnosis.search.evidence import Candidate, Search, kind_of
 from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
 from hybridsurrogate.inference.evidence.linearised import linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
@@ -51,26 +51,26 @@ class _Component(NamedTuple):
     """One rival at one node of its grid."""
 
     rival: int
-    weighed: Weighed
+    candidate: Candidate
     node: int | None
     weight: float
 
 
-def next_measurement(found: Search, ranges: Mapping[str, tuple[float, float]]) -> NextMeasurement:
+def next_measurement(result: Search, ranges: Mapping[str, tuple[float, float]]) -> NextMeasurement:
     """Return where one more measurement is expected to tell most about which rival is true.
 
     A grid over each column in turn, the others where they were best so far, twice over.
 
     Parameters
     ----------
-    found : Search
+    result : Search
     ranges : dict of str to (low, high)
         Of the simulated inputs; other columns, and inputs that number a few things (0 and 1, say),
         keep to values that were measured.
     """
-    problem = found.problem
+    problem = result.problem
     columns = problem.model.columns
-    components = _components(found)
+    components = _components(result)
     point = np.median(problem.X, axis=0)
     information = 0.0
     for _ in range(_SWEEPS if len(columns) > 1 else 1):
@@ -79,7 +79,7 @@ def next_measurement(found: Search, ranges: Mapping[str, tuple[float, float]]) -
             grid = np.repeat(point[None], len(values), axis=0)
             grid[:, k] = values
             # where nothing at all is foreseen, nothing can be told either
-            bits = np.nan_to_num(_information(found, components, grid))
+            bits = np.nan_to_num(_information(result, components, grid))
             # of places that are as good, the one nearest to what is known
             good = np.flatnonzero(bits >= _AS_GOOD * bits.max())
             best = good[np.argmin(np.abs(grid[good, k] - point[k]))]
@@ -102,7 +102,7 @@ def _values_of(
     return known[np.linspace(0, len(known) - 1, min(len(known), _N_PLACES)).round().astype(int)]
 
 
-def information_at(found: Search, grid: FloatArray) -> FloatArray:
+def information_at(result: Search, grid: FloatArray) -> FloatArray:
     """Return how much a measurement at each row is expected to tell about the rivals, in bits.
 
     It is the mutual information between the rival's identity and the value measured. Under each
@@ -112,54 +112,54 @@ def information_at(found: Search, grid: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    found : Search
+    result : Search
     grid : ndarray of shape (m, n_columns)
 
     Returns
     -------
     ndarray of shape (m,)
     """
-    return _information(found, _components(found), grid)
+    return _information(result, _components(result), grid)
 
 
-def _components(found: Search) -> list[_Component]:
-    order = np.argsort(-found.probability, kind="stable")[:_MOST_RIVALS]
-    matters = (np.arange(len(order)) < 2) | (found.probability[order] > _LEAST_PROBABLE)
+def _components(result: Search) -> list[_Component]:
+    order = np.argsort(-result.probability, kind="stable")[:_MOST_RIVALS]
+    matters = (np.arange(len(order)) < 2) | (result.probability[order] > _LEAST_PROBABLE)
     # against overwhelming evidence a rival's probability is too small for a number
-    matters &= found.probability[order] > 0
+    matters &= result.probability[order] > 0
     order = order[matters]
-    total = float(found.probability[order].sum())
+    total = float(result.probability[order].sum())
     out = []
     for rival, k in enumerate(order):
-        w = found.weighed[k]
-        for node, share in _nodes(found, w):
-            out.append(_Component(rival, w, node, share * float(found.probability[k]) / total))
+        w = result.candidates[k]
+        for node, share in _nodes(result, w):
+            out.append(_Component(rival, w, node, share * float(result.probability[k]) / total))
     return out
 
 
-def _nodes(found: Search, w: Weighed) -> list[tuple[int | None, float]]:
+def _nodes(result: Search, w: Candidate) -> list[tuple[int | None, float]]:
     """Return the nodes that hold most of the evidence for a cause, with their shares."""
-    if not len(w.plan.nodes):
+    if not len(w.grid.nodes):
         return [(None, 1.0)]
-    problem = found.problem
-    parts = linearise(w.model, problem.X, found.emulator, w.plan, w.peak.z)
-    log_evidence = scan(parts, problem.y[None], w.sigma, found.noise, found.sizes)[0]
+    problem = result.problem
+    parts = linearise(w.model, problem.X, result.emulator, w.grid, w.mode.z)
+    log_evidence = scan(parts, problem.y[None], w.sigma, result.noise, result.sizes)[0]
     share = special.softmax(log_evidence)
     order = np.argsort(-share)[:_MOST_NODES]
     order = order[share[order] >= _LEAST_NODE * share[order[0]]]
     return [(int(node), float(share[node] / share[order].sum())) for node in order]
 
 
-def _information(found: Search, components: list[_Component], grid: FloatArray) -> FloatArray:
-    smooth = np.array([kind_of(c.weighed) == "unexplained" for c in components])
+def _information(result: Search, components: list[_Component], grid: FloatArray) -> FloatArray:
+    smooth = np.array([kind_of(c.candidate) == "unexplained" for c in components])
     weight = np.array([c.weight for c in components])
     rival = np.array([c.rival for c in components])
-    told = [predict_locally(found, c.weighed, grid, c.node) for c in components]
+    told = [predict_locally(result, c.candidate, grid, c.node) for c in components]
     means, variances = map(np.array, zip(*told, strict=True))
     # a simulation may fail at a place, and a measurement there would tell nothing
     valid = np.isfinite(means).all(axis=0) & np.isfinite(variances).all(axis=0)
     out = np.zeros(len(grid))
-    inside = _between_measured(found, grid) if smooth.any() else np.ones(len(grid), dtype=bool)
+    inside = _between_measured(result, grid) if smooth.any() else np.ones(len(grid), dtype=bool)
     if (where := valid & inside).any():
         out[where] = _mutual(means[:, where], variances[:, where], weight, rival)
     others = weight[~smooth]
@@ -171,8 +171,8 @@ def _information(found: Search, components: list[_Component], grid: FloatArray) 
     return out
 
 
-def _between_measured(found: Search, grid: FloatArray) -> NDArray[np.bool_]:
-    X, grid = found.problem.X, found.problem.with_noise(grid)
+def _between_measured(result: Search, grid: FloatArray) -> NDArray[np.bool_]:
+    X, grid = result.problem.X, result.problem.with_noise(grid)
     return np.all((grid >= X.min(axis=0)) & (grid <= X.max(axis=0)), axis=1)
 
 

@@ -12,7 +12,7 @@ from hybridsurrogate.priors import FloatArray
 _TRIED = 64
 
 
-def failures(found: Search) -> list[str]:
+def failures(result: Search) -> list[str]:
     """Return for each weighed cause how often the simulation fails under it, "" for never.
 
     Sets of parameters from the priors, of the simulation and of the cause, are run at the measured
@@ -21,8 +21,8 @@ def failures(found: Search) -> list[str]:
     worked.
     """
     counts = [
-        _count(w.model, found.problem.X) if w.cause is None or w.cause.touches_simulation else 0
-        for w in found.weighed
+        _count(w.model, result.problem.X) if w.cause is None or w.cause.touches_simulation else 0
+        for w in result.candidates
     ]
     return [
         f"the simulation fails for {count} of {_TRIED} sets of parameters from the priors, which "

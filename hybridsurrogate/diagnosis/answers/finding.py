@@ -60,7 +60,7 @@ def finding_of(step: Step, position: int, posterior: Posterior) -> CauseFinding:
     posterior : Posterior
     """
     chosen, found = step.chosen, step.beside
-    alike = [kind_of(w) == kind_of(chosen) for w in found.weighed]
+    alike = [kind_of(w) == kind_of(chosen) for w in found.candidates]
     probability = min(float(found.probability[alike].sum()), 1.0)
     cause = chosen.cause
     if cause is None:

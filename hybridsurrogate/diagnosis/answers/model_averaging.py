@@ -16,7 +16,7 @@ _MASS = 0.95
 
 
 def averaged_over(
-    found: Search,
+    result: Search,
     before: PowerScaledSurrogate,
     earlier: tuple[Cause, ...],
     X: ArrayLike,
@@ -26,8 +26,8 @@ def averaged_over(
 
     Parameters
     ----------
-    found : Search
-        Weighed beside ``earlier``.
+    result : Search
+        Candidate beside ``earlier``.
     before : PowerScaledSurrogate
         Without effects.
     earlier : tuple of Cause
@@ -35,11 +35,11 @@ def averaged_over(
     X, y
         Measured data as the user gave them.
     """
-    order = np.argsort(-found.probability, kind="stable")
-    n = int(np.searchsorted(np.cumsum(found.probability[order]), _MASS)) + 1
+    order = np.argsort(-result.probability, kind="stable")
+    n = int(np.searchsorted(np.cumsum(result.probability[order]), _MASS)) + 1
     models = []
-    for weighed in (found.weighed[k] for k in order[:n]):
-        effects = (*earlier, weighed.cause) if weighed.cause is not None else earlier
+    for candidate in (result.candidates[k] for k in order[:n]):
+        effects = (*earlier, candidate.cause) if candidate.cause is not None else earlier
         models.append(clone(before).set_params(effects=effects))
-    weights = found.probability[order[:n]]
+    weights = result.probability[order[:n]]
     return AveragedSurrogate(models, weights.tolist(), before.random_state).fit(X, y)

@@ -20,10 +20,10 @@ def form_of(cause: Cause) -> str:
     return f"{cause.kind}: {cause.variant}" if cause.variant else cause.kind
 
 
-def cause_table(found: Search, skipped: list[Skipped]) -> pd.DataFrame:
+def cause_table(result: Search, skipped: list[Skipped]) -> pd.DataFrame:
     """Return one row a cause, most probable first, those not weighed last with the reason."""
-    base = found.weighed[0].log_evidence
-    notes = failures(found)
+    base = result.candidates[0].log_evidence
+    notes = failures(result)
     rows = [
         {
             "kind": kind_of(w),
@@ -35,7 +35,7 @@ def cause_table(found: Search, skipped: list[Skipped]) -> pd.DataFrame:
             "note": note,
         }
         for w, probability, remainder, note in zip(
-            found.weighed, found.probability, found.remainder, notes, strict=True
+            result.candidates, result.probability, result.remainder, notes, strict=True
         )
     ]
     rows += [
@@ -56,9 +56,9 @@ def cause_table(found: Search, skipped: list[Skipped]) -> pd.DataFrame:
     return table
 
 
-def not_reached(found: Search, causes: Sequence[Cause]) -> list[Skipped]:
+def not_reached(result: Search, causes: Sequence[Cause]) -> list[Skipped]:
     """Return the causes that an interrupted search left out."""
-    reached = [w.cause for w in found.weighed]
+    reached = [w.cause for w in result.candidates]
     return [
         Skipped(cause.kind, cause.target, "the search was interrupted")
         for cause in causes

@@ -89,10 +89,10 @@ def warn_if_mirrored(problem: Problem) -> None:
         )
 
 
-def warn_if_exact(found: Search) -> None:
+def warn_if_exact(result: Search) -> None:
     """Warn the caller of ``fit`` where the simulation alone misses too little to be diagnosed."""
-    least = FLOOR * found.problem.scale
-    if found.weighed[0].sigma > SETTINGS.near_floor * least:
+    least = FLOOR * result.problem.scale
+    if result.candidates[0].sigma > SETTINGS.near_floor * least:
         return
     warnings.warn(
         f"The simulation meets the measured output to about {FLOOR:g} of its spread. Smaller noise "

@@ -66,20 +66,20 @@ class EmulatorCheck(NamedTuple):
             )
 
 
-def check_emulator(found: Search, surrogate: Basis, runs: SimulationData) -> EmulatorCheck | None:
+def check_emulator(result: Search, surrogate: Basis, runs: SimulationData) -> EmulatorCheck | None:
     """Return how well the surrogate's basis tells the simulation at the best fit of all.
 
     None where the simulation itself is run, or its runs leave nothing open.
     """
-    problem, basis = found.problem, found.problem.model.basis
+    problem, basis = result.problem, result.problem.model.basis
     if not isinstance(basis, KrigedBasis):
         return None
-    w = found.weighed[int(np.argmax(found.probability))]
-    values = w.model.values(w.peak.z[None])
-    if len(w.plan.nodes):
-        values[:, w.plan.nodes] = w.plan.grid[w.peak.node]
-    U = w.model.emulator_error(problem.X, values, found.emulator.factor)
-    told, _, _ = w.model.simulated(problem.X, values, found.emulator.mean)
+    w = result.candidates[int(np.argmax(result.probability))]
+    values = w.model.values(w.mode.z[None])
+    if len(w.grid.nodes):
+        values[:, w.grid.nodes] = w.grid.points[w.mode.node]
+    U = w.model.emulator_error(problem.X, values, result.emulator.factor)
+    told, _, _ = w.model.simulated(problem.X, values, result.emulator.mean)
     own = emulator_posterior(surrogate, problem.simulation).mean
     alone = replace(w.model, basis=surrogate, reference=own)
     missed = alone.simulated(problem.X, values, own)[0] - told

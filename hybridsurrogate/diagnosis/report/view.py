@@ -11,7 +11,7 @@ import pandas as pd
 from scipy import special
 
 from hybridsurrogate.diagnosis.report.settings import SETTINGS
-from hybridsurrogate.diagnosis.search.evidence import Search, Weighed, kind_of
+from hybridsurrogate.diagnosis.search.evidence import Candidate, Search, kind_of
 from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
 from hybridsurrogate.diagnosis.validation.beta_scan import has_weight, is_slow
 from hybridsurrogate.diagnosis.validation.gain import in_one_word
@@ -91,7 +91,7 @@ class View:
         return self.diagnosis._steps[0].beside
 
     @property
-    def found(self) -> list[tuple[CauseFinding, Cause]]:
+    def result(self) -> list[tuple[CauseFinding, Cause]]:
         """Every accepted cause, what was found about it and the cause itself, in order."""
         if not self.extended:
             return []
@@ -180,45 +180,45 @@ class View:
         return rows
 
     @property
-    def most_probable(self) -> list[tuple[Weighed, float]]:
+    def most_probable(self) -> list[tuple[Candidate, float]]:
         """The first few of all causes that were weighed, with their probabilities."""
-        return self.weighed[: SETTINGS.most_causes]
+        return self.candidates[: SETTINGS.most_causes]
 
     @property
-    def weighed(self) -> list[tuple[Weighed, float]]:
+    def candidates(self) -> list[tuple[Candidate, float]]:
         """All causes that were weighed, with their probabilities, most probable first."""
-        found = self.search
-        order = np.argsort(-found.probability, kind="stable")
-        return [(found.weighed[k], float(found.probability[k])) for k in order]
+        result = self.search
+        order = np.argsort(-result.probability, kind="stable")
+        return [(result.candidates[k], float(result.probability[k])) for k in order]
 
-    def rivals(self, found: Search) -> list[Weighed]:
+    def rivals(self, result: Search) -> list[Candidate]:
         """Return the most probable explanations, at least two where there are two."""
-        order = np.argsort(-found.probability, kind="stable")[: SETTINGS.most_rivals]
+        order = np.argsort(-result.probability, kind="stable")[: SETTINGS.most_rivals]
         return [
-            found.weighed[k]
+            result.candidates[k]
             for place, k in enumerate(order)
-            if place < 2 or found.probability[k] > SETTINGS.worth_drawing
+            if place < 2 or result.probability[k] > SETTINGS.worth_drawing
         ]
 
-    def kindred(self) -> list[Weighed]:
+    def kindred(self) -> list[Candidate]:
         """Return other forms of the named kind that are about as probable as the cause."""
         if self.cause is None:
             return []
         cause, own = self.cause, self.own_probability
         return [
             w
-            for w, p in self.weighed
+            for w, p in self.candidates
             if kind_of(w) == cause.kind and w.cause is not cause and p > SETTINGS.as_probable * own
         ]
 
     @property
     def own_probability(self) -> float:
         """The probability of the first cause in its form."""
-        return next(p for w, p in self.weighed if w.cause is self.cause)
+        return next(p for w, p in self.candidates if w.cause is self.cause)
 
-    def expected(self, found: Search, rival: Weighed, X: FloatArray) -> FloatArray:
+    def expected(self, result: Search, rival: Candidate, X: FloatArray) -> FloatArray:
         """Return what an explanation predicts at rows, in units of the output."""
-        return found.problem.likelihood.inverse(predict_locally(found, rival, X)[0])
+        return result.problem.likelihood.inverse(predict_locally(result, rival, X)[0])
 
     def standardised(self, model: Any) -> FloatArray:
         """Return residuals at the measured rows that are standard normal if the model is right."""
@@ -277,7 +277,7 @@ def label_of_cause(cause: Cause | None) -> str:
     return label("none", None) if cause is None else label(cause.kind, cause.target, cause.variant)
 
 
-def label_of(rival: Weighed) -> str:
+def label_of(rival: Candidate) -> str:
     """Return how a report calls one explanation of a search."""
     if rival.cause is None and rival.model.effects:
         return "nothing further is wrong"

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from hybridsurrogate.diagnosis.search.conditioning import held
-from hybridsurrogate.diagnosis.search.evidence import Search, Weighed, search
+from hybridsurrogate.diagnosis.search.evidence import Candidate, Search, search
 from hybridsurrogate.diagnosis.search.forward_selection import Step, ends_search
 from hybridsurrogate.diagnosis.search.local_fit import Fitted
 from hybridsurrogate.diagnosis.search.verdict import leader
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.nothing import Nothing
-from hybridsurrogate.inference.evidence.grid import layout
+from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.problem.problem import Problem
 
@@ -43,18 +43,18 @@ def beside_others(steps: Sequence[Step], problem: Problem, causes: Sequence[Caus
         if k not in stale:
             continue
         found = _without(out[k].chosen, joint, problem, causes)
-        best = found.weighed[leader(found)]
+        best = found.candidates[leader(found)]
         if ends_search(best):
-            best = next(w for w in found.weighed if w.cause is out[k].chosen.cause)
+            best = next(w for w in found.candidates if w.cause is out[k].chosen.cause)
         stale = stale - {k} if best.cause is out[k].chosen.cause else set(named) - {k}
         joint = out[k] = replace(out[k], chosen=best, beside=found)
     return out
 
 
-def _without(left_out: Weighed, joint: Step, problem: Problem, causes: Sequence[Cause]) -> Search:
+def _without(left_out: Candidate, joint: Step, problem: Problem, causes: Sequence[Cause]) -> Search:
     """Search for one cause, all others held where they are in the joint fit of all of them."""
     known = joint.beside
-    model, _, peak, sigma = fit = Fitted(*joint.chosen[1:5])
+    model, _, mode, sigma = fit = Fitted(*joint.chosen[1:5])
     others = [cause for cause in model.effects if cause is not left_out.cause]
     extended = replace(problem, model=problem.model.with_effects(others))
     old = [(id(model.effects[owner]), name) for owner, name in model.theta_names]
@@ -63,7 +63,7 @@ def _without(left_out: Weighed, joint: Step, problem: Problem, causes: Sequence[
     order = [*range(d), *(d + old.index(key) for key in new)]
     z = held(known.problem, fit, known.emulator, known.noise)[0][order]
     # all places are known: there is no grid to look at
-    plan = layout(extended.model.with_effects([*others, Nothing()]))
-    accepted = Weighed(None, extended.model, plan, peak._replace(z=z), sigma, 0.0, 0.0)
+    grid = make_grid(extended.model.with_effects([*others, Nothing()]))
+    accepted = Candidate(None, extended.model, grid, mode._replace(z=z), sigma, 0.0, 0.0)
     rivals = [cause for cause in causes if all(cause is not other for other in others)]
     return search(extended, rivals, known.emulator, True, accepted)

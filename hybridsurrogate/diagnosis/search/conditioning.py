@@ -17,7 +17,7 @@ from hybridsurrogate.diagnosis.search.local_fit import (
 from hybridsurrogate.effects.nothing import Nothing
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.conjugate.noise_marginal import LogMarginal
-from hybridsurrogate.inference.evidence.grid import at_cells, layout
+from hybridsurrogate.inference.evidence.grid import at_cells, make_grid
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray, to_normal
@@ -29,11 +29,11 @@ def nothing_further(
 ) -> Fitted:
     """Fit "nothing else is wrong" from where the accepted cause was found."""
     model = problem.model.with_effects((*problem.model.effects, Nothing()))
-    plan = layout(model)
-    peak = highest(
-        problem, emulator, model, plan, held(problem, accepted, emulator, noise), accepted.sigma
+    grid = make_grid(model)
+    mode = highest(
+        problem, emulator, model, grid, held(problem, accepted, emulator, noise), accepted.sigma
     )
-    return Fitted(model, plan, peak, sigma_of(problem, peak, accepted.sigma))
+    return Fitted(model, grid, mode, sigma_of(problem, mode, accepted.sigma))
 
 
 def held(
@@ -43,15 +43,15 @@ def held(
 
     The mean is the better place, but only on the hill on which the best node is.
     """
-    model, plan, peak, _ = accepted
-    if not len(plan.nodes):
-        return [peak.z]
+    model, grid, mode, _ = accepted
+    if not len(grid.nodes):
+        return [mode.z]
     places = [_mean_node(problem, accepted, emulator, noise)]
-    low, high = plan.edges[peak.node].T
+    low, high = grid.edges[mode.node].T
     if not np.all((places[0] >= low) & (places[0] <= high)):
-        places.append(plan.grid[peak.node])
-    out = np.repeat(peak.z[None], len(places), axis=0)
-    out[:, plan.nodes] = [to_normal([model.priors[k] for k in plan.nodes], p) for p in places]
+        places.append(grid.points[mode.node])
+    out = np.repeat(mode.z[None], len(places), axis=0)
+    out[:, grid.nodes] = [to_normal([model.priors[k] for k in grid.nodes], p) for p in places]
     return list(out)
 
 
@@ -64,10 +64,10 @@ def placed_anew(
     emulator: EmulatorPosterior,
     noise: LogMarginal,
 ) -> Fitted:
-    """Fit a model from starts near its peak, its last cause's grid as fine as it already was."""
-    plan = at_cells(model, layout(model), edges)
-    peak = highest(problem, emulator, model, plan, starts, sigma)
-    return settled(problem, emulator, noise, Fitted(model, plan, peak, sigma))
+    """Fit a model from starts near its mode, its last cause's grid as fine as it already was."""
+    grid = at_cells(model, make_grid(model), edges)
+    mode = highest(problem, emulator, model, grid, starts, sigma)
+    return settled(problem, emulator, noise, Fitted(model, grid, mode, sigma))
 
 
 def _mean_node(
@@ -77,11 +77,11 @@ def _mean_node(
 
     A node is only as near as its cell is small, and what it misses would look like another cause.
     """
-    plan = accepted.plan
+    grid = accepted.grid
     sizes = np.array([largest_size(problem)])
     log_evidence = node_evidence(problem, emulator, noise, accepted, sizes)
     best = int(np.argmax(log_evidence))
-    reach = SETTINGS.same_mode * np.diff(plan.edges[best], axis=1)[:, 0]
-    near = np.all(np.abs(plan.grid - plan.grid[best]) <= reach, axis=1)
+    reach = SETTINGS.same_mode * np.diff(grid.edges[best], axis=1)[:, 0]
+    near = np.all(np.abs(grid.points - grid.points[best]) <= reach, axis=1)
     weight = np.exp(log_evidence - log_evidence[best]) * near
-    return weight @ plan.grid / weight.sum()
+    return weight @ grid.points / weight.sum()

@@ -23,13 +23,13 @@ from hybridsurrogate.diagnosis.search.local_fit import (
     effect_sizes,
     node_evidence,
 )
-from hybridsurrogate.diagnosis.search.screening import best_peaks
+from hybridsurrogate.diagnosis.search.screening import best_modes
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.conjugate.noise_marginal import KnownNoise, LogMarginal, NoiseTable
-from hybridsurrogate.inference.evidence.grid import Layout, layout
+from hybridsurrogate.inference.evidence.grid import Grid, make_grid
 from hybridsurrogate.inference.evidence.linearised import linearise
-from hybridsurrogate.inference.evidence.marginal_likelihood import Peak, scan
+from hybridsurrogate.inference.evidence.marginal_likelihood import LocalMode, scan
 from hybridsurrogate.inference.evidence.outliers import settled
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.inference.model.observation import MeasuredModel
@@ -37,13 +37,13 @@ from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.problem import Problem
 
 
-class Weighed(NamedTuple):
+class Candidate(NamedTuple):
     """One cause (None: nothing is wrong) at its best, with its evidence."""
 
     cause: Cause | None
     model: MeasuredModel
-    plan: Layout
-    peak: Peak
+    grid: Grid
+    mode: LocalMode
     sigma: float
     log_evidence: float
     log_evidence_with_remainder: float
@@ -58,7 +58,7 @@ class Search:
     problem : Problem
     emulator : EmulatorPosterior
         About the surrogate's coefficients, from the simulation alone.
-    weighed : list of Weighed
+    candidates : list of Candidate
         "None" first, then the causes in the order of the catalogue.
     probability : ndarray
         Posterior probability of each.
@@ -72,7 +72,7 @@ class Search:
 
     problem: Problem
     emulator: EmulatorPosterior
-    weighed: list[Weighed]
+    candidates: list[Candidate]
     probability: FloatArray
     remainder: FloatArray
     sizes: FloatArray
@@ -84,7 +84,7 @@ def search(
     causes: Sequence[Cause],
     emulator: EmulatorPosterior,
     with_remainder: bool = True,
-    accepted: Weighed | None = None,
+    accepted: Candidate | None = None,
     nearby: Search | None = None,
 ) -> Search:
     """Weigh "nothing is wrong" and every cause.
@@ -99,12 +99,12 @@ def search(
         About the surrogate's coefficients, from the simulation alone.
     with_remainder : bool
         Also weigh the winners beside a smooth remainder of unknown shape.
-    accepted : Weighed or None
+    accepted : Candidate or None
         The last of the problem's effects as it was found, in place of "nothing is wrong".
     nearby : Search or None
         The search over the same causes in other rows of the same data: only what is promising there
-        is climbed, from where its climbs ended. Grids are searched anew, but a climb may keep to
-        its hill.
+        is optimised, from where it ended there. Grids are searched anew, but an optimisation may
+        keep to its hill.
 
     Raises
     ------
@@ -126,14 +126,14 @@ def search(
     odds = prior_odds([None, *causes])
     fits: Sequence[Fitted] = []
     try:
-        fits, behind = best_peaks(problem, causes, emulator, noise, null, np.log(odds), ends)
+        fits, behind = best_modes(problem, causes, emulator, noise, null, np.log(odds), ends)
         known = np.append(np.nan, behind)
         return _weigh(problem, causes, emulator, noise, [null, *fits], known, with_remainder)
     except KeyboardInterrupt as stop:
         kept = [null, *(stop.kept if isinstance(stop, InterruptedSearch) else fits)]
         unknown = np.full(len(kept), np.nan)
-        weighed = _weigh(problem, causes, emulator, noise, kept, unknown, False)
-        raise InterruptedSearch(weighed) from stop
+        candidates = _weigh(problem, causes, emulator, noise, kept, unknown, False)
+        raise InterruptedSearch(candidates) from stop
 
 
 def _weigh(
@@ -141,7 +141,7 @@ def _weigh(
     causes: Sequence[Cause],
     emulator: EmulatorPosterior,
     noise: LogMarginal,
-    peaks: Sequence[Fitted],
+    modes: Sequence[Fitted],
     known: FloatArray,
     with_remainder: bool,
 ) -> Search:
@@ -149,31 +149,31 @@ def _weigh(
 
     ``known`` is the log evidence where it is known well enough already, NaN elsewhere.
     """
-    sizes = effect_sizes(problem, peaks)
-    weighed = []
-    for cause, fit, evidence in zip([None, *causes], peaks, known, strict=False):
+    sizes = effect_sizes(problem, modes)
+    candidates = []
+    for cause, fit, evidence in zip([None, *causes], modes, known, strict=False):
         if np.isnan(evidence):
             evidence = np.logaddexp.reduce(node_evidence(problem, emulator, noise, fit, sizes))
-        weighed.append(Weighed(cause, *fit, float(evidence), -np.inf))
-    probability, remainder = probabilities(weighed)
-    quick = Search(problem, emulator, weighed, probability, remainder, sizes, noise)
+        candidates.append(Candidate(cause, *fit, float(evidence), -np.inf))
+    probability, remainder = probabilities(candidates)
+    quick = Search(problem, emulator, candidates, probability, remainder, sizes, noise)
     return remainders(quick) if with_remainder else quick
 
 
-def remainders(found: Search) -> Search:
+def remainders(result: Search) -> Search:
     """Return the search with its winners also weighed beside a smooth remainder."""
-    weighed = _weigh_remainder(
-        found.problem, found.emulator, found.noise, found.weighed, found.sizes
+    candidates = _weigh_remainder(
+        result.problem, result.emulator, result.noise, result.candidates, result.sizes
     )
-    probability, remainder = probabilities(weighed)
-    return replace(found, weighed=weighed, probability=probability, remainder=remainder)
+    probability, remainder = probabilities(candidates)
+    return replace(result, candidates=candidates, probability=probability, remainder=remainder)
 
 
 def _ends_of(nearby: Search | None, causes: Sequence[Cause]) -> list[Fitted] | None:
-    """Return where the climbs of the same causes ended; None where it weighed other causes."""
+    """Return where the same causes ended; None where it weighed other causes."""
     if nearby is None:
         return None
-    known = nearby.weighed[1:]
+    known = nearby.candidates[1:]
     if [c.name for c in causes] != [w.cause.name for w in known if w.cause is not None]:
         return None
     return [Fitted(*w[1:5]) for w in known]
@@ -183,24 +183,24 @@ def _weigh_remainder(
     problem: Problem,
     emulator: EmulatorPosterior,
     noise: LogMarginal,
-    weighed: list[Weighed],
+    candidates: list[Candidate],
     sizes: FloatArray,
-) -> list[Weighed]:
+) -> list[Candidate]:
     """Weigh the winners of the quick search beside a smooth discrepancy of unknown shape."""
-    quick, _ = probabilities(weighed)
-    process = next((w for w in weighed if kind_of(w) == "unexplained"), None)
+    quick, _ = probabilities(candidates)
+    process = next((w for w in candidates if kind_of(w) == "unexplained"), None)
     if process is None:
-        return weighed
-    model, lengths = process.model, layout(process.model)
-    values = np.repeat(model.values(np.zeros((1, model.n_unknowns))), len(lengths.grid), axis=0)
-    values[:, lengths.nodes] = lengths.grid
+        return candidates
+    model, lengths = process.model, make_grid(process.model)
+    values = np.repeat(model.values(np.zeros((1, model.n_unknowns))), len(lengths.points), axis=0)
+    values[:, lengths.nodes] = lengths.points
     own = [owner == len(model.effects) - 1 for owner, _ in model.column_names]
     bases = model.added(problem.X, values)[:, :, own]
     bases = bases / np.sqrt(np.mean(np.sum(bases**2, axis=2), axis=1))[:, None, None]
-    named = [k for k, w in enumerate(weighed) if kind_of(w) not in ("none", "unexplained")]
+    named = [k for k, w in enumerate(candidates) if kind_of(w) not in ("none", "unexplained")]
     best = max(named, key=lambda k: quick[k], default=None)
     out = []
-    for k, (w, probability) in enumerate(zip(weighed, quick, strict=True)):
+    for k, (w, probability) in enumerate(zip(candidates, quick, strict=True)):
         # the best named cause always has its chance: data usually hold more than one wrong thing
         if w is process or (probability < 0.01 and w.cause is not None and k != best):
             out.append(w)
@@ -208,7 +208,7 @@ def _weigh_remainder(
         if w.cause is None:
             out.append(w._replace(log_evidence_with_remainder=process.log_evidence))
             continue
-        parts = linearise(w.model, problem.X, emulator, w.plan, w.peak.z)
+        parts = linearise(w.model, problem.X, emulator, w.grid, w.mode.z)
         nodes = scan(parts, problem.y[None], w.sigma, noise, sizes)[0]
         # zero but for causes that were placed together, whose evidence is not that of the last one
         beyond_last = w.log_evidence - float(special.logsumexp(nodes))
@@ -262,20 +262,20 @@ def prior_odds(causes: Sequence[Cause | None]) -> FloatArray:
     )
 
 
-def probabilities(weighed: Sequence[Weighed]) -> tuple[FloatArray, FloatArray]:
+def probabilities(candidates: Sequence[Candidate]) -> tuple[FloatArray, FloatArray]:
     """Return the posterior probability of each cause, and that of a remainder beside it."""
-    alone = np.array([w.log_evidence for w in weighed])
-    beside = np.array([w.log_evidence_with_remainder for w in weighed])
+    alone = np.array([w.log_evidence for w in candidates])
+    beside = np.array([w.log_evidence_with_remainder for w in candidates])
     # "none" with a remainder is "unexplained", which is weighed on its own
-    splits = np.isfinite(beside) & np.array([w.cause is not None for w in weighed])
+    splits = np.isfinite(beside) & np.array([w.cause is not None for w in candidates])
     with np.errstate(divide="ignore"):
         plain = alone + np.where(splits, np.log1p(-SETTINGS.prior_remainder), 0.0)
         extra = np.where(splits, beside + np.log(SETTINGS.prior_remainder), -np.inf)
-    log_total = np.logaddexp(plain, extra) + np.log(prior_odds([w.cause for w in weighed]))
+    log_total = np.logaddexp(plain, extra) + np.log(prior_odds([w.cause for w in candidates]))
     remainder = np.exp(extra - np.logaddexp(plain, extra))
     return np.exp(log_total - special.logsumexp(log_total)), remainder
 
 
-def kind_of(weighed: Weighed) -> str:
+def kind_of(candidate: Candidate) -> str:
     """Return the kind of a weighed cause, "none" for the null."""
-    return "none" if weighed.cause is None else weighed.cause.kind
+    return "none" if candidate.cause is None else candidate.cause.kind

@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from hybridsurrogate.diagnosis.search.evidence import (
+    Candidate,
     Search,
-    Weighed,
     prior_odds,
     probabilities,
     search,
@@ -38,7 +38,9 @@ from hybridsurrogate.problem.problem import Problem
 _PLACES, _SHARES = 4, (-0.5, 0.5, 1.3)
 
 
-def screened_at_best(found: Search, causes: Sequence[Cause], emulator: EmulatorPosterior) -> Search:
+def screened_at_best(
+    result: Search, causes: Sequence[Cause], emulator: EmulatorPosterior
+) -> Search:
     """Return the search repeated with rows expanded at what leads, where something is wrong.
 
     Where rows are normal there is nothing to expand, and where an emulator stands for the
@@ -46,67 +48,67 @@ def screened_at_best(found: Search, causes: Sequence[Cause], emulator: EmulatorP
 
     Parameters
     ----------
-    found : Search
+    result : Search
         With the rows expanded where nothing is wrong.
     causes : sequence of Cause
         Those of the search.
     emulator : EmulatorPosterior
     """
-    best = found.weighed[int(np.argmax(found.probability))]
-    if not _is_scored(found) or best.cause is None:
-        return found
-    again = expanded(found.problem, _point_at(found, best))
-    return search(again, causes, emulator, bool(np.any(found.remainder)))
+    best = result.candidates[int(np.argmax(result.probability))]
+    if not _is_scored(result) or best.cause is None:
+        return result
+    again = expanded(result.problem, _point_at(result, best))
+    return search(again, causes, emulator, bool(np.any(result.remainder)))
 
 
-def scored(found: Search) -> Search:
+def scored(result: Search) -> Search:
     """Return the search with its leading causes scored by the likelihood of the measured rows.
 
     The search stays as it is where rows are normal (the closed form agrees there with importance
     sampling to 0.1 nats); where an emulator stands for the simulation, the screening's evidence
     stands.
     """
-    if not _is_scored(found):
-        return found
-    screened = np.array([w.log_evidence for w in found.weighed])
-    weight = screened + np.log(prior_odds([w.cause for w in found.weighed]))
+    if not _is_scored(result):
+        return result
+    screened = np.array([w.log_evidence for w in result.candidates])
+    weight = screened + np.log(prior_odds([w.cause for w in result.candidates]))
     order = np.argsort(-weight)[: SETTINGS.most_scored]
     leading = {0, *(int(k) for k in order if weight[k] > weight[order[0]] - SETTINGS.within_reach)}
-    exact = {k: _log_evidence(found, found.weighed[k]) for k in sorted(leading)}
+    exact = {k: _log_evidence(result, result.candidates[k]) for k in sorted(leading)}
     exact = {k: value for k, value in exact.items() if np.isfinite(value)}
     if 0 not in exact:
-        return found
+        return result
     nearest = max(exact, key=lambda k: weight[k])
-    weighed = []
-    for k, w in enumerate(found.weighed):
+    candidates = []
+    for k, w in enumerate(result.candidates):
         moved = exact.get(k, screened[k] + exact[nearest] - screened[nearest]) - screened[k]
         beside = w.log_evidence_with_remainder + moved
-        weighed.append(
+        candidates.append(
             w._replace(log_evidence=w.log_evidence + moved, log_evidence_with_remainder=beside)
         )
-    probability, remainder = probabilities(weighed)
-    return replace(found, weighed=weighed, probability=probability, remainder=remainder)
+    probability, remainder = probabilities(candidates)
+    return replace(result, candidates=candidates, probability=probability, remainder=remainder)
 
 
-def _is_scored(found: Search) -> bool:
+def _is_scored(result: Search) -> bool:
     """Return whether what leads is scored: rows are not normal, the simulation itself is run."""
-    problem = found.problem
+    problem = result.problem
     return problem.working_point is not None and problem.model.basis.is_simulation
 
 
-def _point_at(found: Search, w: Weighed) -> WorkingPoint:
+def _point_at(result: Search, w: Candidate) -> WorkingPoint:
     """Return the working point at the fit of one cause."""
-    point = found.problem.working_point
+    point = result.problem.working_point
     assert point is not None
-    eta, _ = predict_locally(found, w, found.problem.X)
-    sigma = w.sigma if found.problem.likelihood.scales_noise else point.sigma
+    eta, _ = predict_locally(result, w, result.problem.X)
+    sigma = w.sigma if result.problem.likelihood.scales_noise else point.sigma
     return replace(point, eta=eta, sigma=sigma)
 
 
-def _log_evidence(found: Search, w: Weighed) -> float:
+def _log_evidence(result: Search, w: Candidate) -> float:
     """Return the log evidence of one cause, NaN where it cannot be had."""
-    problem = found.problem
-    model, starts = _sized(found, w)
+    problem = result.problem
+    model, starts = _sized(result, w)
     point = problem.working_point
     assert point is not None
     exact = Problem(
@@ -127,30 +129,30 @@ def _log_evidence(found: Search, w: Weighed) -> float:
     return evidence_around(make_target(exact, 0.0, 1.0), u, np.random.RandomState(0))
 
 
-def _sized(found: Search, w: Weighed) -> tuple[MeasuredModel, FloatArray]:
+def _sized(result: Search, w: Candidate) -> tuple[MeasuredModel, FloatArray]:
     """Return the model with its last cause's size unknown, and starting points z (k, n)."""
-    problem, model, plan, z = found.problem, w.model, w.plan, w.peak.z
+    problem, model, grid, z = result.problem, w.model, w.grid, w.mode.z
     if w.cause is None:
         return model, z[None]
-    parts = linearise(model, problem.X, found.emulator, plan, z)
+    parts = linearise(model, problem.X, result.emulator, grid, z)
     starts = z[None]
-    if len(plan.nodes):
-        log_evidence = scan(parts, problem.y[None], w.sigma, found.noise, found.sizes)[0]
-        best = np.argsort(-(log_evidence - plan.log_weight))[:_PLACES]
+    if len(grid.nodes):
+        log_evidence = scan(parts, problem.y[None], w.sigma, result.noise, result.sizes)[0]
+        best = np.argsort(-(log_evidence - grid.log_weight))[:_PLACES]
         starts = np.repeat(z[None], len(best), axis=0)
-        priors = [model.priors[k] for k in plan.nodes]
-        starts[:, plan.nodes] = to_normal(priors, plan.grid[best])
-    if not len(plan.sizes) and not w.cause.coefficients:
+        priors = [model.priors[k] for k in grid.nodes]
+        starts[:, grid.nodes] = to_normal(priors, grid.points[best])
+    if not len(grid.sizes) and not w.cause.coefficients:
         return model, starts
-    slopes = tuple(parts.H_rms[min(w.peak.node, len(parts.H_rms) - 1), : len(plan.sizes)].tolist())
-    low, high = float(found.sizes[0]), float(found.sizes[-1])
+    slopes = tuple(parts.H_rms[min(w.mode.node, len(parts.H_rms) - 1), : len(grid.sizes)].tolist())
+    low, high = float(result.sizes[0]), float(result.sizes[-1])
     rows = dict(zip(model.columns, problem.X.T, strict=False))
     cause = Sized(w.cause, low, high, rows, slopes)
     points = []
     for share in _SHARES:
         size = float(np.exp(np.interp(share, [-3, 3], np.log([low, high]))))
         place = starts.copy()
-        moved = place[:, plan.sizes] - plan.neutral[plan.sizes]
-        place[:, plan.sizes] = moved / np.minimum(size / np.array(slopes), 1.0)
+        moved = place[:, grid.sizes] - grid.neutral[grid.sizes]
+        place[:, grid.sizes] = moved / np.minimum(size / np.array(slopes), 1.0)
         points.append(np.column_stack([place, np.full(len(place), share)]))
     return model.with_effects((*model.effects[:-1], cause)), np.concatenate(points)

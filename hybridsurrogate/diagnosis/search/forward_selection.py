@@ -9,8 +9,8 @@ import numpy as np
 from scipy import special
 
 from hybridsurrogate.diagnosis.search.evidence import (
+    Candidate,
     Search,
-    Weighed,
     prior_odds,
     remainders,
     search,
@@ -35,8 +35,8 @@ class Step:
     search : Search
     test : NullTest or None
         None: probabilities alone decided.
-    chosen : Weighed
-        The first of ``search.weighed`` where nothing (further) is wrong.
+    chosen : Candidate
+        The first of ``search.candidates`` where nothing (further) is wrong.
     beside : Search
         The search beside all other causes that were accepted, the later ones too.
     tried : tuple of Search
@@ -45,14 +45,14 @@ class Step:
 
     search: Search
     test: NullTest | None
-    chosen: Weighed
+    chosen: Candidate
     beside: Search
     tried: tuple[Search, ...] = ()
 
     @property
-    def found(self) -> bool:
+    def is_accepted(self) -> bool:
         """Whether a cause was accepted."""
-        return self.chosen is not self.search.weighed[0]
+        return self.chosen is not self.search.candidates[0]
 
 
 def forward_search(
@@ -92,36 +92,36 @@ def forward_search(
         On an interrupt: it holds the first search, as far as it came.
     """
     steps: list[Step] = []
-    found: Search | None = None
+    result: Search | None = None
     thorough = n_replicates is not None
     try:
-        found = search(problem, causes, emulator, thorough, nearby=_beside_same((), nearby))
+        result = search(problem, causes, emulator, thorough, nearby=_beside_same((), nearby))
         while True:
             test = None
             if n_replicates is not None:
-                test = null_test(found, n_replicates, random_state)
+                test = null_test(result, n_replicates, random_state)
             if not steps:
-                found = scored(screened_at_best(found, causes, emulator))
-                problem = found.problem
+                result = scored(screened_at_best(result, causes, emulator))
+                problem = result.problem
                 # beside accepted causes, the evidence holds their places fixed
                 if test is not None:
-                    test = test._replace(bound=evidence_bound(found))
+                    test = test._replace(bound=evidence_bound(result))
             # the p-value guards against noise, the probability against a cause that is no better
             by_chance = test is not None and test.p_value > false_alarm_rate
-            if by_chance or found.probability[0] > 0.5:
-                return _alone(steps) or [Step(found, test, found.weighed[0], found)]
-            chosen, beside = found.weighed[leader(found)], None
+            if by_chance or result.probability[0] > 0.5:
+                return _alone(steps) or [Step(result, test, result.candidates[0], result)]
+            chosen, beside = result.candidates[leader(result)], None
             tried: tuple[Search, ...] = ()
             if len(steps) + 1 < max_causes:
                 chosen, beside, tried = _look_ahead(
-                    problem, causes, emulator, found, chosen, thorough, nearby
+                    problem, causes, emulator, result, chosen, thorough, nearby
                 )
-            steps.append(Step(found, test, chosen, found, tried))
+            steps.append(Step(result, test, chosen, result, tried))
             if beside is None:
                 return steps
-            problem, causes, found = beside.problem, _others(causes, chosen), beside
+            problem, causes, result = beside.problem, _others(causes, chosen), beside
     except KeyboardInterrupt as stop:
-        kept = steps[0].search if steps else found or getattr(stop, "kept", None)
+        kept = steps[0].search if steps else result or getattr(stop, "kept", None)
         raise InterruptedSearch(kept) from stop
 
 
@@ -144,42 +144,42 @@ def _alone(steps: list[Step]) -> list[Step]:
     """Return the steps; one that has no second beside it chooses what leads on its own."""
     if len(steps) != 1:
         return steps
-    found = steps[0].search
-    return [replace(steps[0], chosen=found.weighed[leader(found)])]
+    result = steps[0].search
+    return [replace(steps[0], chosen=result.candidates[leader(result)])]
 
 
 def _look_ahead(
     problem: Problem,
     causes: Sequence[Cause],
     emulator: EmulatorPosterior,
-    found: Search,
-    leading: Weighed,
+    result: Search,
+    leading: Candidate,
     thorough: bool,
     nearby: Sequence[Search],
-) -> tuple[Weighed, Search | None, tuple[Search, ...]]:
+) -> tuple[Candidate, Search | None, tuple[Search, ...]]:
     """Return the cause that explains most together with a second one, and the search beside it.
 
     And every search that was made. No search beside it where nothing can be named beside the cause:
     a smooth discrepancy, or outliers.
     """
 
-    def beside(first: Weighed) -> Search:
+    def beside(first: Candidate) -> Search:
         assert first.cause is not None
         effects = (*problem.model.effects, first.cause)
         extended = replace(problem, model=problem.model.with_effects(effects))
         known = _beside_same(effects, nearby)
         return search(extended, _others(causes, first), emulator, False, first, known)
 
-    log_prior = np.log(prior_odds([w.cause for w in found.weighed]))
-    order = [int(k) for k in np.argsort(-found.probability)]
-    at = next(k for k in order if found.weighed[k] is leading)
-    named = [k for k in order if not ends_search(found.weighed[k])]
-    position = {id(found.weighed[k].cause): k for k in named}
+    log_prior = np.log(prior_odds([w.cause for w in result.candidates]))
+    order = [int(k) for k in np.argsort(-result.probability)]
+    at = next(k for k in order if result.candidates[k] is leading)
+    named = [k for k in order if not ends_search(result.candidates[k])]
+    position = {id(result.candidates[k].cause): k for k in named}
     waiting = named[: SETTINGS.looked_ahead]
     if (
         not ends_search(leading)
-        and found.probability[at] > SETTINGS.beyond_doubt
-        and found.remainder[at] < 0.5
+        and result.probability[at] > SETTINGS.beyond_doubt
+        and result.remainder[at] < 0.5
     ):
         waiting = [at]
     in_doubt = len(waiting) > 1
@@ -187,13 +187,13 @@ def _look_ahead(
     values: dict[int, float] = {}
     while waiting:
         k = waiting.pop(0)
-        first, second = found.weighed[k], beside(found.weighed[k])
+        first, second = result.candidates[k], beside(result.candidates[k])
         alone = log_prior[k] + first.log_evidence
         # where nothing is left to explain, there is nothing to place beside the first
         left = in_doubt or second.probability[0] < 0.5
         within = max(values.values(), default=-np.inf) - SETTINGS.pair_hopeless
         if left and alone + _companions(second) > within:
-            second = placed_together(found, first, second)
+            second = placed_together(result, first, second)
         made[k], values[k] = second, alone + _companions(second)
         if not waiting:
             # the other half of the best pair has its turn as the first, until none is new
@@ -208,32 +208,32 @@ def _look_ahead(
         return leading, None, tried
     # of two that name each other, the one that explains more alone comes first
     other = position.get(id(_companion(made[best]).cause))
-    if other in made and _companion(made[other]).cause is found.weighed[best].cause:
-        best = max(best, other, key=lambda k: found.probability[k])
+    if other in made and _companion(made[other]).cause is result.candidates[best].cause:
+        best = max(best, other, key=lambda k: result.probability[k])
     chosen = made[best]
-    return found.weighed[best], scored(remainders(chosen) if thorough else chosen), tried
+    return result.candidates[best], scored(remainders(chosen) if thorough else chosen), tried
 
 
 def _companions(beside: Search) -> float:
     """Return the log of how much better a cause explains with whatever second, or none."""
-    evidence = np.array([w.log_evidence for w in beside.weighed])
-    odds = prior_odds([w.cause for w in beside.weighed])
+    evidence = np.array([w.log_evidence for w in beside.candidates])
+    odds = prior_odds([w.cause for w in beside.candidates])
     # two causes are the same two in either order, and each order has this prior
     odds[1:] *= 2
     return float(special.logsumexp(evidence - evidence[0] + np.log(odds)))
 
 
-def _companion(beside: Search) -> Weighed:
+def _companion(beside: Search) -> Candidate:
     """Return the most probable second cause, "none" included."""
-    return beside.weighed[int(np.argmax(beside.probability))]
+    return beside.candidates[int(np.argmax(beside.probability))]
 
 
-def _others(causes: Sequence[Cause], chosen: Weighed) -> list[Cause]:
+def _others(causes: Sequence[Cause], chosen: Candidate) -> list[Cause]:
     return [cause for cause in causes if cause is not chosen.cause]
 
 
-def ends_search(weighed: Weighed) -> bool:
+def ends_search(candidates: Candidate) -> bool:
     """Tell whether nothing is searched for beside a cause."""
     # a curve or a path of any shape leaves nothing to name; beside outliers there is no closed form
-    cause = weighed.cause
+    cause = candidates.cause
     return cause is None or cause.is_process or cause.has_outliers

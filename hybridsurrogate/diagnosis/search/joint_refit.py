@@ -12,7 +12,7 @@ import numpy as np
 from scipy import special
 
 from hybridsurrogate.diagnosis.search.conditioning import held, nothing_further, placed_anew
-from hybridsurrogate.diagnosis.search.evidence import Search, Weighed, probabilities
+from hybridsurrogate.diagnosis.search.evidence import Candidate, Search, probabilities
 from hybridsurrogate.diagnosis.search.local_fit import Fitted, node_evidence
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.evidence.levenberg_marquardt import is_followed
@@ -21,28 +21,28 @@ from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.problem import Problem
 
 
-def placed_together(found: Search, first: Weighed, beside: Search) -> Search:
+def placed_together(result: Search, first: Candidate, beside: Search) -> Search:
     """Return the search beside a first cause with its best companions placed together with it.
 
     Parameters
     ----------
-    found : Search
+    result : Search
         In which ``first`` was weighed.
-    first : Weighed
+    first : Candidate
     beside : Search
         For a further cause, with ``first`` held where it was found.
     """
-    evidence = np.array([w.log_evidence for w in beside.weighed])
-    able = [k for k, w in enumerate(beside.weighed) if w.cause and movable(w.cause)]
+    evidence = np.array([w.log_evidence for w in beside.candidates])
+    able = [k for k, w in enumerate(beside.candidates) if w.cause and movable(w.cause)]
     able = sorted(able, key=lambda k: -evidence[k])[: SETTINGS.most_companions]
     if first.cause is None or not movable(first.cause) or not able:
         return beside
-    weighed = list(beside.weighed)
+    candidates = list(beside.candidates)
     for k in able:
         if evidence[k] > evidence[able[0]] - SETTINGS.companion_behind:
-            weighed[k] = _together(found, first, beside, weighed[k])
-    probability, remainder = probabilities(weighed)
-    return replace(beside, weighed=weighed, probability=probability, remainder=remainder)
+            candidates[k] = _together(result, first, beside, candidates[k])
+    probability, remainder = probabilities(candidates)
+    return replace(beside, candidates=candidates, probability=probability, remainder=remainder)
 
 
 def movable(cause: Cause) -> bool:
@@ -53,7 +53,7 @@ def movable(cause: Cause) -> bool:
     return cause.changes_output and not is_followed(cause)
 
 
-def _together(found: Search, first: Weighed, beside: Search, second: Weighed) -> Weighed:
+def _together(result: Search, first: Candidate, beside: Search, second: Candidate) -> Candidate:
     """Return the second cause with the first at its best place beside it.
 
     The evidence of two causes a and b that are placed at a*, b* is that of a with b held plus that
@@ -61,39 +61,39 @@ def _together(found: Search, first: Weighed, beside: Search, second: Weighed) ->
     too small where it does. What the first explains alone is subtracted, so that the result stands
     beside the evidence of "nothing further".
     """
-    problem, base = found.problem, beside.weighed[0].log_evidence
+    problem, base = result.problem, beside.candidates[0].log_evidence
     assert first.cause is not None
     assert second.cause is not None
     best = second._replace(log_evidence=-np.inf)
     fit, reached = Fitted(*second[1:5]), second.log_evidence
     for _ in range(SETTINGS.turns):
-        turned = _turned(found, fit, first.plan.edges)
-        back = _turned(found, turned, second.plan.edges)
-        if not np.isfinite(turned.peak.objective + back.peak.objective):
+        turned = _turned(result, fit, first.grid.edges)
+        back = _turned(result, turned, second.grid.edges)
+        if not np.isfinite(turned.mode.objective + back.mode.objective):
             break
         both = replace(problem, model=problem.model.with_effects(back.model.effects))
-        neither = nothing_further(both, back, found.emulator, found.noise)
+        neither = nothing_further(both, back, result.emulator, result.noise)
         alone = _log_evidence(both, beside, back)
-        pair = _log_evidence(both, found, turned) + alone - _log_evidence(both, beside, neither)
+        pair = _log_evidence(both, result, turned) + alone - _log_evidence(both, beside, neither)
         if (value := base + pair - first.log_evidence) > best.log_evidence:
-            best = Weighed(second.cause, *back, value, -np.inf)
+            best = Candidate(second.cause, *back, value, -np.inf)
         if alone < reached + SETTINGS.worth_a_turn:
             break
         fit, reached = back, alone
     return best if np.isfinite(best.log_evidence) else second
 
 
-def _turned(found: Search, fit: Fitted, edges: FloatArray) -> Fitted:
+def _turned(result: Search, fit: Fitted, edges: FloatArray) -> Fitted:
     """Return the last but one cause placed anew, the last one held where it was found."""
-    problem, model = found.problem, fit.model
+    problem, model = result.problem, fit.model
     *before, one, other = model.effects
     turned = problem.model.with_effects((*before, other, one))
     old = [(id(model.effects[owner]), name) for owner, name in model.theta_names]
     new = [(id(turned.effects[owner]), name) for owner, name in turned.theta_names]
     d = model.n_parameters
     order = [*range(d), *(d + old.index(key) for key in new)]
-    starts = [z[order] for z in held(problem, fit, found.emulator, found.noise)]
-    return placed_anew(problem, turned, starts, fit.sigma, edges, found.emulator, found.noise)
+    starts = [z[order] for z in held(problem, fit, result.emulator, result.noise)]
+    return placed_anew(problem, turned, starts, fit.sigma, edges, result.emulator, result.noise)
 
 
 def _log_evidence(problem: Problem, search: Search, fit: Fitted) -> float:

@@ -1,4 +1,4 @@
-"""A model at its best fit: climbs, the noise there, a grid refined where the evidence is."""
+"""A model at its best fit: optimisations, the noise there, a grid refined where the evidence is."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.conjugate.noise_marginal import LogMarginal
-from hybridsurrogate.inference.evidence.grid import Layout, best_levels, layout, refine
+from hybridsurrogate.inference.evidence.grid import Grid, best_levels, make_grid, refine
 from hybridsurrogate.inference.evidence.linearised import Columns, columns_at_nodes, linearise
-from hybridsurrogate.inference.evidence.marginal_likelihood import Peak, climb, scan
+from hybridsurrogate.inference.evidence.marginal_likelihood import LocalMode, optimise, scan
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray
@@ -36,11 +36,11 @@ class InterruptedSearch(KeyboardInterrupt):
 
 
 class Fitted(NamedTuple):
-    """A model at its best fit: the layout of its last cause, the peak and the noise there."""
+    """A model at its best fit: the grid of its last cause, the mode and the noise there."""
 
     model: MeasuredModel
-    plan: Layout
-    peak: Peak
+    grid: Grid
+    mode: LocalMode
     sigma: float
 
 
@@ -58,7 +58,7 @@ def effect_sizes(problem: Problem, fits: Sequence[Fitted]) -> FloatArray:
 def best_null(problem: Problem, emulator: EmulatorPosterior, noise: LogMarginal) -> Fitted:
     """Fit "nothing is wrong" from several starting points."""
     model = problem.model
-    plan = layout(model)
+    grid = make_grid(model)
     d = model.n_unknowns
     # a fixed spread of starts: the search has no randomness of its own
     z = np.vstack([np.zeros(d), np.random.RandomState(0).standard_normal((16 * d, d))])
@@ -66,40 +66,42 @@ def best_null(problem: Problem, emulator: EmulatorPosterior, noise: LogMarginal)
     with np.errstate(over="ignore", invalid="ignore"):
         squares = np.sum(((problem.y - output) / factor) ** 2, axis=1)
     squares = np.where(np.isfinite(squares), squares, np.inf)
-    # a parameter without a slope, such as the place of a jump, is not found by climbing
+    # a parameter without a slope, such as the place of a jump, is not found by an optimiser
     starts = [z[0], *z[np.argsort(squares)[:2]], *problem.good]
     sigma = 1.0 if problem.noise_is_known else 0.3 * problem.scale
-    peak = highest(problem, emulator, model, plan, starts, sigma)
-    return settled(problem, emulator, noise, Fitted(model, plan, peak, sigma))
+    mode = highest(problem, emulator, model, grid, starts, sigma)
+    return settled(problem, emulator, noise, Fitted(model, grid, mode, sigma))
 
 
 def highest(
     problem: Problem,
     emulator: EmulatorPosterior,
     model: MeasuredModel,
-    plan: Layout,
+    grid: Grid,
     starts: Sequence[FloatArray],
     sigma: float,
-) -> Peak:
+) -> LocalMode:
     """Climb from every start and return the best fit; one at infinity where there is no start."""
     largest = largest_size(problem)
-    peaks = [climb(model, problem.X, problem.y, emulator, plan, z, sigma, largest) for z in starts]
-    nowhere = Peak(plan.neutral, np.inf, np.inf, 0)
-    return min(peaks, key=lambda found: deviance(problem, found, sigma), default=nowhere)
+    modes = [
+        optimise(model, problem.X, problem.y, emulator, grid, z, sigma, largest) for z in starts
+    ]
+    nowhere = LocalMode(grid.neutral, np.inf, np.inf, 0)
+    return min(modes, key=lambda found: deviance(problem, found, sigma), default=nowhere)
 
 
-def deviance(problem: Problem, peak: Peak, sigma: float) -> float:
-    """Return minus twice the log posterior density at a peak, with the noise that suits it best.
+def deviance(problem: Problem, mode: LocalMode, sigma: float) -> float:
+    """Return minus twice the log posterior density at a mode, with the noise that suits it best.
 
     Climbs share the noise of a fit without the cause, ``sigma``. At that much noise a fit to the
-    data counts for little against the priors, and the wrong one of two peaks would win.
+    data counts for little against the priors, and the wrong one of two modes would win.
     """
-    if not np.isfinite(peak.objective):
+    if not np.isfinite(mode.objective):
         return np.inf
     if problem.noise_is_known:
-        return peak.objective
-    squares = max(peak.squares, len(problem.y) * (FLOOR * problem.scale) ** 2)
-    return float(len(problem.y) * np.log(squares) + peak.objective - peak.squares / sigma**2)
+        return mode.objective
+    squares = max(mode.squares, len(problem.y) * (FLOOR * problem.scale) ** 2)
+    return float(len(problem.y) * np.log(squares) + mode.objective - mode.squares / sigma**2)
 
 
 def node_evidence(
@@ -111,7 +113,7 @@ def node_evidence(
     columns: Columns | None = None,
 ) -> FloatArray:
     """Return the log evidence of every node of a fit, (T,)."""
-    parts = linearise(fit.model, problem.X, emulator, fit.plan, fit.peak.z, columns)
+    parts = linearise(fit.model, problem.X, emulator, fit.grid, fit.mode.z, columns)
     return scan(parts, problem.y[None], fit.sigma, noise, sizes)[0]
 
 
@@ -119,39 +121,41 @@ def settled(
     problem: Problem, emulator: EmulatorPosterior, noise: LogMarginal, fit: Fitted
 ) -> Fitted:
     """Climb on with the noise that the fit suggests, and a finer grid where the evidence is."""
-    model, plan, peak, sigma = fit
-    if not np.isfinite(peak.objective):
+    model, grid, mode, sigma = fit
+    if not np.isfinite(mode.objective):
         return fit
     largest = largest_size(problem)
-    columns = columns_at_nodes(model, problem.X, plan, peak.z)
+    columns = columns_at_nodes(model, problem.X, grid, mode.z)
     levels: FloatArray = np.empty(0)
     fruitless = 0
     for round_ in range(SETTINGS.max_refinements):
-        before, sigma = sigma, sigma_of(problem, peak, sigma)
+        before, sigma = sigma, sigma_of(problem, mode, sigma)
         steady = round_ > 0 and sigma > (1 - SETTINGS.settled_noise) * before
-        finer = plan
-        if len(plan.nodes):
-            here = Fitted(model, plan, peak, sigma)
+        finer = grid
+        if len(grid.nodes):
+            here = Fitted(model, grid, mode, sigma)
             nodes = node_evidence(problem, emulator, noise, here, np.array([largest]), columns)
-            found = best_levels(plan, nodes)
+            found = best_levels(grid, nodes)
             # a jump has one level between two rows, however fine the grid
             same = len(found) == len(levels)
             same = same and abs(found[-1] - levels[-1]) < SETTINGS.same_evidence
             levels, fruitless = found, fruitless + 1 if same else 0
             enough = fruitless >= SETTINGS.fruitless_refinements
-            finer = plan if enough else refine(model, plan, nodes)
-        unchanged = finer is plan
-        plan = finer
+            finer = grid if enough else refine(model, grid, nodes)
+        unchanged = finer is grid
+        grid = finer
         if unchanged and steady:
             break
         if not unchanged:
-            columns = columns_at_nodes(model, problem.X, plan, peak.z)
-        peak = climb(model, problem.X, problem.y, emulator, plan, peak.z, sigma, largest, columns)
-    return Fitted(model, plan, peak, sigma)
+            columns = columns_at_nodes(model, problem.X, grid, mode.z)
+        mode = optimise(
+            model, problem.X, problem.y, emulator, grid, mode.z, sigma, largest, columns
+        )
+    return Fitted(model, grid, mode, sigma)
 
 
-def sigma_of(problem: Problem, peak: Peak, sigma: float) -> float:
+def sigma_of(problem: Problem, mode: LocalMode, sigma: float) -> float:
     """Return the noise that a fit suggests; the one it was made with where it failed."""
-    if problem.noise_is_known or not np.isfinite(peak.objective):
+    if problem.noise_is_known or not np.isfinite(mode.objective):
         return sigma
-    return max(float(np.sqrt(peak.squares / len(problem.y))), FLOOR * problem.scale)
+    return max(float(np.sqrt(mode.squares / len(problem.y))), FLOOR * problem.scale)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.diagnosis.search.evidence import Search, Weighed
+from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
 from hybridsurrogate.inference.evidence.linearised import Linearised, linearise
 from hybridsurrogate.priors import FloatArray
 
@@ -33,12 +33,12 @@ class Rows(NamedTuple):
 
 
 def measured_and_other(
-    found: Search, w: Weighed, X: FloatArray, node: int | None = None
+    result: Search, w: Candidate, X: FloatArray, node: int | None = None
 ) -> tuple[Rows, Rows]:
     """Return the measured rows and rows X; what an emulator leaves open they have in common."""
-    n = len(found.problem.X)
-    both = np.vstack([found.problem.X, found.problem.with_noise(X)])
-    parts = _at_node(found, w, both, w.peak.node if node is None else node)
+    n = len(result.problem.X)
+    both = np.vstack([result.problem.X, result.problem.with_noise(X)])
+    parts = _at_node(result, w, both, w.mode.node if node is None else node)
     H = parts.H[0] * parts.H_rms[0]
     design = np.hstack([parts.G[0], parts.U, H])
     first = design.shape[1] - H.shape[1]
@@ -48,15 +48,17 @@ def measured_and_other(
     return measured, others
 
 
-def _at_node(found: Search, w: Weighed, X: FloatArray, node: int) -> Linearised:
-    plan = w.plan
-    if len(plan.nodes):
+def _at_node(result: Search, w: Candidate, X: FloatArray, node: int) -> Linearised:
+    grid = w.grid
+    if len(grid.nodes):
         index = slice(node, node + 1)
-        plan = replace(plan, grid=plan.grid[index], edges=plan.edges[index], log_weight=np.zeros(1))
-    return linearise(w.model, X, found.emulator, plan, w.peak.z)
+        grid = replace(
+            grid, points=grid.points[index], edges=grid.edges[index], log_weight=np.zeros(1)
+        )
+    return linearise(w.model, X, result.emulator, grid, w.mode.z)
 
 
-def local_posterior(found: Search, w: Weighed, rows: Rows, size: float) -> Local:
+def local_posterior(result: Search, w: Candidate, rows: Rows, size: float) -> Local:
     """Return the posterior of a cause's linear coefficients, its size of scale ``size``."""
     design, first = rows.design, rows.first
     H = design[:, first:]
@@ -68,7 +70,7 @@ def local_posterior(found: Search, w: Weighed, rows: Rows, size: float) -> Local
     own = np.divide(size, rms, out=np.ones_like(rms), where=rms > 0)
     scale = np.concatenate([np.ones(first), own])
     design = design / rows.noise[:, None]
-    residual = (found.problem.y - rows.offset) / rows.noise
+    residual = (result.problem.y - rows.offset) / rows.noise
     precision = design.T @ design / w.sigma**2 + np.diag(scale**-2.0)
     covariance = np.linalg.inv(precision)
     mean = covariance @ design.T @ residual / w.sigma**2
@@ -76,14 +78,14 @@ def local_posterior(found: Search, w: Weighed, rows: Rows, size: float) -> Local
 
 
 def predict_locally(
-    found: Search, w: Weighed, X: FloatArray, node: int | None = None
+    result: Search, w: Candidate, X: FloatArray, node: int | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Return mean and variance of a new noisy eta at rows X (n, n_columns) under one cause.
 
     Given what is not a size, such as a period, at one node of its grid; None: the best one.
     """
     noisy_path = w.cause is not None and w.cause.is_process and not w.cause.changes_output
-    measured, rows = measured_and_other(found, w, X, node)
-    local = local_posterior(found, w, measured, w.sigma if noisy_path else float(found.sizes[-1]))
+    measured, rows = measured_and_other(result, w, X, node)
+    local = local_posterior(result, w, measured, w.sigma if noisy_path else float(result.sizes[-1]))
     variance = np.einsum("nk,kl,nl->n", rows.design, local.covariance, rows.design)
     return rows.offset + rows.design @ local.mean, variance + (w.sigma * rows.noise) ** 2

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import special
 
 from hybridsurrogate.diagnosis.search.evidence import Search, prior_odds
-from hybridsurrogate.inference.evidence.grid import layout
+from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.linearised import linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
 from hybridsurrogate.priors import FloatArray
@@ -43,7 +43,7 @@ class NullTest(NamedTuple):
         return min(self.share, max(self.bound, 1 / (1 + len(self.replicates))))
 
 
-def null_test(found: Search, n_replicates: int, random_state: np.random.RandomState) -> NullTest:
+def null_test(result: Search, n_replicates: int, random_state: np.random.RandomState) -> NullTest:
     """Repeat the whole search on replicates of "nothing is wrong" at the same inputs.
 
     Every cause is linearised once, at the null fit and where it changes nothing: designs do not
@@ -52,18 +52,20 @@ def null_test(found: Search, n_replicates: int, random_state: np.random.RandomSt
     first order, changed no cause and no verdict of 82 cases (48 pairs of size 2, 34 single effects
     of size 4, up to two causes each).
     """
-    problem, null = found.problem, found.weighed[0]
-    responses = np.vstack([problem.y, _replicates(found, n_replicates, random_state)])
-    base = null.peak.z
+    problem, null = result.problem, result.candidates[0]
+    responses = np.vstack([problem.y, _replicates(result, n_replicates, random_state)])
+    base = null.mode.z
     evidence = []
-    for w in found.weighed:
-        z = w.plan.neutral.copy()
+    for w in result.candidates:
+        z = w.grid.neutral.copy()
         z[: len(base)] = base
         # in a replicate a change may be anywhere, not only where the measured one is
-        plan = w.plan if len(w.plan.nodes) else layout(w.model)
-        parts = linearise(w.model, problem.X, found.emulator, plan, z).simplified()
+        grid = w.grid if len(w.grid.nodes) else make_grid(w.model)
+        parts = linearise(w.model, problem.X, result.emulator, grid, z).simplified()
         evidence.append(
-            special.logsumexp(scan(parts, responses, null.sigma, found.noise, found.sizes), axis=1)
+            special.logsumexp(
+                scan(parts, responses, null.sigma, result.noise, result.sizes), axis=1
+            )
         )
     if len(evidence) == 1:
         return NullTest(0.0, np.zeros(n_replicates))
@@ -71,7 +73,7 @@ def null_test(found: Search, n_replicates: int, random_state: np.random.RandomSt
     return NullTest(float(statistic[0]), statistic[1:])
 
 
-def evidence_bound(found: Search) -> float:
+def evidence_bound(result: Search) -> float:
     """Return how probable evidence like that of a search is at most where nothing is wrong.
 
     The evidence of all causes together, over that of "nothing is wrong", has an expectation of one
@@ -79,22 +81,22 @@ def evidence_bound(found: Search) -> float:
     Coarse, but it holds far from the null fit too, where a first order says nothing: a cause that
     shifts the phase of an oscillation is far from its tangent.
     """
-    nothing = found.probability[0]
+    nothing = result.probability[0]
     odds = nothing / max(1 - nothing, np.finfo(float).tiny)
-    prior = prior_odds([w.cause for w in found.weighed])
+    prior = prior_odds([w.cause for w in result.candidates])
     return float(min(1.0, odds * prior[1:].sum() / prior[0]))
 
 
-def _replicates(found: Search, n: int, random_state: np.random.RandomState) -> FloatArray:
+def _replicates(result: Search, n: int, random_state: np.random.RandomState) -> FloatArray:
     """Draw measured responses from the posterior predictive of the linearised null, (n, rows)."""
-    problem, null = found.problem, found.weighed[0]
-    parts = linearise(null.model, problem.X, found.emulator, null.plan, null.peak.z)
+    problem, null = result.problem, result.candidates[0]
+    parts = linearise(null.model, problem.X, result.emulator, null.grid, null.mode.z)
     # an accepted cause may have changed the noise: rows are drawn in units of it
     ((unit, unequal),) = parts.at(np.zeros(1, dtype=int)).by_noise()
     G, U = unit.G[0], unit.U
     rows, d = G.shape
     degrees = max(rows - d, 1)
-    sigma = np.sqrt(null.peak.squares / random_state.chisquare(degrees, size=n))
+    sigma = np.sqrt(null.mode.squares / random_state.chisquare(degrees, size=n))
     precision = np.eye(d) + G.T @ G / null.sigma**2
     residual = problem.y / unequal - unit.mean[0]
     mean = np.linalg.solve(precision, G.T @ residual) / null.sigma**2

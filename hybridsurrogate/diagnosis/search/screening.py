@@ -1,4 +1,4 @@
-"""Where each cause fits best: one climb, and more in earnest where that looks promising."""
+"""Where each cause fits best: one optimisation, and more in earnest where that looks promising."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from hybridsurrogate.diagnosis.search.local_fit import (
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.conjugate.noise_marginal import LogMarginal
-from hybridsurrogate.inference.evidence.grid import Layout, at_cells, layout, refine
+from hybridsurrogate.inference.evidence.grid import Grid, at_cells, make_grid, refine
 from hybridsurrogate.inference.evidence.levenberg_marquardt import (
     best_from_afar,
     best_of_many,
     is_followed,
 )
-from hybridsurrogate.inference.evidence.marginal_likelihood import Peak, climb
+from hybridsurrogate.inference.evidence.marginal_likelihood import LocalMode, optimise
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray
@@ -39,7 +39,7 @@ class Margins(NamedTuple):
     hopeless: float
 
 
-def best_peaks(
+def best_modes(
     problem: Problem,
     causes: Sequence[Cause],
     emulator: EmulatorPosterior,
@@ -50,8 +50,8 @@ def best_peaks(
 ) -> tuple[list[Fitted], FloatArray]:
     """Fit every cause: from one start, and in earnest where that looks promising.
 
-    ``log_prior`` is that of "nothing is wrong" and of every cause. ``nearby`` are the peaks of the
-    same causes in other rows of the same data: they stand for that first climb, and what is
+    ``log_prior`` is that of "nothing is wrong" and of every cause. ``nearby`` are the modes of the
+    same causes in other rows of the same data: they stand for that first optimisation, and what is
     promising is followed from there alone. An `InterruptedSearch` holds the fits of the first so
     many causes.
 
@@ -65,14 +65,14 @@ def best_peaks(
     try:
         for k, cause in enumerate(causes):
             model = problem.model.with_effects((*problem.model.effects, cause))
-            plan = layout(model)
+            grid = make_grid(model)
             if is_followed(cause):
                 # with every unknown followed a start is a choice, which other rows must not make
-                fits.append(_followed(problem, emulator, noise, model, plan, null))
+                fits.append(_followed(problem, emulator, noise, model, grid, null))
             elif nearby is None or _is_noise_process(model):
-                fits.append(_once(problem, emulator, model, plan, null))
+                fits.append(_once(problem, emulator, model, grid, null))
             else:
-                fits.append(_unmoved(problem, model, plan, nearby[k], null))
+                fits.append(_unmoved(problem, model, grid, nearby[k], null))
         # a first fit may have found a lower mode on too coarse a grid; where those in other rows
         # ended is nearly it, and what had a chance there has a finer grid already
         margins = Margins(SETTINGS.behind, np.inf)
@@ -80,10 +80,10 @@ def best_peaks(
             margins = Margins(SETTINGS.behind_nearby, SETTINGS.hopeless_nearby)
         behind = _far_behind(problem, emulator, noise, [null, *fits], log_prior, margins)
         for k in map(int, np.flatnonzero(np.isnan(behind))):
-            model, plan, peak, sigma = fits[k]
+            model, grid, mode, sigma = fits[k]
             if _is_noise_process(model) or is_followed(model.effects[-1]):
                 continue
-            fits[k] = settled(problem, emulator, noise, Fitted(model, plan, peak, sigma))
+            fits[k] = settled(problem, emulator, noise, Fitted(model, grid, mode, sigma))
     except KeyboardInterrupt as stop:
         raise InterruptedSearch(fits) from stop
     return fits, behind
@@ -94,58 +94,58 @@ def _followed(
     emulator: EmulatorPosterior,
     noise: LogMarginal,
     model: MeasuredModel,
-    plan: Layout,
+    grid: Grid,
     null: Fitted,
 ) -> Fitted:
     """Fit a cause whose unknowns are all followed, from many starts."""
-    plain, floor = plan.followed(), SETTINGS.exact_fit * null.sigma
-    z, sigma = best_of_many(model, problem.X, problem.y, emulator, plan, null.peak.z, floor)
-    peak = highest(problem, emulator, model, plain, [z], sigma)
-    return settled(problem, emulator, noise, Fitted(model, plain, peak, sigma))
+    plain, floor = grid.followed(), SETTINGS.exact_fit * null.sigma
+    z, sigma = best_of_many(model, problem.X, problem.y, emulator, grid, null.mode.z, floor)
+    mode = highest(problem, emulator, model, plain, [z], sigma)
+    return settled(problem, emulator, noise, Fitted(model, plain, mode, sigma))
 
 
 def _unmoved(
-    problem: Problem, model: MeasuredModel, plan: Layout, other: Fitted, null: Fitted
+    problem: Problem, model: MeasuredModel, grid: Grid, other: Fitted, null: Fitted
 ) -> Fitted:
-    """Return the fit to other rows as one to these, on the grid refined there, before any climb.
+    """Return the fit to other rows as one to these, on the grid refined there, not optimised.
 
     Causes that were accepted are held where they are in these rows.
     """
-    plan = at_cells(model, plan, other.plan.edges)
-    if not np.isfinite(other.peak.objective):
-        return Fitted(model, plan, other.peak, other.sigma)
-    z, accepted = other.peak.z.copy(), slice(model.n_parameters, len(null.peak.z))
-    z[accepted] = null.peak.z[accepted]
-    peak = Peak(z, len(problem.y) * other.sigma**2, 0.0, 0)
-    return Fitted(model, plan, peak, other.sigma)
+    grid = at_cells(model, grid, other.grid.edges)
+    if not np.isfinite(other.mode.objective):
+        return Fitted(model, grid, other.mode, other.sigma)
+    z, accepted = other.mode.z.copy(), slice(model.n_parameters, len(null.mode.z))
+    z[accepted] = null.mode.z[accepted]
+    mode = LocalMode(z, len(problem.y) * other.sigma**2, 0.0, 0)
+    return Fitted(model, grid, mode, other.sigma)
 
 
 def _once(
     problem: Problem,
     emulator: EmulatorPosterior,
     model: MeasuredModel,
-    plan: Layout,
+    grid: Grid,
     null: Fitted,
 ) -> Fitted:
     """Climb once, on the first grid."""
-    starts, sigma = _starts(model, plan, null), null.sigma
+    starts, sigma = _starts(model, grid, null), null.sigma
     if _is_noise_process(model):
         # left free it would take all the noise there is: it has the size of the noise
         size = sigma * problem.unit_noise
-        peak = climb(model, problem.X, problem.y, emulator, plan, starts[0], sigma, size)
-        return Fitted(model, plan, peak, sigma)
-    peak = highest(problem, emulator, model, plan, starts, sigma)
-    args = model, problem.X, problem.y, emulator, plan
-    afar = best_from_afar(*args, null.peak.z, peak.z, SETTINGS.exact_fit * null.sigma)
+        mode = optimise(model, problem.X, problem.y, emulator, grid, starts[0], sigma, size)
+        return Fitted(model, grid, mode, sigma)
+    mode = highest(problem, emulator, model, grid, starts, sigma)
+    args = model, problem.X, problem.y, emulator, grid
+    afar = best_from_afar(*args, null.mode.z, mode.z, SETTINGS.exact_fit * null.sigma)
     if afar is not None:
-        peak = highest(problem, emulator, model, plan, [afar], sigma)
+        mode = highest(problem, emulator, model, grid, [afar], sigma)
     for _ in range(SETTINGS.looks):
-        before, sigma = sigma, sigma_of(problem, peak, sigma)
+        before, sigma = sigma, sigma_of(problem, mode, sigma)
         if not sigma < SETTINGS.much_closer * before:
             break
-        # held to the priors by the noise of a poor fit, a climb ends short of a good one
-        peak = highest(problem, emulator, model, plan, [peak.z], sigma)
-    return Fitted(model, plan, peak, sigma)
+        # held to the priors by the noise of a poor fit, an optimisation ends short of a good one
+        mode = highest(problem, emulator, model, grid, [mode.z], sigma)
+    return Fitted(model, grid, mode, sigma)
 
 
 def _far_behind(
@@ -172,9 +172,9 @@ def _far_behind(
     behind = weight < enough
     hopeless = enough - margins.hopeless
     for k in map(int, np.flatnonzero(behind & np.isfinite(reached) & (weight > hopeless))):
-        if len(fits[k].plan.nodes):
+        if len(fits[k].grid.nodes):
             missed = _between_nodes(problem, emulator, noise, fits[k], scans[k], sizes)
-            # what gains so much without a climb may gain as much again by one
+            # what gains so much without an optimisation may gain as much again by one
             behind[k] = weight[k] + missed < enough and missed < margins.behind
     return np.where(behind & np.isfinite(reached), reached, np.nan)[1:]
 
@@ -187,16 +187,16 @@ def _between_nodes(
     nodes: FloatArray,
     sizes: FloatArray,
 ) -> float:
-    """Return how many nats more a finer grid around the best nodes reaches, without a climb."""
-    density = nodes - fit.plan.log_weight
+    """Return how many nats more a finer grid around the best nodes reaches, not optimised."""
+    density = nodes - fit.grid.log_weight
     coarse = float(density.max())
     for _ in range(SETTINGS.looks):
         index = np.argsort(-density)[: SETTINGS.looked_between]
-        best = fit.plan.at(index)
+        best = fit.grid.at(index)
         finer = refine(fit.model, best, density[index] + best.log_weight)
         if finer is best:
             break
-        fit = fit._replace(plan=finer)
+        fit = fit._replace(grid=finer)
         density = node_evidence(problem, emulator, noise, fit, sizes) - finer.log_weight
     return max(float(density.max()) - coarse, 0.0)
 
@@ -206,11 +206,11 @@ def _is_noise_process(model: MeasuredModel) -> bool:
     return cause.is_process and not cause.changes_output
 
 
-def _starts(model: MeasuredModel, plan: Layout, null: Fitted) -> list[FloatArray]:
+def _starts(model: MeasuredModel, grid: Grid, null: Fitted) -> list[FloatArray]:
     """Return starting points: the fit without the cause and, far from it, the prior's centre."""
-    start = plan.neutral.copy()
-    start[: len(null.peak.z)] = null.peak.z
-    if np.linalg.norm(null.peak.z[: model.n_parameters]) <= SETTINGS.driven_away:
+    start = grid.neutral.copy()
+    start[: len(null.mode.z)] = null.mode.z
+    if np.linalg.norm(null.mode.z[: model.n_parameters]) <= SETTINGS.driven_away:
         return [start]
     # the simulation's parameters start anew, accepted causes stay where they are
     anew = start.copy()

@@ -50,7 +50,7 @@ class Rehearsal:
         Kinds that are not weighed.
     found : sequence of Search
         On all rows, the first one first: emulator and emulator come from the runs alone, which are
-        the same in each fold, and climbs start where theirs ended.
+        the same in each fold, and optimisations start where theirs ended.
     fitted : Pair
         On all rows: fits of the same causes start from their proposals.
     max_causes : int
@@ -117,7 +117,7 @@ def quickly_fitted(
 
 def accepted(steps: Sequence[Step]) -> tuple[Cause, ...]:
     """Return the causes that a forward search accepted."""
-    return tuple(step.chosen.cause for step in steps if step.found and step.chosen.cause)
+    return tuple(step.chosen.cause for step in steps if step.is_accepted and step.chosen.cause)
 
 
 def extended(

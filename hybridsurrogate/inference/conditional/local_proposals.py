@@ -20,7 +20,7 @@ from hybridsurrogate.inference.conditional.pairwise_squares import (
 )
 from hybridsurrogate.inference.conjugate.sufficient_statistics import ROUNDING
 from hybridsurrogate.inference.model.prior_density import prior_of_unknowns
-from hybridsurrogate.inference.sampling.modes import climb, factors
+from hybridsurrogate.inference.sampling.modes import factors, optimise
 from hybridsurrogate.inference.sampling.proposals import (
     PROPOSAL_SCALE,
     standard_student,
@@ -69,7 +69,7 @@ def own_draws(
     first = value.argmax(axis=0), np.arange(S)
     # a start where the simulation fails stays where it is
     value = np.maximum(value[first], _IMPOSSIBLE)
-    mode, _, hessian = climb(
+    mode, _, hessian = optimise(
         log_density,
         starts[first],
         value,

@@ -18,7 +18,7 @@ _FARTHEST = 1.0
 
 
 @dataclass(frozen=True)
-class Layout:
+class Grid:
     """Which coordinates of z are enumerated, which are sizes, and the grid.
 
     Attributes
@@ -27,7 +27,7 @@ class Layout:
         Positions in z: unit-normal directions, sizes of the cause, enumerated coordinates.
     neutral : ndarray of shape (n_unknowns,)
         z at which the cause changes nothing, zero elsewhere.
-    grid : ndarray of shape (T, len(nodes))
+    points : ndarray of shape (T, len(nodes))
         Values of the enumerated coordinates in the user's units.
     edges : ndarray of shape (T, len(nodes), 2)
         The cell around each node.
@@ -41,34 +41,34 @@ class Layout:
     sizes: NDArray[np.intp]
     nodes: NDArray[np.intp]
     neutral: FloatArray
-    grid: FloatArray
+    points: FloatArray
     edges: FloatArray
     log_weight: FloatArray
     exact: bool = False
 
-    def followed(self) -> Layout:
-        """Return the layout with nothing enumerated: what was is followed like a parameter."""
+    def followed(self) -> Grid:
+        """Return the grid with nothing enumerated: what was is followed like a parameter."""
         return replace(
             self,
             fixed=np.concatenate([self.fixed, self.nodes]),
             nodes=self.nodes[:0],
-            grid=np.empty((1, 0)),
+            points=np.empty((1, 0)),
             edges=np.empty((1, 0, 2)),
             log_weight=np.zeros(1),
         )
 
-    def at(self, index: NDArray[np.intp]) -> Layout:
-        """Return the layout at some of its nodes."""
+    def at(self, index: NDArray[np.intp]) -> Grid:
+        """Return the grid at some of its nodes."""
         return replace(
             self,
-            grid=self.grid[index],
+            points=self.points[index],
             edges=self.edges[index],
             log_weight=self.log_weight[index],
         )
 
 
-def layout(model: MeasuredModel) -> Layout:
-    """Return the layout for the last cause of a model; earlier causes count as known shapes.
+def make_grid(model: MeasuredModel) -> Grid:
+    """Return the grid for the last cause of a model; earlier causes count as known shapes.
 
     What was enumerated for an earlier cause is held where it was found.
     """
@@ -99,7 +99,7 @@ def layout(model: MeasuredModel) -> Layout:
     fixed = [k for k in range(model.n_unknowns) if k not in taken]
     return at_cells(
         model,
-        Layout(
+        Grid(
             np.array(fixed, dtype=int),
             np.array(sizes, dtype=int),
             np.array(nodes, dtype=int),
@@ -123,22 +123,22 @@ def _cells(nodes: FloatArray, prior: Prior) -> FloatArray:
     return np.column_stack([borders[:-1], borders[1:]])
 
 
-def at_cells(model: MeasuredModel, plan: Layout, edges: FloatArray) -> Layout:
-    """Return the plan with other cells: nodes in their middle, weighed by their prior mass."""
+def at_cells(model: MeasuredModel, grid: Grid, edges: FloatArray) -> Grid:
+    """Return the grid with other cells: nodes in their middle, weighed by their prior mass."""
     log_mass = np.zeros(len(edges))
-    for k, position in enumerate(plan.nodes):
+    for k, position in enumerate(grid.nodes):
         mass = np.diff(model.priors[position].cdf(edges[:, k]), axis=1)[:, 0]
         log_mass += np.log(np.maximum(mass, 1e-300))
     return replace(
-        plan,
-        grid=edges.mean(axis=2),
+        grid,
+        points=edges.mean(axis=2),
         edges=edges,
         # scipy's logsumexp costs a fifth of a millisecond, whatever the size
         log_weight=log_mass - np.logaddexp.reduce(log_mass),
     )
 
 
-def refine(model: MeasuredModel, plan: Layout, log_evidence: FloatArray) -> Layout:
+def refine(model: MeasuredModel, grid: Grid, log_evidence: FloatArray) -> Grid:
     """Split the cells that carry the evidence, three ways along every axis; leave hopeless ones.
 
     Parameters
@@ -148,29 +148,29 @@ def refine(model: MeasuredModel, plan: Layout, log_evidence: FloatArray) -> Layo
 
     Returns
     -------
-    Layout
-        The same plan when it is exact or enough nodes share the evidence already.
+    Grid
+        The same grid when it is exact or enough nodes share the evidence already.
     """
-    if plan.exact or not len(plan.nodes):
-        return plan
-    density = log_evidence - plan.log_weight
-    if len(best_levels(plan, log_evidence)) >= SETTINGS.nodes_enough ** len(plan.nodes):
-        return plan
+    if grid.exact or not len(grid.nodes):
+        return grid
+    density = log_evidence - grid.log_weight
+    if len(best_levels(grid, log_evidence)) >= SETTINGS.nodes_enough ** len(grid.nodes):
+        return grid
     split = density > density.max() - 30.0
     split &= np.argsort(np.argsort(-density)) < SETTINGS.most_split
-    pieces = plan.edges[split]
-    for k in range(len(plan.nodes)):
+    pieces = grid.edges[split]
+    for k in range(len(grid.nodes)):
         borders = np.linspace(pieces[:, k, 0], pieces[:, k, 1], 4, axis=1)
         pieces = np.repeat(pieces, 3, axis=0)
         pieces[:, k, 0], pieces[:, k, 1] = borders[:, :-1].ravel(), borders[:, 1:].ravel()
     kept = ~split & (density > density.max() - SETTINGS.cell_hopeless)
-    return at_cells(model, plan, np.concatenate([plan.edges[kept], pieces]))
+    return at_cells(model, grid, np.concatenate([grid.edges[kept], pieces]))
 
 
-def best_levels(plan: Layout, log_evidence: FloatArray) -> FloatArray:
+def best_levels(grid: Grid, log_evidence: FloatArray) -> FloatArray:
     """Return the different densities of the best nodes, within two nats, in rising order.
 
     Places of a jump between the same two rows are one: there may be a better one further on.
     """
-    density = log_evidence - plan.log_weight
+    density = log_evidence - grid.log_weight
     return np.unique(np.round(density[density > density.max() - 2.0], 6))

@@ -1,7 +1,7 @@
 """Many starts at once: descents for causes inside the dynamics, and constants seen from afar.
 
 Where a location or a width acts inside the simulation, the parameters that are best for one node of
-a grid say little about the next one, and a climb that moves them together ends where it began. A
+a grid say little about the next one, and moving them together ends where it began. A
 solution of an ODE is smooth in all of them, so that they can be followed. Here every start has its
 own parameters, the enumerated ones too, and all starts are followed by Levenberg-Marquardt steps
 in one call of the simulation. Only the better half goes on every few steps.
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
-from hybridsurrogate.inference.evidence.grid import Layout
+from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray, to_normal
@@ -36,7 +36,7 @@ def best_of_many(
     X: FloatArray,
     y: FloatArray,
     emulator: EmulatorPosterior,
-    plan: Layout,
+    grid: Grid,
     centre: FloatArray,
     floor: float,
 ) -> tuple[FloatArray, float]:
@@ -49,8 +49,8 @@ def best_of_many(
     floor : float
         Noise below which no fit counts as better.
     """
-    place = np.concatenate([plan.fixed, plan.sizes, plan.nodes])
-    z = _starts(model, plan, centre)
+    place = np.concatenate([grid.fixed, grid.sizes, grid.nodes])
+    z = _starts(model, grid, centre)
     residual = _Residual(model, X, y, emulator, floor)
     best = _descend(residual, z, place)
     return best, float(np.sqrt(residual.variance(residual(best[None]))[0]))
@@ -79,7 +79,7 @@ def best_from_afar(
     X: FloatArray,
     y: FloatArray,
     emulator: EmulatorPosterior,
-    plan: Layout,
+    grid: Grid,
     centre: FloatArray,
     known: FloatArray,
     floor: float,
@@ -87,7 +87,7 @@ def best_from_afar(
     """Return a place (n_unknowns,) that fits better than one that is known, None without one.
 
     For the last cause of a model if it changes the simulation and has a size, such as a wrong
-    constant. A climb follows the tangent where nothing is wrong, and of an oscillation whose
+    constant. An optimiser follows the tangent where nothing is wrong, and of an oscillation whose
     frequency is far off it sees nothing. Here the size runs over its whole prior, at the fit
     without the cause, and all unknowns over a spread. Where the fit improves and worsens more than
     once on the way, the best of a wider spread are followed, too.
@@ -98,12 +98,12 @@ def best_from_afar(
     centre, floor
         As in `best_of_many`.
     """
-    if not model.effects[-1].touches_simulation or not len(plan.sizes):
+    if not model.effects[-1].touches_simulation or not len(grid.sizes):
         return None
-    line = np.tile(plan.neutral, (_ON_LINE, 1))
+    line = np.tile(grid.neutral, (_ON_LINE, 1))
     line[:, : len(centre)] = centre
-    line[:, plan.nodes] = _at_nodes(model, plan, np.array([len(plan.grid) // 2]))
-    line[:, plan.sizes[0]] = np.linspace(-_REACH, _REACH, _ON_LINE)
+    line[:, grid.nodes] = _at_nodes(model, grid, np.array([len(grid.points) // 2]))
+    line[:, grid.sizes[0]] = np.linspace(-_REACH, _REACH, _ON_LINE)
     residual = _Residual(model, X, y, emulator, floor)
 
     def deviance(z: FloatArray) -> FloatArray:
@@ -112,52 +112,52 @@ def best_from_afar(
     along = deviance(line)
     inner = (along[1:-1] < along[:-2]) & (along[1:-1] <= along[2:])
     is_rugged = np.count_nonzero(inner) > 1
-    if len(plan.nodes) and not is_rugged:
+    if len(grid.nodes) and not is_rugged:
         return None  # nodes are enumerated, and sizes are followed from each
     wide, most = _WIDE if is_rugged else _ON_LINE, _FOLLOWED
     if is_rugged and model.basis.is_quick:
         wide = int(np.clip(SETTINGS.population_rows // len(y), _WIDE, SETTINGS.widest_population))
         most = SETTINGS.followed_of_many
-    spread = _spread(model, plan, line[0], wide)
+    spread = _spread(model, grid, line[0], wide)
     z = np.vstack([known, line, spread])
     value = np.concatenate([deviance(known[None]), along, deviance(spread)])
     if is_rugged:
         followed = z[np.argsort(value)[:most]]
-        end = _descend(residual, followed, np.concatenate([plan.fixed, plan.sizes, plan.nodes]))
+        end = _descend(residual, followed, np.concatenate([grid.fixed, grid.sizes, grid.nodes]))
         z, value = np.vstack([z, end]), np.append(value, deviance(end[None]))
     best = int(np.argmin(value))
     return z[best] if value[best] < value[0] - _WORTH_A_CLIMB else None
 
 
-def _spread(model: MeasuredModel, plan: Layout, base: FloatArray, n: int) -> FloatArray:
+def _spread(model: MeasuredModel, grid: Grid, base: FloatArray, n: int) -> FloatArray:
     """Return places (n, n_unknowns) of parameters, size and nodes, those of earlier causes held."""
     # a fixed spread, as the search has no randomness of its own
     random = np.random.RandomState(0)
     z = np.tile(base, (n, 1))
-    place = [*np.arange(model.n_parameters), *plan.sizes]
+    place = [*np.arange(model.n_parameters), *grid.sizes]
     # far out in a heavy tail an ODE would be solved for many times the measured span
     z[:, place] = np.clip(random.standard_normal((n, len(place))), -_REACH, _REACH)
-    z[:, plan.nodes] = _at_nodes(model, plan, random.randint(len(plan.grid), size=n))
+    z[:, grid.nodes] = _at_nodes(model, grid, random.randint(len(grid.points), size=n))
     return z
 
 
-def _at_nodes(model: MeasuredModel, plan: Layout, index: NDArray[np.intp]) -> FloatArray:
+def _at_nodes(model: MeasuredModel, grid: Grid, index: NDArray[np.intp]) -> FloatArray:
     """Return the enumerated coordinates of nodes (k,) in standard normal units, (k, n_nodes)."""
-    return to_normal([model.priors[k] for k in plan.nodes], plan.grid[index])
+    return to_normal([model.priors[k] for k in grid.nodes], grid.points[index])
 
 
-def _starts(model: MeasuredModel, plan: Layout, centre: FloatArray) -> FloatArray:
+def _starts(model: MeasuredModel, grid: Grid, centre: FloatArray) -> FloatArray:
     """Return starts (S, n_unknowns): nodes spread over the grid, sizes moved to either side."""
-    T, k = len(plan.grid), len(plan.sizes)
+    T, k = len(grid.points), len(grid.sizes)
     most = min(T, SETTINGS.nodes_followed * 2 ** max(k - 1, 0))
     chosen = np.unique(np.linspace(0, T - 1, most).round().astype(int))
     # of a cause without sizes one row without columns
     moves = np.array(list(product([-SETTINGS.size_start, SETTINGS.size_start], repeat=k)))
-    base = plan.neutral.copy()
+    base = grid.neutral.copy()
     base[: len(centre)] = centre
     z = np.tile(base, (len(chosen), len(moves), 1))
-    z[:, :, plan.sizes] += moves
-    z[:, :, plan.nodes] = _at_nodes(model, plan, chosen)[:, None, :]
+    z[:, :, grid.sizes] += moves
+    z[:, :, grid.nodes] = _at_nodes(model, grid, chosen)[:, None, :]
     return np.clip(z.reshape(-1, len(base)), -SETTINGS.furthest_place, SETTINGS.furthest_place)
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from hybridsurrogate.blocks import BLOCK, blocks, in_blocks
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
-from hybridsurrogate.inference.evidence.grid import Layout
+from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray
 
@@ -156,9 +156,9 @@ class Columns(NamedTuple):
         return Columns(self.earlier, self.own[index], self.rms[index])
 
 
-def columns_at_nodes(model: MeasuredModel, X: FloatArray, plan: Layout, z: FloatArray) -> Columns:
+def columns_at_nodes(model: MeasuredModel, X: FloatArray, grid: Grid, z: FloatArray) -> Columns:
     """Return the columns of all causes at every node."""
-    before, values = range(len(model.effects) - 1), _values_at_nodes(model, plan, z)
+    before, values = range(len(model.effects) - 1), _values_at_nodes(model, grid, z)
     earlier = model.added_by(before, X, values[:1])[0]
     earlier = earlier * model.column_sd[: earlier.shape[1]]
     process = bool(model.effects) and model.effects[-1].is_process
@@ -188,14 +188,14 @@ def _rms(curves: FloatArray) -> FloatArray:
     return np.maximum(rms, _NOTHING * max(float(np.max(rms, initial=0.0)), 1e-280))
 
 
-def _values_at_nodes(model: MeasuredModel, plan: Layout, z: FloatArray) -> FloatArray:
-    values = np.repeat(model.values(z[None]), len(plan.grid), axis=0)
-    values[:, plan.nodes] = plan.grid
+def _values_at_nodes(model: MeasuredModel, grid: Grid, z: FloatArray) -> FloatArray:
+    values = np.repeat(model.values(z[None]), len(grid.points), axis=0)
+    values[:, grid.nodes] = grid.points
     return values
 
 
 def _noise_at_nodes(
-    model: MeasuredModel, X: FloatArray, plan: Layout, z: FloatArray, simulated: FloatArray
+    model: MeasuredModel, X: FloatArray, grid: Grid, z: FloatArray, simulated: FloatArray
 ) -> FloatArray | None:
     """Return the noise factor where it differs from one, (T, n), or (1, n) for all nodes.
 
@@ -203,16 +203,16 @@ def _noise_at_nodes(
     """
     if not model.touches_noise:
         return None
-    values = _values_at_nodes(model, plan, z)
+    values = _values_at_nodes(model, grid, z)
     values = values if model.effects and model.effects[-1].touches_noise else values[:1]
     noise = model.noise(X, values, np.nan_to_num(simulated))
     return None if noise.shape[1] == 1 else noise
 
 
-def _outliers_at_nodes(model: MeasuredModel, plan: Layout, z: FloatArray) -> FloatArray | None:
+def _outliers_at_nodes(model: MeasuredModel, grid: Grid, z: FloatArray) -> FloatArray | None:
     if not any(effect.has_outliers for effect in model.effects):
         return None
-    return model.outlier_share(_values_at_nodes(model, plan, z))
+    return model.outlier_share(_values_at_nodes(model, grid, z))
 
 
 class _Slopes(NamedTuple):
@@ -228,26 +228,26 @@ class _Slopes(NamedTuple):
 
 
 def _slopes(
-    model: MeasuredModel, X: FloatArray, emulator: EmulatorPosterior, plan: Layout, z: FloatArray
+    model: MeasuredModel, X: FloatArray, emulator: EmulatorPosterior, grid: Grid, z: FloatArray
 ) -> _Slopes:
     """Return the output and its slopes, at all nodes where these touch the simulation.
 
     Some nodes at a time, as the slopes need runs.
     """
-    directions = np.concatenate([plan.fixed, plan.sizes])
+    directions = np.concatenate([grid.fixed, grid.sizes])
     both = model.basis.is_simulation
     step = model.step if both else _SHORT_STEP
     moves = step * np.eye(len(z))[directions]
     points = z + np.vstack([np.zeros((1, len(z))), moves, *([-moves] if both else [])])
     values = model.values(points)
-    in_simulation = bool(len(plan.nodes)) and model.effects[-1].touches_simulation
-    M = len(plan.grid) if in_simulation else 1
+    in_simulation = bool(len(grid.nodes)) and model.effects[-1].touches_simulation
+    M = len(grid.points) if in_simulation else 1
     mean, slopes = np.empty((M, len(X))), np.empty((M, len(directions), len(X)))
     at_one: tuple[FloatArray, FloatArray] | None = None
     for piece in blocks(M, len(points) * len(X)):
         runs = np.tile(values, (piece.stop - piece.start, 1, 1))
         if in_simulation:
-            runs[:, :, plan.nodes] = plan.grid[piece, None, :]
+            runs[:, :, grid.nodes] = grid.points[piece, None, :]
         response = model.close_by(
             X, runs.reshape(len(runs) * len(points), len(z)), emulator.mean, len(points)
         )
@@ -261,7 +261,7 @@ def _slopes(
         slope[broken] = 0.0
         slope[~np.isfinite(slope)] = 0.0
         slopes[piece] = slope
-        mean[piece] = response[:, 0] - (z - plan.neutral)[directions] @ slope
+        mean[piece] = response[:, 0] - (z - grid.neutral)[directions] @ slope
         if at_one is None:
             at_one = response[0, 0].copy(), model.emulator_error(X, runs[0, :1], emulator.factor)
     assert at_one is not None
@@ -272,7 +272,7 @@ def linearise(
     model: MeasuredModel,
     X: FloatArray,
     emulator: EmulatorPosterior,
-    plan: Layout,
+    grid: Grid,
     z: FloatArray,
     columns: Columns | None = None,
 ) -> Linearised:
@@ -281,23 +281,23 @@ def linearise(
     The columns of earlier causes join G with their prior sd; those of the last one are sizes.
     ``columns`` may be given where they are known from `columns_at_nodes`.
     """
-    around = _slopes(model, X, emulator, plan, z)
-    T, M, d = len(plan.grid), len(around.mean), len(plan.fixed)
+    around = _slopes(model, X, emulator, grid, z)
+    T, M, d = len(grid.points), len(around.mean), len(grid.fixed)
     G, curves = np.swapaxes(around.slopes[:, :d], 1, 2), around.slopes[:, d:]
     rms = _rms(curves)
     curves /= rms[:, :, None]
-    H = np.broadcast_to(np.swapaxes(curves, 1, 2), (T, len(X), len(plan.sizes)))
-    rms = np.broadcast_to(rms, (T, len(plan.sizes)))
+    H = np.broadcast_to(np.swapaxes(curves, 1, 2), (T, len(X), len(grid.sizes)))
+    rms = np.broadcast_to(rms, (T, len(grid.sizes)))
     cap = _SIZE_CAP * rms
     if model.column_names:
         if columns is None:
-            columns = columns_at_nodes(model, X, plan, z)
+            columns = columns_at_nodes(model, X, grid, z)
         if columns.earlier.shape[1]:
             earlier = np.broadcast_to(columns.earlier, (M, *columns.earlier.shape))
             G = np.concatenate([G, earlier], axis=2)
-        H = np.concatenate([H, columns.own], axis=2) if len(plan.sizes) else columns.own
+        H = np.concatenate([H, columns.own], axis=2) if len(grid.sizes) else columns.own
         rms = np.concatenate([rms, columns.rms], axis=1)
         cap = np.concatenate([cap, np.full(columns.rms.shape, np.inf)], axis=1)
-    noise = _noise_at_nodes(model, X, plan, z, around.output)
-    outliers = _outliers_at_nodes(model, plan, z)
-    return Linearised(around.mean, G, H, rms, cap, around.U, plan.log_weight, noise, outliers)
+    noise = _noise_at_nodes(model, X, grid, z, around.output)
+    outliers = _outliers_at_nodes(model, grid, z)
+    return Linearised(around.mean, G, H, rms, cap, around.U, grid.log_weight, noise, outliers)

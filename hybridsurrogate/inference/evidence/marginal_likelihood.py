@@ -19,7 +19,7 @@ from hybridsurrogate.blocks import BLOCK
 from hybridsurrogate.cholesky import log_det_of, nudged_cholesky
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
-from hybridsurrogate.inference.evidence.grid import Layout
+from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.evidence.linearised import (
     Columns,
     Linearised,
@@ -146,7 +146,7 @@ def _whitener(U: FloatArray, sigma: float) -> tuple[Whiten, float]:
     return whiten, float(log_det_of(factor[None])[0])
 
 
-class Peak(NamedTuple):
+class LocalMode(NamedTuple):
     """Where a cause fits best.
 
     Attributes
@@ -166,17 +166,17 @@ class Peak(NamedTuple):
     node: int
 
 
-def climb(
+def optimise(
     model: MeasuredModel,
     X: FloatArray,
     y: FloatArray,
     emulator: EmulatorPosterior,
-    plan: Layout,
+    grid: Grid,
     z: FloatArray,
     sigma: float,
     size: float,
     columns: Columns | None = None,
-) -> Peak:
+) -> LocalMode:
     """Follow the linearised model to its best fit by Gauss-Newton steps, nodes re-enumerated.
 
     Parameters
@@ -190,21 +190,21 @@ def climb(
     columns : Columns, optional
         Where they are known from `columns_at_nodes`.
     """
-    best: Peak | None = None
+    best: LocalMode | None = None
     point, step = np.array(z, dtype=float), 1.0
     proposal = point
     # columns move only with the cause's own parameters, and these are enumerated or fixed
     if columns is None:
-        columns = columns_at_nodes(model, X, plan, point)
-    followed = np.arange(len(plan.grid))
-    costly = bool(len(plan.nodes)) and model.effects[-1].touches_simulation
+        columns = columns_at_nodes(model, X, grid, point)
+    followed = np.arange(len(grid.points))
+    costly = bool(len(grid.nodes)) and model.effects[-1].touches_simulation
     for _ in range(SETTINGS.max_steps):
-        parts = linearise(model, X, emulator, plan, proposal, columns)
-        here, move, deviance = _solve(parts, y, plan, proposal, sigma, size)
+        parts = linearise(model, X, emulator, grid, proposal, columns)
+        here, move, deviance = _solve(parts, y, grid, proposal, sigma, size)
         here = here._replace(node=int(followed[here.node]))
         if costly and len(followed) > SETTINGS.nodes_followed and np.isfinite(here.objective):
             index = np.argsort(deviance)[: SETTINGS.nodes_followed]
-            followed, plan, columns = followed[index], plan.at(index), columns.at(index)
+            followed, grid, columns = followed[index], grid.at(index), columns.at(index)
         if not np.isfinite(here.objective):
             if best is None:
                 return here
@@ -224,15 +224,15 @@ def climb(
 
 
 def _solve(
-    parts: Linearised, y: FloatArray, plan: Layout, z: FloatArray, sigma: float, size: float
-) -> tuple[Peak, FloatArray, FloatArray]:
+    parts: Linearised, y: FloatArray, grid: Grid, z: FloatArray, sigma: float, size: float
+) -> tuple[LocalMode, FloatArray, FloatArray]:
     """Return the fit at z, columns free, the z of the best linear model, and (T,) deviance."""
     if parts.outliers is not None:
-        heavy = heavy_fit(parts, y, plan, z, sigma, size)
-        peak = Peak(z.copy(), heavy.squares, heavy.objective, heavy.node)
-        return peak, heavy.move, heavy.deviance
+        heavy = heavy_fit(parts, y, grid, z, sigma, size)
+        mode = LocalMode(z.copy(), heavy.squares, heavy.objective, heavy.node)
+        return mode, heavy.move, heavy.deviance
     T, _, q = parts.H.shape
-    d, s = parts.G.shape[2], len(plan.sizes)
+    d, s = parts.G.shape[2], len(grid.sizes)
     units = [_normal_equations(unit, y / factor, sigma) for unit, factor in parts.by_noise()]
     normal, right, total = (np.concatenate(block) for block in list(zip(*units, strict=True))[:3])
     scale = np.maximum(np.minimum(size, parts.cap), _NO_SIZE)
@@ -241,7 +241,7 @@ def _solve(
     try:
         solution = np.linalg.solve(normal, right[..., None])[..., 0]
     except np.linalg.LinAlgError:  # slopes without bound: the simulation breaks down around here
-        return Peak(z.copy(), np.inf, np.inf, 0), z, np.full(T, np.inf)
+        return LocalMode(z.copy(), np.inf, np.inf, 0), z, np.full(T, np.inf)
     best_linear = total - np.einsum("tk,tk->t", right, solution)
     deviance = best_linear / sigma**2 - 2 * parts.log_weight
     if parts.noise is not None:
@@ -257,10 +257,10 @@ def _solve(
         whiten, log_det = _whitener(unit.U, sigma)
     design = np.hstack([whiten(unit.G[0], 0), whiten(unit.H[0], 0)])
     held = np.concatenate(
-        [z[plan.fixed], (z[plan.sizes] - plan.neutral[plan.sizes]) * parts.H_rms[node, :s]]
+        [z[grid.fixed], (z[grid.sizes] - grid.neutral[grid.sizes]) * parts.H_rms[node, :s]]
     )
     free = np.ones(d + q, dtype=bool)
-    free[: len(plan.fixed)] = free[d : d + s] = False
+    free[: len(grid.fixed)] = free[d : d + s] = False
     rest = whiten(y / factor - unit.mean[0], 0) - design[:, ~free] @ held
     columns = design[:, free]
     fitted = np.linalg.solve(normal[node][np.ix_(free, free)], columns.T @ rest)
@@ -270,12 +270,12 @@ def _solve(
     objective = (squares + prior) / sigma**2
     if parts.noise is not None:
         objective += 2 * (log_det + float(np.sum(np.log(factor))))
-    peak = Peak(z.copy(), squares, objective if np.isfinite(objective) else np.inf, node)
+    mode = LocalMode(z.copy(), squares, objective if np.isfinite(objective) else np.inf, node)
     move = z.copy()
-    move[plan.fixed] = np.clip(solution[node, : len(plan.fixed)], -6, 6)
+    move[grid.fixed] = np.clip(solution[node, : len(grid.fixed)], -6, 6)
     size_move = solution[node, d : d + s] / parts.H_rms[node, :s]
-    move[plan.sizes] = np.clip(plan.neutral[plan.sizes] + size_move, -6, 6)
-    return peak, move, deviance
+    move[grid.sizes] = np.clip(grid.neutral[grid.sizes] + size_move, -6, 6)
+    return mode, move, deviance
 
 
 def _normal_equations(

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hybridsurrogate.blocks import blocks
-from hybridsurrogate.inference.evidence.grid import Layout
+from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.evidence.linearised import Linearised
 from hybridsurrogate.inference.evidence.outlier_density import Shape, shape_of
 from hybridsurrogate.inference.evidence.settings import SETTINGS
@@ -209,7 +209,7 @@ def heavy_scan(
 
 
 class HeavyFit(NamedTuple):
-    """What a climb needs to know of a point, as `scan.Peak` has it, and where to go from there."""
+    """What an optimiser needs to know of a point, as a `LocalMode` has it, and where to go next."""
 
     squares: float
     objective: float
@@ -219,12 +219,12 @@ class HeavyFit(NamedTuple):
 
 
 def heavy_fit(
-    parts: Linearised, y: FloatArray, plan: Layout, z: FloatArray, sigma: float, size: float
+    parts: Linearised, y: FloatArray, grid: Grid, z: FloatArray, sigma: float, size: float
 ) -> HeavyFit:
     """Fit parts with outliers at z, and find the best of the linear model; sigma is free."""
     assert parts.outliers is not None
     T, n, q = parts.H.shape
-    d, s = parts.G.shape[2], len(plan.sizes)
+    d, s = parts.G.shape[2], len(grid.sizes)
     noise = np.ones((1, n)) if parts.noise is None else parts.noise
     scale = np.minimum(size, parts.cap)
     U = emulator_directions(parts.U, sigma)
@@ -239,9 +239,9 @@ def heavy_fit(
     node = int(np.argmin(deviance))
     solution = linear.v[0, node]
     to_z = scale[node, :s] / parts.H_rms[node, :s]
-    held = np.concatenate([z[plan.fixed], (z[plan.sizes] - plan.neutral[plan.sizes]) / to_z])
+    held = np.concatenate([z[grid.fixed], (z[grid.sizes] - grid.neutral[grid.sizes]) / to_z])
     at = min(node, M - 1)
-    kept = np.r_[: len(plan.fixed), d : d + s]
+    kept = np.r_[: len(grid.fixed), d : d + s]
     free = np.setdiff1d(np.arange(design.shape[2]), kept)
     rest = residual[:, min(node, len(parts.mean) - 1)] - design[at][:, kept] @ held
     noise = noise[min(node, len(noise) - 1)][None]
@@ -251,7 +251,7 @@ def heavy_fit(
     )
     objective = -2 * float(here.log_joint[0, 0]) + float(held @ held)
     move = z.copy()
-    move[plan.fixed] = np.clip(solution[: len(plan.fixed)], -6, 6)
-    move[plan.sizes] = np.clip(plan.neutral[plan.sizes] + solution[d : d + s] * to_z, -6, 6)
+    move[grid.fixed] = np.clip(solution[: len(grid.fixed)], -6, 6)
+    move[grid.sizes] = np.clip(grid.neutral[grid.sizes] + solution[d : d + s] * to_z, -6, 6)
     squares = n * float(here.sigma[0, 0]) ** 2
     return HeavyFit(squares, objective if np.isfinite(objective) else np.inf, node, move, deviance)

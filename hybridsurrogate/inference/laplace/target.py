@@ -68,7 +68,7 @@ class LaplacePosterior:
         return self.model.n_unknowns + self.model.n_hyper + 1
 
     is_exact = False
-    # each value of the approximation ends a climb of its own, and is as rough as that is exact
+    # each value of the approximation is optimised, and is as rough as that is exact
     step_share = 0.5
 
     def with_model(self, model: MeasuredModel) -> LaplacePosterior:

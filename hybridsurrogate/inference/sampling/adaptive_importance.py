@@ -94,7 +94,7 @@ def importance_draws(
     rounds: list[_Round] = []
     scale, target = 1.0, np.empty(0)
     mixed: FloatArray = np.empty(0)
-    # with coefficients among the unknowns each value takes a climb: what can be trusted is enough
+    # with coefficients among the unknowns each value is optimised: what can be trusted is enough
     good = KHAT_LIMIT if n_noise else SETTINGS.good_khat
     for round_ in range(max_rounds):
         rounds.append(_drawn(components, scale, n_proposals, n_noise, random_state))

@@ -9,9 +9,9 @@ import numpy as np
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.inference.conjugate.sufficient_statistics import ROUNDING
-from hybridsurrogate.inference.evidence.grid import layout
+from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.levenberg_marquardt import best_from_afar, best_of_spread
-from hybridsurrogate.inference.evidence.marginal_likelihood import climb
+from hybridsurrogate.inference.evidence.marginal_likelihood import optimise
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.inference.sampling.target import Target
 from hybridsurrogate.priors import FloatArray, to_normal
@@ -40,23 +40,25 @@ def starting_points(target: Target, random_state: np.random.RandomState) -> Floa
     for cause in model.effects:
         causes = (*causes, cause)
         partial = replace(model, effects=causes)
-        plan = layout(partial)
-        before_it, z = z, np.concatenate([z, plan.neutral[len(z) :]])
+        grid = make_grid(partial)
+        before_it, z = z, np.concatenate([z, grid.neutral[len(z) :]])
         for round_ in range(SETTINGS.noise_refits):
-            peak = climb(partial, target.X, target.y, emulator, plan, z, sigma, 10 * target.scale)
-            z = peak.z.copy()
+            mode = optimise(
+                partial, target.X, target.y, emulator, grid, z, sigma, 10 * target.scale
+            )
+            z = mode.z.copy()
             if not round_:
                 floor = ROUNDING * target.scale
-                args = partial, target.X, target.y, emulator, plan
+                args = partial, target.X, target.y, emulator, grid
                 afar = best_from_afar(*args, before_it, z, floor)
                 if afar is not None:
                     z = afar
                     continue
-            if len(plan.nodes):
-                priors = [partial.priors[k] for k in plan.nodes]
-                z[plan.nodes] = to_normal(priors, plan.grid[peak.node])
+            if len(grid.nodes):
+                priors = [partial.priors[k] for k in grid.nodes]
+                z[grid.nodes] = to_normal(priors, grid.points[mode.node])
             before = sigma
-            sigma = max(float(np.sqrt(peak.squares / len(target.y))), ROUNDING * target.scale)
+            sigma = max(float(np.sqrt(mode.squares / len(target.y))), ROUNDING * target.scale)
             if sigma > SETTINGS.settled_noise * before:
                 break
     return np.array([[*z, *z_hyper, np.log(sigma * factor)] for factor in (1.0, 2.0)])

@@ -67,7 +67,7 @@ def find_modes(
     def any_start(points: FloatArray, _: NDArray[np.intp]) -> FloatArray:
         return log_density(points)
 
-    x, value, hessian = climb(
+    x, value, hessian = optimise(
         any_start, x[alive], value[alive], step_share, SETTINGS.mode_steps, True, least_step
     )
     if np.spacing(np.abs(value.max())) > SETTINGS.mode_rounding:
@@ -79,7 +79,7 @@ def find_modes(
     return distinct(_approximations(x, value, hessian))
 
 
-def climb(
+def optimise(
     log_density: PairLogDensity,
     x: FloatArray,
     value: FloatArray,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import special
 from scipy.interpolate import CubicSpline
 
-from hybridsurrogate.inference.sampling.modes import Gaussian, climb, distinct, factors
+from hybridsurrogate.inference.sampling.modes import Gaussian, distinct, factors, optimise
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.inference.sampling.target import Target
 from hybridsurrogate.priors import FloatArray
@@ -62,7 +62,7 @@ def elongation(mode: Gaussian) -> float:
 def ridge_through(target: Target, mode: Gaussian) -> Ridge | None:
     """Return the ridge through a mode along the unknown of which least is known; None without one.
 
-    It is followed from point to point: the next is extrapolated, then climbed to.
+    It is followed from point to point: the next is extrapolated, then optimised.
     """
     covariance = mode.factor @ mode.factor.T
     # log sigma, the last, is never exchanged for another unknown
@@ -130,7 +130,7 @@ def _extrapolated(x: list[FloatArray]) -> FloatArray:
 def _climbed(
     target: Target, position: int, s: float, others: FloatArray, most: int
 ) -> tuple[FloatArray, float, FloatArray]:
-    """Return where the others end that climb with one unknown at s, log density and Hessian."""
+    """Return where the others end, optimised with one unknown at s, log density and Hessian."""
 
     def along(points: FloatArray, _: NDArray[np.intp]) -> FloatArray:
         return target.search_density(np.insert(points, position, s, axis=1))
@@ -139,5 +139,5 @@ def _climbed(
     if not np.isfinite(value[0]):
         return others, -np.inf, np.zeros((len(others), len(others)))
     steps = target.step_share, most, False, target.model.least_step
-    x, value, hessian = climb(along, others[None], value, *steps)
+    x, value, hessian = optimise(along, others[None], value, *steps)
     return x[0], float(value[0]), hessian[0]

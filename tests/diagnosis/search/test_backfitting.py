@@ -47,7 +47,7 @@ def both():
 def test_a_cause_is_weighed_beside_the_other(both):
     """Alone the jump is beaten by a smooth curve, which draws the wave as well."""
     assert [found.kind for found in both.found_causes_] == ["step", "periodic"]
-    alone = [kind_of(w) for w in both.search_.weighed]
+    alone = [kind_of(w) for w in both.search_.candidates]
     assert both.search_.probability[alone.index("unexplained")] > 0.9
     assert both.verdict_ == "named"
     assert both.indistinguishable_ == ["step"]
@@ -78,15 +78,15 @@ def test_a_cause_gives_way_to_one_that_is_better_beside_the_other():
     found.fit(case.X, case.y)
     assert {cause.kind for cause in found.found_causes_} == {"trend", "missing-input"}
     first = found._steps[0]
-    assert kind_of(first.search.weighed[leader(first.search)]) != "trend"
+    assert kind_of(first.search.candidates[leader(first.search)]) != "trend"
     for step, told in zip(found._steps, found.found_causes_, strict=True):
-        best = step.beside.weighed[leader(step.beside)]
+        best = step.beside.candidates[leader(step.beside)]
         assert kind_of(best) == told.kind
 
 
 def test_what_was_chosen_for_its_companion_needs_it(both):
     """Where no companion is accepted the cause that explains most on its own is chosen."""
     found = both.search_
-    step = replace(both._steps[0], chosen=found.weighed[1], beside=found)
-    assert _alone([step])[0].chosen is found.weighed[leader(found)]
-    assert _alone([step, step])[0].chosen is found.weighed[1]
+    step = replace(both._steps[0], chosen=found.candidates[1], beside=found)
+    assert _alone([step])[0].chosen is found.candidates[leader(found)]
+    assert _alone([step, step])[0].chosen is found.candidates[1]

@@ -101,9 +101,9 @@ def test_nothing_is_found_where_nothing_is_wrong():
 
 def test_the_bound_is_the_ratio_of_the_evidence():
     found = diagnose(1.55, 0).search_
-    prior = prior_odds([w.cause for w in found.weighed])
-    alone = np.array([w.log_evidence for w in found.weighed])
-    beside = np.array([w.log_evidence_with_remainder for w in found.weighed])
+    prior = prior_odds([w.cause for w in found.candidates])
+    alone = np.array([w.log_evidence for w in found.candidates])
+    beside = np.array([w.log_evidence_with_remainder for w in found.candidates])
     # a named cause leaves a smooth remainder with a probability of a tenth
     both = np.logaddexp(np.log(0.9) + alone, np.log(0.1) + beside)
     evidence = np.where(np.isfinite(beside), both, alone)[1:]

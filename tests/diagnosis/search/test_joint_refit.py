@@ -10,7 +10,7 @@ from scipy.stats import norm
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.search.conditioning import nothing_further
-from hybridsurrogate.diagnosis.search.evidence import Search, Weighed, search
+from hybridsurrogate.diagnosis.search.evidence import Candidate, Search, search
 from hybridsurrogate.diagnosis.search.joint_refit import movable, placed_together
 from hybridsurrogate.diagnosis.search.local_fit import Fitted
 from hybridsurrogate.diagnosis.search.null_test import null_test
@@ -33,7 +33,7 @@ def found_in(y_of, kinds, seed=1):
     problem, emulator = trained_emulator(prepared.problem, model)
     causes = [next(c for c in prepared.causes if c.kind == kind) for kind in kinds]
     found = search(problem, causes, emulator, with_remainder=False)
-    first = found.weighed[1]
+    first = found.candidates[1]
     extended = replace(problem, model=problem.model.with_effects((first.cause,)))
     return found, first, search(extended, causes[1:], emulator, False, first)
 
@@ -43,23 +43,23 @@ def wave_and_step(t):
 
 
 @pytest.fixture(scope="module")
-def pair() -> tuple[Search, Weighed, Search]:
+def pair() -> tuple[Search, Candidate, Search]:
     return found_in(wave_and_step, ("periodic", "step"))
 
 
 def place(fit, owner):
     at = next(k for k, (effect, _) in enumerate(fit.model.theta_names) if effect == owner)
-    return fit.model.values(fit.peak.z[None])[0, fit.model.n_parameters + at]
+    return fit.model.values(fit.mode.z[None])[0, fit.model.n_parameters + at]
 
 
 def test_first_cause_moves_to_its_place_beside_the_second(pair):
     found, first, beside = pair
     together = placed_together(found, first, beside)
-    alone, after = place(beside.weighed[0], 0), place(together.weighed[1], 0)
+    alone, after = place(beside.candidates[0], 0), place(together.candidates[1], 0)
     assert abs(after - PERIOD) < 0.5 * abs(alone - PERIOD)
-    assert together.weighed[1].log_evidence > beside.weighed[1].log_evidence + 1
+    assert together.candidates[1].log_evidence > beside.candidates[1].log_evidence + 1
     # what is compared with stays: nothing further
-    assert together.weighed[0] is beside.weighed[0]
+    assert together.candidates[0] is beside.candidates[0]
     np.testing.assert_allclose(together.probability.sum(), 1)
 
 
@@ -68,8 +68,8 @@ def test_evidence_of_two_causes_does_not_depend_on_which_is_first():
         found, first, beside = found_in(
             lambda t: 3 * np.sin(2 * np.pi * t / 13) + 4 * (t > LOCATION), kinds
         )
-        none, second = placed_together(found, first, beside).weighed
-        held = beside.weighed[1].log_evidence
+        none, second = placed_together(found, first, beside).candidates
+        held = beside.candidates[1].log_evidence
         return first.log_evidence + np.array([second.log_evidence, held]) - none.log_evidence
 
     one, other = both(("step", "periodic")), both(("periodic", "step"))
@@ -81,7 +81,7 @@ def test_evidence_of_two_causes_does_not_depend_on_which_is_first():
 def test_nothing_further_is_no_worse_than_the_accepted_cause(pair):
     found, first, beside = pair
     null = nothing_further(beside.problem, Fitted(*first[1:5]), found.emulator, found.noise)
-    assert null.peak.squares < 1.05 * first.peak.squares
+    assert null.mode.squares < 1.05 * first.mode.squares
 
 
 def test_null_test_lets_the_first_cause_give_way(pair):

@@ -149,10 +149,10 @@ def test_a_second_search_in_a_fold_starts_where_that_on_all_rows_ended(simulator
 
     def counted(*args, **settings):
         climbs[-1] += 1
-        return climb(*args, **settings)
+        return optimise(*args, **settings)
 
-    climb = fits.climb
-    monkeypatch.setattr(fits, "climb", counted)
+    optimise = fits.optimise
+    monkeypatch.setattr(fits, "optimise", counted)
     pair = Pair(diagnosis.estimator_, diagnosis.extended_estimator_, "periodic + step")
     found = searches(diagnosis._steps)
     assert len(found) >= 2

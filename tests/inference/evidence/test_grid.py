@@ -9,7 +9,7 @@ from scipy.special import logsumexp
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.search.evidence import search
 from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
-from hybridsurrogate.inference.evidence.grid import layout
+from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.problem.context import make_context
 from hybridsurrogate.problem.problem import make_problem
@@ -32,11 +32,11 @@ def test_a_constant_assumed_at_the_end_of_its_prior_is_found():
     context = make_context(simulator, ("t",), 1, X, problem.scale, likelihood, basis, np.mean(y))
     wrong = hs.WrongConstant("share").prepare(context)
     model = problem.model.with_effects((wrong,))
-    assert abs(layout(model).neutral).max() < 3
+    assert abs(make_grid(model).neutral).max() < 3
     found = search(problem, [wrong], emulator_posterior(basis, None), False)
-    none, one = found.weighed
+    none, one = found.candidates
     assert one.log_evidence > none.log_evidence + 20
-    share = model.values(one.peak.z[None])[0, -1]
+    share = model.values(one.mode.z[None])[0, -1]
     assert abs(share - 0.3) < 0.05
     # the evidence under the constant's own prior may be missed by the one in ten that a mixture of
     # ten scales gives the fitting one, and by a prior that is centred one sd off its middle

@@ -8,7 +8,7 @@ import pytest
 import hybridsurrogate as hs
 from hybridsurrogate.effects.dynamics.dynamic_drift import DynamicDrift
 from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
-from hybridsurrogate.inference.evidence.grid import layout
+from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.levenberg_marquardt import best_of_many
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.ode.dynamics import TimeVaryingParameter
@@ -55,9 +55,9 @@ def test_best_fit_is_reached_from_a_simulation_far_from_the_data(epidemic, shape
     basis = problem.model.basis
     context = make_context(epidemic, names, 1, day, problem.scale, likelihood, basis, 0.0)
     model = problem.model.with_effects((DynamicDrift("contact", shape).prepare(context),))
-    plan = layout(model)
+    grid = make_grid(model)
     z, sigma = best_of_many(
-        model, day, problem.y, emulator_posterior(basis, None), plan, np.zeros(2), 1e-3
+        model, day, problem.y, emulator_posterior(basis, None), grid, np.zeros(2), 1e-3
     )
     assert sigma < 1.3 * NOISE
     if shape == "logistic":

@@ -10,7 +10,7 @@ import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.emulation.conditioned import krige
 from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
-from hybridsurrogate.inference.evidence.grid import layout
+from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.linearised import columns_at_nodes, linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import _whitener, scan
 from hybridsurrogate.problem.problem import make_problem
@@ -34,8 +34,8 @@ def test_slopes_are_the_derivative(kriged):
     if kriged:
         basis, emulator = krige(model.basis, emulator, runs, runs.y)
         model = replace(model, basis=basis)
-    z = layout(model).neutral + 0.3
-    around = linearise(model, t[:, None], emulator, layout(model), z)
+    z = make_grid(model).neutral + 0.3
+    around = linearise(model, t[:, None], emulator, make_grid(model), z)
     rate = 0.1 + 0.5 * stats.norm.cdf(z[0] + np.array([-1e-3, 0.0, 1e-3]))
     low, here, high = model.basis.outer_output(t[:, None], rate[:, None], emulator.mean)
     error = around.G[0, :, 0] - (high - low) / 2e-3
@@ -74,8 +74,8 @@ def test_a_table_that_a_cause_keeps_stays_as_it_is(n):
         t[:, None],
         np.sin(t),
     )
-    plan = layout(problem.model)
-    columns_at_nodes(problem.model, t[:, None], plan, plan.neutral)
+    grid = make_grid(problem.model)
+    columns_at_nodes(problem.model, t[:, None], grid, grid.neutral)
     np.testing.assert_array_equal(table.tables[20][:, 0], 100 * np.sin(3 * t))
 
 
@@ -105,10 +105,10 @@ def test_columns_next_to_nothing_stay_so(monkeypatch, block):
         t,
         np.exp(-0.3 * t[:, 0]),
     )
-    plan = layout(problem.model)
+    grid = make_grid(problem.model)
     monkeypatch.setattr("hybridsurrogate.blocks.BLOCK", block)
-    found = columns_at_nodes(problem.model, t, plan, plan.neutral)
-    spikes = np.exp(-(((t[:, 0] - plan.grid) / 0.03) ** 2))
+    found = columns_at_nodes(problem.model, t, grid, grid.neutral)
+    spikes = np.exp(-(((t[:, 0] - grid.points) / 0.03) ** 2))
     np.testing.assert_allclose(found.own[:, :, 0] * found.rms[:, :1], spikes, rtol=1e-9)
     # as long as the others but for those that would be rounding
     size = np.sqrt(np.mean(found.own[:, :, 0] ** 2, axis=1))
@@ -143,8 +143,8 @@ def test_a_node_that_fails_at_a_row_has_no_slopes_there_or_elsewhere():
         simulator, hs.ExactSurrogate(), hs.Normal(), None, (Shift(),), ("t",), t[:, None], t
     )
     emulator = emulator_posterior(problem.model.basis, None)
-    plan = layout(problem.model)
-    around = linearise(problem.model, t[:, None], emulator, plan, plan.neutral)
+    grid = make_grid(problem.model)
+    around = linearise(problem.model, t[:, None], emulator, grid, grid.neutral)
     failed = ~np.isfinite(around.mean).all(axis=1)
     assert 0 < failed.sum() < len(failed)
     assert not around.G[failed].any()
@@ -152,7 +152,7 @@ def test_a_node_that_fails_at_a_row_has_no_slopes_there_or_elsewhere():
     noise = NoiseTable(problem.noise_prior, problem.scale, len(t))
     nodes = scan(around, problem.y[None], 0.1, noise, np.array([1.0]))[0]
     np.testing.assert_array_equal(np.isfinite(nodes[failed]), False)
-    assert np.isfinite(nodes[np.argmin(np.abs(plan.grid[:, 0]))])
+    assert np.isfinite(nodes[np.argmin(np.abs(grid.points[:, 0]))])
 
 
 @pytest.mark.parametrize(("n", "r"), [(40, 7), (7, 40), (20, 20)], ids=["tall", "wide", "square"])

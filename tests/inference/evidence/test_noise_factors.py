@@ -15,7 +15,7 @@ from hybridsurrogate.diagnosis.answers.table import form_of
 from hybridsurrogate.diagnosis.search.evidence import kind_of, search
 from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
 from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
-from hybridsurrogate.inference.evidence.grid import layout
+from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.linearised import linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
 from hybridsurrogate.problem.context import make_context
@@ -60,10 +60,10 @@ def test_evidence_equals_the_gaussian_marginal_likelihood(cause):
     )
     cause = cause.prepare(context)
     model = replace(problem.model, effects=(cause,))
-    plan = layout(model)
+    grid = make_grid(model)
     emulator = emulator_posterior(model.basis, None)
     error = rng.normal(0, 0.3, (n, 2))  # of an emulator, as a factor of its covariance
-    parts = replace(linearise(model, problem.X, emulator, plan, plan.neutral), U=error)
+    parts = replace(linearise(model, problem.X, emulator, grid, grid.neutral), U=error)
 
     def fixed_sigma(squares):
         return -0.5 * n * np.log(2 * np.pi * sigma**2) - 0.5 * squares / sigma**2
@@ -72,7 +72,7 @@ def test_evidence_equals_the_gaussian_marginal_likelihood(cause):
 
     prior = 0.5**2 + 0.3**2 * np.outer(t, t) + error @ error.T
     names = list(cause.grid())
-    for k, node in enumerate(plan.grid):
+    for k, node in enumerate(grid.points):
         theta = dict(zip(names, node, strict=True))
         factor = np.broadcast_to(cause.noise({"t": t}, theta), n)
         shape = np.empty((n, 0))
@@ -86,7 +86,7 @@ def test_evidence_equals_the_gaussian_marginal_likelihood(cause):
                 ).logpdf(y[r])
                 for s in sizes
             ]
-            expected = logsumexp(by_size) - np.log(len(sizes)) + plan.log_weight[k]
+            expected = logsumexp(by_size) - np.log(len(sizes)) + grid.log_weight[k]
             assert found[r, k] == pytest.approx(expected, abs=1e-6)
 
 
@@ -102,14 +102,14 @@ def weigh_noise(growth, seed):
     forms = ("noise", "trend", "bump", "unexplained")
     causes = [cause for cause in catalogue(context)[0] if form_of(cause) in forms]
     found = search(problem, causes, emulator_posterior(problem.model.basis, None))
-    return found, {kind_of(w): w for w in found.weighed}
+    return found, {kind_of(w): w for w in found.candidates}
 
 
 def test_noise_that_grows_is_told_from_noise_that_does_not():
     found, weighed = weigh_noise(0.6, 0)
     assert weighed["noise"].log_evidence > weighed["none"].log_evidence + 5
-    assert kind_of(found.weighed[int(np.argmax(found.probability))]) == "noise"
-    slope = weighed["noise"].plan.grid[weighed["noise"].peak.node, 0] / 2
+    assert kind_of(found.candidates[int(np.argmax(found.probability))]) == "noise"
+    slope = weighed["noise"].grid.points[weighed["noise"].mode.node, 0] / 2
     assert slope == pytest.approx(0.6, abs=0.25)
     # sigma keeps its meaning, and predictions know where the noise is
     assert weighed["noise"].sigma == pytest.approx(0.3, rel=0.3)

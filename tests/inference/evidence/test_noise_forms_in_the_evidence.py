@@ -16,7 +16,7 @@ from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
 from hybridsurrogate.diagnosis.search.null_test import _replicates, null_test
 from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
-from hybridsurrogate.inference.evidence.grid import layout
+from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.linearised import linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
 from hybridsurrogate.likelihoods.contaminated import log_shape
@@ -32,8 +32,8 @@ def test_evidence_of_outliers_equals_brute_force():
     problem, context = problem_of(t[:, None], y[0], LEVEL, prior)
     cause = hs.Outliers().prepare(context)
     model = problem.model.with_effects((cause,))
-    plan = layout(model)
-    parts = linearise(model, problem.X, emulator_posterior(model.basis, None), plan, plan.neutral)
+    grid = make_grid(model)
+    parts = linearise(model, problem.X, emulator_posterior(model.basis, None), grid, grid.neutral)
     table = NoiseTable(prior, problem.scale, len(t))
     # the measured response alone is followed to the end, replicates in a batch nearly so
     batch = scan(parts, y, 0.4, table, np.array([1.0]))
@@ -44,10 +44,10 @@ def test_evidence_of_outliers_equals_brute_force():
     z = (y[:, None, None, :] - level[:, None, None] - t) / np.exp(log_sigma)[:, None]
     weight = stats.norm(1, 0.5).logpdf(level)[:, None] + prior.logpdf(np.exp(log_sigma)) + log_sigma
     brute = np.empty_like(found)
-    for k, share in enumerate(plan.grid[:, 0]):
+    for k, share in enumerate(grid.points[:, 0]):
         rows = log_shape(z, share) - log_sigma[:, None]
         brute[:, k] = logsumexp(rows.sum(axis=-1) + weight, axis=(1, 2)) + np.log(cell)
-    brute += plan.log_weight
+    brute += grid.log_weight
     # nodes at which rows may be read either way have a flat sigma; those that count do not
     np.testing.assert_allclose(found, brute, rtol=0, atol=0.3)
     total, told = logsumexp(brute, axis=1), logsumexp(found, axis=1)
@@ -60,9 +60,9 @@ def test_evidence_of_noise_that_follows_the_output_equals_the_marginal_likelihoo
     problem, context = problem_of(t[:, None], y[0], LEVEL)
     cause = hs.NoiseOfMean().prepare(context)
     model = problem.model.with_effects((cause,))
-    plan, sigma = layout(model), 0.4
+    grid, sigma = make_grid(model), 0.4
     z = np.full(model.n_unknowns, 0.2)
-    parts = linearise(model, problem.X, emulator_posterior(model.basis, None), plan, z)
+    parts = linearise(model, problem.X, emulator_posterior(model.basis, None), grid, z)
 
     def fixed_sigma(squares):
         return -0.5 * 9 * np.log(2 * np.pi * sigma**2) - 0.5 * squares / sigma**2
@@ -71,10 +71,10 @@ def test_evidence_of_noise_that_follows_the_output_equals_the_marginal_likelihoo
     # the noise is that of the simulation at the point of linearisation
     eta = 1 + 0.2 * 0.5 + t
     size = np.sqrt(np.mean(y[0] ** 2))
-    for k, exponent in enumerate(plan.grid[:, 0]):
+    for k, exponent in enumerate(grid.points[:, 0]):
         factor = np.hypot(eta / size, 0.05) ** exponent
         covariance = 0.25 + np.diag((sigma * factor) ** 2)
-        expected = stats.multivariate_normal(1 + t, covariance).logpdf(y) + plan.log_weight[k]
+        expected = stats.multivariate_normal(1 + t, covariance).logpdf(y) + grid.log_weight[k]
         np.testing.assert_allclose(found[:, k], expected, atol=1e-5)
 
 
@@ -84,21 +84,21 @@ def test_evidence_of_autocorrelation_equals_the_marginal_likelihood():
     problem, context = problem_of(t[:, None], y[0])
     cause = hs.Autocorrelation("t").prepare(context)
     model = problem.model.with_effects((cause,))
-    plan, sigma, sizes = layout(model), 0.4, np.array([0.3, 1.0])
-    parts = linearise(model, problem.X, emulator_posterior(model.basis, None), plan, plan.neutral)
+    grid, sigma, sizes = make_grid(model), 0.4, np.array([0.3, 1.0])
+    parts = linearise(model, problem.X, emulator_posterior(model.basis, None), grid, grid.neutral)
 
     def fixed_sigma(squares):
         return -0.5 * 16 * np.log(2 * np.pi * sigma**2) - 0.5 * squares / sigma**2
 
     found = scan(parts, y, sigma, fixed_sigma, sizes)
     line = 0.5**2 + 0.3**2 * np.outer(t, t) + sigma**2 * np.eye(16)
-    for k, length in enumerate(plan.grid[:, 0]):
+    for k, length in enumerate(grid.points[:, 0]):
         columns = cause.columns({"t": t}, {"length": np.full(16, length), "amplitude": np.ones(16)})
         process = columns @ columns.T / np.mean(np.sum(columns**2, axis=1))
         terms = [
             stats.multivariate_normal(1 + 2 * t, line + s**2 * process).logpdf(y) for s in sizes
         ]
-        expected = logsumexp(terms, axis=0) - np.log(2) + plan.log_weight[k]
+        expected = logsumexp(terms, axis=0) - np.log(2) + grid.log_weight[k]
         np.testing.assert_allclose(found[:, k], expected, atol=1e-6)
 
 
@@ -125,7 +125,7 @@ def test_nothing_is_named_where_nothing_is_wrong():
         y = 1 + 2 * t + np.random.default_rng(seed).standard_normal(60)
         found, first = weigh(t[:, None], y, forms=(*FORMS, "trend"))
         assert first == "none"
-        above += [w.log_evidence - found.weighed[0].log_evidence for w in found.weighed[1:4]]
+        above += [w.log_evidence - found.candidates[0].log_evidence for w in found.candidates[1:4]]
     assert np.mean(np.array(above) < 0) >= 0.8
     test = null_test(found, 100, np.random.RandomState(0))
     assert np.mean(test.replicates > 1) < 0.1
@@ -147,7 +147,7 @@ def test_a_diagnosis_names_outliers_and_predicts_without_them():
     assert low < 0.1 < high
     assert found.extended_simulator_ is None
     assert "outliers" in found.best_cause_.latex
-    _, variance = predict_locally(found.search_, found.search_.weighed[0], np.array([[5.0]]))
+    _, variance = predict_locally(found.search_, found.search_.candidates[0], np.array([[5.0]]))
     assert variance[0] > 1
 
 
@@ -158,9 +158,9 @@ def test_replicates_beside_accepted_noise_have_that_noise():
     y = 1 + 2 * t + sd * rng.standard_normal(120)
     found, name = weigh(t[:, None], y, forms=("noise", "trend"))
     assert name == "noise(t)"
-    first = next(w for w in found.weighed if w.cause and w.cause.name == name)
+    first = next(w for w in found.candidates if w.cause and w.cause.name == name)
     problem = replace(found.problem, model=found.problem.model.with_effects((first.cause,)))
-    others = [w.cause for w in found.weighed if w.cause and w is not first]
+    others = [w.cause for w in found.candidates if w.cause and w is not first]
     beside = search(problem, others, found.emulator, False, first)
     drawn = _replicates(beside, 400, np.random.RandomState(0))
     spread = drawn.std(axis=0)
