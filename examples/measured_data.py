@@ -95,7 +95,7 @@ def without_own(data: DataSet, found: Search) -> tuple[hs.Cause, float]:
     own = {cause.kind for cause in data.own}
     kept = [weighed for weighed in found.candidates if kind_of(weighed) not in own]
     probability, remainder = probabilities(kept)
-    rest = replace(found, weighed=kept, probability=probability, remainder=remainder)
+    rest = replace(found, candidates=kept, probability=probability, remainder=remainder)
     best = leader(rest)
     return kept[best].cause, float(probability[best] / (1 - probability[0]))
 

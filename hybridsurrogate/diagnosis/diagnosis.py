@@ -17,6 +17,7 @@ from sklearn.utils import check_random_state
 from hybridsurrogate.diagnosis.answers.discrepancy import estimate_discrepancy
 from hybridsurrogate.diagnosis.answers.experimental_design import next_measurement
 from hybridsurrogate.diagnosis.answers.finding import finding_of
+from hybridsurrogate.diagnosis.answers.result import DiagnosisResult
 from hybridsurrogate.diagnosis.answers.table import cause_table, not_reached
 from hybridsurrogate.diagnosis.checks.cost import warn_if_slow
 from hybridsurrogate.diagnosis.checks.data import (
@@ -134,6 +135,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         1 and 2. None where the simulation itself is run.
     search_ : Search
         All causes at their best in the first search, with nothing else found.
+    result_ : DiagnosisResult
+        All searches, and the settings of this fit, which `set_params` does not change.
 
     Notes
     -----
@@ -221,7 +224,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self.gain_: Gain | None = None
         self.gain_out_of_range_: Gain | None = None
         with one_blas_thread():
-            self._prove(X, self.estimator_._measured[1], random)
+            self._prove(X, self.estimator_.measured_[1], random)
         return self
 
     def _forget(self) -> None:
@@ -235,20 +238,18 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     def _search(self, prepared: Prepared, random_state: np.random.RandomState) -> list[Step]:
         problem, emulator = trained_emulator(prepared.problem, self.estimator_)
         problem = on_working_rows(problem, self.estimator_.posterior_)
-        # a report tells of this fit, whatever set_params says later
-        self._limit, self._n_replicates = self.false_alarm_rate, int(self.n_replicates)
         steps = forward_search(
             problem,
             prepared.causes,
             emulator,
             int(self.max_causes),
-            self._limit,
-            self._n_replicates,
+            self.false_alarm_rate,
+            int(self.n_replicates),
             random_state,
         )
         test = steps[0].test
         assert test is not None  # only folds have none
-        self.search_, self._test, self.p_value_ = steps[0].search, test, test.p_value
+        self.search_, self.p_value_ = steps[0].search, test.p_value
         warn_if_exact(self.search_)
         self.emulator_check_ = check_emulator(
             self.search_, prepared.problem.model.basis, self.estimator_.simulation
@@ -263,14 +264,16 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         ranges = self.estimator_.simulation.input_ranges
         places = [next_measurement(step.beside, ranges) for step in steps]
         most = max(range(len(steps)), key=lambda k: places[k].information)
-        self._asked = steps[most].beside
+        self.result_ = DiagnosisResult(
+            tuple(steps), steps[most].beside, test, self.false_alarm_rate, int(self.n_replicates)
+        )
         self.next_measurement_ = places[most].place
         self.next_information_ = places[most].information
         return steps
 
     def _extend(self, steps: Sequence[Step], X: ArrayLike, y: ArrayLike) -> None:
         causes, problem = accepted(steps), self.search_.problem
-        self._steps, self._rows = tuple(steps), deepcopy((X, y))
+        self._rows = deepcopy((X, y))
         self.extended_estimator_ = extended(self.estimator_, causes, X, y)
         models = self.estimator_, self.extended_estimator_
         self._scans = BetaScans(models, *self._rows, self.n_jobs)
@@ -283,7 +286,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         )
         self.discrepancy_ = estimate_discrepancy(self.search_, steps[0].chosen.cause)
         self.confounded_ = confounding(
-            self.estimator_, self.extended_estimator_, self.estimator_._measured[0]
+            self.estimator_, self.extended_estimator_, self.estimator_.measured_[0]
         )
         for sentence in told(confounded(self.confounded_)):
             warnings.warn(sentence, ConfoundingWarning, stacklevel=3)
@@ -296,13 +299,13 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             clone(self.estimator),
             tuple(self.causes),
             tuple(self.exclude),
-            searches(self._steps),
+            searches(self.result_.steps),
             Pair(self.estimator_, self.extended_estimator_, kinds),
             int(self.max_causes),
             self.false_alarm_rate,
         )
         within = random_folds(len(y), int(self.cv), random_state)
-        beyond = folds_beyond(self.estimator_.simulation, self.estimator_._measured[0])
+        beyond = folds_beyond(self.estimator_.simulation, self.estimator_.measured_[0])
         try:
             gains = proof(rehearse, within, beyond, X, y, self.n_jobs, bool(self.progress))
         except KeyboardInterrupt:

@@ -11,7 +11,7 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted
 
 from hybridsurrogate.diagnosis.answers.model_averaging import averaged_over
-from hybridsurrogate.diagnosis.search.forward_selection import Step
+from hybridsurrogate.diagnosis.answers.result import DiagnosisResult
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans, scan_beta, scan_folds
 from hybridsurrogate.diagnosis.validation.gain import Gain, gain_from, pointwise
 from hybridsurrogate.diagnosis.validation.refit import accepted
@@ -32,7 +32,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
     estimator_: Any
     extended_estimator_: Any
     _scans: BetaScans
-    _steps: tuple[Step, ...]
+    result_: DiagnosisResult
     _rows: tuple[ArrayLike, ArrayLike]
     _average: AveragedSurrogate | None
 
@@ -56,7 +56,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         if self._average is None:
-            *earlier, last = self._steps
+            *earlier, last = self.result_.steps
             self._average = averaged_over(
                 last.beside, self.estimator_, accepted(earlier), *self._rows
             )

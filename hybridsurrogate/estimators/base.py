@@ -141,7 +141,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
             raise ValueError("sample_weight leaves 1 sample; at least 2 measured rows are needed.")
         likelihood.check_training(output)
         rows = rows[:, order]
-        self._measured, self._sample_weight = (rows, output), weights
+        self.measured_, self._sample_weight = (rows, output), weights
         check_reach(columns, rows, self.simulation)
         warn_outside(columns, rows, self.simulation)
         warn_elsewhere(output, self.simulation)
@@ -152,7 +152,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         rows = self._known_columns(validate_data(self, self._in_order(X), reset=False, dtype=float))
         if isinstance(self.simulation, SimulationData):
             # a simulation that is run itself extrapolates nothing
-            warn_outside(self._columns, rows, self.simulation, self._measured[0])
+            warn_outside(self._columns, rows, self.simulation, self.measured_[0])
         return rows
 
     def _known_columns(self, rows: FloatArray) -> FloatArray:
@@ -313,7 +313,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
             In the order of the rows in ``fit``; rows of no weight have their predictive density.
         """
         check_is_fitted(self)
-        found, (X, y) = self._pointwise_loo(), self._measured
+        found, (X, y) = self._pointwise_loo(), self.measured_
         outside = self._rows.origin < 0
         return loo_of_rows(found, outside, self._mixture, X, y, self._sample_weight)
 
@@ -335,7 +335,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
             called like a dimension of ArviZ: ``parameter_chain``, ``parameter_draw``.
         """
         check_is_fitted(self)
-        X, y = self._measured
+        X, y = self.measured_
         random = check_random_state(self.random_state)
         return arviz_of(*curves(self._mixture(X), None, random), X, y, random)
 

@@ -57,6 +57,8 @@ class PowerScaledSurrogate(SurrogateEstimator):
 
     Attributes
     ----------
+    measured_ : (ndarray of shape (n, n_columns), ndarray of shape (n,))
+        The measured rows of the fit, as checked.
     posterior_ : Posterior
         Draws after step 2, from which predictions are made.
     first_step_ : Posterior

@@ -51,6 +51,8 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
 
     Attributes
     ----------
+    measured_ : (ndarray of shape (n, n_columns), ndarray of shape (n,))
+        The measured rows of the fit, as checked.
     simulation_posterior_, measured_posterior_ : Posterior
         Draws of the two surrogates; the first is None without a simulation.
     beta_ : float or callable
@@ -169,7 +171,7 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         parts = self._parts_loo(check_random_state(self.random_state))
         if "simulation" not in parts:
             return parts["measured"]
-        beta, X = self.beta_, self._measured[0]
+        beta, X = self.beta_, self.measured_[0]
         weight = self._beta_at(beta, X) if callable(beta) else float(beta)
         with np.errstate(divide="ignore"):
             log_density = np.logaddexp(
@@ -185,7 +187,7 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
             return [(1.0, self.measured_posterior_)]
         weight: Any
         if callable(self.beta_):
-            weight = self._beta_at(self.beta_, self._measured[0] if X is None else X)
+            weight = self._beta_at(self.beta_, self.measured_[0] if X is None else X)
             weight = weight if X is not None else float(weight.mean())
         else:
             weight = float(self.beta_)

@@ -56,7 +56,7 @@ def test_a_level_that_was_not_measured_has_no_offset():
     effect = hs.Offset("sensor", level=0)
     model = hs.PowerScaledSurrogate(
         REACTION, surrogate=hs.ExactSurrogate(), effects=[effect], n_draws=100, random_state=0
-    ).fit(ROWS, d.estimator_._measured[1])
+    ).fit(ROWS, d.estimator_.measured_[1])
     plain = model.predict(pd.DataFrame({"t": [5.0, 5.0], "sensor": [0.0, 1.0]}))
     draws = model.posterior_.estimates(0)["amplitude"]
     simulated = reaction(5.0, np.array([0, 1]), *model.posterior_.values.mean(axis=0)[:2])

@@ -1,5 +1,6 @@
 """What a search says to its user.
 
+result               what all others read of a search
 table                the table of all causes
 failures             parameters for which the simulation fails
 discrepancy          where and how much the simulation is wrong

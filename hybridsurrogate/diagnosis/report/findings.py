@@ -77,11 +77,12 @@ def verdict(view: View) -> list[str]:
 def chance(view: View) -> str:
     """Say what the p-value counts."""
     d = view.diagnosis
-    n, test = d._n_replicates, d._test
+    n, test = d.result_.n_replicates, d.result_.test
     as_bad = round(test.share * (n + 1)) - 1
     how_many = {0: "none", n: "all"}.get(as_bad, str(as_bad))
     made_up = f"Of {n} data sets made up by the simulation itself, with noise, and searched"
-    p_value = f"p = {digits.number(d.p_value_, 2)}, where up to {d._limit:g} counts as wrong."
+    limit = d.result_.false_alarm_rate
+    p_value = f"p = {digits.number(d.p_value_, 2)}, where up to {limit:g} counts as wrong."
     if test.p_value == test.share:
         return f"{made_up} in the same way, {how_many} looked as wrong as yours: {p_value}"
     million = test.bound < 1e-6
@@ -197,7 +198,7 @@ def _why_adequate(view: View) -> list[str]:
     d = view.diagnosis
     none = float(view.search.probability[0])
     odds = f"That nothing is wrong has {digits.probability(none)} of the probability"
-    if d.p_value_ <= d._limit:
+    if d.p_value_ <= d.result_.false_alarm_rate:
         return [f"{odds}: more than half, which decides in spite of the small p."]
     if none <= 0.5:
         shares = kind_shares(view.search)

@@ -173,7 +173,7 @@ def picture_next(view: View) -> Picture:
     low, high = view.simulated_range()
     rows = view.grid(min(low, at[view.shown]), max(high, at[view.shown]), at)
     x = rows[:, view.shown]
-    found = view.diagnosis._asked
+    found = view.diagnosis.result_.asked
     rivals = view.rivals(found)
     means = [view.expected(found, rival, rows) for rival in rivals]
     axes = plotting.new_axes(2, 1, height=5.0, share=True)

@@ -55,7 +55,7 @@ def next_step(view: View) -> list[str]:
     d = view.diagnosis
     place = digits.listing([f"{k} = {digits.number(v)}" for k, v in d.next_measurement_.items()])
     at = np.array([[d.next_measurement_[name] for name in view.columns]])
-    asked = d._asked
+    asked = d.result_.asked
     first, *others = view.rivals(asked)
     out = [_advice(view)]
     if not others:
@@ -167,7 +167,7 @@ def _remainder_beside(view: View) -> float:
     d = view.diagnosis
     if d.verdict_ not in ("named", "ambiguous"):
         return 0.0
-    cause, search = view.result[-1][1], d._steps[-1].beside
+    cause, search = view.result[-1][1], d.result_.steps[-1].beside
     place = [w.cause is cause for w in search.candidates].index(True)
     remainder = float(search.remainder[place])
     return remainder if np.isfinite(remainder) else 0.0

@@ -43,12 +43,12 @@ class View:
     @property
     def X(self) -> FloatArray:
         """Measured rows."""
-        return self.diagnosis.estimator_._measured[0]
+        return self.diagnosis.estimator_.measured_[0]
 
     @property
     def y(self) -> FloatArray:
         """Measured outputs."""
-        return self.diagnosis.estimator_._measured[1]
+        return self.diagnosis.estimator_.measured_[1]
 
     @property
     def output(self) -> str:
@@ -88,7 +88,7 @@ class View:
     @property
     def search(self) -> Search:
         """The search for the first cause, beside all others that were found."""
-        return self.diagnosis._steps[0].beside
+        return self.diagnosis.result_.steps[0].beside
 
     @property
     def result(self) -> list[tuple[CauseFinding, Cause]]:

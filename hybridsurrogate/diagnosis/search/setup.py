@@ -84,7 +84,7 @@ def prepare(
         By name, for a cause of the user's that returns a wrong shape or NaN.
     """
     surrogate, likelihood = fitted._check_parameters()
-    X, y = fitted._measured
+    X, y = fitted.measured_
     columns = fitted.posterior_.model.columns
     problem = make_problem(
         fitted.simulation, surrogate, likelihood, fitted.noise_prior, (), columns, X, y

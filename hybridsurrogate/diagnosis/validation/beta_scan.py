@@ -64,7 +64,7 @@ class BetaScans:
             return None
         assert before.simulation is not None
         folds = (
-            folds_beyond(before.simulation, before._measured[0])
+            folds_beyond(before.simulation, before.measured_[0])
             if out_of_range
             else scan_folds(self.y)
         )

@@ -77,9 +77,9 @@ def test_a_cause_gives_way_to_one_that_is_better_beside_the_other():
     found = hs.DiscrepancyDiagnosis(model, cv=None, max_causes=2, random_state=0)
     found.fit(case.X, case.y)
     assert {cause.kind for cause in found.found_causes_} == {"trend", "missing-input"}
-    first = found._steps[0]
+    first = found.result_.steps[0]
     assert kind_of(first.search.candidates[leader(first.search)]) != "trend"
-    for step, told in zip(found._steps, found.found_causes_, strict=True):
+    for step, told in zip(found.result_.steps, found.found_causes_, strict=True):
         best = step.beside.candidates[leader(step.beside)]
         assert kind_of(best) == told.kind
 
@@ -87,6 +87,6 @@ def test_a_cause_gives_way_to_one_that_is_better_beside_the_other():
 def test_what_was_chosen_for_its_companion_needs_it(both):
     """Where no companion is accepted the cause that explains most on its own is chosen."""
     found = both.search_
-    step = replace(both._steps[0], chosen=found.candidates[1], beside=found)
+    step = replace(both.result_.steps[0], chosen=found.candidates[1], beside=found)
     assert _alone([step])[0].chosen is found.candidates[leader(found)]
     assert _alone([step, step])[0].chosen is found.candidates[1]

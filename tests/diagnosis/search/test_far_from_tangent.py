@@ -87,7 +87,7 @@ def test_a_rate_that_swings_through_many_radians_is_found():
 def test_evidence_tells_what_tangents_do_not_see():
     others = [kind for kind in kinds() if kind != "wrong-constant"]
     diagnosis = diagnose(2.0, 0, exclude=others)
-    assert diagnosis._test.share > 0.05
+    assert diagnosis.result_.test.share > 0.05
     assert diagnosis.p_value_ == pytest.approx(1 / 201)
     assert diagnosis.verdict_ == "named"
     assert "searched by tangents" in str(diagnosis.report())

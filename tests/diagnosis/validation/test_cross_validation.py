@@ -154,7 +154,7 @@ def test_a_second_search_in_a_fold_starts_where_that_on_all_rows_ended(simulator
     optimise = fits.optimise
     monkeypatch.setattr(fits, "optimise", counted)
     pair = Pair(diagnosis.estimator_, diagnosis.extended_estimator_, "periodic + step")
-    found = searches(diagnosis._steps)
+    found = searches(diagnosis.result_.steps)
     assert len(found) >= 2
     told = []
     for known in (found[:1], found):

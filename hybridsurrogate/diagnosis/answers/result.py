@@ -1,0 +1,32 @@
+"""What a search ended with, for whoever reads it: report, averages, further folds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hybridsurrogate.diagnosis.search.evidence import Search
+from hybridsurrogate.diagnosis.search.forward_selection import Step
+from hybridsurrogate.diagnosis.search.null_test import NullTest
+
+
+@dataclass(frozen=True)
+class DiagnosisResult:
+    """The search of one fit; what `set_params` says later does not change it.
+
+    Attributes
+    ----------
+    steps : tuple of Step
+        One for each search, each beside the causes that were accepted before it.
+    asked : Search
+        The one whose rivals a further measurement would best tell apart.
+    test : NullTest
+        Of the first search.
+    false_alarm_rate : float
+    n_replicates : int
+    """
+
+    steps: tuple[Step, ...]
+    asked: Search
+    test: NullTest
+    false_alarm_rate: float
+    n_replicates: int
