@@ -178,8 +178,12 @@ def test_intervals_of_causes_hold_the_truth_where_only_runs_are_known():
 
     Over many seeds: ``python -m examples.emulated_intervals``.
     """
-    surrogates = hs.Kriging(), hs.PolynomialChaos()
-    both = [intervals(NUMBERS[seed % 4], 700 + seed, surrogates) for seed in range(6)]
+    both = []
+    for seed in range(6):
+        number = NUMBERS[seed % 4]
+        # a step takes long over polynomials
+        others = (hs.PolynomialChaos(),) if number[0] != "step" else ()
+        both.append(intervals(number, 700 + seed, (hs.Kriging(), *others)))
     # 3 or fewer of 6 in one of 63 such tests, 2 or fewer in one of 790
     assert sum(found[0].holds for found in both) >= 4
-    assert np.median([found[0].width / found[1].width for found in both]) < 0.5
+    assert np.median([found[0].width / found[1].width for found in both if found[1:]]) < 0.5
