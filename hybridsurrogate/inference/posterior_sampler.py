@@ -66,7 +66,7 @@ def first_step(
     start = modes if target.is_exact else _around(target, minor, random_state)
     run = backend.run(target.joint_log_density, start, n_draws, random_state)
     diagnostics = _of_ensemble(run, len(modes), doubt)
-    return FirstStep(*target.unwalked(run.draws, random_state), diagnostics)
+    return FirstStep(*target.from_ensemble(run.draws, random_state), diagnostics)
 
 
 def _approximations(
@@ -193,7 +193,7 @@ def _around(
     for mode in components:
         e = random_state.standard_normal((4 * (d + p), p))
         u = mode.mean + random_state.standard_normal((len(e), d)) @ mode.factor.T
-        points = target.walked(np.hstack([u, e]))
+        points = target.to_ensemble(np.hstack([u, e]))
         points = points[np.isfinite(points).all(axis=1)]
         covariance = np.cov(points.T) + 1e-10 * np.eye(d + p)
         out.append(Gaussian(points.mean(axis=0), np.linalg.cholesky(covariance), mode.log_mass))

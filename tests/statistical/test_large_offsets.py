@@ -225,7 +225,7 @@ def test_a_common_level_changes_no_verdict(case, scale):
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.__name__)
 def test_no_level_and_no_unit_changes_a_verdict(case):
     first = told(case, Scale())
-    # every step of an ODE is slow: both ends of it suffice
+    # an ODE is slow: tiny outputs far away, and both axes elsewhere
     scales = FEW[1::2] if case is trend_of_ode else FEW
     found = {scale: agrees(case, scale, first) for scale in scales if fits(case, scale)}
     assert {scale: here for scale, (same, here) in found.items() if not same} == {}

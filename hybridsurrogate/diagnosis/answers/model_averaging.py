@@ -27,7 +27,7 @@ def averaged_over(
     Parameters
     ----------
     result : Search
-        Candidate beside ``earlier``.
+        Its causes were weighed beside ``earlier``.
     before : PowerScaledSurrogate
         Without effects.
     earlier : tuple of Cause

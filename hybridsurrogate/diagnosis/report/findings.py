@@ -50,7 +50,7 @@ def verdict(view: View) -> list[str]:
             chance(view),
         ]
     shares = kind_shares(view.search)
-    finding, cause = view.result[0]
+    finding, cause = view.findings[0]
     found = f"{label_of_cause(cause)}{_with_estimates(view, finding, cause)}"
     if d.verdict_ == "named":
         return [
@@ -107,7 +107,7 @@ def where(view: View) -> list[str]:
             "places even where nothing is wrong."
         )
         return out
-    if not any(cause.changes_output for _, cause in view.result):
+    if not any(cause.changes_output for _, cause in view.findings):
         out.append(
             "The simulation's curve stays as it is; what changes is how far the measurements "
             "scatter around it, and with that how much each of them counts."
@@ -170,9 +170,9 @@ def extension(view: View) -> list[str]:
             f"Under the {view.likelihood} likelihood the cause acts on log {view.output}: adding "
             f"0.1 there makes {view.output} larger by a factor of 1.105."
         )
-    if len(view.result) > 1:
+    if len(view.findings) > 1:
         out.append(
-            f"It holds {len(view.result)} causes at once; each formula shows one, with the other "
+            f"It holds {len(view.findings)} causes at once; each formula shows one, with the other "
             "causes inside 'simulation'."
         )
     out.append(
@@ -237,7 +237,7 @@ def _meaning(view: View, finding: CauseFinding, cause: Cause) -> list[str]:
 def _further(view: View) -> list[str]:
     """Say what was found beside the first cause, each by a search of its own."""
     out = []
-    for finding, cause in view.result[1:]:
+    for finding, cause in view.findings[1:]:
         if finding.kind == "unexplained":
             out.append("Beside it a smooth curve of unknown shape is needed.")
             continue
@@ -264,7 +264,7 @@ def _sureness(view: View) -> list[str]:
         if rival is not None
         else ""
     )
-    others = [label_of_cause(cause) for f, cause in view.result[1:] if f.kind != "unexplained"]
+    others = [label_of_cause(cause) for f, cause in view.findings[1:] if f.kind != "unexplained"]
     has = f"Beside {digits.listing(others)} it has" if others else "It has"
     out = [f"{has} {own} of the probability{of_kind}{nearest}."]
     if view.kindred():

@@ -184,8 +184,8 @@ def _formulas(view: View) -> tuple[tuple[str, str], ...]:
     if view.log_scale:
         output, name = f"log {output}", rf"\log {name}"
     out = []
-    for finding, cause in view.result:
-        which = f", {label_of_cause(cause)}" if len(view.result) > 1 else ""
+    for finding, cause in view.findings:
+        which = f", {label_of_cause(cause)}" if len(view.findings) > 1 else ""
         out.append((f"Formula{which}", f"{output} = {finding.formula}"))
         out.append((f"In LaTeX{which}", f"{name} = {finding.latex}"))
     return tuple(out)

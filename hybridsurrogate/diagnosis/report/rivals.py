@@ -21,7 +21,7 @@ def rivals(view: View) -> list[str]:
         "Before the data, 'nothing is wrong' (none) has half of the probability and the kinds "
         "share the rest. Log evidence compares with none: each unit is a factor of 2.7 in odds."
     ]
-    if len(view.result) > 1:
+    if len(view.findings) > 1:
         out.append(
             "The table is about the first cause, with the others a part of the simulation: none "
             "says that they are all that is wrong."
@@ -107,16 +107,17 @@ def _advice(view: View) -> str:
             "of extended_estimator_ follow the leading one; averaged_estimator() weighs them all "
             "by their probabilities, and is what to predict with beyond the data."
         )
-    found = [label_of_cause(c) for f, c in view.result if f.kind != "unexplained"]
+    found = [label_of_cause(c) for f, c in view.findings if f.kind != "unexplained"]
     found += [label_of(w) for w in view.kindred()]
     check = (
         f"Check {digits.listing(found)} where the data come from: a cause that fits is not yet a "
         "cause that is true."
     )
     if _remainder_beside(view) > SETTINGS.told_remainder:
+        more = len(view.findings) + 1
         check += (
             f" Something is left beside {_it(view)}: search on with "
-            f"max_causes={len(view.result) + 1}, and put a mechanism of your own among the causes."
+            f"max_causes={more}, and put a mechanism of your own among the causes."
         )
     return f"{check} {_predict_with(view)}"
 
@@ -159,7 +160,7 @@ def _alike(view: View) -> list[str]:
 
 
 def _it(view: View) -> str:
-    return "it" if len(view.result) == 1 else "them"
+    return "it" if len(view.findings) == 1 else "them"
 
 
 def _remainder_beside(view: View) -> float:
@@ -167,7 +168,7 @@ def _remainder_beside(view: View) -> float:
     d = view.diagnosis
     if d.verdict_ not in ("named", "ambiguous"):
         return 0.0
-    cause, search = view.result[-1][1], d.result_.steps[-1].beside
+    cause, search = view.findings[-1][1], d.result_.steps[-1].beside
     place = [w.cause is cause for w in search.candidates].index(True)
     remainder = float(search.remainder[place])
     return remainder if np.isfinite(remainder) else 0.0
@@ -182,7 +183,7 @@ def _remainder(view: View) -> list[str]:
     lag = float(np.corrcoef(left[order][:-1], left[order][1:])[0, 1])
     removed = 1 - float(np.var(left)) / float(np.var(view.y - view.before))
     return [
-        f"{'The cause is' if len(view.result) == 1 else 'These causes are'} not the whole story: "
+        f"{'The cause is' if len(view.findings) == 1 else 'These causes are'} not the whole story: "
         f"with probability {digits.probability(remainder)} a smooth remainder is needed beside "
         f"{_it(view)}. The extension removes {digits.percent(removed)} of "
         f"the variance of the residuals; those that are left have a correlation of {lag:.2f} "

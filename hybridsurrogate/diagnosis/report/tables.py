@@ -30,11 +30,11 @@ def cause_table(view: View) -> pd.DataFrame:
 
 def thirds(view: View) -> list[Third]:
     """Return where the extension changes the predictions; nothing without an extension."""
-    if not any(cause.changes_output for _, cause in view.result) or not np.any(view.change):
+    if not any(cause.changes_output for _, cause in view.findings) or not np.any(view.change):
         return []
     found = shares_of_thirds(view.X, view.change, view.columns)
     # other columns than inputs and what a cause looks at have a share by accident
-    matter = {*view.inputs, *(name for _, cause in view.result for name in cause.reads)}
+    matter = {*view.inputs, *(name for _, cause in view.findings for name in cause.reads)}
     return [third for third in found if third.column in matter]
 
 
@@ -71,7 +71,7 @@ def estimate_table(view: View) -> pd.DataFrame:
     """Return what the cause and the simulation's parameters are estimated to be, with units."""
     rows = [
         (f"{finding.kind} {name}", unit_of(view, cause, name), "-", digits.interval(*told))
-        for finding, cause in view.result
+        for finding, cause in view.findings
         for name, told in finding.estimates.items()
     ]
     log = "log " if view.log_scale else ""

@@ -91,7 +91,7 @@ class View:
         return self.diagnosis.result_.steps[0].beside
 
     @property
-    def result(self) -> list[tuple[CauseFinding, Cause]]:
+    def findings(self) -> list[tuple[CauseFinding, Cause]]:
         """Every accepted cause, what was found about it and the cause itself, in order."""
         if not self.extended:
             return []

@@ -232,8 +232,8 @@ def _others(causes: Sequence[Cause], chosen: Candidate) -> list[Cause]:
     return [cause for cause in causes if cause is not chosen.cause]
 
 
-def ends_search(candidates: Candidate) -> bool:
+def ends_search(candidate: Candidate) -> bool:
     """Tell whether nothing is searched for beside a cause."""
     # a curve or a path of any shape leaves nothing to name; beside outliers there is no closed form
-    cause = candidates.cause
+    cause = candidate.cause
     return cause is None or cause.is_process or cause.has_outliers

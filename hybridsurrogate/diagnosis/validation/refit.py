@@ -49,8 +49,8 @@ class Rehearsal:
     excluded : tuple of str
         Kinds that are not weighed.
     found : sequence of Search
-        On all rows, the first one first: emulator and emulator come from the runs alone, which are
-        the same in each fold, and optimisations start where theirs ended.
+        On all rows, the first one first: its emulator comes from the runs alone, which are the
+        same in each fold, and optimisations start where theirs ended.
     fitted : Pair
         On all rows: fits of the same causes start from their proposals.
     max_causes : int

@@ -95,9 +95,9 @@ class CollapsedPosterior:
         """Return u, c and a of points u, the coefficients drawn."""
         return points, *self.draw_coefficients(points, random_state)
 
-    unwalked = resolved
+    from_ensemble = resolved
 
-    def walked(self, points: FloatArray) -> FloatArray:
+    def to_ensemble(self, points: FloatArray) -> FloatArray:
         """Return the points u themselves."""
         return points
 

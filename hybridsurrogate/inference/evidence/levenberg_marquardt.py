@@ -23,7 +23,7 @@ from hybridsurrogate.priors import FloatArray, to_normal
 
 # places seen from afar: along a size, how far these reach in standard deviations of the prior, and
 # besides; how many are followed, how much better (minus twice the log posterior) one has to be
-_ON_LINE, _REACH, _WIDE, _FOLLOWED, _WORTH_A_CLIMB = 49, 2.4, 400, 16, 2.0
+_ON_LINE, _REACH, _WIDE, _FOLLOWED, _WORTH_FOLLOWING = 49, 2.4, 400, 16, 2.0
 
 
 def is_followed(cause: Cause) -> bool:
@@ -126,7 +126,7 @@ def best_from_afar(
         end = _descend(residual, followed, np.concatenate([grid.fixed, grid.sizes, grid.nodes]))
         z, value = np.vstack([z, end]), np.append(value, deviance(end[None]))
     best = int(np.argmin(value))
-    return z[best] if value[best] < value[0] - _WORTH_A_CLIMB else None
+    return z[best] if value[best] < value[0] - _WORTH_FOLLOWING else None
 
 
 def _spread(model: MeasuredModel, grid: Grid, base: FloatArray, n: int) -> FloatArray:

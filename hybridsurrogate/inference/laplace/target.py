@@ -184,7 +184,7 @@ class LaplacePosterior:
         return np.where(np.isfinite(out), out, -np.inf)
 
     def extended_log_density(self, points: FloatArray) -> FloatArray:
-        """Return the exact log density of [u, e], (J, d + p), with v as in `walked`.
+        """Return the exact log density of [u, e], (J, d + p), with v as in `to_ensemble`.
 
         With e standard normal it is proportional to the proposal where the approximation is exact.
         """
@@ -204,20 +204,20 @@ class LaplacePosterior:
         self, points: FloatArray, random_state: np.random.RandomState
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return u, c and a of points [u, e] of `extended_log_density`."""
-        return self.unwalked(self.walked(points), random_state)
+        return self.from_ensemble(self.to_ensemble(points), random_state)
 
     @property
     def n_noise(self) -> int:
         """Length of e."""
         return self.n_coefficients
 
-    def walked(self, points: FloatArray) -> FloatArray:
+    def to_ensemble(self, points: FloatArray) -> FloatArray:
         """Return [u, v] for points [u, e]."""
         d = self.n_dimensions
         v = [self._fit(block[:, :d]).draw(block[:, d:]) for block in self._blocks(points)]
         return np.hstack([points[:, :d], np.concatenate(v)])
 
-    def unwalked(
+    def from_ensemble(
         self, w: FloatArray, random_state: np.random.RandomState
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return u (J, d) and coefficients c (J, p) and a (J, q) of places w = [u, v]."""

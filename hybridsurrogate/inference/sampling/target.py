@@ -1,6 +1,5 @@
 """What samplers ask of a density: one protocol, whatever integrates the coefficients out."""
 
-# ruff: noqa: D102 - the docstring of the class tells its attributes
 from __future__ import annotations
 
 from typing import Protocol
@@ -13,46 +12,47 @@ from hybridsurrogate.priors import FloatArray, Prior
 
 
 class Target(Protocol):
-    """A posterior of u = [z_omega, z_theta, z_hyper, log sigma] with coefficients (c, a).
-
-    Attributes
-    ----------
-    model : MeasuredModel
-    X, y : ndarray of shape (n, n_columns), (n,)
-        Measured rows, y on the scale of eta.
-    simulation_power : float
-    noise_prior : prior of sigma
-    scale : float
-        Spread of the output on the scale of eta.
-    is_exact : bool
-        Whether the coefficients are integrated out in closed form.
-    step_share : float
-        Share of a standard deviation that a difference of the search density needs.
-    n_dimensions, n_noise : int
-        Length of u, and of the standard normal noise e that stands for coefficients in extended
-        points [u, e].
-    """
+    """A posterior of u = [z_omega, z_theta, z_hyper, log sigma] with coefficients (c, a)."""
 
     @property
-    def model(self) -> MeasuredModel: ...
+    def model(self) -> MeasuredModel:
+        """Surrogate, causes and what is unknown of them."""
+
     @property
-    def X(self) -> FloatArray: ...
+    def X(self) -> FloatArray:
+        """Measured rows (n, n_columns)."""
+
     @property
-    def y(self) -> FloatArray: ...
+    def y(self) -> FloatArray:
+        """Measured outputs (n,) on the scale of eta."""
+
     @property
-    def simulation_power(self) -> float: ...
+    def simulation_power(self) -> float:
+        """Power of the likelihood of the runs."""
+
     @property
-    def noise_prior(self) -> Prior: ...
+    def noise_prior(self) -> Prior:
+        """Prior of sigma."""
+
     @property
-    def scale(self) -> float: ...
+    def scale(self) -> float:
+        """Spread of the output on the scale of eta."""
+
     @property
-    def is_exact(self) -> bool: ...
+    def is_exact(self) -> bool:
+        """Whether the coefficients are integrated out in closed form."""
+
     @property
-    def step_share(self) -> float: ...
+    def step_share(self) -> float:
+        """Share of a standard deviation over which the search density is differenced."""
+
     @property
-    def n_dimensions(self) -> int: ...
+    def n_dimensions(self) -> int:
+        """Length of u."""
+
     @property
-    def n_noise(self) -> int: ...
+    def n_noise(self) -> int:
+        """Length of the standard normal e that stands for coefficients in points [u, e]."""
 
     def with_model(self, model: MeasuredModel) -> Target:
         """Return the same posterior of another model."""
@@ -74,10 +74,10 @@ class Target(Protocol):
     def joint_log_density(self, w: FloatArray) -> FloatArray:
         """Return the exact log density of what an ensemble walks over: u, or [u, v]."""
 
-    def walked(self, points: FloatArray) -> FloatArray:
+    def to_ensemble(self, points: FloatArray) -> FloatArray:
         """Return the places over which an ensemble walks of extended points."""
 
-    def unwalked(
+    def from_ensemble(
         self, w: FloatArray, random_state: np.random.RandomState
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return u, c and a of places over which an ensemble walked."""

@@ -200,6 +200,7 @@ def test_draws_weigh_two_modes_of_a_square():
     model = hs.PowerScaledSurrogate(
         simulator, surrogate=hs.ExactSurrogate(), n_draws=2000, random_state=0
     ).fit(X, y)
+    assert model.diagnostics_.sampler == "importance"
     assert model.diagnostics_.n_modes == 2
     omega = model.posterior_.values[:, 0]
     # shares of far modes are those of importance weights: an ensemble hardly crosses between them

@@ -1,12 +1,16 @@
 """Unknowns that data tell together only: draws reach along their ridge as far as priors do."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy import integrate, stats
 
 import hybridsurrogate as hs
+from hybridsurrogate.inference import posterior_sampler
+from hybridsurrogate.inference.sampling.modes import Gaussian
+from hybridsurrogate.inference.sampling.ridges import elongation
 
 A = hs.truncated_normal(5, 1, 1, 9)
 DECAY = hs.Simulator(
@@ -45,3 +49,30 @@ def test_two_exchangeable_unknowns_are_as_uncertain_as_their_priors(kind, noise)
     assert drawn.mean() == pytest.approx(mean, abs=4 * sd / np.sqrt(500))
     assert drawn.std() == pytest.approx(sd, rel=4 / np.sqrt(2 * 500))
     assert model.diagnostics_.sampler == "importance"
+
+
+def test_elongation_does_not_depend_on_the_axes():
+    turned = np.array([[0.6, -0.8], [0.8, 0.6]])
+    covariance = turned @ np.diag([100.0, 0.25]) @ turned.T
+    mode = Gaussian(np.zeros(2), np.linalg.cholesky(covariance))
+    assert elongation(mode) == pytest.approx(np.sqrt(100.0 / 0.25))
+
+
+@pytest.mark.parametrize(("limit", "is_followed"), [(300.0, False), (1.0, True)])
+def test_a_thick_mode_is_not_followed(monkeypatch, limit, is_followed):
+    """Following it costs more than all else, and its draws are no better than those there are."""
+    followed = []
+
+    def spy(*arguments):
+        followed.append(arguments)
+
+    settings = replace(posterior_sampler.SETTINGS, ridge_elongation=limit)
+    monkeypatch.setattr(posterior_sampler, "SETTINGS", settings)
+    monkeypatch.setattr(posterior_sampler, "ridge_through", spy)
+    t = np.linspace(0, 10, 40)
+    y = SIZE * np.exp(-RATE * t) + 0.5 * np.random.default_rng(2).standard_normal(40)
+    effect = EXCHANGED["delay"][0]
+    hs.PowerScaledSurrogate(
+        DECAY, surrogate=hs.ExactSurrogate(), effects=[effect], n_draws=300, random_state=0
+    ).fit(t[:, None], y)
+    assert bool(followed) == is_followed
