@@ -93,11 +93,11 @@ def test_prediction_by_factors_is_that_by_features(simulation, measured, monkeyp
 
 def test_memory_for_intervals_is_bounded(fitted, measured, monkeypatch):
     X, y = measured
-    expected = fitted._inside(X, y, [0.5, 0.9])
+    expected = fitted.interval_holds(X, y, [0.5, 0.9])
     monkeypatch.setattr("hybridsurrogate.prediction.mixture.LARGE_BLOCK", 5 * fitted.n_draws)
     lengths, eta = [], Posterior.eta
     monkeypatch.setattr(Posterior, "eta", lambda p, X: (lengths.append(len(X)), eta(p, X))[1])
-    assert_same_numbers(fitted._inside(X, y, [0.5, 0.9]), expected)
+    assert_same_numbers(fitted.interval_holds(X, y, [0.5, 0.9]), expected)
     assert max(lengths) == 5
 
 

@@ -44,7 +44,7 @@ def foreseen(
         for name, model in models.items():
             score, inside = WORDS[name]
             out[score] = model.score(case.X_out, y)
-            out[inside] = float(np.mean(model._inside(case.X_out, y, (LEVEL,))[0]))
+            out[inside] = float(np.mean(model.interval_holds(case.X_out, y, (LEVEL,))[0]))
     return out
 
 

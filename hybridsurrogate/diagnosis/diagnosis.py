@@ -27,24 +27,24 @@ from hybridsurrogate.diagnosis.checks.data import (
     warn_of_copies,
 )
 from hybridsurrogate.diagnosis.checks.emulator import check_emulator
-from hybridsurrogate.diagnosis.checks.identifiability import confounded, confounding, told
+from hybridsurrogate.diagnosis.checks.identifiability import confounded, confounding, sentences
 from hybridsurrogate.diagnosis.checks.parameters import check_rows, check_settings
 from hybridsurrogate.diagnosis.checks.roughness import warn_if_rough
 from hybridsurrogate.diagnosis.fitted import FittedDiagnosis
-from hybridsurrogate.diagnosis.search.backfitting import beside_others
+from hybridsurrogate.diagnosis.search.backfitting import backfitted
 from hybridsurrogate.diagnosis.search.forward_selection import Step, forward_search, searches
 from hybridsurrogate.diagnosis.search.local_fit import InterruptedSearch
 from hybridsurrogate.diagnosis.search.setup import Prepared, prepare, trained_emulator
 from hybridsurrogate.diagnosis.search.verdict import credible_kinds, verdict_on
 from hybridsurrogate.diagnosis.search.working_rows import on_working_rows
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans
-from hybridsurrogate.diagnosis.validation.cross_validation import proof
+from hybridsurrogate.diagnosis.validation.cross_validation import cross_validated
 from hybridsurrogate.diagnosis.validation.folds import folds_beyond, random_folds
 from hybridsurrogate.diagnosis.validation.gain import Gain, in_one_word
 from hybridsurrogate.diagnosis.validation.progress import doing
 from hybridsurrogate.diagnosis.validation.refit import (
     Pair,
-    Rehearsal,
+    Refit,
     accepted,
     extended,
     extended_simulator,
@@ -100,6 +100,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         remainder is needed beside the cause), note (why a cause was not weighed, or how often the
         simulation fails under it); most probable first. Where several causes were found: beside
         all but the first of them.
+    beta_scans_ : BetaScans
+        What `beta_scan` tries at a few weights when it is first asked for.
     best_cause_ : CauseFinding
     found_causes_ : list of CauseFinding
         Every accepted cause in the order in which it was found, ``best_cause_`` the first.
@@ -255,17 +257,21 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             self.search_, prepared.problem.model.basis, self.estimator_.simulation
         )
         if self.emulator_check_ is not None:
-            self.emulator_check_.warn(self.estimator_._check_parameters()[0])
-        steps = beside_others(steps, self.search_.problem, prepared.causes)
-        found = steps[0].beside
+            self.emulator_check_.warn(self.estimator_.surrogate_)
+        steps = backfitted(steps, self.search_.problem, prepared.causes)
+        found = steps[0].given_others
         self.causes_ = cause_table(found, prepared.skipped)
         self.indistinguishable_ = credible_kinds(found)
         self.verdict_ = verdict_on(steps[0].chosen, found)
         ranges = self.estimator_.simulation.input_ranges
-        places = [next_measurement(step.beside, ranges) for step in steps]
+        places = [next_measurement(step.given_others, ranges) for step in steps]
         most = max(range(len(steps)), key=lambda k: places[k].information)
         self.result_ = DiagnosisResult(
-            tuple(steps), steps[most].beside, test, self.false_alarm_rate, int(self.n_replicates)
+            tuple(steps),
+            steps[most].given_others,
+            test,
+            self.false_alarm_rate,
+            int(self.n_replicates),
         )
         self.next_measurement_ = places[most].place
         self.next_information_ = places[most].information
@@ -276,7 +282,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self._rows = deepcopy((X, y))
         self.extended_estimator_ = extended(self.estimator_, causes, X, y)
         models = self.estimator_, self.extended_estimator_
-        self._scans = BetaScans(models, *self._rows, self.n_jobs)
+        self.beta_scans_ = BetaScans(models, *self._rows, self.n_jobs)
         self._average = None
         posterior = self.extended_estimator_.posterior_
         self.found_causes_ = [finding_of(step, k, posterior) for k, step in enumerate(steps)]
@@ -288,14 +294,14 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self.confounded_ = confounding(
             self.estimator_, self.extended_estimator_, self.estimator_.measured_[0]
         )
-        for sentence in told(confounded(self.confounded_)):
+        for sentence in sentences(confounded(self.confounded_)):
             warnings.warn(sentence, ConfoundingWarning, stacklevel=3)
 
     def _prove(self, X: ArrayLike, y: FloatArray, random_state: np.random.RandomState) -> None:
         if self.cv is None:
             return
         kinds = in_one_word([cause.kind for cause in self.found_causes_])
-        rehearse = Rehearsal(
+        refitted = Refit(
             clone(self.estimator),
             tuple(self.causes),
             tuple(self.exclude),
@@ -307,7 +313,9 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         within = random_folds(len(y), int(self.cv), random_state)
         beyond = folds_beyond(self.estimator_.simulation, self.estimator_.measured_[0])
         try:
-            gains = proof(rehearse, within, beyond, X, y, self.n_jobs, bool(self.progress))
+            gains = cross_validated(
+                refitted, within, beyond, X, y, self.n_jobs, bool(self.progress)
+            )
         except KeyboardInterrupt:
             warnings.warn(
                 "The folds of the diagnosis were interrupted: there is no gain. All else is kept, "
@@ -318,7 +326,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             raise
         # the weights are tried when they are asked for
         self.gain_, self.gain_out_of_range_ = (
-            gain and replace(gain, scan=partial(self._scans.few, out_of_range))
+            gain and replace(gain, scan=partial(self.beta_scans_.few, out_of_range))
             for gain, out_of_range in zip(gains, (False, True), strict=True)
         )
 

@@ -31,7 +31,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
 
     estimator_: Any
     extended_estimator_: Any
-    _scans: BetaScans
+    beta_scans_: BetaScans
     result_: DiagnosisResult
     _rows: tuple[ArrayLike, ArrayLike]
     _average: AveragedSurrogate | None
@@ -58,7 +58,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         if self._average is None:
             *earlier, last = self.result_.steps
             self._average = averaged_over(
-                last.beside, self.estimator_, accepted(earlier), *self._rows
+                last.given_others, self.estimator_, accepted(earlier), *self._rows
             )
         return self._average
 
@@ -118,12 +118,14 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
                 "out_of_range=True scans the data of fit at five weights: leave out X, y and betas."
             )
         if X is None and betas is None:
-            return self._scans.few(out_of_range)
+            return self.beta_scans_.few(out_of_range)
         rows, values = self._rows if X is None or y is None else (X, y)
         grid = np.linspace(0, 1, 11) if betas is None else np.unique(np.asarray(betas, dtype=float))
         rows, values = complete_table(rows), as_outputs(values)
         folds = scan_folds(values)
-        return scan_beta(self._scans.models, grid, folds, rows, values, self._scans.n_jobs)
+        return scan_beta(
+            self.beta_scans_.models, grid, folds, rows, values, self.beta_scans_.n_jobs
+        )
 
     def predict(self, X: ArrayLike, return_std: bool = False) -> Any:
         """Return predictions of the extended estimator.

@@ -125,8 +125,8 @@ def meaning_of(cause: Cause) -> str | None:
     """Return what a cause means, in words with places for names; None where nothing is known."""
     first = (cause.variant.split() or [""])[0]
     forms = (FORMS.get(f"{cause.kind}: {first}"), FORMS.get(cause.kind))
-    told = (form.meaning for form in forms if form is not None and form.meaning)
-    return cause.meaning or next(told, None)
+    meanings = (form.meaning for form in forms if form is not None and form.meaning)
+    return cause.meaning or next(meanings, None)
 
 
 def table_of_causes() -> str:

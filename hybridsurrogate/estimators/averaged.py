@@ -13,7 +13,6 @@ from sklearn.base import clone
 
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
-from hybridsurrogate.estimators.rollback import restored_on_failure
 from hybridsurrogate.exceptions import SamplingWarning
 from hybridsurrogate.inference.loo import PointwiseLoo
 from hybridsurrogate.likelihoods import as_likelihood
@@ -104,24 +103,26 @@ class AveragedSurrogate(SurrogateEstimator):
         ValueError
             For no estimators, other simulations or likelihoods, or weights that do not fit.
         """
-        with restored_on_failure(self):
-            weights = self._checked_weights()
-            likelihood = self.estimators[0]._check_parameters()[1]
-            self._rows = self._check_fit_data(X, y, likelihood, sample_weight)
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", SamplingWarning)
-                self.estimators_ = [clone(one).fit(X, y, sample_weight) for one in self.estimators]
-            self.weights_ = weights / weights.sum()
-            self._warn()
+        weights = self._checked_weights()
+        weights = weights / weights.sum()
+        likelihood = self.estimators[0]._check_parameters()[1]
+        data = self._check_fit_data(X, y, likelihood, sample_weight)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SamplingWarning)
+            fitted = [clone(one).fit(X, y, sample_weight) for one in self.estimators]
+        self._warn(weights, fitted)
+        self._store(data)
+        self.estimators_, self.weights_ = fitted, weights
         return self
 
-    def _warn(self) -> None:
+    @staticmethod
+    def _warn(weights: FloatArray, fitted: Sequence[PowerScaledSurrogate]) -> None:
         """Warn where draws are doubtful for more than a tenth of the weight."""
-        problems = [one.diagnostics_.problems() for one in self.estimators_]
+        problems = [one.diagnostics_.problems() for one in fitted]
         doubtful = np.array([bool(found) for found in problems])
-        share = float(self.weights_[doubtful].sum())
+        share = float(weights[doubtful].sum())
         if share > _MOST_DOUBTFUL:
-            worst = int(np.argmax(self.weights_ * doubtful))
+            worst = int(np.argmax(weights * doubtful))
             warnings.warn(
                 f"The draws of {doubtful.sum()} of {len(doubtful)} estimators, with "
                 f"{100 * share:.0f} % of the weight, are doubtful; of estimator {worst}: "

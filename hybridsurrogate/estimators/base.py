@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any
 
@@ -51,6 +53,30 @@ from hybridsurrogate.surrogates.base import Surrogate
 from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
 
 SAMPLERS = ("auto", "importance", "emcee")
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedData:
+    """Measured data as ``fit`` checked them, for it to store at its end.
+
+    Attributes
+    ----------
+    X, y, weights : ndarray of shape (n, n_columns), (n,), (n,)
+        As given, the simulation's inputs first.
+    names : ndarray of str of shape (n_columns,), or None
+        Columns in the order of ``fit``, where X had names.
+    order : sequence of int
+        Position in ``fit`` of each column of X.
+    rows : MeasuredRows
+        The same, equal rows merged.
+    """
+
+    X: FloatArray
+    y: FloatArray
+    weights: FloatArray
+    names: Any
+    order: Sequence[int]
+    rows: MeasuredRows
 
 
 class SurrogateEstimator(RegressorMixin, BaseEstimator):
@@ -126,28 +152,51 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         y: ArrayLike,
         likelihood: Likelihood,
         sample_weight: ArrayLike | None = None,
-    ) -> MeasuredRows:
+    ) -> CheckedData:
         X, y = complete_table(X), None if y is None else as_numbers(y, "y")
-        rows, output = validate_data(self, X, y, reset=True, dtype=np.float64, ensure_min_samples=2)
+        # scikit-learn stores names where it finds them; ``fit`` stores nothing before its end
+        seen = copy.copy(self)
+        rows, output = validate_data(seen, X, y, reset=True, dtype=np.float64, ensure_min_samples=2)
         # what is kept of a fit must not change with the arrays of the caller
         output = np.array(output, dtype=float)
         check_spread(rows, "X")
         check_spread(output, "y")
-        names = [str(name) for name in getattr(self, "feature_names_in_", [])]
-        columns, order = matched_columns(names, self.n_features_in_, self.simulation)
-        self._columns, self._column_order = columns, order
+        names = getattr(seen, "feature_names_in_", None)
+        listed = [] if names is None else [str(name) for name in names]
+        columns, order = matched_columns(listed, rows.shape[1], self.simulation)
         weights = check_weights(sample_weight, len(output))
         if np.count_nonzero(weights) < 2:
             raise ValueError("sample_weight leaves 1 sample; at least 2 measured rows are needed.")
         likelihood.check_training(output)
         rows = rows[:, order]
-        self.measured_, self._sample_weight = (rows, output), weights
         check_reach(columns, rows, self.simulation)
         warn_outside(columns, rows, self.simulation)
         warn_elsewhere(output, self.simulation)
-        return merged_rows(columns, rows, output, weights)
+        merged = merged_rows(columns, rows, output, weights)
+        return CheckedData(rows, output, weights, names, order, merged)
 
-    def _check_data(self, X: ArrayLike) -> FloatArray:
+    def _store(self, data: CheckedData, rows: MeasuredRows | None = None) -> None:
+        """Store the measured data of a fit that has ended, and the rows that trained."""
+        self.measured_, self._sample_weight = (data.X, data.y), data.weights
+        self._columns, self.column_order_ = data.rows.columns, data.order
+        self._rows = data.rows if rows is None else rows
+        self.n_features_in_ = data.X.shape[1]
+        if data.names is not None:
+            self.feature_names_in_ = data.names
+        elif hasattr(self, "feature_names_in_"):
+            del self.feature_names_in_
+
+    def checked_rows(self, X: ArrayLike) -> FloatArray:
+        """Return rows as the fitted model reads them: the simulation's inputs first.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_columns)
+
+        Returns
+        -------
+        ndarray of shape (n, n_columns)
+        """
         check_is_fitted(self)
         rows = self._known_columns(validate_data(self, self._in_order(X), reset=False, dtype=float))
         if isinstance(self.simulation, SimulationData):
@@ -158,7 +207,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
     def _known_columns(self, rows: FloatArray) -> FloatArray:
         """Return rows with the simulation's inputs first, none of them out of all bounds."""
         check_size(rows, "X")
-        rows = rows[:, self._column_order]
+        rows = rows[:, self.column_order_]
         check_reach(self._columns, rows, self.simulation)
         return rows
 
@@ -191,7 +240,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         std : ndarray of shape (n,)
             Only with ``return_std=True``.
         """
-        X = self._check_data(X)
+        X = self.checked_rows(X)
         pieces = [
             moments(self._mixture(X[some]), X[some], with_variance=return_std)
             for some in row_blocks(self._mixture, X)
@@ -216,12 +265,30 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         lower, upper : ndarray of shape (n,)
         """
         check_number(level, "level", Real, min_val=0, max_val=1, include_boundaries="neither")
-        X = self._check_data(X)
+        X = self.checked_rows(X)
         return central_interval(self._mixture, X, level)
 
-    def _inside(self, X: ArrayLike, y: FloatArray, levels: Sequence[float]) -> list[FloatArray]:
-        """Return whether each row lies in the central interval of each level, as 0 and 1."""
-        return inside_intervals(self._mixture, self._check_data(X), y, levels)
+    def interval_holds(
+        self, X: ArrayLike, y: ArrayLike, levels: Sequence[float] = (0.9,)
+    ) -> list[FloatArray]:
+        """Return whether the central interval of each level holds each row of y, as 0 and 1.
+
+        Exact for the mixture over draws, without its quantiles.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_columns)
+        y : array-like of shape (n,)
+        levels : sequence of float, default=(0.9,)
+
+        Returns
+        -------
+        list of ndarray of shape (n,)
+            One for each level.
+        """
+        return inside_intervals(
+            self._mixture, self.checked_rows(X), np.asarray(y, dtype=float), levels
+        )
 
     def sample_predictive_mean(
         self, X: ArrayLike, n_draws: int | None = None, random_state: Any = None
@@ -239,7 +306,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         -------
         ndarray of shape (n_draws, n)
         """
-        X = self._check_data(X)
+        X = self.checked_rows(X)
         random = check_random_state(self.random_state if random_state is None else random_state)
         return samples(self._mixture, X, n_draws, random, noise_free)
 
@@ -257,7 +324,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         -------
         ndarray of shape (n_draws, n)
         """
-        X = self._check_data(X)
+        X = self.checked_rows(X)
         random = check_random_state(self.random_state if random_state is None else random_state)
         return samples(self._mixture, X, n_draws, random, noisy)
 

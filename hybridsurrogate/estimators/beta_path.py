@@ -123,8 +123,8 @@ def _power_scaled_path(
     refitted, khat = np.zeros(len(grid), dtype=bool), np.full(len(grid), np.nan)
     checked = clone(model).set_params(beta=0.5)
     surrogate, likelihood = checked._check_parameters()
-    rows = checked._check_fit_data(X, y, likelihood)
-    problem = checked._problem(surrogate, likelihood, rows)
+    data = checked._check_fit_data(X, y, likelihood)
+    problem = checked._problem(surrogate, likelihood, data.rows)
     # from the middle outwards: there both sources speak, and the ends are its neighbours
     for k in _outwards(grid):
         one = copy.copy(checked).set_params(beta=float(grid[k]))
@@ -142,7 +142,7 @@ def _power_scaled_path(
             )
         else:
             khat[k] = fit.diagnostics.khat
-        out[k] = one._keep(rows, problem, fit)
+        out[k] = one._keep(data, data.rows, problem, fit)
         fit.diagnostics.warn()
     return BetaPath(grid, [out[k] for k in range(len(grid))], refitted, khat)
 

@@ -79,8 +79,8 @@ def fitted_near(
     """
     out = clone(estimator)
     surrogate, likelihood = out._check_parameters()
-    rows = out._check_fit_data(X, y, likelihood)
-    problem = out._problem(surrogate, likelihood, rows)
+    data = out._check_fit_data(X, y, likelihood)
+    problem = out._problem(surrogate, likelihood, data.rows)
     n, whole = int(out.n_draws), known._fitted[1]
     proposals = whole.proposals
     if proposals is not None:
@@ -88,7 +88,7 @@ def fitted_near(
         proposals = _under_other_priors(proposals, whole.first.model, problem.model)
     fit = carried(
         problem,
-        out._powers(rows.X),
+        out._powers(data.rows.X),
         proposals,
         n,
         _PROPOSALS_A_DRAW * n,
@@ -97,7 +97,7 @@ def fitted_near(
     if fit is None:
         return None
     fit.diagnostics.warn()
-    return out._keep(rows, problem, fit)
+    return out._keep(data, data.rows, problem, fit)
 
 
 def _under_other_priors(

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from sklearn.utils.validation import check_X_y
 
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.estimators.base import CheckedData
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood
@@ -157,16 +158,16 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
             run_weights=np.concatenate(powers) if powers else None,
         )
 
-    def _all_rows(self, rows: MeasuredRows, likelihood: Likelihood) -> MeasuredRows:
+    def _all_rows(self, data: CheckedData, likelihood: Likelihood) -> MeasuredRows:
         """Return the rows of all measured sets, weighed relative to the largest power."""
         # measured rows that count nowhere in step 1 still carry step 2
-        top = self._largest_power()
+        rows, top = data.rows, self._largest_power()
         own = self.power / top if top else 1.0
         X, y, weights = [rows.X], [rows.y], [rows.weights * own]
         for source in self.sources:
             if isinstance(source.data, SimulationData):
                 continue
-            more, values = self._read(source.data, rows.columns)
+            more, values = self._read(source.data, data)
             likelihood.check_training(values)
             check_reach(rows.columns, more, self.simulation)
             warn_outside(rows.columns, more, self.simulation)
@@ -180,21 +181,20 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
         return merged._replace(origin=origin, given=rows.given * own)
 
     def _read(
-        self, data: tuple[ArrayLike, ArrayLike], columns: tuple[str, ...]
+        self, source: tuple[ArrayLike, ArrayLike], data: CheckedData
     ) -> tuple[FloatArray, FloatArray]:
         """Return a measured source with its columns in the order of those in ``fit``."""
-        X, y = complete_table(data[0]), as_numbers(data[1], "y")
+        X, y = complete_table(source[0]), as_numbers(source[1], "y")
         # an array has the columns of the X in ``fit``
-        order, names = self._column_order, column_names(X)
+        order, names, columns = data.order, column_names(X), data.rows.columns
         more, values = check_X_y(X, y, dtype=np.float64)
         check_size(more, "X")
         check_size(values, "y")
-        if more.shape[1] != self.n_features_in_:
+        if more.shape[1] != data.X.shape[1]:
             raise ValueError(
-                f"A measured source must have X of shape (n, {self.n_features_in_}), got "
-                f"{more.shape}."
+                f"A measured source must have X of shape (n, {data.X.shape[1]}), got {more.shape}."
             )
-        if names and hasattr(self, "feature_names_in_"):
+        if names and data.names is not None:
             missing = [name for name in columns if name not in names]
             if missing:
                 raise ValueError(

@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 from sklearn.utils import check_random_state
 
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.estimators.base import SurrogateEstimator
-from hybridsurrogate.estimators.rollback import restored_on_failure
+from hybridsurrogate.estimators.base import CheckedData, SurrogateEstimator
 from hybridsurrogate.inference.loo import PointwiseLoo
 from hybridsurrogate.inference.model.power_scaling import powers_of
 from hybridsurrogate.inference.procedure import Fit, fit_problem
@@ -59,6 +58,8 @@ class PowerScaledSurrogate(SurrogateEstimator):
     ----------
     measured_ : (ndarray of shape (n, n_columns), ndarray of shape (n,))
         The measured rows of the fit, as checked.
+    surrogate_, likelihood_ : Surrogate, Likelihood
+        Those used.
     posterior_ : Posterior
         Draws after step 2, from which predictions are made.
     first_step_ : Posterior
@@ -134,24 +135,26 @@ class PowerScaledSurrogate(SurrogateEstimator):
         -------
         self
         """
-        with restored_on_failure(self):
-            surrogate, likelihood = self._check_parameters()
-            rows = self._check_fit_data(X, y, likelihood, sample_weight)
-            rows = self._all_rows(rows, likelihood)
-            problem = self._problem(surrogate, likelihood, rows)
-            random, powers = check_random_state(self.random_state), self._powers(rows.X)
-            fit = fit_problem(problem, powers, self.sampler, int(self.n_draws), random)
-            self._keep(rows, problem, fit)
-            self.diagnostics_.warn()
-        return self
+        surrogate, likelihood = self._check_parameters()
+        data = self._check_fit_data(X, y, likelihood, sample_weight)
+        rows = self._all_rows(data, likelihood)
+        problem = self._problem(surrogate, likelihood, rows)
+        random, powers = check_random_state(self.random_state), self._powers(rows.X)
+        fit = fit_problem(problem, powers, self.sampler, int(self.n_draws), random)
+        fit.diagnostics.warn()
+        return self._keep(data, rows, problem, fit)
 
-    def _all_rows(self, rows: MeasuredRows, likelihood: Likelihood) -> MeasuredRows:
+    def _all_rows(self, data: CheckedData, likelihood: Likelihood) -> MeasuredRows:
         """Return the rows that train: those in ``fit``, and further ones that a subclass has."""
-        return rows
+        return data.rows
 
-    def _keep(self, rows: MeasuredRows, problem: Problem, fit: Fit) -> PowerScaledSurrogate:
+    def _keep(
+        self, data: CheckedData, rows: MeasuredRows, problem: Problem, fit: Fit
+    ) -> PowerScaledSurrogate:
         """Store what a fit found."""
-        self._rows, self._fitted = rows, (problem, fit)
+        self._store(data, rows)
+        self._fitted = problem, fit
+        self.surrogate_, self.likelihood_ = self._check_parameters()
         self.posterior_, self.first_step_ = fit.second, fit.first
         self.diagnostics_ = fit.diagnostics
         return self

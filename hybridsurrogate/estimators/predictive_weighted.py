@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.utils import check_random_state
 
-from hybridsurrogate.estimators.base import SurrogateEstimator
-from hybridsurrogate.estimators.rollback import restored_on_failure
+from hybridsurrogate.estimators.base import CheckedData, SurrogateEstimator
 from hybridsurrogate.inference.loo import PointwiseLoo, stacking_weight
 from hybridsurrogate.inference.procedure import fit_problem
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
@@ -107,38 +106,39 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         -------
         self
         """
-        with restored_on_failure(self):
-            surrogate, likelihood = self._check_parameters()
-            rows = self._check_fit_data(X, y, likelihood, sample_weight)
-            random = check_random_state(self.random_state)
-            sources = ("measured",) if self.simulation is None else ("measured", "simulation")
-            fits = {}
-            for source in sources:
-                problem = make_problem(
-                    self.simulation,
-                    surrogate if source == "simulation" else surrogate.of_measured_data(),
-                    likelihood,
-                    self.noise_prior,
-                    (),
-                    rows.columns,
-                    rows.X,
-                    rows.y,
-                    measured_only=source == "measured",
-                    weights=rows.weights,
-                )
-                powers = (1.0, 0.0)
-                fit = fit_problem(problem, powers, self.sampler, int(self.n_draws), random)
-                fits[source] = problem, fit
-            self._rows, self._fitted = rows, fits
-            posteriors = {source: fit.second for source, (_, fit) in fits.items()}
-            self.measured_posterior_ = posteriors["measured"]
-            self.simulation_posterior_ = posteriors.get("simulation")
-            self.diagnostics_ = {source: fit.diagnostics for source, (_, fit) in fits.items()}
-            self.beta_: Any = self.beta
-            if self.beta == "stacking":
-                self.beta_ = self._stacked(random)
-            for diagnostics in self.diagnostics_.values():
-                diagnostics.warn()
+        surrogate, likelihood = self._check_parameters()
+        data = self._check_fit_data(X, y, likelihood, sample_weight)
+        random, rows = check_random_state(self.random_state), data.rows
+        sources = ("measured",) if self.simulation is None else ("measured", "simulation")
+        fits = {}
+        for source in sources:
+            problem = make_problem(
+                self.simulation,
+                surrogate if source == "simulation" else surrogate.of_measured_data(),
+                likelihood,
+                self.noise_prior,
+                (),
+                rows.columns,
+                rows.X,
+                rows.y,
+                measured_only=source == "measured",
+                weights=rows.weights,
+            )
+            powers = (1.0, 0.0)
+            fit = fit_problem(problem, powers, self.sampler, int(self.n_draws), random)
+            fits[source] = problem, fit
+        loos = {
+            source: loo_of_fit(problem, fit, rows, self.sampler, random)
+            for source, (problem, fit) in (fits.items() if self.beta == "stacking" else ())
+        }
+        for _, fit in fits.values():
+            fit.diagnostics.warn()
+        self._store(data)
+        self._fitted = fits
+        self.measured_posterior_ = fits["measured"][1].second
+        self.simulation_posterior_ = fits["simulation"][1].second if len(fits) > 1 else None
+        self.diagnostics_ = {source: fit.diagnostics for source, (_, fit) in fits.items()}
+        self.beta_: Any = self._stacked(loos, data) if self.beta == "stacking" else self.beta
         return self
 
     def _check_beta(self) -> None:
@@ -157,14 +157,14 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
             for source, (problem, fit) in self._fitted.items()
         }
 
-    def _stacked(self, random: np.random.RandomState) -> float:
+    def _stacked(self, loos: dict[str, PointwiseLoo], data: CheckedData) -> float:
         if self.simulation is None:
             return 0.0
-        parts, inside = self._parts_loo(random), self._rows.origin >= 0
+        inside = data.rows.origin >= 0
         return stacking_weight(
-            parts["simulation"].log_density[inside],
-            parts["measured"].log_density[inside],
-            self._sample_weight[inside],
+            loos["simulation"].log_density[inside],
+            loos["measured"].log_density[inside],
+            data.weights[inside],
         )
 
     def _pointwise_loo(self) -> PointwiseLoo:

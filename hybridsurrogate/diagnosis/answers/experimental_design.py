@@ -154,8 +154,8 @@ def _information(result: Search, components: list[_Component], grid: FloatArray)
     smooth = np.array([kind_of(c.candidate) == "unexplained" for c in components])
     weight = np.array([c.weight for c in components])
     rival = np.array([c.rival for c in components])
-    told = [predict_locally(result, c.candidate, grid, c.node) for c in components]
-    means, variances = map(np.array, zip(*told, strict=True))
+    predictions = [predict_locally(result, c.candidate, grid, c.node) for c in components]
+    means, variances = map(np.array, zip(*predictions, strict=True))
     # a simulation may fail at a place, and a measurement there would tell nothing
     valid = np.isfinite(means).all(axis=0) & np.isfinite(variances).all(axis=0)
     out = np.zeros(len(grid))

@@ -59,7 +59,7 @@ def finding_of(step: Step, position: int, posterior: Posterior) -> CauseFinding:
         Of the cause among the effects of the extended model.
     posterior : Posterior
     """
-    chosen, found = step.chosen, step.beside
+    chosen, found = step.chosen, step.given_others
     alike = [kind_of(w) == kind_of(chosen) for w in found.candidates]
     probability = min(float(found.probability[alike].sum()), 1.0)
     cause = chosen.cause

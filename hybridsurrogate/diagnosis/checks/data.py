@@ -73,9 +73,11 @@ def warn_if_mirrored(problem: Problem) -> None:
     model = problem.model
     if problem.likelihood.log_scale or not len(problem.good):
         return
-    told = emulator_posterior(model.basis, problem.simulation).mean
+    coefficients = emulator_posterior(model.basis, problem.simulation).mean
     with np.errstate(over="ignore", invalid="ignore"):
-        simulated = model.simulated(problem.X, from_normal(model.priors, problem.good), told)[0][0]
+        simulated = model.simulated(
+            problem.X, from_normal(model.priors, problem.good), coefficients
+        )[0][0]
         sizes = np.linalg.norm(simulated) * np.linalg.norm(problem.y)
         likeness = float(simulated @ problem.y) / sizes if sizes > 0 else 0.0
     # a cosine: positive where the simulation has anything of the output

@@ -79,10 +79,10 @@ def check_emulator(result: Search, surrogate: Basis, runs: SimulationData) -> Em
     if len(w.grid.nodes):
         values[:, w.grid.nodes] = w.grid.points[w.mode.node]
     U = w.model.emulator_error(problem.X, values, result.emulator.factor)
-    told, _, _ = w.model.simulated(problem.X, values, result.emulator.mean)
+    outputs, _, _ = w.model.simulated(problem.X, values, result.emulator.mean)
     own = emulator_posterior(surrogate, problem.simulation).mean
     alone = replace(w.model, basis=surrogate, reference=own)
-    missed = alone.simulated(problem.X, values, own)[0] - told
+    missed = alone.simulated(problem.X, values, own)[0] - outputs
     rms = np.sqrt([np.mean(np.sum(U**2, axis=1)), np.mean(missed**2)]) / w.sigma
     X = problem.X[:, : runs.X.shape[1]]
     low, high = runs.X.min(axis=0), runs.X.max(axis=0)

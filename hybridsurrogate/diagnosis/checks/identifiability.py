@@ -76,7 +76,7 @@ def confounded(table: pd.DataFrame) -> pd.DataFrame:
     ]
 
 
-def told(table: pd.DataFrame) -> Iterator[str]:
+def sentences(table: pd.DataFrame) -> Iterator[str]:
     """Yield a sentence for each row."""
     for row in table.to_dict("records"):
         name = row["parameter"]

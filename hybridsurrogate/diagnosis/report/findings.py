@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hybridsurrogate import digits
-from hybridsurrogate.diagnosis.checks.identifiability import confounded, told
+from hybridsurrogate.diagnosis.checks.identifiability import confounded, sentences
 from hybridsurrogate.diagnosis.report.tables import noise_of, thirds, unit_of
 from hybridsurrogate.diagnosis.report.view import View, label_of, label_of_cause
 from hybridsurrogate.diagnosis.search.verdict import kind_shares
@@ -179,7 +179,7 @@ def extension(view: View) -> list[str]:
         "Means, with 90 % intervals in brackets; the simulation's parameters were estimated anew "
         "beside the cause."
     )
-    out += told(confounded(d.confounded_))
+    out += sentences(confounded(d.confounded_))
     if d.extended_simulator_ is not None:
         names = digits.listing(list(d.extended_simulator_.parameter_names))
         out.append(f"extended_simulator_ runs the formula, with the parameters {names}.")
@@ -210,8 +210,8 @@ def _why_adequate(view: View) -> list[str]:
 
 
 def _with_estimates(view: View, finding: CauseFinding, cause: Cause) -> str:
-    told = [f"{name} {digits.interval(*values)}" for name, values in finding.estimates.items()]
-    if not told:
+    parts = [f"{name} {digits.interval(*values)}" for name, values in finding.estimates.items()]
+    if not parts:
         return ""
     named: dict[str, list[str]] = {}
     for name in finding.estimates:
@@ -221,7 +221,7 @@ def _with_estimates(view: View, finding: CauseFinding, cause: Cause) -> str:
         for unit, names in named.items()
         if unit
     ]
-    return f", with {', '.join(told)}; {', '.join(['90 % intervals', *in_units])}"
+    return f", with {', '.join(parts)}; {', '.join(['90 % intervals', *in_units])}"
 
 
 def _meaning(view: View, finding: CauseFinding, cause: Cause) -> list[str]:

@@ -51,7 +51,7 @@ def picture_fit(view: View) -> Picture:
     return rendered(
         axes,
         f"Above: measured {view.output} over {view.name} and the calibrated simulation. Below: "
-        f"{_told_below(view)}",
+        f"{_described_below(view)}",
     )
 
 
@@ -63,8 +63,8 @@ def picture_causes(view: View) -> Picture:
     axes = plotting.new_axes(height=1.0 + 0.32 * len(names))
     plotting.plot_causes(axes[0], names, probabilities, chosen)
     first = zip(names[:4], probabilities, strict=False)
-    told = "; ".join(f"{name} {digits.percent(p)}" for name, p in first)
-    return rendered(axes, f"Bars of the probabilities of the causes, most probable first: {told}.")
+    text = "; ".join(f"{name} {digits.percent(p)}" for name, p in first)
+    return rendered(axes, f"Bars of the probabilities of the causes, most probable first: {text}.")
 
 
 def picture_extension(view: View, test: Test) -> Picture:
@@ -74,12 +74,12 @@ def picture_extension(view: View, test: Test) -> Picture:
     low, high = view.simulated_range()
     model = view.diagnosis.extended_estimator_
     outputs = view.y
-    held = None
+    held_rows = None
     if test is not None:
-        held = model._check_data(test[0])
+        held_rows = model.checked_rows(test[0])
         low, high = (
-            min(low, held[:, view.shown].min()),
-            max(high, held[:, view.shown].max()),
+            min(low, held_rows[:, view.shown].min()),
+            max(high, held_rows[:, view.shown].max()),
         )
         outputs = np.concatenate([outputs, np.asarray(test[1], dtype=float)])
     name = "extended model" if view.extended else "simulation, calibrated"
@@ -88,9 +88,13 @@ def picture_extension(view: View, test: Test) -> Picture:
         ax.axvspan(*ends, color="#eeeeee", zorder=0, lw=0, label="measured range")
     _draw_model(ax, view, model, AFTER if view.extended else BEFORE, name, low, high)
     plotting.plot_measured(ax, view.x, view.y)
-    if held is not None and test is not None:
+    if held_rows is not None and test is not None:
         plotting.plot_measured(
-            ax, held[:, view.shown], np.asarray(test[1], dtype=float), "held back", held_out=True
+            ax,
+            held_rows[:, view.shown],
+            np.asarray(test[1], dtype=float),
+            "held back",
+            held_out=True,
         )
     _log_axis(ax, view, outputs)
     plotting.share_range(axes, outputs)
@@ -121,12 +125,12 @@ def picture_residuals(view: View) -> Picture:
         limit = max(np.max(np.abs(ax.get_ylim())) for ax in row)
         for ax in row:
             ax.set_ylim(-limit, limit)
-    told = " and ".join(
+    text = " and ".join(
         f"{digits.number(size, 3)} {word}" for size, (word, *_) in zip(sizes, models, strict=True)
     )
     return rendered(
         axes,
-        f"Above: residuals over {view.name}, their root mean square {told}. Below: standardised "
+        f"Above: residuals over {view.name}, their root mean square {text}. Below: standardised "
         "residuals against normal quantiles; on the line where the predicted spread is right.",
     )
 
@@ -153,7 +157,7 @@ def picture_gain(gains: dict[str, Gain]) -> Picture:
     plotting.plot_coverage(axes[1], titles, np.array(shares), counts, COVERAGE_LEVEL)
     for ax in axes:
         ax.legend(frameon=False, fontsize="small", loc="lower center", bbox_to_anchor=(0.5, 1))
-    told = "; ".join(
+    text = "; ".join(
         f"{name} {digits.score(b, e)}" + ("" if np.isnan(a) else f" and {digits.score(a, e)}")
         for name, b, a, e in zip(names, before, after, error, strict=True)
         if name.endswith(", all")
@@ -161,7 +165,7 @@ def picture_gain(gains: dict[str, Gain]) -> Picture:
     inside = "; ".join(f"{t} {digits.percent(s)}" for t, s in zip(titles, shares, strict=True))
     return rendered(
         axes,
-        f"Left: held-out log density per row before and, where something was added, after: {told}. "
+        f"Left: held-out log density per row before and, where something was added, after: {text}. "
         f"Right: share of held-out rows inside the 90 % interval: {inside}.",
     )
 
@@ -187,10 +191,10 @@ def picture_next(view: View) -> Picture:
     information = information_at(found, rows)
     plotting.plot_information(axes[1], x, information, at[view.shown])
     plotting.tidy(axes[1], view.name, "information\nin bits", legend=False)
-    told = digits.listing([label_of(rival) for rival in rivals])
+    text = digits.listing([label_of(rival) for rival in rivals])
     return rendered(
         axes,
-        f"What the rivals predict over {view.name}: {told}. A vertical line marks "
+        f"What the rivals predict over {view.name}: {text}. A vertical line marks "
         f"{view.name} = {digits.number(float(at[view.shown]))}, where one more measurement would "
         "best tell them apart.",
     )
@@ -201,16 +205,16 @@ def picture_trust(within: pd.DataFrame, beyond: pd.DataFrame | None) -> Picture:
     scans = {"within the measured range": within, "beyond it": beyond}
     known = {where: scan for where, scan in scans.items() if scan is not None}
     axes = plotting.new_axes(1, len(known), width=3.5 + 3.5 * len(known))
-    told = []
+    text = []
     for ax, (where, scan) in zip(axes, known.items(), strict=True):
         plotting.plot_beta_scan(scan, ax)
         ax.set_title(where, fontsize="medium")
         before, after = (best_beta(scan, word) for word in ("before", "after"))
-        told.append(f"{where} best at beta = {before:g} before and {after:g} after")
+        text.append(f"{where} best at beta = {before:g} before and {after:g} after")
     return rendered(
         axes,
         "Held-out log density per row against beta before and after the extension; "
-        f"{'; '.join(told)}.",
+        f"{'; '.join(text)}.",
     )
 
 
@@ -222,7 +226,7 @@ def _draw_column(ax: Axes, view: View) -> None:
     ax.plot(view.x, moved, "_", color=AFTER, ms=6, label="extended model - simulated")
 
 
-def _told_below(view: View) -> str:
+def _described_below(view: View) -> str:
     band = view.diagnosis.discrepancy_
     if band.column != view.name:
         return "measured minus simulated, and what the extended model makes of it."
@@ -241,12 +245,12 @@ def _draw_model(
 ) -> None:
     if view.is_curve:
         rows = view.grid(low, high)
-        told = prediction(model, view.as_given(rows))
-        plotting.plot_prediction(ax, rows[:, view.shown], told, colour, name)
+        predicted = prediction(model, view.as_given(rows))
+        plotting.plot_prediction(ax, rows[:, view.shown], predicted, colour, name)
     else:
         # with several columns a curve would belong to rows that nobody measured
-        told = prediction(model, view.as_given(view.X))
-        plotting.plot_prediction(ax, view.x, told, colour, name, curve=False)
+        predicted = prediction(model, view.as_given(view.X))
+        plotting.plot_prediction(ax, view.x, predicted, colour, name, curve=False)
 
 
 def _log_axis(ax: Axes, view: View, y: np.ndarray) -> None:

@@ -134,7 +134,7 @@ def make_report(
         "averaged": averaged,
     }
     known = {name: gain for name, gain in measured.items() if gain is not None}
-    scans = diagnosis._scans
+    scans = diagnosis.beta_scans_
     within, beyond = (
         scans.few(out_of_range) if beta_scan else scans.known.get(out_of_range)
         for out_of_range in (False, True)
@@ -193,8 +193,8 @@ def _formulas(view: View) -> tuple[tuple[str, str], ...]:
 
 def _wrapped(sentence: str) -> str:
     # a number stays with its sign
-    held = sentence.replace(" %", _HOLD + "%")
-    text = textwrap.fill(held, _WIDTH, break_long_words=False, break_on_hyphens=False)
+    unbroken = sentence.replace(" %", _HOLD + "%")
+    text = textwrap.fill(unbroken, _WIDTH, break_long_words=False, break_on_hyphens=False)
     return text.replace(_HOLD, " ")
 
 

@@ -113,7 +113,7 @@ def _advice(view: View) -> str:
         f"Check {digits.listing(found)} where the data come from: a cause that fits is not yet a "
         "cause that is true."
     )
-    if _remainder_beside(view) > SETTINGS.told_remainder:
+    if _remainder_with_cause(view) > SETTINGS.told_remainder:
         more = len(view.findings) + 1
         check += (
             f" Something is left beside {_it(view)}: search on with "
@@ -143,7 +143,7 @@ def _alike(view: View) -> list[str]:
     others = [w for w in view.rivals(found) if w.cause not in (None, view.cause)]
     if not others:
         return []
-    told = []
+    parts = []
     noise = float(np.mean(view.diagnosis.extended_estimator_.posterior_.sigma))
     working = found.problem.likelihood.working
     for other in others:
@@ -151,11 +151,11 @@ def _alike(view: View) -> list[str]:
             view.expected(found, other, view.X)
         )
         size = float(np.sqrt(np.mean(gap**2))) / noise
-        told.append(f"{_small(size)} from {label_of(other)}")
+        parts.append(f"{_small(size)} from {label_of(other)}")
     return [
         f"At the measured rows the fitted curve of {label_of(first)} is this far, in standard "
         f"deviations of the noise (root mean square), from those of its rivals: "
-        f"{digits.listing(told)}."
+        f"{digits.listing(parts)}."
     ]
 
 
@@ -163,19 +163,19 @@ def _it(view: View) -> str:
     return "it" if len(view.findings) == 1 else "them"
 
 
-def _remainder_beside(view: View) -> float:
+def _remainder_with_cause(view: View) -> float:
     """Return the probability that a smooth remainder is needed beside all that was found."""
     d = view.diagnosis
     if d.verdict_ not in ("named", "ambiguous"):
         return 0.0
-    cause, search = view.findings[-1][1], d.result_.steps[-1].beside
+    cause, search = view.findings[-1][1], d.result_.steps[-1].given_others
     place = [w.cause is cause for w in search.candidates].index(True)
     remainder = float(search.remainder[place])
     return remainder if np.isfinite(remainder) else 0.0
 
 
 def _remainder(view: View) -> list[str]:
-    remainder = _remainder_beside(view)
+    remainder = _remainder_with_cause(view)
     if remainder <= SETTINGS.told_remainder:
         return []
     left = view.y - view.after

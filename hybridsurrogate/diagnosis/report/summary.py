@@ -94,9 +94,9 @@ def _of(gain: Gain | None) -> dict[str, Any] | None:
     if gain is None:
         return None
     # the scans stand beside the gains, as there are some without folds, too
-    told = asdict(replace(gain, scan=None))
-    del told["scan"]
-    return told
+    fields = asdict(replace(gain, scan=None))
+    del fields["scan"]
+    return fields
 
 
 def _records(table: pd.DataFrame | None) -> list[dict[Hashable, Any]] | None:

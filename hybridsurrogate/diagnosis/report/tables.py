@@ -70,14 +70,14 @@ def parameter_intervals(view: View) -> dict[str, dict[str, Interval]]:
 def estimate_table(view: View) -> pd.DataFrame:
     """Return what the cause and the simulation's parameters are estimated to be, with units."""
     rows = [
-        (f"{finding.kind} {name}", unit_of(view, cause, name), "-", digits.interval(*told))
+        (f"{finding.kind} {name}", unit_of(view, cause, name), "-", digits.interval(*limits))
         for finding, cause in view.findings
-        for name, told in finding.estimates.items()
+        for name, limits in finding.estimates.items()
     ]
     log = "log " if view.log_scale else ""
-    for name, told in parameter_intervals(view).items():
+    for name, limits in parameter_intervals(view).items():
         shown, unit = ("noise", f"{log}{view.output}") if name == "sigma" else (name, "its own")
-        before, after = (digits.interval(*told[w]) if w in told else "-" for w in _WORDS)
+        before, after = (digits.interval(*limits[w]) if w in limits else "-" for w in _WORDS)
         rows.append((shown, unit, before, after))
     table = pd.DataFrame(rows, columns=["quantity", "in units of", *_WORDS])
     return table if view.extended else table.drop(columns="after")

@@ -49,7 +49,7 @@ def _best(view: View, scan: pd.DataFrame, where: str) -> str:
     if not view.extended:
         return f"{where} the best is beta = {before['beta']:g} (score {before['before']:.3f})."
     moved = float(after["beta"]) - float(before["beta"])
-    if moved and not _told_apart(scan, float(before["beta"]), float(after["beta"])):
+    if moved and not _distinct(scan, float(before["beta"]), float(after["beta"])):
         meaning = (
             "the two are as good within the errors of the scores, so that the data do not say "
             "whether the simulation deserves another weight"
@@ -63,7 +63,7 @@ def _best(view: View, scan: pd.DataFrame, where: str) -> str:
     )
 
 
-def _told_apart(scan: pd.DataFrame, before: float, after: float) -> bool:
+def _distinct(scan: pd.DataFrame, before: float, after: float) -> bool:
     """Tell whether either model does worse at the other's best weight, by two standard errors."""
     at = scan.set_index("beta")
     return any(

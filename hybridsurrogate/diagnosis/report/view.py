@@ -88,7 +88,7 @@ class View:
     @property
     def search(self) -> Search:
         """The search for the first cause, beside all others that were found."""
-        return self.diagnosis.result_.steps[0].beside
+        return self.diagnosis.result_.steps[0].given_others
 
     @property
     def findings(self) -> list[tuple[CauseFinding, Cause]]:
@@ -156,7 +156,7 @@ class View:
         """Return rows whose simulation inputs come first as the user's own columns."""
         estimator = self.diagnosis.estimator_
         rows = np.empty_like(X)
-        rows[:, estimator._column_order] = X
+        rows[:, estimator.column_order_] = X
         names = getattr(estimator, "feature_names_in_", None)
         return rows if names is None else pd.DataFrame(rows, columns=names)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from hybridsurrogate.diagnosis.search.conditioning import held
+from hybridsurrogate.diagnosis.search.conditioning import conditioned_places
 from hybridsurrogate.diagnosis.search.evidence import Candidate, Search, search
 from hybridsurrogate.diagnosis.search.forward_selection import Step, ends_search
 from hybridsurrogate.diagnosis.search.local_fit import Fitted
@@ -17,7 +17,7 @@ from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.problem.problem import Problem
 
 
-def beside_others(steps: Sequence[Step], problem: Problem, causes: Sequence[Cause]) -> list[Step]:
+def backfitted(steps: Sequence[Step], problem: Problem, causes: Sequence[Cause]) -> list[Step]:
     """Return the steps, each cause weighed again with all others part of the simulation.
 
     Alone the first cause also has to explain what the second one does, and a smooth curve may do
@@ -47,13 +47,13 @@ def beside_others(steps: Sequence[Step], problem: Problem, causes: Sequence[Caus
         if ends_search(best):
             best = next(w for w in found.candidates if w.cause is out[k].chosen.cause)
         stale = stale - {k} if best.cause is out[k].chosen.cause else set(named) - {k}
-        joint = out[k] = replace(out[k], chosen=best, beside=found)
+        joint = out[k] = replace(out[k], chosen=best, given_others=found)
     return out
 
 
 def _without(left_out: Candidate, joint: Step, problem: Problem, causes: Sequence[Cause]) -> Search:
     """Search for one cause, all others held where they are in the joint fit of all of them."""
-    known = joint.beside
+    known = joint.given_others
     model, _, mode, sigma = fit = Fitted(*joint.chosen[1:5])
     others = [cause for cause in model.effects if cause is not left_out.cause]
     extended = replace(problem, model=problem.model.with_effects(others))
@@ -61,7 +61,7 @@ def _without(left_out: Candidate, joint: Step, problem: Problem, causes: Sequenc
     new = [(id(others[owner]), name) for owner, name in extended.model.theta_names]
     d = model.n_parameters
     order = [*range(d), *(d + old.index(key) for key in new)]
-    z = held(known.problem, fit, known.emulator, known.noise)[0][order]
+    z = conditioned_places(known.problem, fit, known.emulator, known.noise)[0][order]
     # all places are known: there is no grid to look at
     grid = make_grid(extended.model.with_effects([*others, Nothing()]))
     accepted = Candidate(None, extended.model, grid, mode._replace(z=z), sigma, 0.0, 0.0)

@@ -31,12 +31,17 @@ def nothing_further(
     model = problem.model.with_effects((*problem.model.effects, Nothing()))
     grid = make_grid(model)
     mode = highest(
-        problem, emulator, model, grid, held(problem, accepted, emulator, noise), accepted.sigma
+        problem,
+        emulator,
+        model,
+        grid,
+        conditioned_places(problem, accepted, emulator, noise),
+        accepted.sigma,
     )
     return Fitted(model, grid, mode, sigma_of(problem, mode, accepted.sigma))
 
 
-def held(
+def conditioned_places(
     problem: Problem, accepted: Fitted, emulator: EmulatorPosterior, noise: LogMarginal
 ) -> list[FloatArray]:
     """Return where an accepted cause can be held: at the mean of its place, or at the best node.

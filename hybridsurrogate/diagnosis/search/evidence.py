@@ -265,12 +265,12 @@ def prior_odds(causes: Sequence[Cause | None]) -> FloatArray:
 def probabilities(candidates: Sequence[Candidate]) -> tuple[FloatArray, FloatArray]:
     """Return the posterior probability of each cause, and that of a remainder beside it."""
     alone = np.array([w.log_evidence for w in candidates])
-    beside = np.array([w.log_evidence_with_remainder for w in candidates])
+    with_remainder = np.array([w.log_evidence_with_remainder for w in candidates])
     # "none" with a remainder is "unexplained", which is weighed on its own
-    splits = np.isfinite(beside) & np.array([w.cause is not None for w in candidates])
+    splits = np.isfinite(with_remainder) & np.array([w.cause is not None for w in candidates])
     with np.errstate(divide="ignore"):
         plain = alone + np.where(splits, np.log1p(-SETTINGS.prior_remainder), 0.0)
-        extra = np.where(splits, beside + np.log(SETTINGS.prior_remainder), -np.inf)
+        extra = np.where(splits, with_remainder + np.log(SETTINGS.prior_remainder), -np.inf)
     log_total = np.logaddexp(plain, extra) + np.log(prior_odds([w.cause for w in candidates]))
     remainder = np.exp(extra - np.logaddexp(plain, extra))
     return np.exp(log_total - special.logsumexp(log_total)), remainder

@@ -82,9 +82,11 @@ def scored(result: Search) -> Search:
     candidates = []
     for k, w in enumerate(result.candidates):
         moved = exact.get(k, screened[k] + exact[nearest] - screened[nearest]) - screened[k]
-        beside = w.log_evidence_with_remainder + moved
+        with_remainder = w.log_evidence_with_remainder + moved
         candidates.append(
-            w._replace(log_evidence=w.log_evidence + moved, log_evidence_with_remainder=beside)
+            w._replace(
+                log_evidence=w.log_evidence + moved, log_evidence_with_remainder=with_remainder
+            )
         )
     probability, remainder = probabilities(candidates)
     return replace(result, candidates=candidates, probability=probability, remainder=remainder)

@@ -37,7 +37,7 @@ class Step:
         None: probabilities alone decided.
     chosen : Candidate
         The first of ``search.candidates`` where nothing (further) is wrong.
-    beside : Search
+    given_others : Search
         The search beside all other causes that were accepted, the later ones too.
     tried : tuple of Search
         The searches for a second cause beside this one and beside others in its place.
@@ -46,7 +46,7 @@ class Step:
     search: Search
     test: NullTest | None
     chosen: Candidate
-    beside: Search
+    given_others: Search
     tried: tuple[Search, ...] = ()
 
     @property
@@ -110,16 +110,16 @@ def forward_search(
             by_chance = test is not None and test.p_value > false_alarm_rate
             if by_chance or result.probability[0] > 0.5:
                 return _alone(steps) or [Step(result, test, result.candidates[0], result)]
-            chosen, beside = result.candidates[leader(result)], None
+            chosen, given_others = result.candidates[leader(result)], None
             tried: tuple[Search, ...] = ()
             if len(steps) + 1 < max_causes:
-                chosen, beside, tried = _look_ahead(
+                chosen, given_others, tried = _look_ahead(
                     problem, causes, emulator, result, chosen, thorough, nearby
                 )
             steps.append(Step(result, test, chosen, result, tried))
-            if beside is None:
+            if given_others is None:
                 return steps
-            problem, causes, result = beside.problem, _others(causes, chosen), beside
+            problem, causes, result = given_others.problem, _others(causes, chosen), given_others
     except KeyboardInterrupt as stop:
         kept = steps[0].search if steps else result or getattr(stop, "kept", None)
         raise InterruptedSearch(kept) from stop
@@ -163,7 +163,7 @@ def _look_ahead(
     a smooth discrepancy, or outliers.
     """
 
-    def beside(first: Candidate) -> Search:
+    def second_search(first: Candidate) -> Search:
         assert first.cause is not None
         effects = (*problem.model.effects, first.cause)
         extended = replace(problem, model=problem.model.with_effects(effects))
@@ -187,7 +187,7 @@ def _look_ahead(
     values: dict[int, float] = {}
     while waiting:
         k = waiting.pop(0)
-        first, second = result.candidates[k], beside(result.candidates[k])
+        first, second = result.candidates[k], second_search(result.candidates[k])
         alone = log_prior[k] + first.log_evidence
         # where nothing is left to explain, there is nothing to place beside the first
         left = in_doubt or second.probability[0] < 0.5
@@ -214,18 +214,18 @@ def _look_ahead(
     return result.candidates[best], scored(remainders(chosen) if thorough else chosen), tried
 
 
-def _companions(beside: Search) -> float:
+def _companions(given_others: Search) -> float:
     """Return the log of how much better a cause explains with whatever second, or none."""
-    evidence = np.array([w.log_evidence for w in beside.candidates])
-    odds = prior_odds([w.cause for w in beside.candidates])
+    evidence = np.array([w.log_evidence for w in given_others.candidates])
+    odds = prior_odds([w.cause for w in given_others.candidates])
     # two causes are the same two in either order, and each order has this prior
     odds[1:] *= 2
     return float(special.logsumexp(evidence - evidence[0] + np.log(odds)))
 
 
-def _companion(beside: Search) -> Candidate:
+def _companion(given_others: Search) -> Candidate:
     """Return the most probable second cause, "none" included."""
-    return beside.candidates[int(np.argmax(beside.probability))]
+    return given_others.candidates[int(np.argmax(given_others.probability))]
 
 
 def _others(causes: Sequence[Cause], chosen: Candidate) -> list[Cause]:

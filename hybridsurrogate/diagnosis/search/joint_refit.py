@@ -11,7 +11,11 @@ from dataclasses import replace
 import numpy as np
 from scipy import special
 
-from hybridsurrogate.diagnosis.search.conditioning import held, nothing_further, placed_anew
+from hybridsurrogate.diagnosis.search.conditioning import (
+    conditioned_places,
+    nothing_further,
+    placed_anew,
+)
 from hybridsurrogate.diagnosis.search.evidence import Candidate, Search, probabilities
 from hybridsurrogate.diagnosis.search.local_fit import Fitted, node_evidence
 from hybridsurrogate.effects.base import Cause
@@ -21,7 +25,7 @@ from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.problem import Problem
 
 
-def placed_together(result: Search, first: Candidate, beside: Search) -> Search:
+def placed_together(result: Search, first: Candidate, given_others: Search) -> Search:
     """Return the search beside a first cause with its best companions placed together with it.
 
     Parameters
@@ -29,20 +33,22 @@ def placed_together(result: Search, first: Candidate, beside: Search) -> Search:
     result : Search
         In which ``first`` was weighed.
     first : Candidate
-    beside : Search
+    given_others : Search
         For a further cause, with ``first`` held where it was found.
     """
-    evidence = np.array([w.log_evidence for w in beside.candidates])
-    able = [k for k, w in enumerate(beside.candidates) if w.cause and movable(w.cause)]
+    evidence = np.array([w.log_evidence for w in given_others.candidates])
+    able = [k for k, w in enumerate(given_others.candidates) if w.cause and movable(w.cause)]
     able = sorted(able, key=lambda k: -evidence[k])[: SETTINGS.most_companions]
     if first.cause is None or not movable(first.cause) or not able:
-        return beside
-    candidates = list(beside.candidates)
+        return given_others
+    candidates = list(given_others.candidates)
     for k in able:
         if evidence[k] > evidence[able[0]] - SETTINGS.companion_behind:
-            candidates[k] = _together(result, first, beside, candidates[k])
+            candidates[k] = _together(result, first, given_others, candidates[k])
     probability, remainder = probabilities(candidates)
-    return replace(beside, candidates=candidates, probability=probability, remainder=remainder)
+    return replace(
+        given_others, candidates=candidates, probability=probability, remainder=remainder
+    )
 
 
 def movable(cause: Cause) -> bool:
@@ -53,7 +59,9 @@ def movable(cause: Cause) -> bool:
     return cause.changes_output and not is_followed(cause)
 
 
-def _together(result: Search, first: Candidate, beside: Search, second: Candidate) -> Candidate:
+def _together(
+    result: Search, first: Candidate, given_others: Search, second: Candidate
+) -> Candidate:
     """Return the second cause with the first at its best place beside it.
 
     The evidence of two causes a and b that are placed at a*, b* is that of a with b held plus that
@@ -61,7 +69,7 @@ def _together(result: Search, first: Candidate, beside: Search, second: Candidat
     too small where it does. What the first explains alone is subtracted, so that the result stands
     beside the evidence of "nothing further".
     """
-    problem, base = result.problem, beside.candidates[0].log_evidence
+    problem, base = result.problem, given_others.candidates[0].log_evidence
     assert first.cause is not None
     assert second.cause is not None
     best = second._replace(log_evidence=-np.inf)
@@ -73,8 +81,10 @@ def _together(result: Search, first: Candidate, beside: Search, second: Candidat
             break
         both = replace(problem, model=problem.model.with_effects(back.model.effects))
         neither = nothing_further(both, back, result.emulator, result.noise)
-        alone = _log_evidence(both, beside, back)
-        pair = _log_evidence(both, result, turned) + alone - _log_evidence(both, beside, neither)
+        alone = _log_evidence(both, given_others, back)
+        pair = (
+            _log_evidence(both, result, turned) + alone - _log_evidence(both, given_others, neither)
+        )
         if (value := base + pair - first.log_evidence) > best.log_evidence:
             best = Candidate(second.cause, *back, value, -np.inf)
         if alone < reached + SETTINGS.worth_a_turn:
@@ -92,7 +102,7 @@ def _turned(result: Search, fit: Fitted, edges: FloatArray) -> Fitted:
     new = [(id(turned.effects[owner]), name) for owner, name in turned.theta_names]
     d = model.n_parameters
     order = [*range(d), *(d + old.index(key) for key in new)]
-    starts = [z[order] for z in held(problem, fit, result.emulator, result.noise)]
+    starts = [z[order] for z in conditioned_places(problem, fit, result.emulator, result.noise)]
     return placed_anew(problem, turned, starts, fit.sigma, edges, result.emulator, result.noise)
 
 

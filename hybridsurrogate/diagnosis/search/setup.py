@@ -83,7 +83,7 @@ def prepare(
     ValueError
         By name, for a cause of the user's that returns a wrong shape or NaN.
     """
-    surrogate, likelihood = fitted._check_parameters()
+    surrogate, likelihood = fitted.surrogate_, fitted.likelihood_
     X, y = fitted.measured_
     columns = fitted.posterior_.model.columns
     problem = make_problem(
@@ -93,7 +93,7 @@ def prepare(
     hyper = fitted.posterior_.values[:, fitted.posterior_.model.n_unknowns :]
     problem = problem.given(np.median(hyper, axis=0))
     problem = replace(problem, good=_best_draw(fitted, problem))
-    told = emulator_posterior(problem.model.basis, problem.simulation).mean
+    coefficients = emulator_posterior(problem.model.basis, problem.simulation).mean
     context = make_context(
         fitted.simulation,
         columns,
@@ -103,7 +103,7 @@ def prepare(
         likelihood,
         problem.model.basis,
         float(np.mean(problem.y)),
-        mismatch(problem.model, problem.X, told, problem.y, problem.weights),
+        mismatch(problem.model, problem.X, coefficients, problem.y, problem.weights),
     )
     problem = replace(problem, reach=context.reach)
     usable, unusable = [], []

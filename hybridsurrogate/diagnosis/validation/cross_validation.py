@@ -11,20 +11,20 @@ from numpy.typing import ArrayLike
 from hybridsurrogate.diagnosis.validation.folds import Folds, rows_of
 from hybridsurrogate.diagnosis.validation.gain import Gain, Held, gain_over, pointwise
 from hybridsurrogate.diagnosis.validation.parallel import in_parallel
-from hybridsurrogate.diagnosis.validation.refit import Rehearsal
+from hybridsurrogate.diagnosis.validation.refit import Refit
 from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning
 from hybridsurrogate.priors import FloatArray
 
 
-class Told(NamedTuple):
+class FoldScores(NamedTuple):
     """What a fold has to tell: its scores, and the doubtful fits behind them."""
 
     held: Held
     doubts: list[str]
 
 
-def proof(
-    rehearse: Rehearsal,
+def cross_validated(
+    refitted: Refit,
     within: Folds,
     beyond: Folds,
     X: ArrayLike,
@@ -36,7 +36,7 @@ def proof(
 
     Parameters
     ----------
-    rehearse : Rehearsal
+    refitted : Refit
         Returns the models before and after for given rows, from a search on them.
     within, beyond : list of (train, test)
     X, y : array-like of shape (n, n_columns), (n,)
@@ -47,11 +47,11 @@ def proof(
     """
     take = rows_of(X)
     tasks = [
-        delayed(score_fold)(rehearse, take(train), y[train], take(test), y[test])
+        delayed(score_fold)(refitted, take(train), y[train], take(test), y[test])
         for train, test in [*within, *beyond]
     ]
-    told: list[Told] = in_parallel(tasks, n_jobs, progress)
-    doubtful = sorted({doubt for fold in told for doubt in fold.doubts})
+    scored: list[FoldScores] = in_parallel(tasks, n_jobs, progress)
+    doubtful = sorted({doubt for fold in scored for doubt in fold.doubts})
     if doubtful:
         warnings.warn(
             f"{len(doubtful)} of the fits behind the gain have doubtful draws, for example: "
@@ -59,26 +59,26 @@ def proof(
             DiagnosisWarning,
             stacklevel=4,
         )
-    held = [fold.held for fold in told]
+    held = [fold.held for fold in scored]
     inside, outside = held[: len(within)], held[len(within) :]
     return gain_over(inside) if inside else None, gain_over(outside) if outside else None
 
 
 def score_fold(
-    rehearse: Rehearsal,
+    refitted: Refit,
     X: ArrayLike,
     y: FloatArray,
     X_held: ArrayLike,
     y_held: FloatArray,
-) -> Told:
+) -> FoldScores:
     """Return the scores of the models before and after on held-out rows.
 
     Its warnings are part of what it returns: those of another process would be lost.
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", HybridSurrogateWarning)
-        plain, extended, kind = rehearse(X, y)
+        plain, extended, kind = refitted(X, y)
         before = pointwise(plain, X_held, y_held)
         after = before if extended is plain else pointwise(extended, X_held, y_held)
     doubts = [str(w.message) for w in caught if "doubtful" in str(w.message)]
-    return Told(Held(before, after, kind), doubts)
+    return FoldScores(Held(before, after, kind), doubts)

@@ -132,7 +132,7 @@ def in_one_word(kinds: Sequence[str]) -> str:
 
 def pointwise(estimator: Any, X: ArrayLike, y: FloatArray) -> Scores:
     """Return log density, error of the mean and whether the intervals hold y, for each row."""
-    inside = estimator._inside(X, y, (COVERAGE_LEVEL, HALF))
+    inside = estimator.interval_holds(X, y, (COVERAGE_LEVEL, HALF))
     error = np.asarray(y, dtype=float) - estimator.predict(X)
     return Scores(estimator.log_predictive_density(X, y), error, *inside)
 

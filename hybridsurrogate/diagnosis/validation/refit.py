@@ -38,7 +38,7 @@ class Pair(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Rehearsal:
+class Refit:
     """Search and extension, repeated on some of the rows: selection is part of what is scored.
 
     Attributes

@@ -172,11 +172,11 @@ class MissingInput(OverColumn):
             return f"simulation, and {values['amplitude']:+.4g} where {where}"
         if self.shape == "categorical":
             assert self.levels is not None
-            told = ", ".join(
+            terms = ", ".join(
                 f"{values[name]:+.4g} where {self.column} = {value:.12g}"
                 for name, (value, _) in zip(self.coefficients, self.levels, strict=True)
             )
-            return f"simulation, and {told}"
+            return f"simulation, and {terms}"
         assert self.center is not None
         assert self.span is not None
         distance = self.column
@@ -196,11 +196,11 @@ class MissingInput(OverColumn):
             return rf"{SIMULATION} {signed(values['amplitude'])} \, {indicator}"
         if self.shape == "categorical":
             assert self.levels is not None
-            told = " ".join(
+            terms = " ".join(
                 rf"{signed(values[name])} \, {where(self.column, '=', value, 12)}"
                 for name, (value, _) in zip(self.coefficients, self.levels, strict=True)
             )
-            return f"{SIMULATION} {told}"
+            return f"{SIMULATION} {terms}"
         assert self.center is not None
         assert self.span is not None
         distance = word(self.column)

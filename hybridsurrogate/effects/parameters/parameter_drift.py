@@ -246,8 +246,8 @@ class ParameterDrift(Cause):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         places = {name: f"{at:.{digits}g}" for name, (at, digits) in self._places(values).items()}
-        told = _SHAPES[self.shape].words.format(**{**values, **places, "column": self.column})
-        return f"simulation with {self.parameter} {told}"
+        text = _SHAPES[self.shape].words.format(**{**values, **places, "column": self.column})
+        return f"simulation with {self.parameter} {text}"
 
     def _places(self, values: Mapping[str, float]) -> dict[str, tuple[float, int]]:
         """Return centre and location, each with the digits that tell it."""

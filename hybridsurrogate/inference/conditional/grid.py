@@ -99,8 +99,8 @@ def _finer(
     """Cut the cells of a grid that hold mass, and those beside them, so many times a side."""
     d = nodes.shape[1]
     side = round(len(nodes) ** (1 / d))
-    beside = np.ones((3,) * d)
-    kept = binary_dilation(_holds_mass(share).reshape((side,) * d), beside).ravel()
+    neighbours = np.ones((3,) * d)
+    kept = binary_dilation(_holds_mass(share).reshape((side,) * d), neighbours).ravel()
     offsets, _ = _grid(-width / 2, width / 2, times)
     return (nodes[kept][:, None] + offsets).reshape(-1, d), width / times
 

@@ -54,8 +54,8 @@ def conditional_draws(
         eta = parts.known + (parts.features @ c[chains][..., None])[..., 0]
         eta = eta + (parts.columns @ (columns * sd)[..., None])[..., 0]
         with np.errstate(all="ignore"):
-            told = model.likelihood_of(likelihood, values)
-            density = told.log_density(y, eta, parts.noise * sigma[:, None]) @ weights
+            log_likelihood = model.likelihood_of(likelihood, values)
+            density = log_likelihood.log_density(y, eta, parts.noise * sigma[:, None]) @ weights
             prior = noise_prior.logpdf(sigma) + log_sigma
         out = density + prior + prior_log_density(z) + prior_log_density(columns)
         return np.where(np.isfinite(out), out, -np.inf)

@@ -38,9 +38,9 @@ class SharedDraws:
     def principal(self) -> tuple[FloatArray, FloatArray]:
         """The draws as v @ axes' with v (S, k) of mean square one: v, and axes (p, k)."""
         left, size, right = np.linalg.svd(self.c, full_matrices=False)
-        told = size > 1e-12 * size[0]
+        informed = size > 1e-12 * size[0]
         root = np.sqrt(len(self.c))
-        return root * left[:, told], right[told].T * size[told] / root
+        return root * left[:, informed], right[informed].T * size[informed] / root
 
     @cached_property
     def pairs(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

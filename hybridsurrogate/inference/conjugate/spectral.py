@@ -42,12 +42,12 @@ class FixedRows:
     def draws(self, variance: FloatArray, noise: FloatArray) -> FloatArray:
         """Return coefficients for noise variances (J,) and standard normal numbers (J, p)."""
         whole = self.axes.shape[0] == self.axes.shape[1]
-        told = noise if whole else noise @ (self.axes / self.sd[:, None])
+        projected = noise if whole else noise @ (self.axes / self.sd[:, None])
         centre, sd = self.given(variance)
-        v = centre + sd * told
+        v = centre + sd * projected
         if whole:
             return self.mean + v @ self.axes.T
-        return self.mean + self.sd * noise + (v - told) @ self.axes.T
+        return self.mean + self.sd * noise + (v - projected) @ self.axes.T
 
 
 def fixed_rows(gram: FloatArray, mean: FloatArray, sd: FloatArray, log_noise: float) -> FixedRows:
@@ -56,9 +56,11 @@ def fixed_rows(gram: FloatArray, mean: FloatArray, sd: FloatArray, log_noise: fl
     size, vectors = np.linalg.eigh(sd[:, None] * ff * sd)
     axes = sd[:, None] * vectors
     # directions that no row speaks about: their size is rounding
-    told = size > 1e-13 * max(size.max(initial=0.0), 1e-300)
-    size = np.where(told, size, 0.0)
-    along = np.where(told, axes.T @ (fy - ff @ mean), 0.0) / np.sqrt(np.where(told, size, 1.0))
+    informed = size > 1e-13 * max(size.max(initial=0.0), 1e-300)
+    size = np.where(informed, size, 0.0)
+    along = np.where(informed, axes.T @ (fy - ff @ mean), 0.0) / np.sqrt(
+        np.where(informed, size, 1.0)
+    )
     rest = yy - 2 * mean @ fy + mean @ ff @ mean - along @ along
     return FixedRows(mean, sd, axes, size, along, max(float(rest), 0.0), log_noise)
 
@@ -68,9 +70,9 @@ def few_rows(
 ) -> FixedRows:
     """As `fixed_rows`, from n rows [features, y] that are fewer than the coefficients."""
     left, root, right = np.linalg.svd(rows[:, :-1] * sd, full_matrices=False)
-    told = root > 3e-7 * max(root.max(initial=0.0), 1e-300)
-    size = np.where(told, root**2, 0.0)
+    informed = root > 3e-7 * max(root.max(initial=0.0), 1e-300)
+    size = np.where(informed, root**2, 0.0)
     residual = rows[:, -1] - rows[:, :-1] @ mean
-    along = np.where(told, left.T @ residual, 0.0)
+    along = np.where(informed, left.T @ residual, 0.0)
     rest = float(residual @ residual - along @ along) + rounding
     return FixedRows(mean, sd, sd[:, None] * right.T, size, along, max(rest, 0.0), log_noise)

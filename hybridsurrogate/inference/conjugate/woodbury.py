@@ -40,8 +40,8 @@ def draws_given_rows(
     noise = random_state.standard_normal(rows.shape[::2])
     error = np.sqrt(variance)[:, None] * random_state.standard_normal(residual.shape)
     missing = residual - (rows @ noise[..., None])[..., 0] - error
-    told = np.linalg.solve(_covariance(rows, variance), missing[..., None])
-    v = noise + (np.swapaxes(rows, 1, 2) @ told)[..., 0]
+    solved = np.linalg.solve(_covariance(rows, variance), missing[..., None])
+    v = noise + (np.swapaxes(rows, 1, 2) @ solved)[..., 0]
     return before.mean + (centre + sd * v) @ before.axes.T
 
 

@@ -75,13 +75,13 @@ def make_grid(model: MeasuredModel) -> Grid:
     last = len(model.effects) - 1
     grids = [effect.grid() for effect in model.effects]
     neutral = np.zeros(model.n_unknowns)
-    sizes, nodes, held, cells = [], [], [], []
+    sizes, nodes, conditioned, cells = [], [], [], []
     axes: dict[str, FloatArray] = grids[last] if model.effects else {}
     start = model.effects[last].start() if model.effects else {}
     for position, (owner, name) in enumerate(model.theta_names, start=model.n_parameters):
         if owner != last:
             if name in grids[owner]:
-                held.append(position)
+                conditioned.append(position)
             continue
         prior = model.priors[position]
         if name in axes:
@@ -95,7 +95,7 @@ def make_grid(model: MeasuredModel) -> Grid:
     edges = np.empty((1, 0, 2))
     if nodes:
         edges = np.stack([cell[k] for cell, k in zip(cells, index, strict=True)], axis=1)
-    taken = {*sizes, *nodes, *held}
+    taken = {*sizes, *nodes, *conditioned}
     fixed = [k for k in range(model.n_unknowns) if k not in taken]
     return at_cells(
         model,

@@ -104,9 +104,9 @@ def _scan(
     eigenvalue, vector = np.linalg.eigh(np.swapaxes(H, 1, 2) @ rest)
     # what G can draw as well leaves rounding, by the rule of `numpy.linalg.matrix_rank`
     rounding = n * np.finfo(float).eps * np.einsum("tnq,tnq->t", H, H)[:, None]
-    told = eigenvalue > rounding
-    eigenvalue = np.where(told, eigenvalue, 0.0)
-    rotated = H @ (vector * told[:, None, :])
+    informed = eigenvalue > rounding
+    eigenvalue = np.where(informed, eigenvalue, 0.0)
+    rotated = H @ (vector * informed[:, None, :])
     if len(residual[0]) == 1:
         along_h = residual[:, 0] @ rotated.transpose(1, 0, 2).reshape(n, -1)
         along_h = along_h.reshape(len(y), T, q)
@@ -256,17 +256,17 @@ def _solve(
     if parts.noise is not None:
         whiten, log_det = _whitener(unit.U, sigma)
     design = np.hstack([whiten(unit.G[0], 0), whiten(unit.H[0], 0)])
-    held = np.concatenate(
+    conditioned = np.concatenate(
         [z[grid.fixed], (z[grid.sizes] - grid.neutral[grid.sizes]) * parts.H_rms[node, :s]]
     )
     free = np.ones(d + q, dtype=bool)
     free[: len(grid.fixed)] = free[d : d + s] = False
-    rest = whiten(y / factor - unit.mean[0], 0) - design[:, ~free] @ held
+    rest = whiten(y / factor - unit.mean[0], 0) - design[:, ~free] @ conditioned
     columns = design[:, free]
     fitted = np.linalg.solve(normal[node][np.ix_(free, free)], columns.T @ rest)
     rest = rest - columns @ fitted
     squares = float(rest @ rest)
-    prior = float(penalty[node, ~free] @ held**2 + penalty[node, free] @ fitted**2)
+    prior = float(penalty[node, ~free] @ conditioned**2 + penalty[node, free] @ fitted**2)
     objective = (squares + prior) / sigma**2
     if parts.noise is not None:
         objective += 2 * (log_det + float(np.sum(np.log(factor))))

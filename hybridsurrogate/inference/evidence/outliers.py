@@ -239,17 +239,17 @@ def heavy_fit(
     node = int(np.argmin(deviance))
     solution = linear.v[0, node]
     to_z = scale[node, :s] / parts.H_rms[node, :s]
-    held = np.concatenate([z[grid.fixed], (z[grid.sizes] - grid.neutral[grid.sizes]) / to_z])
+    conditioned = np.concatenate([z[grid.fixed], (z[grid.sizes] - grid.neutral[grid.sizes]) / to_z])
     at = min(node, M - 1)
     kept = np.r_[: len(grid.fixed), d : d + s]
     free = np.setdiff1d(np.arange(design.shape[2]), kept)
-    rest = residual[:, min(node, len(parts.mean) - 1)] - design[at][:, kept] @ held
+    rest = residual[:, min(node, len(parts.mean) - 1)] - design[at][:, kept] @ conditioned
     noise = noise[min(node, len(noise) - 1)][None]
     shape = shape_of(parts.outliers[node : node + 1], n)
     here = find_mode(
         rest[None], design[at][None, :, free], noise, shape, np.zeros_like, SETTINGS.outlier_steps
     )
-    objective = -2 * float(here.log_joint[0, 0]) + float(held @ held)
+    objective = -2 * float(here.log_joint[0, 0]) + float(conditioned @ conditioned)
     move = z.copy()
     move[grid.fixed] = np.clip(solution[: len(grid.fixed)], -6, 6)
     move[grid.sizes] = np.clip(grid.neutral[grid.sizes] + solution[d : d + s] * to_z, -6, 6)

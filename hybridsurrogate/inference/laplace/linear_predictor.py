@@ -55,10 +55,10 @@ class Part:
 
     def log_likelihood(self, sigma: FloatArray, v: FloatArray, smoothed: bool) -> FloatArray:
         """Return the log likelihood (J,) for sigma (J, 1) and v (J, p); see `Design`."""
-        told = self.likelihood.smoothed if smoothed else self.likelihood.log_density
+        log_density_of = self.likelihood.smoothed if smoothed else self.likelihood.log_density
         width = (self.width,) if smoothed else ()
         with np.errstate(over="ignore", invalid="ignore"):
-            density = told(self.rows.y, self.eta(v), sigma * self.noise, *width)
+            density = log_density_of(self.rows.y, self.eta(v), sigma * self.noise, *width)
             return density @ self.rows.weights
 
     def derivatives(self, sigma: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -96,8 +96,8 @@ class LaplacePosterior:
         pieces = []
         for block in self._blocks(w):
             u, v = block[:, :d], block[:, d:]
-            told = self._design(u, truncated=False).log_likelihood(np.exp(u[:, -1:]), v)
-            pieces.append(self._prior(u) + prior_log_density(v) + told)
+            of_rows = self._design(u, truncated=False).log_likelihood(np.exp(u[:, -1:]), v)
+            pieces.append(self._prior(u) + prior_log_density(v) + of_rows)
         out = np.concatenate(pieces)
         return np.where(np.isfinite(out), out, -np.inf)
 
@@ -194,9 +194,9 @@ class LaplacePosterior:
             u = block[:, :d]
             fit = self._fit(u)
             v = fit.draw(block[:, d:])
-            told = fit.design.log_likelihood(np.exp(u[:, -1:]), v)
+            of_rows = fit.design.log_likelihood(np.exp(u[:, -1:]), v)
             prior = self._prior(u) + prior_log_density(v)
-            pieces.append(prior + told - fit.log_det)
+            pieces.append(prior + of_rows - fit.log_det)
         out = np.concatenate(pieces)
         return np.where(np.isfinite(out), out, -np.inf)
 

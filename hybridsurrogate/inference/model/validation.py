@@ -35,7 +35,7 @@ def _check_at(model: MeasuredModel, X: FloatArray, places: FloatArray) -> None:
     n = len(z) * len(X)
     of_noise = {**rows, SIMULATED: np.linspace(-1.0, 1.0, n) * model.default_sd}
     for effect, own in zip(model.effects, theta, strict=True):
-        moved = _told(effect, "inputs", rows, omega, own)
+        moved = _called(effect, "inputs", rows, omega, own)
         if not isinstance(moved, tuple) or len(moved) != 2:
             raise ValueError(
                 f"The cause {effect.name!r} must return two mappings from inputs: the columns X "
@@ -44,17 +44,17 @@ def _check_at(model: MeasuredModel, X: FloatArray, places: FloatArray) -> None:
         for name in (*model.columns[: model.n_inputs], *omega):
             value = moved[name in omega].get(name)
             _check_array(effect, f"inputs, {name!r}", value, [(n,)])
-        _check_array(effect, "gain", _told(effect, "gain", rows, own), [(), (n,)])
-        noise = _told(effect, "noise", of_noise, own)
+        _check_array(effect, "gain", _called(effect, "gain", rows, own), [(), (n,)])
+        noise = _called(effect, "noise", of_noise, own)
         _check_array(effect, "noise", noise, [(), (n,)])
         if np.min(noise) <= 0:
             raise ValueError(f"The cause {effect.name!r} returned a noise that is not positive.")
         if effect.coefficients:
             expected = [(n, len(effect.coefficients))]
-            _check_array(effect, "columns", _told(effect, "columns", rows, own), expected)
+            _check_array(effect, "columns", _called(effect, "columns", rows, own), expected)
 
 
-def _told(effect: Cause, method: str, *arguments: Rows) -> Any:
+def _called(effect: Cause, method: str, *arguments: Rows) -> Any:
     """Return what a method of a cause returns; an error of its own gets the cause's name."""
     try:
         return getattr(effect, method)(*arguments)

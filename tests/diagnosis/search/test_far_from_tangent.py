@@ -103,10 +103,10 @@ def test_the_bound_is_the_ratio_of_the_evidence():
     found = diagnose(1.55, 0).search_
     prior = prior_odds([w.cause for w in found.candidates])
     alone = np.array([w.log_evidence for w in found.candidates])
-    beside = np.array([w.log_evidence_with_remainder for w in found.candidates])
+    given_others = np.array([w.log_evidence_with_remainder for w in found.candidates])
     # a named cause leaves a smooth remainder with a probability of a tenth
-    both = np.logaddexp(np.log(0.9) + alone, np.log(0.1) + beside)
-    evidence = np.where(np.isfinite(beside), both, alone)[1:]
+    both = np.logaddexp(np.log(0.9) + alone, np.log(0.1) + given_others)
+    evidence = np.where(np.isfinite(given_others), both, alone)[1:]
     against = special.logsumexp(evidence, b=prior[1:] / prior[1:].sum()) - alone[0]
     assert np.log(evidence_bound(found)) == pytest.approx(-against, abs=1e-6)
 

@@ -13,7 +13,7 @@ from hybridsurrogate.diagnosis.search import local_fit as fits
 from hybridsurrogate.diagnosis.search.forward_selection import searches
 from hybridsurrogate.diagnosis.validation.folds import folds_beyond, future_folds, random_folds
 from hybridsurrogate.diagnosis.validation.gain import FoldGain, Held, gain_over, pointwise
-from hybridsurrogate.diagnosis.validation.refit import Pair, Rehearsal
+from hybridsurrogate.diagnosis.validation.refit import Pair, Refit
 from hybridsurrogate.estimators.carried import fitted_near
 
 
@@ -159,8 +159,8 @@ def test_a_second_search_in_a_fold_starts_where_that_on_all_rows_ended(simulator
     told = []
     for known in (found[:1], found):
         climbs.append(0)
-        rehearse = Rehearsal(model, (), (), known, pair, 2, 0.05)
-        told.append(rehearse(t[kept, None], y[kept]))
+        refitted = Refit(model, (), (), known, pair, 2, 0.05)
+        told.append(refitted(t[kept, None], y[kept]))
     alone, helped = told
     assert alone.kind == helped.kind == "periodic + step"
     assert climbs[1] < 0.6 * climbs[0]
@@ -181,7 +181,7 @@ class Told:
     def predict(self, X):
         return np.full(len(X), self.mean)
 
-    def _inside(self, X, y, levels):
+    def interval_holds(self, X, y, levels):
         return [(abs(y - self.mean) <= norm.ppf(0.5 + level / 2)).astype(float) for level in levels]
 
     def log_predictive_density(self, X, y):
@@ -200,7 +200,7 @@ def test_rows_are_inside_where_the_interval_holds_them(likelihood):
         simulator, surrogate=hs.ExactSurrogate(), likelihood=likelihood, n_draws=200, random_state=0
     ).fit(t[:, None], y)
     levels = (0.2, 0.5, 0.9)
-    for level, inside in zip(levels, model._inside(t[:, None], y, levels), strict=True):
+    for level, inside in zip(levels, model.interval_holds(t[:, None], y, levels), strict=True):
         lower, upper = model.predict_interval(t[:, None], level)
         assert inside.tolist() == ((lower <= y) & (y <= upper)).tolist()
 
