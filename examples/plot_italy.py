@@ -36,7 +36,7 @@ except OSError as error:
 else:
     t, y = data.data.to_numpy(), data.target.to_numpy()
     train, later = slice(N_TRAIN), slice(N_TRAIN, None)
-    runs = data.simulator.run(200 if FAST else 1000, random_state=0, ends=0)
+    runs = data.simulator.run(128 if FAST else 1000, random_state=0, ends=0)
     simulation = hs.SimulationData(
         runs.X, runs.omega, runs.y + 1, runs.input_ranges, runs.parameters, output=runs.output
     )
@@ -83,10 +83,10 @@ if data is not None:
 
 if data is not None:
     simulator = data.simulator
-    asked = {**settings, "surrogate": hs.ExactSurrogate(), "n_draws": 1000}
+    asked = {**settings, "surrogate": hs.ExactSurrogate(), "n_draws": 300 if FAST else 1000}
     model = hs.PowerScaledSurrogate(simulator, **{**asked, "noise_prior": None})
     diagnosis = hs.DiscrepancyDiagnosis(
-        model, cv=None, n_replicates=50 if FAST else 200, random_state=0
+        model, cv=None, n_replicates=19 if FAST else 200, random_state=0
     ).fit(t[train], y[train])
     print(diagnosis.verdict_, diagnosis.best_cause_.formula)
 

@@ -46,7 +46,7 @@ def test_a_fit_has_one_thread(simulation, measured, monkeypatch):
 @pytest.mark.usefixtures("two_threads")
 def test_a_diagnosis_has_one_thread(simulator, measured, monkeypatch):
     searches = noted(monkeypatch, diagnosis_module, "forward_search")
-    folds = noted(monkeypatch, diagnosis_module, "proof")
+    folds = noted(monkeypatch, diagnosis_module, "cross_validated")
     model = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate(), n_draws=20)
     hs.DiscrepancyDiagnosis(model, cv=2, n_replicates=19, random_state=0).fit(*measured)
     assert searches == [{1}]

@@ -179,11 +179,11 @@ def test_intervals_of_causes_hold_the_truth_where_only_runs_are_known():
     Over many seeds: ``python -m examples.emulated_intervals``.
     """
     both = []
-    for seed in range(6):
-        number = NUMBERS[seed % 4]
+    for seed in range(4):
+        number = NUMBERS[seed]
         # a step takes long over polynomials
         others = (hs.PolynomialChaos(),) if number[0] != "step" else ()
         both.append(intervals(number, 700 + seed, (hs.Kriging(), *others)))
-    # 3 or fewer of 6 in one of 63 such tests, 2 or fewer in one of 790
-    assert sum(found[0].holds for found in both) >= 4
+    # binomial of 4 and 0.9: 1 or fewer in one of 270 such tests
+    assert sum(found[0].holds for found in both) >= 2
     assert np.median([found[0].width / found[1].width for found in both if found[1:]]) < 0.5

@@ -46,7 +46,7 @@ def diagnosed(simulator, x, y, likelihood, cv=None):
 def yearly():
     year = np.arange(1960, 2000.0)
     counts = np.random.default_rng(0).poisson(np.where(year < 1980, 20, 11))
-    return year, counts.astype(float), diagnosed(RATE, year, counts.astype(float), "poisson", cv=3)
+    return year, counts.astype(float), diagnosed(RATE, year, counts.astype(float), "poisson", cv=2)
 
 
 def test_yearly_counts_name_the_year_in_which_their_rate_fell(yearly):

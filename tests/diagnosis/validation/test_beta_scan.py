@@ -55,7 +55,7 @@ def test_the_gain_says_by_how_much_the_simulation_is_worth_more():
     model = hs.PowerScaledSurrogate(
         case.simulation, surrogate=surrogate, n_draws=300, random_state=0
     )
-    diagnosis = hs.DiscrepancyDiagnosis(model, random_state=0).fit(case.X, case.y)
+    diagnosis = hs.DiscrepancyDiagnosis(model, cv=2, random_state=0).fit(case.X, case.y)
     within, beyond = diagnosis.gain_, diagnosis.gain_out_of_range_
     assert beyond.best_beta_after() > beyond.best_beta_before()
     scan = diagnosis.beta_scan()
