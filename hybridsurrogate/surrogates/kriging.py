@@ -14,8 +14,15 @@ from hybridsurrogate.simulation.design import draw_design
 from hybridsurrogate.surrogates.base import Surrogate, register
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.domain import Domain
+from hybridsurrogate.surrogates.emulation.curve_emulator import CurveEmulator, emulate_curves
+from hybridsurrogate.surrogates.emulation.curves import curves_of
+from hybridsurrogate.surrogates.emulation.process import (
+    Places,
+    Process,
+    conditioned,
+    process_through,
+)
 from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
-from hybridsurrogate.surrogates.process import Places, Process, conditioned, process_through
 
 # runs, and places between them, on which the features stand: at most so many, fewer where all
 # others are as good as known, to these shares of the variance of the outputs
@@ -43,6 +50,11 @@ class Kriging(Surrogate):
 
     Notes
     -----
+    Where runs are curves, with at least five rows along one input for equal parameters, each run
+    is one run: the process is that of the curves' principal components, a function of the
+    parameters, all runs train it, and the coefficients are what it leaves open. The measured data
+    then train what is left open, and ``beta`` weighs them alone.
+
     `GaussianProcess` infers its length scales together with everything else, which takes many times
     as long from four dimensions on. Here they are held at their most likely values.
     Inputs and parameters beyond the runs are held at the ends, for the process. The covariance is
@@ -77,6 +89,12 @@ class Kriging(Surrogate):
         )
         if not isinstance(given, Surrogate):
             raise TypeError(needs)
+        curves = None
+        if isinstance(given, PolynomialChaos):
+            curves = emulated_curves(domain, int(given.degree))
+        if curves is not None:
+            k = 1 + len(curves.sd)
+            return CurveBasis(np.zeros(k), np.ones(k), curves)
         trend = given.build(domain)
         if trend.hyperpriors or trend.is_simulation:
             raise ValueError(needs)
@@ -84,9 +102,9 @@ class Kriging(Surrogate):
         process = process_through(trend, ranges, domain.X, domain.omega, domain.eta)
         runs = process.some(domain.X, domain.omega, domain.eta)
         matrix = runs.places.alike(runs.places)
-        sd = conditioned(matrix, process.covariance.nugget, runs.residual).sd
+        sd = conditioned(matrix, process.covariance.nugget, runs.residual).sd[0]
         # outputs that are all the same would leave nothing to learn
-        sd = max(sd, 1e-6 * domain.scale)
+        sd = max(float(sd), 1e-6 * domain.scale)
         spread = float(np.var(domain.eta)) / sd**2 if np.ptp(domain.eta) else 1.0
         stands = _stands(process, runs.places, matrix, spread, len(domain.input_ranges))
         lower = nudged_cholesky(stands.alike(stands)[None])[0]
@@ -162,6 +180,48 @@ class KrigingBasis(Basis):
         r = directions.shape[1]
         whiten = self.whiten @ directions
         return replace(self, coefficient_mean=np.zeros(r), coefficient_sd=np.ones(r), whiten=whiten)
+
+
+def emulated_curves(domain: Domain, degree: int = 3) -> CurveEmulator | None:
+    """Return the emulator of runs that are curves, None where each row is a run.
+
+    Parameters
+    ----------
+    domain : Domain
+        With the runs.
+    degree : int, default=3
+        Of the polynomials of the parameters on which the process stands.
+    """
+    curves = curves_of(domain.X, domain.omega, domain.eta)
+    if curves is None:
+        return None
+    others = np.delete(domain.input_ranges, curves.along, axis=0)
+    ranges = np.vstack([others, domain.parameter_ranges])
+    scale = max(float(np.std(curves.components.coefficients[:, 0])), 1e-300)
+    trend = PolynomialChaos(degree).build(Domain(np.empty((0, 2)), ranges, 0.0, scale))
+    return emulate_curves(curves, trend, ranges)
+
+
+@dataclass(frozen=True)
+class CurveBasis(Basis):
+    """The most probable curves given the runs, and features for what these leave open.
+
+    Attributes
+    ----------
+    emulator : CurveEmulator
+    """
+
+    emulator: CurveEmulator
+
+    def known(
+        self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the most probable output."""
+        return self.emulator.output(X, omega)
+
+    def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return the standard deviations of what is open, each along its component."""
+        return self.emulator.spread(X, omega)
 
 
 register("kriging", Kriging())

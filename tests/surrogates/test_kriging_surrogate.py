@@ -10,7 +10,7 @@ from sklearn.model_selection import GridSearchCV
 
 import hybridsurrogate as hs
 from hybridsurrogate.surrogates import Domain
-from hybridsurrogate.surrogates.covariance import bent
+from hybridsurrogate.surrogates.emulation.covariance import bent
 
 INPUTS, PARAMETERS = {"t": (0, 4), "x": (-1, 1)}, {"a": stats.uniform(10, 10)}
 # a noise prior that leaves nothing to learn about sigma

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.diagnosis.emulation.conditioned import KrigedBasis
+from hybridsurrogate.diagnosis.emulation.conditioned import KrigedBasis, KrigedCurves
 from hybridsurrogate.diagnosis.search.evidence import Search
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
@@ -72,7 +72,7 @@ def check_emulator(result: Search, surrogate: Basis, runs: SimulationData) -> Em
     None where the simulation itself is run, or its runs leave nothing open.
     """
     problem, basis = result.problem, result.problem.model.basis
-    if not isinstance(basis, KrigedBasis):
+    if not isinstance(basis, KrigedBasis | KrigedCurves):
         return None
     w = result.candidates[int(np.argmax(result.probability))]
     values = w.model.values(w.mode.z[None])

@@ -16,13 +16,20 @@ import numpy as np
 
 from hybridsurrogate.blocks import blocks
 from hybridsurrogate.cholesky import pivoted_cholesky
-from hybridsurrogate.diagnosis.emulation.local_variance import LocalError
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.simulator import SimulationData
 from hybridsurrogate.surrogates.basis import Basis, each_with_each
-from hybridsurrogate.surrogates.kriging import KrigingBasis
-from hybridsurrogate.surrogates.process import Places, Process, conditioned, process_through
+from hybridsurrogate.surrogates.domain import Domain
+from hybridsurrogate.surrogates.emulation.curve_emulator import CurveEmulator
+from hybridsurrogate.surrogates.emulation.local_variance import LocalError
+from hybridsurrogate.surrogates.emulation.process import (
+    Places,
+    Process,
+    conditioned,
+    process_through,
+)
+from hybridsurrogate.surrogates.kriging import CurveBasis, KrigingBasis, emulated_curves
 
 # what is left of a variance when its factor has enough columns, in shares of the median
 _NEGLIGIBLE = 1e-4
@@ -130,6 +137,36 @@ class KrigedBasis(Basis):
         )
 
 
+@dataclass(frozen=True)
+class KrigedCurves(Basis):
+    """The most probable simulation given runs that are curves, without coefficients, and its error.
+
+    Attributes
+    ----------
+    emulator : CurveEmulator
+    """
+
+    emulator: CurveEmulator
+
+    def known(
+        self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
+    ) -> FloatArray:
+        """Return the most probable output."""
+        return self.emulator.output(X, omega)
+
+    def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return no features."""
+        return np.empty((len(X), 0))
+
+    def output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
+        """Return the most probable output."""
+        return self.known(X, omega)
+
+    def error(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return F (n, r): the covariance of what is unknown of the simulation is F F'."""
+        return self.emulator.error(X, omega)
+
+
 def krige(
     basis: Basis, emulator: EmulatorPosterior, simulation: SimulationData, run_eta: FloatArray
 ) -> tuple[Basis, EmulatorPosterior]:
@@ -147,9 +184,13 @@ def krige(
 
     Returns
     -------
-    KrigedBasis and the posterior of no coefficients; what was given where that fits all runs.
+    KrigedBasis, or KrigedCurves of runs that are curves, and the posterior of no coefficients;
+    what was given where that fits all runs.
     """
-    X, omega = simulation.X, simulation.omega
+    X, omega, none = simulation.X, simulation.omega, np.empty(0)
+    nothing = EmulatorPosterior(none, np.empty((0, 0)))
+    if isinstance(basis, CurveBasis):
+        return KrigedCurves(none, none, basis.emulator), nothing
     if isinstance(basis, KrigingBasis):
         process = basis.process
     else:
@@ -158,19 +199,28 @@ def krige(
         exact = float(np.sqrt(np.mean(missed**2))) < 1e-6 * np.std(run_eta)
         if exact and len(run_eta) > len(basis.coefficient_mean):
             return basis, emulator
-        ranges = [*simulation.input_ranges.values(), *simulation.parameter_ranges.values()]
-        process = process_through(basis, np.array(ranges, dtype=float), X, omega, run_eta)
+        of_inputs, of_parameters = (
+            np.array(list(ranges.values()), dtype=float).reshape(-1, 2)
+            for ranges in (simulation.input_ranges, simulation.parameter_ranges)
+        )
+        curves = emulated_curves(
+            Domain(of_inputs, of_parameters, 0.0, 1.0, None, X, omega, run_eta)
+        )
+        if curves is not None:
+            return KrigedCurves(none, none, curves), nothing
+        ranges = np.vstack([of_inputs, of_parameters])
+        process = process_through(basis, ranges, X, omega, run_eta)
     runs = process.some(X, omega, run_eta)
     matrix = runs.places.alike(runs.places)
     told = conditioned(matrix, process.covariance.nugget, runs.residual)
+    weights = told.weights[:, 0]
     prior = process.trend.coefficient_mean
     used = slice(None if len(process.term_sd) or np.any(prior) else 0)
     c = prior[used].copy()
     if len(process.term_sd):
-        c += process.term_sd * (runs.places.terms.T @ told.weights)
-    none = np.empty(0)
+        c += process.term_sd * (runs.places.terms.T @ weights)
     local = LocalError.of(runs.places.points, told.misses)
     kriged = KrigedBasis(
-        none, none, process, c, runs.places, told.weights, told.whiten, told.sd, local
+        none, none, process, c, runs.places, weights, told.whiten, float(told.sd[0]), local
     )
-    return kriged, EmulatorPosterior(none, np.empty((0, 0)))
+    return kriged, nothing

@@ -13,7 +13,7 @@ from hybridsurrogate.diagnosis.emulation.conditioned import KrigedBasis, krige
 from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.inference.conjugate.sufficient_statistics import statistics
 from hybridsurrogate.surrogates import Domain
-from hybridsurrogate.surrogates.covariance import (
+from hybridsurrogate.surrogates.emulation.covariance import (
     Apart,
     Covariance,
     _badness,
@@ -85,7 +85,12 @@ def test_a_bend_is_a_logarithm_and_none_is_straight():
 @pytest.mark.parametrize("bends", [[0.5, -2.0], [2e-6, 1e-3]])
 def test_slopes_of_the_likelihood(bends):
     rng = np.random.default_rng(0)
-    given = rng.uniform(size=(20, 2)), np.eye(20), rng.standard_normal(20)
+    given = (
+        rng.uniform(size=(20, 2)),
+        np.eye(20),
+        rng.standard_normal((20, 2)),
+        np.array([1.0, 0.3]),
+    )
     z = np.array([0.3, -0.5, -3.0, 0.2, *bends])
 
     def value(at):

@@ -178,8 +178,10 @@ def learned(points: FloatArray, terms: FloatArray, residual: FloatArray) -> Cova
         Inputs and parameters of the runs, from 0 to 1.
     terms : ndarray of shape (n, p)
         The surrogate's features times the prior sd of their coefficients, p may be 0.
-    residual : ndarray of shape (n,)
-        Outputs less their prior mean.
+    residual : ndarray of shape (n, k)
+        Outputs less their prior mean. Several have the same covariance but for its size, as in
+        Conti and O'Hagan 2010 (Journal of Statistical Planning and Inference 140:640), and count
+        by their standard deviations: small ones are rough, and matter less.
     """
     d = points.shape[1]
     if not residual.any():  # nothing to learn from
@@ -190,8 +192,13 @@ def learned(points: FloatArray, terms: FloatArray, residual: FloatArray) -> Cova
     limits = [(math.log(low), math.log(high)) for low, high in ranges]
     limits += [(-_MOST_BENT, _MOST_BENT)] * d
 
+    # columns of zeros say nothing, and have no logarithm
+    residual = residual[:, np.any(residual, axis=0)]
+    counts = np.std(residual, axis=0)
+    counts = counts / np.max(counts) if np.max(counts) else np.ones(len(counts))
+
     def deviance(z: FloatArray, gram: FloatArray) -> tuple[float, FloatArray]:
-        return _badness(z, points, gram, residual)
+        return _badness(z, points, gram, residual, counts)
 
     def most_likely(places: list[FloatArray], gram: FloatArray) -> FloatArray:
         ends = [
@@ -213,7 +220,9 @@ def learned(points: FloatArray, terms: FloatArray, residual: FloatArray) -> Cova
         starts = [place(*start, even) for start in _STARTS]
         beside = most_likely([*starts, alone], gram)
         share = float(np.exp(beside[d + 1]))
-        seen = [_foresight(z, points, g, residual) for z, g in ((beside, gram), (alone, none))]
+        seen = [
+            _foresight(z, points, g, residual, counts) for z, g in ((beside, gram), (alone, none))
+        ]
         if share > 2 * _SHARES[0] and seen[0] > seen[1]:
             return _covariance(beside, share)
     return _covariance(alone, 0.0)
@@ -224,7 +233,9 @@ def _covariance(z: FloatArray, share: float) -> Covariance:
     return Covariance(np.exp(z[:d]), z[d + 2 :], float(np.exp(z[d])), share)
 
 
-def _foresight(z: FloatArray, points: FloatArray, gram: FloatArray, residual: FloatArray) -> float:
+def _foresight(
+    z: FloatArray, points: FloatArray, gram: FloatArray, residual: FloatArray, counts: FloatArray
+) -> float:
     """Return the log density of runs that are each foreseen from the others, to some digits.
 
     Likelihoods are won where a simulation is smooth, by digits that no measurement has; beside a
@@ -240,15 +251,20 @@ def _foresight(z: FloatArray, points: FloatArray, gram: FloatArray, residual: Fl
         return -np.inf
     whiten = solve_triangular(lower, np.eye(n), lower=True)
     weights, diagonal = whiten.T @ (whiten @ residual), np.sum(whiten**2, axis=0)
-    variance = max(float(residual @ weights), float(np.sum(weights**2 / diagonal))) / n
-    spread = variance / diagonal + (_DIGITS * np.std(residual)) ** 2
-    return float(-0.5 * np.sum(np.log(spread) + (weights / diagonal) ** 2 / spread))
+    squares = weights**2 / diagonal[:, None]
+    variance = np.maximum(np.sum(residual * weights, axis=0), np.sum(squares, axis=0)) / n
+    spread = variance / diagonal[:, None] + (_DIGITS * np.std(residual, axis=0)) ** 2
+    missed = (weights / diagonal[:, None]) ** 2 / spread
+    return float(-0.5 * np.sum(counts * (np.log(spread) + missed)))
 
 
 def _badness(
-    z: FloatArray, points: FloatArray, gram: FloatArray, residual: FloatArray
+    z: FloatArray, points: FloatArray, gram: FloatArray, residual: FloatArray, counts: FloatArray
 ) -> tuple[float, FloatArray]:
-    """Return minus the log posterior density of logarithms and bends, and its slopes."""
+    """Return minus the log posterior density of logarithms and bends, and its slopes.
+
+    Of outputs ``residual`` (n, k), whose log densities are multiplied by ``counts`` (k,).
+    """
     n, d = points.shape
     lengths, nugget, share = np.exp(z[:d]), np.exp(z[d]), np.exp(z[d + 1])
     places = bent(points, z[d + 2 :]) / lengths
@@ -262,9 +278,10 @@ def _badness(
         return 1e10, np.zeros_like(z)
     inverse = cho_solve((lower, True), np.eye(n))
     weights = inverse @ residual
-    variance = residual @ weights / n
-    value = 0.5 * n * np.log(variance) + np.sum(np.log(np.diagonal(lower)))
-    inner = inverse - np.outer(weights, weights) / variance
+    variance = np.sum(residual * weights, axis=0) / n
+    total = float(np.sum(counts))
+    value = 0.5 * n * counts @ np.log(variance) + total * np.sum(np.log(np.diagonal(lower)))
+    inner = total * inverse - (weights * counts / variance) @ weights.T
     steep = inner * (1 + distance) * fading
     apart = places.T[:, :, None] - places.T[:, None]
     moves = (_bent_by(points, z[d + 2 :]) / lengths).T

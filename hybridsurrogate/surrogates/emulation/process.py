@@ -13,7 +13,7 @@ from scipy.linalg import solve_triangular
 from hybridsurrogate.cholesky import nudged_cholesky
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.surrogates.basis import Basis, in_turn
-from hybridsurrogate.surrogates.covariance import (
+from hybridsurrogate.surrogates.emulation.covariance import (
     Apart,
     Covariance,
     alike,
@@ -26,7 +26,8 @@ from hybridsurrogate.surrogates.covariance import (
 
 # the covariance is learned from at most this many runs; as many as the second limit are used,
 # drawn at random, as files of runs are often in order
-_LEARN, _RUNS = 200, 500
+# (of runs that are curves many more: each is as much as hundreds of rows)
+_LEARN, _RUNS, _CURVES = 200, 500, 2000
 
 
 class Places(NamedTuple):
@@ -94,7 +95,10 @@ class Places(NamedTuple):
 
 
 class Runs(NamedTuple):
-    """Runs that a process is conditioned on: their places, and outputs less their prior mean."""
+    """Runs that a process is conditioned on: their places, and outputs less their prior mean.
+
+    Of shapes (n, ...) and (n, k).
+    """
 
     places: Places
     residual: FloatArray
@@ -136,14 +140,15 @@ class Process:
         return known
 
     def some(self, X: FloatArray, omega: FloatArray, eta: FloatArray) -> Runs:
-        """Return the runs that are used, of runs with outputs eta (n,)."""
-        chosen = _used(len(eta))
+        """Return the runs that are used, of runs with outputs eta (n,) or (n, k)."""
+        chosen = _used(len(eta), _RUNS if eta.ndim == 1 else _CURVES)
         X, omega = X[chosen], omega[chosen]
-        return Runs(self.places(X, omega), eta[chosen] - self.prior_mean(X, omega))
+        outputs = eta[chosen].reshape(len(chosen), -1)
+        return Runs(self.places(X, omega), outputs - self.prior_mean(X, omega)[:, None])
 
 
-def _used(n: int) -> NDArray[np.intp]:
-    return np.random.default_rng(0).permutation(n)[:_RUNS]
+def _used(n: int, most: int) -> NDArray[np.intp]:
+    return np.random.default_rng(0).permutation(n)[:most]
 
 
 def process_through(
@@ -158,13 +163,14 @@ def process_through(
     ranges : ndarray of shape (n_inputs + n_parameters, 2)
         Of the runs.
     X, omega, eta : ndarray of shape (n, n_inputs), (n, n_parameters), (n,)
-        Runs.
+        Runs; of outputs (n, k) the covariance that they share but for its size.
     """
-    chosen = _used(len(eta))[:_LEARN]
+    chosen = _used(len(eta), len(eta))[:_LEARN]
     X, omega = X[chosen], omega[chosen]
     features = trend.features(X, omega)
-    residual = eta[chosen] - trend.known(X, omega) - features @ trend.coefficient_mean
+    mean = trend.known(X, omega) + features @ trend.coefficient_mean
     terms = features * trend.coefficient_sd
+    residual = eta[chosen].reshape(len(chosen), -1) - mean[:, None]
     arrays = between(np.hstack([X, omega]), ranges), terms, residual
     covariance = _learned(*(array.tobytes() for array in arrays), len(chosen))
     size = float(np.mean(np.sum(terms**2, axis=1)))
@@ -178,7 +184,7 @@ def _learned(points: bytes, terms: bytes, residual: bytes, n: int) -> Covariance
     """Return `learned`: folds and grids over beta ask for the same runs again and again."""
     arrays = (np.frombuffer(array).reshape(n, -1) for array in (points, terms, residual))
     places, features, outputs = arrays
-    return learned(places, features, outputs[:, 0])
+    return learned(places, features, outputs)
 
 
 class Conditioned(NamedTuple):
@@ -186,31 +192,33 @@ class Conditioned(NamedTuple):
 
     Attributes
     ----------
-    weights : ndarray of shape (n,)
-        Of the runs.
+    weights : ndarray of shape (n, k)
+        Of the runs, for each output.
     whiten : ndarray of shape (n, n)
         Inverse of the lower factor of their covariance in units of the process's variance.
-    sd : float
+    sd : ndarray of shape (k,)
         Of the process.
     misses : ndarray of shape (n,)
-        Squared errors at runs foreseen from all others, in units of their variance.
+        Squared errors at runs foreseen from all others, in units of their variance; of several
+        outputs the sums of both.
     """
 
     weights: FloatArray
     whiten: FloatArray
-    sd: float
+    sd: FloatArray
     misses: FloatArray
 
 
 def conditioned(matrix: FloatArray, nugget: float, residual: FloatArray) -> Conditioned:
-    """Return a process given runs with covariance (n, n) and outputs (n,) less their mean."""
+    """Return a process given runs with covariance (n, n) and outputs (n, k) less their mean."""
     n = len(residual)
     lower = nudged_cholesky((matrix + nugget * np.eye(n))[None])[0]
     whiten: FloatArray = solve_triangular(lower, np.eye(n), lower=True)
     weights = whiten.T @ (whiten @ residual)
     # leave-one-out errors in units of their sd (Rasmussen and Williams 5.12): 1 on average where
     # the covariance is right
-    deviation = weights**2 / np.sum(whiten**2, axis=0)
-    variance = max(float(residual @ weights), float(np.sum(deviation))) / n
-    misses = deviation / max(variance, 1e-300)  # outputs that are all the same vary by nothing
-    return Conditioned(weights, whiten, float(np.sqrt(variance)), misses)
+    deviation = weights**2 / np.sum(whiten**2, axis=0)[:, None]
+    variance = np.maximum(np.sum(residual * weights, axis=0), np.sum(deviation, axis=0)) / n
+    # outputs that are all the same vary by nothing
+    misses = np.sum(deviation, axis=1) / max(float(np.sum(variance)), 1e-300)
+    return Conditioned(weights, whiten, np.sqrt(variance), misses)

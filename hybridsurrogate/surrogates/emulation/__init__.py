@@ -1,0 +1,8 @@
+"""A simulation as its runs tell it, with what they leave open.
+
+covariance      how alike outputs are, learned from the runs
+process         a Gaussian process with that covariance, given the runs
+local_variance  errors as large along each axis as runs there were hard to foresee
+curves          which rows are one run, and the few curves that all runs are made of
+curve_emulator  a process for the coefficients of these curves
+"""

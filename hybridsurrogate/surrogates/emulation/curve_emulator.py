@@ -1,0 +1,153 @@
+"""Runs that are curves, emulated: a Gaussian process for the coefficients of their components.
+
+All coefficients share one correlation of the parameters and each has a variance of its own, so that
+R runs of T places cost R^3 + R^2 T and not (R T)^3 (Higdon, Gattiker, Williams and Rightley 2008,
+Journal of the American Statistical Association 103:570; one correlation for all: Conti and O'Hagan
+2010, Journal of Statistical Planning and Inference 140:640). What the components and the
+interpolation along the curves leave out is part of the error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybridsurrogate.blocks import blocks
+from hybridsurrogate.cholesky import pivoted_cholesky
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.surrogates.basis import Basis
+from hybridsurrogate.surrogates.emulation.curves import Components, Curves
+from hybridsurrogate.surrogates.emulation.local_variance import LocalError
+from hybridsurrogate.surrogates.emulation.process import (
+    Places,
+    Process,
+    conditioned,
+    process_through,
+)
+
+# what is left of a variance when its factor has enough columns, in shares of the largest
+_NEGLIGIBLE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class CurveEmulator:
+    """The most probable simulation given its runs, and what they leave open.
+
+    Attributes
+    ----------
+    along : int
+        The input along which a run is a curve.
+    components : Components
+    process : Process
+        Of the other inputs and the parameters, which it sees as parameters.
+    runs : Places
+    weights : ndarray of shape (n_runs, k)
+        Of the runs, for each coefficient.
+    whiten : ndarray of shape (n_runs, n_runs)
+        Inverse of the lower factor of the runs' covariance.
+    sd : ndarray of shape (k,)
+        Of the process, for each coefficient.
+    local : LocalError
+        Factors on the error where the runs show that it is larger.
+    """
+
+    along: int
+    components: Components
+    process: Process
+    runs: Places
+    weights: FloatArray
+    whiten: FloatArray
+    sd: FloatArray
+    local: LocalError
+
+    def output(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return the most probable output for rows of inputs and parameters, (n,)."""
+        points, group = self._points(X, omega)
+        coefficients = np.concatenate(
+            [
+                self._places(points[some]).alike(self.runs) @ self.weights
+                for some in blocks(len(points), len(self.weights))
+            ]
+            or [np.empty((0, len(self.sd)))]
+        )
+        mean, curves, _ = self.components.at(X[:, self.along])
+        return mean + np.einsum("nk,nk->n", curves, coefficients[group])
+
+    def spread(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return S (n, k + 1): what is open has covariance S S' among rows of equal parameters."""
+        points, group = self._points(X, omega)
+        places = self._places(points)
+        white = places.alike(self.runs) @ self.whiten.T
+        left = np.maximum(places.variances() - np.sum(white**2, axis=1), 0.0)
+        sd = np.sqrt(left) * self.local.at(places.points)
+        _, curves, missed = self.components.at(X[:, self.along])
+        return np.column_stack([sd[group, None] * curves * self.sd, missed])
+
+    def error(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return F (n, r): the covariance of what is open at all these rows is F F'."""
+        points, group = self._points(X, omega)
+        if len(points) == 1:
+            return self.spread(X, omega)
+        places = self._places(points)
+        white = places.alike(self.runs) @ self.whiten.T
+        local = self.local.at(places.points)
+        diagonal = np.maximum(places.variances() - np.sum(white**2, axis=1), 0.0) * local**2
+
+        def column(k: int) -> FloatArray:
+            alike = places.alike(places.of(slice(k, k + 1)))[:, 0] - white @ white[k]
+            return local[k] * local * alike
+
+        least = _NEGLIGIBLE * float(np.max(diagonal, initial=0.0))
+        factor, _ = pivoted_cholesky(diagonal, column, least, len(diagonal))
+        _, curves, missed = self.components.at(X[:, self.along])
+        all_of_it = (curves * self.sd)[:, :, None] * factor[group][:, None, :]
+        F = np.column_stack([all_of_it.reshape(len(X), -1), missed])
+        if F.shape[1] <= len(X):
+            return F
+        square = F @ F.T
+        variances = np.diagonal(square).copy()
+        least = _NEGLIGIBLE * float(np.max(variances, initial=0.0))
+        return pivoted_cholesky(variances, lambda k: square[k], least, len(X))[0]
+
+    def _points(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
+        """Return the parameters of rows that follow one another with equal ones, and of which."""
+        rows = np.hstack([np.delete(X, self.along, axis=1), omega])
+        new = np.ones(len(rows), dtype=bool)
+        new[1:] = np.any(rows[1:] != rows[:-1], axis=1)
+        return rows[new], np.cumsum(new) - 1
+
+    def _places(self, points: FloatArray) -> Places:
+        return self.process.places(np.empty((len(points), 0)), points)
+
+
+def emulate_curves(curves: Curves, trend: Basis, ranges: FloatArray) -> CurveEmulator:
+    """Return the emulator of runs that are curves.
+
+    Parameters
+    ----------
+    curves : Curves
+    trend : Basis
+        On no inputs, and the other inputs and the parameters as parameters; without mean.
+    ranges : ndarray of shape (d, 2)
+        Of these.
+    """
+    components = curves.components
+    empty = np.empty((len(curves.others), 0))
+    coefficients = components.coefficients
+    process = process_through(trend, ranges, empty, curves.others, coefficients)
+    runs = process.some(empty, curves.others, coefficients)
+    matrix = runs.places.alike(runs.places)
+    given = conditioned(matrix, process.covariance.nugget, runs.residual)
+    local = LocalError.of(runs.places.points, given.misses)
+    return CurveEmulator(
+        curves.along,
+        components,
+        process,
+        runs.places,
+        given.weights,
+        given.whiten,
+        given.sd,
+        local,
+    )

@@ -1,0 +1,234 @@
+"""Runs that are curves: which rows are one run, and the few curves that all runs are made of.
+
+A run that returns the output at many places along one input, mostly time, is one run and not many:
+its parameters stand once. All curves together are a mean plus a few principal components, and each
+component's coefficient is a function of the parameters alone (Higdon, Gattiker, Williams and
+Rightley 2008, Journal of the American Statistical Association 103:570, section 2.2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline, make_interp_spline
+
+from hybridsurrogate.priors import FloatArray
+
+# rows are curves where there are so many runs at least and so many rows a run on average
+_LEAST_RUNS, _LEAST_ROWS = 8, 5
+# rows by which it is seen that runs are no curves, without a look at millions
+_LOOK = 20_000
+# places of a common grid, at most, where each run has its own
+_MOST_PLACES = 1000
+# what the components leave of the spread of all curves, and how many there are at most
+_LEFT, _MOST_COMPONENTS = 1e-3, 40
+# rounds in which missing pieces of curves are filled in from the components
+_ROUNDS = 30
+
+
+@dataclass(frozen=True, eq=False)
+class Curves:
+    """Runs as curves along one input.
+
+    Attributes
+    ----------
+    along : int
+        The input along which a run has many rows.
+    places : ndarray of shape (n_places,)
+        Its values.
+    others : ndarray of shape (n_runs, d)
+        The other inputs and the parameters, one row a run.
+    outputs : ndarray of shape (n_runs, n_places)
+    between : float
+        Error of interpolation along the curves, root mean square.
+    """
+
+    along: int
+    places: FloatArray
+    others: FloatArray
+    outputs: FloatArray
+    degree: int
+    between: float
+
+    @cached_property
+    def components(self) -> Components:
+        """The principal components of the outputs."""
+        mean = self.outputs.mean(axis=0)
+        left, size, curves = np.linalg.svd(self.outputs - mean, full_matrices=False)
+        total = float(np.sum(size**2))
+        rest = np.append(np.cumsum(size[::-1] ** 2)[::-1], 0.0)
+        k = int(np.argmax(rest <= max(_LEFT**2 * total, 1e-300)))
+        k = min(max(k, 1), _MOST_COMPONENTS, len(size))
+        missed = np.sqrt(np.mean((left[:, k:] * size[k:] @ curves[k:]) ** 2, axis=0))
+        told = np.hypot(missed, self.between)
+        table = np.vstack([mean, curves[:k], told]).T
+        spline = make_interp_spline(self.places, table, k=self.degree)
+        return Components(left[:, :k] * size[:k], self.places[[0, -1]], spline)
+
+
+@dataclass(frozen=True, eq=False)
+class Components:
+    """A mean and the components that all curves are made of.
+
+    Attributes
+    ----------
+    coefficients : ndarray of shape (n_runs, k)
+        Of the runs.
+    ends : ndarray of shape (2,)
+        Of the places.
+    spline : BSpline
+        Mean, components, and the error of what they leave, k + 2 curves.
+    """
+
+    coefficients: FloatArray
+    ends: FloatArray
+    spline: BSpline
+
+    def at(self, places: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return mean (n,), components (n, k) and error (n,) at places, held at the ends."""
+        table = self.spline(np.clip(places, *self.ends))
+        return table[:, 0], table[:, 1:-1], np.maximum(table[:, -1], 0.0)
+
+
+def curves_of(X: FloatArray, omega: FloatArray, eta: FloatArray) -> Curves | None:
+    """Return runs as curves, None where each row is a run of its own.
+
+    Rows with the same parameters and the same inputs but one are a run along that one.
+
+    Parameters
+    ----------
+    X, omega, eta : ndarray of shape (n, n_inputs), (n, n_parameters), (n,)
+        Rows of all runs, in any order.
+    """
+    if not omega.shape[1] or len(eta) < _LEAST_RUNS * _LEAST_ROWS:
+        return None
+    look = omega
+    if len(eta) > _LOOK:
+        look = omega[np.random.default_rng(0).choice(len(eta), _LOOK, replace=False)]
+    if len(np.unique(look, axis=0)) * _LEAST_ROWS > len(look):
+        return None
+    best: tuple[int, FloatArray, NDArray[np.intp]] | None = None
+    for along in range(X.shape[1]):
+        others, run = _alike(np.hstack([np.delete(X, along, axis=1), omega]))
+        enough = _LEAST_RUNS <= len(others) <= len(eta) / _LEAST_ROWS
+        if enough and (best is None or len(others) < len(best[1])):
+            best = along, others, run
+    if best is None:
+        return None
+    along, others, run = best
+    places, table = _on_one_grid(X[:, along], run, eta, len(others))
+    if len(places) < _LEAST_ROWS:
+        return None
+    degree, between = _smoothness(places, table)
+    return Curves(along, places, others, _filled(table), degree, between)
+
+
+def _alike(rows: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Return the different rows, and which of them each is; quick where equal ones follow."""
+    new = np.append(True, np.any(rows[1:] != rows[:-1], axis=1))
+    first, which = np.unique(rows[new], axis=0, return_inverse=True)
+    return first, which.ravel()[np.cumsum(new) - 1]
+
+
+def _on_one_grid(
+    x: FloatArray, run: NDArray[np.intp], eta: FloatArray, n_runs: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return places and outputs (n_runs, n_places), NaN where a run has none."""
+    places, column = np.unique(x, return_inverse=True)
+    rows_a_run = np.bincount(run, minlength=n_runs)
+    if len(places) <= 2 * np.median(rows_a_run):
+        flat = run * len(places) + column.ravel()
+        count = np.bincount(flat, minlength=n_runs * len(places))
+        total = np.bincount(flat, weights=eta, minlength=n_runs * len(places))
+        with np.errstate(invalid="ignore"):
+            table = (total / count).reshape(n_runs, len(places))
+        gaps = np.isnan(table)
+        if gaps.any():
+            for k in np.flatnonzero(gaps.any(axis=1)):
+                there = ~gaps[k]
+                table[k] = _interpolated(places[there], table[k, there], places)
+        return places, table
+    # each run has its own places: as many as a run has, where their quantiles are
+    n = min(2 * int(np.median(rows_a_run)), _MOST_PLACES)
+    grid = np.unique(np.quantile(places, np.linspace(0, 1, n)))
+    table = np.full((n_runs, len(grid)), np.nan)
+    order = np.lexsort((x, run))
+    for row, rows in enumerate(np.split(order, np.cumsum(rows_a_run)[:-1])):
+        own, first = np.unique(x[rows], return_index=True)
+        table[row] = _interpolated(own, eta[rows][first], grid)
+    return grid, table
+
+
+def _interpolated(x: FloatArray, y: FloatArray, at: FloatArray) -> FloatArray:
+    """Return y at places within its range, NaN beyond by more than half a typical step."""
+    if len(x) < 2:
+        return np.full(len(at), np.nan)
+    degree = 3 if len(x) > 3 and _rougher(x, y[None]) is None else 1
+    value: FloatArray = make_interp_spline(x, y, k=degree)(np.clip(at, x[0], x[-1]))
+    margin = 0.5 * float(np.median(np.diff(x)))
+    value[(at < x[0] - margin) | (at > x[-1] + margin)] = np.nan
+    return value
+
+
+def _rougher(places: FloatArray, table: FloatArray) -> float | None:
+    """Return the error of lines where they foresee left-out places better than cubics do."""
+    errors = _half_errors(places, table)
+    return errors[1] if errors[1] <= errors[3] else None
+
+
+def _half_errors(places: FloatArray, table: FloatArray) -> dict[int, float]:
+    """Return the root mean square errors at every other place, foreseen from the rest."""
+    kept = np.arange(0, len(places), 2)
+    left = np.arange(1, int(kept[-1]), 2)
+    out = {}
+    for degree in (1, 3):
+        if len(kept) <= degree or not len(left):
+            out[degree] = np.inf
+            continue
+        spline = make_interp_spline(places[kept], table[:, kept].T, k=degree)
+        out[degree] = float(np.sqrt(np.mean((spline(places[left]).T - table[:, left]) ** 2)))
+    return out
+
+
+def _smoothness(places: FloatArray, table: FloatArray) -> tuple[int, float]:
+    """Return the degree of interpolation, 3 or 1, and its error.
+
+    Twice the step makes e' of e; where e' over four times the step is e'', Richardson has
+    e = e'^2 / e''.
+    """
+    whole = table[~np.isnan(table).any(axis=1)]
+    if not len(whole):
+        return 1, 0.0
+    twice = _half_errors(places, whole)
+    degree = 3 if twice[3] < twice[1] else 1
+    if not np.isfinite(twice[degree]):
+        return 1, 0.0
+    four = _half_errors(places[::2], whole[:, ::2])[degree]
+    share = twice[degree] / four if np.isfinite(four) and four > 0 else 0.5
+    return degree, twice[degree] * min(share, 1.0)
+
+
+def _filled(table: FloatArray) -> FloatArray:
+    """Return curves whose missing pieces are what the components make of the rest.
+
+    Rows are projected on the components and these found again, by turns (Walczak and Massart 2001,
+    Chemometrics and Intelligent Laboratory Systems 58:15).
+    """
+    gaps = np.isnan(table)
+    if not gaps.any():
+        return table
+    out = np.where(gaps, np.nanmean(table, axis=0), table)
+    out = np.where(np.isnan(out), np.nanmean(table), out)
+    for _ in range(_ROUNDS):
+        mean = out.mean(axis=0)
+        left, size, curves = np.linalg.svd(out - mean, full_matrices=False)
+        k = int(np.sum(size > _LEFT * 10 * size[0]))
+        again = mean + left[:, :k] * size[:k] @ curves[:k]
+        moved = float(np.max(np.abs(np.where(gaps, again - out, 0.0))))
+        out[gaps] = again[gaps]
+        if moved < _LEFT * float(np.std(out)):
+            break
+    return out
