@@ -45,3 +45,15 @@ def in_blocks(
         for whole, piece in zip(out, pieces, strict=True):
             whole[block] = piece
     return out
+
+
+def in_turn(features: FloatArray, c: FloatArray) -> FloatArray:
+    """Return the products (n,) of rows (n, p) with c (J, p), the first for the first n / J rows."""
+    groups = features.reshape(len(c), len(features) // len(c), features.shape[1])
+    return (groups @ c[..., None]).ravel()
+
+
+def each_with_each(X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return rows of n inputs for each of J parameters, (J n, ...)."""
+    # columns in one piece, as simulations take them
+    return np.tile(X.T, (1, len(omega))).T, np.repeat(omega.T, len(X), axis=1).T

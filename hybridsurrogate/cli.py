@@ -25,10 +25,11 @@ from hybridsurrogate.estimators import PowerScaledSurrogate
 from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning
 from hybridsurrogate.likelihoods import LIKELIHOODS
 from hybridsurrogate.priors import Prior, truncated_normal
-from hybridsurrogate.simulation.csv_file import read_csv
+from hybridsurrogate.simulation.curve_tables import RUN
 from hybridsurrogate.simulation.measured_table import numbers_of, with_levels
 from hybridsurrogate.simulation.ranges import check_support
 from hybridsurrogate.simulation.simulator import SimulationData, read_simulation
+from hybridsurrogate.simulation.table_file import read_table
 from hybridsurrogate.surrogates import ExactSurrogate, Kriging, PolynomialChaos, Surrogate
 from hybridsurrogate.whole_file import check_writable, written_whole
 
@@ -185,7 +186,7 @@ def _demo(given: argparse.Namespace) -> int:
 
 def _diagnose(given: argparse.Namespace) -> int:
     _check_files(given)
-    runs, measured = read_csv(given.simulation), read_csv(given.measured)
+    runs, measured = read_table(given.simulation), read_table(given.measured)
     # a comma at the end of each line makes a column without a cell
     measured = measured.dropna(axis="columns", how="all")
     missing = [name for name in (*given.inputs, given.output) if name not in measured]
@@ -216,7 +217,7 @@ def _diagnose(given: argparse.Namespace) -> int:
 
 
 def _warn_of_unnamed(runs: pd.DataFrame, named: set[str]) -> None:
-    rest = [name for name in runs.select_dtypes("number") if name not in named]
+    rest = [name for name in runs.select_dtypes("number") if name not in {*named, RUN}]
     varied = [name for name in rest if runs[name].min() < runs[name].max()]
     if varied:
         warnings.warn(
@@ -229,7 +230,9 @@ def _warn_of_unnamed(runs: pd.DataFrame, named: set[str]) -> None:
 
 
 def _surrogate(degree: int | None, simulation: SimulationData, n_rows: int) -> Surrogate:
-    if degree is None and n_rows <= _MOST_ROWS:
+    # curves are few runs, however many rows they have
+    curves = 5 * len(np.unique(simulation.omega, axis=0)) <= simulation.n_rows
+    if degree is None and (n_rows <= _MOST_ROWS or curves):
         return Kriging()
     return PolynomialChaos(_degree(simulation) if degree is None else degree)
 

@@ -235,7 +235,7 @@ def _counts(mean: FloatArray, rng: np.random.Generator) -> FloatArray:
 
 def _rounded_at_random(runs: SimulationData, rng: np.random.Generator) -> SimulationData:
     # up with the probability of the fraction, so that the mean stays
-    y = np.floor(runs.y + rng.uniform(size=runs.n_runs))
+    y = np.floor(runs.y + rng.uniform(size=runs.n_rows))
     return SimulationData(
         runs.X,
         runs.omega,

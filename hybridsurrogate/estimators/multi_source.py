@@ -144,7 +144,7 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
 
     def _problem(self, surrogate: Surrogate, likelihood: Likelihood, rows: MeasuredRows) -> Problem:
         runs = self._simulations()
-        powers = [np.full(source.data.n_runs, float(source.power)) for source in runs]  # type: ignore[union-attr]
+        powers = [np.full(source.data.n_rows, float(source.power)) for source in runs]  # type: ignore[union-attr]
         return make_problem(
             self.simulation,
             surrogate,

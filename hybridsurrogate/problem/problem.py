@@ -208,7 +208,7 @@ def make_problem(
     if any(effect.follows_mean for effect in effects):
         model = replace(model, reference=_reference(basis, domain, run_weights))
     kept, run_statistics = None, None
-    if runs is not None and run_eta is not None and trained:
+    if runs is not None and run_eta is not None and trained and not basis.holds_runs:
         run_weights = np.ones(len(runs.y)) if run_weights is None else run_weights
         kept = Runs(runs.y, run_weights, runs.X, runs.omega)
         if not basis.known_depends_on_hyper:

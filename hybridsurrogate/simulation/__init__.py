@@ -6,7 +6,9 @@ design           Sobol and Latin hypercube designs
 simulator        Simulator: a function, run on a design or at given rows
 simulation_data  SimulationData: runs, their ranges, what they were run with
 ranges           what lies outside the simulated ranges
-csv_file         runs from files
+curve_tables     runs that are curves, from arrays, wide and long tables, datasets
+csv_file         tables from csv files
+table_file       tables from files of other kinds
 measured_table   measured tables of the command line
 modification     a change of an ODE's right-hand side, described
 """

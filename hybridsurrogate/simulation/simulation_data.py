@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from hybridsurrogate.exceptions import FailedRunsWarning
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_spread
-from hybridsurrogate.simulation.csv_file import read_csv
+from hybridsurrogate.simulation.curve_tables import RUN, check_curves, curve_rows
 from hybridsurrogate.simulation.ranges import (
     check_support,
     check_value,
@@ -23,6 +23,7 @@ from hybridsurrogate.simulation.ranges import (
     ranges_of_inputs,
     varied_ranges,
 )
+from hybridsurrogate.simulation.table_file import read_table, write_table
 from hybridsurrogate.simulation.variables import (
     Assumed,
     Range,
@@ -42,14 +43,17 @@ if TYPE_CHECKING:
 class SimulationData:
     """Runs of a simulation.
 
+    A run has one output, or is a curve along one input, of as many rows as it has outputs: give
+    those to `from_curves`.
+
     Parameters
     ----------
-    X : array-like of shape (n_runs, n_inputs)
-        One input may also be given as (n_runs,).
-    omega : array-like of shape (n_runs, n_parameters + n_assumed) or None
+    X : array-like of shape (n_rows, n_inputs)
+        One input may also be given as (n_rows,).
+    omega : array-like of shape (n_rows, n_parameters + n_assumed) or None
         The parameters, then the assumed constants, as varied in the runs.
-    y : array-like of shape (n_runs,)
-        Outputs. Runs with NaN or infinity are dropped with a warning.
+    y : array-like of shape (n_rows,)
+        Outputs. Rows with NaN or infinity are dropped with a warning.
     inputs : dict of name to (low, high), or list of names
         With names alone the ranges are those of the runs.
     parameters : dict of name to scipy.stats frozen distribution, optional
@@ -58,10 +62,12 @@ class SimulationData:
         What ``y`` is, for labels.
     simulator : Simulator, optional
         The simulation that made the runs, if it can be called again.
+    run : array-like of shape (n_rows,) or None, default=None
+        The run that each row is of; None: each row is a run of its own.
 
     Attributes
     ----------
-    n_runs : int
+    n_rows, n_runs : int
     input_names, parameter_names, assumed_names : tuple of str
     input_ranges : dict of name to (low, high)
     parameter_ranges : dict of name to (low, high)
@@ -95,6 +101,8 @@ class SimulationData:
     X: FloatArray
     omega: FloatArray
     y: FloatArray
+    run: NDArray[np.intp] | None
+    n_rows: int
     n_runs: int
     parameters: dict[str, Prior]
     assumed: dict[str, Assumed]
@@ -116,6 +124,7 @@ class SimulationData:
         assumed: Mapping[str, Assumed] | None = None,
         output: str = "y",
         simulator: Simulator | None = None,
+        run: ArrayLike | None = None,
     ) -> None:
         inputs = [inputs] if isinstance(inputs, str) else inputs
         fields = named_fields(tuple(inputs), parameters, assumed)
@@ -127,7 +136,12 @@ class SimulationData:
         if y.ndim != 1:
             raise ValueError(f"y must have shape (n_runs,), got {y.shape}.")
         check_lengths({"X": X, "omega": omega, "y": y})
+        labels = None if run is None else np.asarray(run)
+        if labels is not None and labels.shape != y.shape:
+            raise ValueError(f"run must have shape ({len(y)},), got {labels.shape}.")
+        given = labels, np.isfinite(np.column_stack([X, omega, y])).all(axis=1)
         X, omega, y = drop_failed(X, omega, y, "runs", error=None)
+        labels = None if given[0] is None else given[0][given[1]]
         for word, values in {"X": X, "omega": omega, "y": y}.items():
             check_spread(values, f"{word} of the runs")
         varied = varied_ranges(X, omega, fields)
@@ -135,7 +149,9 @@ class SimulationData:
             "X": X,
             "omega": omega,
             "y": y,
-            "n_runs": len(y),
+            "run": labels,
+            "n_rows": len(y),
+            "n_runs": len(y) if labels is None else len(np.unique(labels)),
             "output": output,
             "simulator": simulator,
             "input_ranges": ranges_of_inputs(inputs, varied),
@@ -151,6 +167,90 @@ class SimulationData:
             check_support(name, prior, varied[name], self.n_runs)
 
     @classmethod
+    def from_curves(
+        cls,
+        omega: Any,
+        Y: Any = None,
+        *,
+        along: str | Mapping[str, ArrayLike],
+        parameters: Mapping[str, Prior] | None = None,
+        assumed: Mapping[str, Assumed] | None = None,
+        inputs: Mapping[str, Range] | Sequence[str] = (),
+        output: str = "y",
+    ) -> SimulationData:
+        """Take runs that are curves: one run, one value of each parameter, outputs along one input.
+
+        Runs may have places of their own, and missing outputs as NaN.
+
+        Parameters
+        ----------
+        omega : array-like of shape (n_runs, n_columns), DataFrame or xarray.Dataset
+            Columns by name, or in the order of further inputs, parameters, assumed constants. A
+            Dataset holds these, and the output over the runs and ``along``.
+        Y : array-like of shape (n_runs, n_places) or DataFrame, optional
+            Outputs. A wide DataFrame has the places as column labels; a long one has a column
+            "run" beside those of ``along`` and the output, and of all else where omega is None.
+        along : dict of name to array of shape (n_places,) or (n_runs, n_places), or str
+            The input along which a run is a curve, and its values where Y does not say them.
+        parameters, assumed
+            As in SimulationData.
+        inputs : dict of name to (low, high), or list of names, default=()
+            Ranges of inputs, of ``along`` too where it goes beyond the runs; further inputs, of
+            which each run has one value.
+        output : str
+
+        Returns
+        -------
+        SimulationData
+
+        Raises
+        ------
+        ValueError, TypeError
+            For shapes that differ, for a run whose parameters change, or that has two results.
+
+        Warns
+        -----
+        FailedRunsWarning
+            For runs without a single output.
+
+        Examples
+        --------
+        >>> import hybridsurrogate as hs
+        >>> import numpy as np
+        >>> from scipy.stats import uniform
+        >>> rate, t = np.linspace(0.1, 0.5, 20), np.linspace(0, 10, 30)
+        >>> hs.SimulationData.from_curves(
+        ...     rate, np.exp(-rate[:, None] * t), along={"t": t},
+        ...     parameters={"rate": uniform(0.1, 0.4)},
+        ... )
+        SimulationData(20 runs of 600 rows: t -> y, parameters: rate)
+        """
+        name = along if isinstance(along, str) else next(iter(along), "")
+        inputs = [inputs] if isinstance(inputs, str) else inputs
+        others = [other for other in inputs if other != name]
+        names = [*others, *(parameters or {}), *(assumed or {})]
+        if output in [name, *names]:
+            raise ValueError(f"The output {output!r} is also an input, parameter or constant.")
+        table = curve_rows(omega, Y, along, names, output)
+        check_curves(table, name, names, output)
+        ranges = inputs if isinstance(inputs, Mapping) else {}
+        ends = {
+            key: ranges.get(key, (float(table[key].min()), float(table[key].max())))
+            for key in (name, *others)
+        }
+        omega_names = names[len(others) :]
+        return cls(
+            table[list(ends)],
+            table[omega_names],
+            table[output],
+            ends,
+            parameters,
+            assumed,
+            output,
+            run=table[RUN],
+        )
+
+    @classmethod
     def from_frame(
         cls,
         frame: Any,
@@ -161,10 +261,12 @@ class SimulationData:
     ) -> SimulationData:
         """Take the runs from the named columns of a DataFrame.
 
+        A column "run" says which rows are one run.
+
         Parameters
         ----------
         frame : DataFrame of pandas, polars or another library
-            One run a row; other columns are ignored.
+            One output a row; other columns are ignored.
         inputs, parameters, assumed
             As in SimulationData; their names are columns.
         output : str
@@ -186,7 +288,38 @@ class SimulationData:
             )
         table = select_columns(frame, [*inputs, *omega_names, output], "The simulation runs")
         X, omega, y = table[list(inputs)], table[omega_names], table[output]
-        return cls(X, omega, y, inputs, parameters, assumed, output)
+        named = {*inputs, *omega_names, output}
+        run = frame[RUN] if RUN in frame.columns and RUN not in named else None
+        return cls(X, omega, y, inputs, parameters, assumed, output, run=run)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the rows: the run where runs are curves, inputs, parameters, constants, output.
+
+        Returns
+        -------
+        pandas.DataFrame
+            `from_frame` reads it.
+        """
+        frame = pd.DataFrame(self.X, columns=list(self.input_names))
+        frame[list(self.parameter_ranges)] = self.omega
+        frame[self.output] = self.y
+        if self.run is not None:
+            frame.insert(0, RUN, self.run)
+        return frame
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the rows to a file that `read_simulation` reads: .csv, or .parquet with pyarrow.
+
+        Parameters
+        ----------
+        path : str or path
+
+        Raises
+        ------
+        ValueError
+            For another ending.
+        """
+        write_table(self.to_frame(), path)
 
     def __sklearn_clone__(self) -> SimulationData:
         return self
@@ -198,6 +331,8 @@ class SimulationData:
 
     def __repr__(self) -> str:
         source = "" if self.simulator is None else f" of {self.simulator.name}"
+        if self.n_runs < self.n_rows:
+            source += f" of {self.n_rows} rows"
         names = (self.input_names, self.parameter_names, self.assumed_names)
         return f"SimulationData({describe(f'{self.n_runs} runs{source}', *names, self.output)})"
 
@@ -213,12 +348,14 @@ def read_simulation(
     output: str = "y",
     assumed: Mapping[str, Assumed] | None = None,
 ) -> SimulationData:
-    r"""Read the runs of a simulation from a csv file.
+    r"""Read the runs of a simulation from a file.
 
     Parameters
     ----------
     path : str or path
-        One run a line below a line of column names; the rest of a line after ``#`` is ignored.
+        A csv file with one output a line below a line of column names; the rest of a line after
+        ``#`` is ignored. Or .parquet (with pyarrow), or .nc (NetCDF, with xarray): a dataset whose
+        output stands over the runs and one input. A column "run" says which rows are one run.
     inputs, parameters, output, assumed
         As in ``SimulationData.from_frame``.
 
@@ -235,7 +372,7 @@ def read_simulation(
     >>> hs.read_simulation("runs.csv", ["t"], parameters={"gravity": prior}, output="distance")
     SimulationData(3 runs: t -> distance, parameters: gravity)
     """
-    return SimulationData.from_frame(read_csv(path), inputs, parameters, output, assumed)
+    return SimulationData.from_frame(read_table(path), inputs, parameters, output, assumed)
 
 
 def drop_failed(

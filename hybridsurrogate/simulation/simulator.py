@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import numbers
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeGuard
@@ -14,6 +15,7 @@ from joblib import Parallel, delayed
 from numpy.typing import ArrayLike
 from tqdm import tqdm
 
+from hybridsurrogate.exceptions import FailedRunsWarning
 from hybridsurrogate.priors import FloatArray, Prior, prior_range
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_number
 from hybridsurrogate.simulation.design import draw_design, run_with_ends
@@ -29,6 +31,9 @@ from hybridsurrogate.simulation.variables import (
     named_fields,
     priors_of,
 )
+
+# what a function returns; values along the first input where it returns a curve
+_RETURNS, _PLACES = ("values", "curve"), 100
 
 __all__ = ["Assumed", "SimulationData", "Simulator", "read_simulation"]
 
@@ -52,6 +57,10 @@ class Simulator:
         What the function returns, for labels.
     vectorized : bool
         False if the function does one run at a time: numbers in, a number out.
+    returns : {"values", "curve"}, default="values"
+        "curve": one call is one run. The function gets all values of the first input as an array
+        of shape (n_places,), numbers for all else, and returns an array of shape (n_places,), or a
+        dict with one under the name of ``output``.
 
     Attributes
     ----------
@@ -84,6 +93,7 @@ class Simulator:
     assumed: dict[str, Assumed]
     output: str
     vectorized: bool
+    returns: str
     input_names: tuple[str, ...]
     parameter_names: tuple[str, ...]
     assumed_names: tuple[str, ...]
@@ -102,13 +112,17 @@ class Simulator:
         assumed: Mapping[str, Assumed] | None = None,
         output: str = "y",
         vectorized: bool = True,
+        returns: str = "values",
     ) -> None:
+        if returns not in _RETURNS:
+            raise ValueError(f"returns must be one of {', '.join(_RETURNS)}, got {returns!r}.")
         fields = named_fields(tuple(inputs), parameters, assumed)
         priors = priors_of(fields["parameters"], fields["assumed"])
         fields |= {
             "function": function,
             "output": output,
-            "vectorized": vectorized,
+            "vectorized": vectorized and returns == "values",
+            "returns": returns,
             "input_ranges": check_ranges(inputs),
             "parameter_ranges": {name: prior_range(prior) for name, prior in priors.items()},
             "rates": (),
@@ -191,6 +205,7 @@ class Simulator:
         n_jobs: int | None = None,
         progress: bool = False,
         ends: float = 0.02,
+        along: int | ArrayLike | None = None,
     ) -> SimulationData:
         """Run the simulation over the ranges of inputs, parameters and assumed constants.
 
@@ -211,6 +226,9 @@ class Simulator:
             at a steep end, a source or a start, the runs beside it do not tell. A quarter of all at
             the most; fewer than 25 runs have none there, and an end where the simulation fails, or
             is further beyond all other runs than these are apart, has none either.
+        along : int, array-like of shape (n_places,) or None, default=None
+            Each run is a curve along the first input: so many values over its range, or these.
+            None: each run has one output, but 100 values where the function returns a curve.
 
         Returns
         -------
@@ -229,6 +247,10 @@ class Simulator:
         ranges = [*self.input_ranges.values(), *self.parameter_ranges.values()]
         check_number(ends, "ends", numbers.Real, min_val=0, max_val=0.1)
         k = len(self.input_names)
+        if along is not None or self.returns == "curve":
+            places = self._places(_PLACES if along is None else along)
+            points = draw_design(ranges[1:], n_runs, design, random_state)
+            return self._curves(points, places, n_jobs, progress)
 
         def outputs(points: FloatArray) -> tuple[FloatArray, str | None]:
             return self._evaluate(points[:, :k], points[:, k:], n_jobs, progress)
@@ -239,6 +261,53 @@ class Simulator:
         X, omega, y = drop_failed(X, omega, y, f"runs of {self.name!r}", error)
         return SimulationData(
             X, omega, y, self.input_ranges, self.parameters, self.assumed, self.output, self
+        )
+
+    def _places(self, along: int | ArrayLike) -> FloatArray:
+        """Return the values of the first input at which each run is wanted."""
+        name = self.input_names[0]
+        low, high = self.input_ranges[name]
+        if isinstance(along, numbers.Integral):
+            check_number(along, "along", numbers.Integral, min_val=5)
+            return np.linspace(low, high, int(along))
+        places = np.unique(as_numbers(along, "along"))
+        if len(places) < 5 or not low <= places[0] <= places[-1] <= high:
+            raise ValueError(
+                f"along must be at least 5 different values of {name!r} from {low:g} to {high:g}."
+            )
+        return places
+
+    def _curves(
+        self, points: FloatArray, places: FloatArray, n_jobs: int | None, progress: bool
+    ) -> SimulationData:
+        """Return runs (n_runs, d) of the other inputs and of omega as curves over places."""
+        k, n = len(self.input_names), len(points)
+        run = np.repeat(np.arange(n), len(places))
+        X = np.column_stack([np.tile(places, n), points[run, : k - 1]])
+        omega = points[run, k - 1 :]
+        y, error = self._evaluate(X, omega, n_jobs, progress)
+        kept = np.isfinite(y)
+        lost = np.setdiff1d(run, run[kept])
+        if not kept.any():
+            raise ValueError(f"All {n} runs of {self.name!r} failed. First error: {error}")
+        if len(lost) or not kept.all():
+            warnings.warn(
+                f"{len(lost)} of {n} runs of {self.name!r} failed and were dropped, "
+                f"{np.sum(~kept) - len(lost) * len(places)} further outputs are missing. "
+                f"First error: {error or 'they hold NaN or infinity'}.",
+                FailedRunsWarning,
+                stacklevel=3,
+            )
+        return SimulationData(
+            X[kept],
+            omega[kept],
+            y[kept],
+            self.input_ranges,
+            self.parameters,
+            self.assumed,
+            self.output,
+            self,
+            run[kept],
         )
 
     def _check_points(self, X: ArrayLike, omega: ArrayLike | None) -> tuple[FloatArray, FloatArray]:
@@ -274,6 +343,8 @@ class Simulator:
             y = as_numbers(self.function(**arguments), f"The output of {self.name!r}")
             self._check_output(y.shape, (len(X),))
             return y, None
+        if self.returns == "curve":
+            return self._evaluate_curves(X, omega, n_jobs, progress)
         runs = Parallel(n_jobs=n_jobs, return_as="generator")(
             delayed(_run_once)(self.function, dict(zip(names, point, strict=True)))
             for point in columns.T
@@ -288,12 +359,52 @@ class Simulator:
             first_error = first_error or error
         return y, first_error
 
+    def _evaluate_curves(
+        self, X: FloatArray, omega: FloatArray, n_jobs: int | None, progress: bool
+    ) -> tuple[FloatArray, str | None]:
+        """As `_evaluate`: rows that differ in the first input alone are one call."""
+        names = (*self.input_names[1:], *self.parameter_ranges)
+        points, run = np.unique(np.hstack([X[:, 1:], omega]), axis=0, return_inverse=True)
+        rows = np.split(np.argsort(run.ravel(), kind="stable"), np.cumsum(np.bincount(run.ravel())))
+        wanted = [np.unique(X[some, 0], return_inverse=True) for some in rows[: len(points)]]
+        runs = Parallel(n_jobs=n_jobs, return_as="generator")(
+            delayed(_run_once)(
+                self.function,
+                {self.input_names[0]: places, **dict(zip(names, point, strict=True))},
+            )
+            for point, (places, _) in zip(points, wanted, strict=True)
+        )
+        if progress:
+            runs = tqdm(runs, total=len(points), desc=self.name)
+        y, first_error = np.full(len(X), np.nan), None
+        for some, (places, which), (curve, error) in zip(rows, wanted, list(runs), strict=False):
+            if error is None:
+                if isinstance(curve, Mapping):
+                    curve = self._named_output(curve)
+                curve = as_numbers(curve, f"The output of {self.name!r}")
+                self._check_output(curve.shape, places.shape)
+                y[some] = curve[which.ravel()]
+            first_error = first_error or error
+        return y, first_error
+
+    def _named_output(self, outputs: Mapping[str, Any]) -> Any:
+        if self.output not in outputs:
+            raise ValueError(
+                f"{self.name!r} returned {', '.join(map(str, outputs))}, but no {self.output!r}: "
+                "name one of these as output."
+            )
+        return outputs[self.output]
+
     def _check_output(self, actual: tuple[int, ...], expected: tuple[int, ...]) -> None:
         if actual != expected:
-            hint = "arrays in, an array out" if self.vectorized else "numbers in, a number out"
+            hint = (
+                'returns="curve": as many values as the first input has'
+                if self.returns == "curve"
+                else f"vectorized={self.vectorized}: "
+                + ("arrays in, an array out" if self.vectorized else "numbers in, a number out")
+            )
             raise ValueError(
-                f"{self.name!r} returned an array of shape {actual}, expected {expected} "
-                f"(vectorized={self.vectorized}: {hint})."
+                f"{self.name!r} returned an array of shape {actual}, expected {expected} ({hint})."
             )
 
 
@@ -306,9 +417,7 @@ def _is_matrix(values: ArrayLike | None, n_columns: int) -> TypeGuard[FloatArray
     )
 
 
-def _run_once(
-    function: Callable[..., Any], arguments: dict[str, np.float64]
-) -> tuple[Any, str | None]:
+def _run_once(function: Callable[..., Any], arguments: dict[str, Any]) -> tuple[Any, str | None]:
     try:
         return function(**arguments), None
     except Exception as error:

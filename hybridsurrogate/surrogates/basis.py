@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.blocks import blocks
+from hybridsurrogate.blocks import blocks, each_with_each, in_turn
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation.modification import Modification
 
@@ -116,6 +116,8 @@ class Basis(ABC):
         return _BasisAlong(np.zeros(r), np.ones(r), self, directions)
 
     known_depends_on_hyper = False
+    # whether the runs are in it already, and are not to train its coefficients
+    holds_runs = False
     # whether the known part is the simulation itself, which may fail for some parameters
     is_simulation = False
 
@@ -191,18 +193,6 @@ class Basis(ABC):
             return known + (of_parameters * c) @ of_inputs.T
         output = self.output if c.ndim == 1 else self.output_in_turn
         return output(*each_with_each(X, omega), c).reshape(len(omega), len(X))
-
-
-def in_turn(features: FloatArray, c: FloatArray) -> FloatArray:
-    """Return the products (n,) of rows (n, p) with c (J, p), the first for the first n / J rows."""
-    groups = features.reshape(len(c), len(features) // len(c), features.shape[1])
-    return (groups @ c[..., None]).ravel()
-
-
-def each_with_each(X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return rows of n inputs for each of J parameters, (J n, ...)."""
-    # columns in one piece, as simulations take them
-    return np.tile(X.T, (1, len(omega))).T, np.repeat(omega.T, len(X), axis=1).T
 
 
 @dataclass(frozen=True)

@@ -212,6 +212,7 @@ class CurveBasis(Basis):
     """
 
     emulator: CurveEmulator
+    holds_runs = True
 
     def known(
         self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
@@ -222,6 +223,20 @@ class CurveBasis(Basis):
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the standard deviations of what is open, each along its component."""
         return self.emulator.spread(X, omega)
+
+    def outer(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return both of all inputs for all parameters."""
+        return self.emulator.outer_output(X, omega), self.emulator.outer_spread(X, omega)
+
+    def outer_output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
+        """Return the output of all inputs for all parameters, of one draw or one for each."""
+        known, features = self.outer(X, omega)
+        return known + np.einsum("jnp,p->jn" if c.ndim == 1 else "jnp,jp->jn", features, c)
+
+    def output_in_turn(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
+        """Return the output (n,) for J draws of c (J, p), the first for the first n / J rows."""
+        each = np.repeat(c, len(X) // len(c), axis=0)
+        return self.known(X, omega) + np.einsum("np,np->n", self.features(X, omega), each)
 
 
 register("kriging", Kriging())

@@ -14,12 +14,12 @@ from functools import cached_property
 
 import numpy as np
 
-from hybridsurrogate.blocks import blocks
+from hybridsurrogate.blocks import blocks, each_with_each
 from hybridsurrogate.cholesky import pivoted_cholesky
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.simulator import SimulationData
-from hybridsurrogate.surrogates.basis import Basis, each_with_each
+from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.domain import Domain
 from hybridsurrogate.surrogates.emulation.curve_emulator import CurveEmulator
 from hybridsurrogate.surrogates.emulation.local_variance import LocalError
@@ -161,6 +161,10 @@ class KrigedCurves(Basis):
     def output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
         """Return the most probable output."""
         return self.known(X, omega)
+
+    def outer_output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
+        """Return the output of all inputs for all parameters."""
+        return self.emulator.outer_output(X, omega)
 
     def error(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return F (n, r): the covariance of what is unknown of the simulation is F F'."""

@@ -151,7 +151,8 @@ def trained_emulator(
     basis = problem.model.basis
     emulator = emulator_posterior(basis, problem.simulation)
     runs = fitted.simulation
-    if problem.simulation is None or not isinstance(runs, SimulationData):
+    trained = problem.simulation is not None or basis.holds_runs
+    if not trained or not isinstance(runs, SimulationData):
         return problem, emulator
     run_eta = problem.likelihood.working(runs.y)
     kriged, emulator = krige(basis, emulator, runs, run_eta)

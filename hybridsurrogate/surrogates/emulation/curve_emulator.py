@@ -10,14 +10,14 @@ interpolation along the curves leave out is part of the error.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.blocks import blocks
+from hybridsurrogate.blocks import blocks, each_with_each
 from hybridsurrogate.cholesky import pivoted_cholesky
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.emulation.curves import Components, Curves
 from hybridsurrogate.surrogates.emulation.local_variance import LocalError
 from hybridsurrogate.surrogates.emulation.process import (
@@ -26,6 +26,9 @@ from hybridsurrogate.surrogates.emulation.process import (
     conditioned,
     process_through,
 )
+
+if TYPE_CHECKING:
+    from hybridsurrogate.surrogates.basis import Basis
 
 # what is left of a variance when its factor has enough columns, in shares of the largest
 _NEGLIGIBLE = 1e-6
@@ -65,25 +68,49 @@ class CurveEmulator:
     def output(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the most probable output for rows of inputs and parameters, (n,)."""
         points, group = self._points(X, omega)
-        coefficients = np.concatenate(
-            [
-                self._places(points[some]).alike(self.runs) @ self.weights
-                for some in blocks(len(points), len(self.weights))
-            ]
-            or [np.empty((0, len(self.sd)))]
-        )
         mean, curves, _ = self.components.at(X[:, self.along])
-        return mean + np.einsum("nk,nk->n", curves, coefficients[group])
+        return mean + np.einsum("nk,nk->n", curves, self._coefficients(points)[group])
 
     def spread(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return S (n, k + 1): what is open has covariance S S' among rows of equal parameters."""
         points, group = self._points(X, omega)
-        places = self._places(points)
-        white = places.alike(self.runs) @ self.whiten.T
-        left = np.maximum(places.variances() - np.sum(white**2, axis=1), 0.0)
-        sd = np.sqrt(left) * self.local.at(places.points)
         _, curves, missed = self.components.at(X[:, self.along])
-        return np.column_stack([sd[group, None] * curves * self.sd, missed])
+        return np.column_stack([self._open(points)[group, None] * curves * self.sd, missed])
+
+    def outer_output(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return the output (J, n) of n inputs for each of J parameters."""
+        if X.shape[1] > 1:
+            return self.output(*each_with_each(X, omega)).reshape(len(omega), len(X))
+        mean, curves, _ = self.components.at(X[:, 0])
+        return mean + self._coefficients(omega) @ curves.T
+
+    def outer_spread(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return `spread` (J, n, k + 1) of n inputs for each of J parameters."""
+        if X.shape[1] > 1:
+            spread = self.spread(*each_with_each(X, omega))
+            return spread.reshape(len(omega), len(X), spread.shape[1])
+        _, curves, missed = self.components.at(X[:, 0])
+        out = np.empty((len(omega), len(X), len(self.sd) + 1))
+        np.multiply(self._open(omega)[:, None, None], curves * self.sd, out=out[..., :-1])
+        out[..., -1] = missed
+        return out
+
+    def _coefficients(self, points: FloatArray) -> FloatArray:
+        """Return the most probable coefficients of the components (n, k)."""
+        out = np.empty((len(points), len(self.sd)))
+        for some in blocks(len(points), len(self.weights)):
+            out[some] = self._places(points[some]).alike(self.runs) @ self.weights
+        return out
+
+    def _open(self, points: FloatArray) -> FloatArray:
+        """Return the standard deviation of what is open in units of the process's, (n,)."""
+        out = np.empty(len(points))
+        for some in blocks(len(points), len(self.weights)):
+            places = self._places(points[some])
+            white = places.alike(self.runs) @ self.whiten.T
+            left = np.maximum(places.variances() - np.sum(white**2, axis=1), 0.0)
+            out[some] = np.sqrt(left) * self.local.at(places.points)
+        return out
 
     def error(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return F (n, r): the covariance of what is open at all these rows is F F'."""

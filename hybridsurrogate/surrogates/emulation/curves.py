@@ -26,7 +26,7 @@ _MOST_PLACES = 1000
 # what the components leave of the spread of all curves, and how many there are at most
 _LEFT, _MOST_COMPONENTS = 1e-3, 40
 # rounds in which missing pieces of curves are filled in from the components
-_ROUNDS = 30
+_ROUNDS = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,21 +214,34 @@ def _smoothness(places: FloatArray, table: FloatArray) -> tuple[int, float]:
 def _filled(table: FloatArray) -> FloatArray:
     """Return curves whose missing pieces are what the components make of the rest.
 
-    Rows are projected on the components and these found again, by turns (Walczak and Massart 2001,
-    Chemometrics and Intelligent Laboratory Systems 58:15).
+    The mean of the missing outputs given the others, all curves being draws of a normal
+    distribution with the components' covariance; its components are those of complete curves, then
+    of all as they are filled.
     """
     gaps = np.isnan(table)
-    if not gaps.any():
+    incomplete = np.flatnonzero(gaps.any(axis=1))
+    if not len(incomplete):
         return table
     out = np.where(gaps, np.nanmean(table, axis=0), table)
     out = np.where(np.isnan(out), np.nanmean(table), out)
+    whole = np.delete(np.arange(len(table)), incomplete)
+    source = whole if len(whole) >= max(_LEAST_RUNS, len(table) // 2) else slice(None)
     for _ in range(_ROUNDS):
-        mean = out.mean(axis=0)
-        left, size, curves = np.linalg.svd(out - mean, full_matrices=False)
-        k = int(np.sum(size > _LEFT * 10 * size[0]))
-        again = mean + left[:, :k] * size[:k] @ curves[:k]
-        moved = float(np.max(np.abs(np.where(gaps, again - out, 0.0))))
-        out[gaps] = again[gaps]
+        curves = out[source]
+        mean = curves.mean(axis=0)
+        _, size, axes = np.linalg.svd(curves - mean, full_matrices=False)
+        factor = axes.T * (size / np.sqrt(len(curves)))
+        noise = (_LEFT * float(np.std(curves))) ** 2
+        moved = 0.0
+        for k in incomplete:
+            there = ~gaps[k]
+            own = factor[there]
+            inner = noise * np.eye(own.shape[1]) + own.T @ own
+            score = np.linalg.solve(inner, own.T @ (table[k, there] - mean[there]))
+            again = (mean + factor @ score)[gaps[k]]
+            moved = max(moved, float(np.max(np.abs(again - out[k, gaps[k]]))))
+            out[k, gaps[k]] = again
         if moved < _LEFT * float(np.std(out)):
             break
+        source = slice(None)
     return out

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from hybridsurrogate.blocks import in_turn
 from hybridsurrogate.cholesky import nudged_cholesky
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.surrogates.basis import Basis, in_turn
 from hybridsurrogate.surrogates.emulation.covariance import (
     Apart,
     Covariance,
@@ -23,6 +23,9 @@ from hybridsurrogate.surrogates.emulation.covariance import (
     weighed,
     weighed_in_turn,
 )
+
+if TYPE_CHECKING:
+    from hybridsurrogate.surrogates.basis import Basis
 
 # the covariance is learned from at most this many runs; as many as the second limit are used,
 # drawn at random, as files of runs are often in order

@@ -1,0 +1,192 @@
+"""Runs that are curves, in the forms in which they lie on disks: one row for each run and place."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from hybridsurrogate.exceptions import FailedRunsWarning
+from hybridsurrogate.simulation.arrays import as_numbers, as_table
+from hybridsurrogate.simulation.variables import as_matrix, select_columns
+
+# the column of a long table that says which run a row is of
+RUN = "run"
+
+
+def curve_rows(
+    omega: Any,
+    Y: Any,
+    along: str | Mapping[str, ArrayLike],
+    names: Sequence[str],
+    output: str,
+) -> pd.DataFrame:
+    """Return runs as a long table: columns of the run, the places, ``names`` and the output.
+
+    Parameters
+    ----------
+    omega : array-like of shape (n_runs, len(names)), DataFrame or xarray.Dataset
+    Y : array-like of shape (n_runs, n_places), wide or long DataFrame; None with a Dataset
+    along : dict of name to places (n_places,) or (n_runs, n_places), or a name
+    names : sequence of str
+        What each run has one value of.
+    output : str
+
+    Raises
+    ------
+    ValueError, TypeError
+        Where the parts do not fit together; the message says what to do.
+    """
+    name = _name_of(along)
+    if Y is None:
+        return _of_dataset(omega, name, names, output)
+    table = as_table(Y, "Y")
+    if isinstance(table, pd.DataFrame) and RUN in table.columns:
+        return _of_long(omega, table, name, names, output)
+    points = as_matrix(omega, "omega", tuple(names))
+    if isinstance(table, pd.DataFrame) and isinstance(along, str):
+        along = {name: _labels(table)}
+    curves = as_numbers(table, "Y")
+    if curves.ndim == 3:
+        raise ValueError(
+            f"Y of shape {curves.shape} has several outputs: give one at a time, Y[:, :, k], with "
+            "its name as output."
+        )
+    if curves.ndim != 2 or len(curves) != len(points):
+        raise ValueError(
+            f"Y must have shape (n_runs, n_places) with one row for each of the {len(points)} runs "
+            f"in omega, got {curves.shape}."
+        )
+    if isinstance(along, str):
+        raise ValueError(
+            f"along={along!r} names the input along which runs are curves; give its values, too: "
+            f"along={{{along!r}: places}} of shape (n_places,) or (n_runs, n_places)."
+        )
+    places = as_numbers(along[name], f"along[{name!r}]")
+    if places.shape not in (curves.shape, curves.shape[1:]):
+        raise ValueError(
+            f"along[{name!r}] must have shape {curves.shape[1:]} or {curves.shape}, as Y has, got "
+            f"{places.shape}."
+        )
+    run = np.repeat(np.arange(len(points)), curves.shape[1])
+    table = pd.DataFrame(points[run], columns=list(names))
+    table.insert(0, name, np.broadcast_to(places, curves.shape).ravel())
+    table.insert(0, RUN, run)
+    table[output] = curves.ravel()
+    return without_missing(table, [name, output])
+
+
+def without_missing(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
+    """Leave out rows without a place or an output; warn of runs that have none at all."""
+    there = np.isfinite(table[list(names)].to_numpy(dtype=float)).all(axis=1)
+    lost = sorted(set(table[RUN]) - set(table[RUN][there]))
+    if not there.any():
+        raise ValueError(f"All {len(lost)} runs failed: {names[-1]!r} holds no number.")
+    if lost:
+        shown = ", ".join(map(str, lost[:5])) + (", ..." if len(lost) > 5 else "")
+        warnings.warn(
+            f"{len(lost)} of {table[RUN].nunique()} runs failed and were dropped (runs {shown}): "
+            "they hold no number.",
+            FailedRunsWarning,
+            stacklevel=5,
+        )
+    return table[there].reset_index(drop=True)
+
+
+def check_curves(table: pd.DataFrame, name: str, names: Sequence[str], output: str) -> None:
+    """Raise ValueError for a run with two values of a parameter, or with two results."""
+    values = table[list(names)].to_numpy(dtype=float)
+    first = np.unique(table[RUN], return_index=True, return_inverse=True)
+    differ = np.flatnonzero(np.any(values != values[first[1]][first[2].ravel()], axis=1))
+    if len(differ):
+        at = int(differ[0])
+        which = [
+            k
+            for k, v in zip(names, values[at], strict=True)
+            if v != table[k][first[1]].iloc[first[2].ravel()[at]]
+        ]
+        raise ValueError(
+            f"Run {table[RUN].iloc[at]} has several values of {which[0]!r}: what changes along a "
+            "run is an input, and there may be one, along which the run is a curve."
+        )
+    _check_repeats(table, [*names, name], output)
+
+
+def _check_repeats(table: pd.DataFrame, keys: list[str], output: str) -> None:
+    twice = table[table.duplicated(keys, keep=False)]
+    if twice.empty:
+        return
+    spread = twice.groupby(keys)[output].agg(["min", "max"])
+    size = float(np.std(table[output]))
+    apart = (spread["max"] - spread["min"]) > 1e-9 * size
+    if apart.any():
+        at = dict(zip(keys, spread.index[apart.to_numpy()][0], strict=True))
+        runs = twice[(twice[keys] == pd.Series(at)).all(axis=1)][RUN].tolist()
+        where = ", ".join(f"{key} = {value:g}" for key, value in at.items())
+        raise ValueError(
+            f"There are different results of {output!r} for the same run: runs {runs} at {where}. "
+            "Of a simulation that scatters give the rows to SimulationData(X, omega, y, ...)."
+        )
+
+
+def _name_of(along: str | Mapping[str, ArrayLike]) -> str:
+    if isinstance(along, str):
+        return along
+    if not isinstance(along, Mapping) or len(along) != 1:
+        raise TypeError(
+            f'along must be a name or one name with its places, {{"t": times}}, got {along!r}.'
+        )
+    return next(iter(along))
+
+
+def _labels(table: pd.DataFrame) -> NDArray[Any]:
+    """Return the places that are the column labels of a wide table."""
+    try:
+        return np.array([float(label) for label in table.columns])
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"The columns of Y must be the places along a run, numbers, got "
+            f"{', '.join(map(str, table.columns[:5]))}. A long table has a column {RUN!r}."
+        ) from None
+
+
+def _of_long(
+    omega: Any, table: pd.DataFrame, name: str, names: Sequence[str], output: str
+) -> pd.DataFrame:
+    points = None if omega is None else as_table(omega, "omega")
+    if points is not None:
+        if not isinstance(points, pd.DataFrame):
+            points = pd.DataFrame(as_matrix(points, "omega", tuple(names)), columns=list(names))
+        if RUN not in points.columns:
+            points = points.rename_axis(RUN).reset_index()
+        strange = sorted(set(table[RUN]) - set(points[RUN]))
+        if strange:
+            raise ValueError(f"Y has runs that omega has not: {strange[:5]}.")
+        if points[RUN].duplicated().any():
+            raise ValueError("omega must have one row for each run.")
+        table = table[[RUN, name, output]].merge(points[[RUN, *names]], on=RUN)
+    return without_missing(
+        pd.concat([table[RUN], select_columns(table, [name, *names, output], "The runs")], axis=1),
+        [name, output],
+    )
+
+
+def _of_dataset(data: Any, name: str, names: Sequence[str], output: str) -> pd.DataFrame:
+    if not all(hasattr(data, known) for known in ("to_dataframe", "dims", "data_vars")):
+        raise TypeError("Y is missing: only an xarray.Dataset holds parameters and curves at once.")
+    missing = [key for key in (name, *names, output) if key not in data.variables]
+    if missing:
+        raise ValueError(f"The dataset has no {missing}; it has {list(data.variables)}.")
+    dims = data[output].dims
+    others = [dim for dim in dims if dim != name]
+    if name not in dims or len(others) != 1:
+        raise ValueError(
+            f"{output!r} must have the dimensions of the runs and {name!r}, got {dims}."
+        )
+    frame = data[[*names, output]].to_dataframe().reset_index()
+    frame = frame.rename(columns={others[0]: RUN})
+    return without_missing(frame[[RUN, name, *names, output]], [name, output])

@@ -1,0 +1,104 @@
+"""The emulator of runs that are curves: exact at runs, right about its error between them."""
+
+import numpy as np
+import pytest
+from scipy.stats import qmc
+
+from hybridsurrogate.surrogates import Domain
+from hybridsurrogate.surrogates.kriging import emulated_curves
+
+T = np.linspace(0, 20, 60)
+
+
+def oscillation(t, a, k, w):
+    return a * np.exp(-k * t) * np.cos(w * t) + 0.3 * a
+
+
+def growth(t, r, most, first):
+    return most / (1 + (most / first - 1) * np.exp(-r * t))
+
+
+def switch(t, steep, place, height):
+    return height * np.tanh((t - place) * steep)
+
+
+def saturation(t, a, b, start):
+    return np.minimum(start + a * t / (1 + b * t), 2.0)
+
+
+SIMULATIONS = {
+    oscillation: [(1, 3), (0.05, 0.3), (0.5, 1.5)],
+    growth: [(0.2, 1), (50, 150), (1, 10)],
+    switch: [(0.3, 3), (5, 12), (1, 2)],
+    saturation: [(0.1, 0.5), (0.1, 0.4), (0, 1)],
+}
+
+
+def drawn(ranges, n, seed):
+    return qmc.scale(qmc.LatinHypercube(len(ranges), seed=seed).random(n), *np.transpose(ranges))
+
+
+def each(t, points):
+    """Return rows of all times for each run: inputs (n, 1), parameters (n, d)."""
+    return np.tile(t, len(points))[:, None], np.repeat(points, len(t), axis=0)
+
+
+def emulator(function, n_runs=60, seed=0):
+    ranges = SIMULATIONS[function]
+    X, omega = each(T, drawn(ranges, n_runs, seed))
+    eta = function(X[:, 0], *omega.T)
+    domain = Domain(np.array([[0.0, 20.0]]), np.array(ranges, float), 0, 1, None, X, omega, eta)
+    return emulated_curves(domain), X, omega, eta
+
+
+@pytest.mark.parametrize("function", SIMULATIONS)
+def test_runs_are_met(function):
+    found, X, omega, eta = emulator(function)
+    missed = found.output(X, omega) - eta
+    assert np.sqrt(np.mean(missed**2)) < 3e-3 * np.std(eta)
+
+
+def test_runs_left_out_lie_in_the_intervals():
+    """Over four simulations, two designs and 100 runs each: nine in ten are meant to."""
+    inside, sizes = [], []
+    for function, ranges in SIMULATIONS.items():
+        for seed in range(2):
+            found = emulator(function, seed=seed)[0]
+            X, omega = each(np.linspace(0.3, 19.5, 30), drawn(ranges, 100, 100 + seed))
+            missed = found.output(X, omega) - function(X[:, 0], *omega.T)
+            sd = np.sqrt(np.sum(found.spread(X, omega) ** 2, axis=1))
+            inside.append(np.mean(np.abs(missed) < 1.645 * sd))
+            sizes.append(np.sqrt(np.mean(missed**2) / np.mean(sd**2)))
+    # errors have heavier tails than the normal distribution, so that intervals hold more
+    assert 0.85 < np.mean(inside) < 0.97
+    assert min(inside) > 0.75
+    assert 0.5 < np.median(sizes) < 1.5
+
+
+def test_errors_of_equal_parameters_are_one_curve_and_of_others_are_not():
+    found, *_ = emulator(oscillation)
+    points = drawn(SIMULATIONS[oscillation], 3, 7)
+    X, omega = each(np.linspace(1, 19, 9), points)
+    whole = found.error(X, omega)
+    square = whole @ whole.T
+    for k in range(3):
+        own = slice(9 * k, 9 * (k + 1))
+        spread = found.spread(X[own], omega[own])
+        np.testing.assert_allclose(
+            square[own, own], spread @ spread.T, rtol=1e-3, atol=1e-6 * square.max()
+        )
+    near = omega.copy()
+    near[:9] = near[9:18] * (1 + 1e-9)
+    alike = found.error(X, near)
+    np.testing.assert_allclose(alike[:9], alike[9:18], atol=1e-3 * np.abs(alike).max())
+
+
+def test_rows_of_any_order_and_number():
+    found, *_ = emulator(growth)
+    X, omega = each(T[:7], drawn(SIMULATIONS[growth], 5, 3))
+    order = np.random.default_rng(0).permutation(len(X))
+    np.testing.assert_allclose(
+        found.output(X[order], omega[order]), found.output(X, omega)[order], rtol=1e-9
+    )
+    assert found.output(X[:0], omega[:0]).shape == (0,)
+    assert found.error(X[:1], omega[:1]).shape[0] == 1
