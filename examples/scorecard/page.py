@@ -171,7 +171,8 @@ def commands(table: pd.DataFrame) -> list[str]:
             words += ["--sizes", *(f"{size:g}" for size in sizes), f"--rows {rows}"]
             words.append(f"--seeds {n_seeds} --nulls {n_nulls} --pairs {n_pairs}")
             words += [f"--triples {n_triples}"] if n_triples else []
-            words += [f"--runs {n_runs}" for n_runs in table["runs"].unique() if n_runs]
+            for word in ("runs", "places"):
+                words += [f"--{word} {number}" for number in table[word].unique() if number]
             found.append(" ".join(words) + f" --first-seed {table['seed'].min()}")
             n_nulls = n_pairs = n_triples = 0  # they are said once
     return found
@@ -210,7 +211,7 @@ apply."""
 _DIRECTLY = """The simulations are run directly; those
 of which [only runs are known](scorecard_emulator.md) have a page of their own."""
 _EMULATED = """The diagnosis does not run the
-simulations: it gets {runs:.0f} runs each, all parameters and inputs over their ranges, and the
+simulations: it gets {runs:.0f} runs each{curves}, all parameters and inputs over their ranges, and the
 surrogate `Kriging()`. The cases are those of [the scorecard](scorecard.md)
 with the same seeds. "Runs leave open" is the median of what the runs do not tell of the simulation
 at the measured rows, in noise standard deviations (`emulator_check_`): where it is above 1, effects
@@ -219,8 +220,10 @@ of size 1 cannot be seen by anyone who has only the runs."""
 
 def _how(table: pd.DataFrame) -> str:
     """Return what was done."""
-    runs = table["runs"].max()
-    return _HOW.format(simulated=_EMULATED.format(runs=runs) if runs else _DIRECTLY)
+    runs, places = table["runs"].max(), table["places"].max()
+    curves = f", curves of {places:.0f} values" if places else ""
+    emulated = _EMULATED.format(runs=runs, curves=curves)
+    return _HOW.format(simulated=emulated if runs else _DIRECTLY)
 
 
 def write_page(table: pd.DataFrame, path: Path, source: str, pictures: list[Path]) -> None:

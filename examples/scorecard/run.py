@@ -67,6 +67,7 @@ class Task:
     rows: int
     seed: int
     runs: int = 0  # of the simulation, that an emulator is trained on; 0: the simulation itself
+    places: int = 0  # along the first input at which a run has outputs; 0: one, anywhere
 
 
 @dataclass(frozen=True)
@@ -136,7 +137,10 @@ def _make(task: Task) -> Case:
 
 
 def _diagnose(case: Case, task: Task) -> hs.DiscrepancyDiagnosis:
-    simulation = case.simulator.run(task.runs, random_state=task.seed) if task.runs else None
+    simulation = None
+    if task.runs:
+        along = task.places or None
+        simulation = case.simulator.run(task.runs, random_state=task.seed, along=along)
     model = hs.PowerScaledSurrogate(
         simulation or case.simulator,
         surrogate=hs.Kriging() if task.runs else hs.ExactSurrogate(),
@@ -223,6 +227,7 @@ def tasks(
     nulls: range,
     several: Mapping[str, range] | None = None,
     runs: int = 0,
+    places: int = 0,
 ) -> list[Task]:
     """List the cases by seed, so that an interrupted run has some of everything.
 
@@ -232,14 +237,16 @@ def tasks(
     several = several or {}
     for seed in sorted({*seeds, *nulls}.union(*several.values())):
         if seed in seeds:
-            found += [Task(k, float(s), n, seed, runs) for k in kinds for s in sizes for n in rows]
+            found += [
+                Task(k, float(s), n, seed, runs, places) for k in kinds for s in sizes for n in rows
+            ]
         found += [
-            Task(name, 2.0, 40 * len(name.split("+")), seed, runs)
+            Task(name, 2.0, 40 * len(name.split("+")), seed, runs, places)
             for name, own in several.items()
             if seed in own
         ]
         if seed in nulls:
-            found += [Task("none", 0.0, n, seed, runs) for n in rows]
+            found += [Task("none", 0.0, n, seed, runs, places) for n in rows]
     return found
 
 
@@ -265,7 +272,7 @@ def done(path: Path) -> set[Task]:
 
 
 def _task_of(row: dict[str, str]) -> Task:
-    numbers = int(row["rows"]), int(row["seed"]), int(row["runs"])
+    numbers = int(row["rows"]), int(row["seed"]), int(row["runs"]), int(row.get("places") or 0)
     return Task(row["kind"], float(row["size"]), *numbers)
 
 

@@ -32,6 +32,7 @@ _NUMBERS = (
     "rows",
     "seed",
     "runs",
+    "places",
     "noise_share",
     "p_value",
     "p_none",
@@ -50,6 +51,8 @@ _NUMBERS = (
 def read(path: Path) -> pd.DataFrame:
     """Read results; cases that could not be made are left out, failed diagnoses stay."""
     table = pd.read_csv(StringIO(complete_lines(path)), dtype=str, keep_default_na=False)
+    # files from before runs could be curves
+    table["places"] = table.get("places", "0")
     for name in _NUMBERS:
         table[name] = pd.to_numeric(table[name], errors="coerce")
     return judged(table[table["trouble"] != "infeasible"].reset_index(drop=True))
