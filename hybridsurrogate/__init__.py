@@ -1,6 +1,6 @@
 """Surrogates trained on simulations and measurements, and what the simulation gets wrong."""
 
-from hybridsurrogate.diagnosis import CauseFinding, DiscrepancyDiagnosis
+from hybridsurrogate.diagnosis import CauseFinding, DiscrepancyDiagnosis, refine
 from hybridsurrogate.effects import (
     SIMULATED,
     Autocorrelation,
@@ -138,6 +138,7 @@ __all__ = [
     "beta_path",
     "choose_beta",
     "read_simulation",
+    "refine",
     "truncated_normal",
 ]
 

@@ -211,8 +211,8 @@ apply."""
 _DIRECTLY = """The simulations are run directly; those
 of which [only runs are known](scorecard_emulator.md) have a page of their own."""
 _EMULATED = """The diagnosis does not run the
-simulations: it gets {runs:.0f} runs each{curves}, all parameters and inputs over their ranges, and the
-surrogate `Kriging()`. The cases are those of [the scorecard](scorecard.md)
+simulations: it gets {runs:.0f} runs each{curves}, all parameters and inputs over their ranges,
+and the surrogate `Kriging()`. The cases are those of [the scorecard](scorecard.md)
 with the same seeds. "Runs leave open" is the median of what the runs do not tell of the simulation
 at the measured rows, in noise standard deviations (`emulator_check_`): where it is above 1, effects
 of size 1 cannot be seen by anyone who has only the runs."""

@@ -2,6 +2,7 @@
 
 diagnosis   DiscrepancyDiagnosis: checks, wires and stores
 fitted      what a fitted diagnosis answers
+refinement  a diagnosis with further runs where they tell most
 checks      data, simulation and emulator: is there something to doubt?
 emulation   the simulation as its runs alone tell it
 search      screen every cause, score those that lead, accept, repeat
@@ -12,5 +13,6 @@ report      text and HTML
 
 from hybridsurrogate.diagnosis.answers.finding import CauseFinding
 from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
+from hybridsurrogate.diagnosis.refinement import refine
 
-__all__ = ["CauseFinding", "DiscrepancyDiagnosis"]
+__all__ = ["CauseFinding", "DiscrepancyDiagnosis", "refine"]

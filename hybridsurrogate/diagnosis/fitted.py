@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from numbers import Integral
 from typing import Any, NoReturn
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.utils import check_scalar
 from sklearn.utils.validation import check_is_fitted
 
 from hybridsurrogate.diagnosis.answers.model_averaging import averaged_over
+from hybridsurrogate.diagnosis.answers.next_runs import next_runs
 from hybridsurrogate.diagnosis.answers.result import DiagnosisResult
+from hybridsurrogate.diagnosis.search.evidence import Search
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans, scan_beta, scan_folds
 from hybridsurrogate.diagnosis.validation.gain import Gain, gain_from, pointwise
 from hybridsurrogate.diagnosis.validation.refit import accepted
@@ -33,6 +37,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
     extended_estimator_: Any
     beta_scans_: BetaScans
     result_: DiagnosisResult
+    search_: Search
     _rows: tuple[ArrayLike, ArrayLike]
     _average: AveragedSurrogate | None
 
@@ -76,6 +81,34 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         y = as_outputs(y_test, "y_test")
         after = self.averaged_estimator() if averaged else self.extended_estimator_
         return gain_from(pointwise(self.estimator_, X_test, y), pointwise(after, X_test, y))
+
+    def next_runs(self, n: int = 10) -> pd.DataFrame:
+        """Return the runs that would settle most of what the known ones leave open.
+
+        At the measured rows, for the models before and after and for the rivals. Run them and add
+        them to the data (`SimulationData.with_rows`), or let `refine` do both.
+
+        Parameters
+        ----------
+        n : int, default=10
+
+        Returns
+        -------
+        pandas.DataFrame of n rows
+            Inputs, parameters and assumed constants; where runs are curves without the input along
+            which they are.
+
+        Raises
+        ------
+        ValueError
+            Where the simulation is run itself, or its runs leave nothing open.
+        """
+        check_is_fitted(self)
+        check_scalar(n, "n", Integral, min_val=1)
+        simulation = self.estimator_.simulation
+        models = self.estimator_, self.extended_estimator_
+        names = [*simulation.input_names, *simulation.parameter_ranges]
+        return next_runs(self.search_, [m.posterior_ for m in models], int(n), names)
 
     def beta_scan(
         self,

@@ -307,6 +307,59 @@ class SimulationData:
             frame.insert(0, RUN, self.run)
         return frame
 
+    def with_rows(self, frame: Any) -> SimulationData:
+        """Return these runs and further ones of the same simulation.
+
+        Parameters
+        ----------
+        frame : DataFrame
+            The columns of `to_frame`, such as `Simulator.run_at` returns. Where runs are curves a
+            column "run" says which rows are one.
+
+        Returns
+        -------
+        SimulationData
+
+        Raises
+        ------
+        ValueError
+            For missing columns, or for other results of a run that is there already.
+        """
+        names = [*self.input_names, *self.parameter_ranges, self.output]
+        table = as_table(frame, "The table of runs")
+        if not isinstance(table, pd.DataFrame):
+            raise TypeError("with_rows takes a DataFrame with the columns of to_frame().")
+        more = select_columns(table, names, "The runs").reset_index(drop=True)
+        run = None
+        if self.run is not None:
+            if RUN not in table.columns:
+                raise ValueError(f"Runs are curves: a column {RUN!r} must say which rows are one.")
+            _, labels = np.unique(table[RUN], return_inverse=True)
+            run = np.concatenate([self.run, labels.ravel() + int(np.max(self.run)) + 1])
+        whole = pd.concat([self.to_frame()[names], more], ignore_index=True)
+        if run is not None:
+            along = next(
+                (name for name in self.input_names if whole[name].groupby(run).nunique().max() > 1),
+                self.input_names[0],
+            )
+            constant = [name for name in names[:-1] if name != along]
+            check_curves(whole.assign(**{RUN: run}), along, constant, self.output)
+        ranges = {
+            name: (min(low, more[name].min()), max(high, more[name].max()))
+            for name, (low, high) in self.input_ranges.items()
+        }
+        return SimulationData(
+            whole[list(ranges)],
+            whole[list(self.parameter_ranges)],
+            whole[self.output],
+            ranges,
+            self.parameters,
+            self.assumed,
+            self.output,
+            self.simulator,
+            run,
+        )
+
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the rows to a file that `read_simulation` reads: .csv, or .parquet with pyarrow.
 

@@ -18,6 +18,7 @@ from tqdm import tqdm
 from hybridsurrogate.exceptions import FailedRunsWarning
 from hybridsurrogate.priors import FloatArray, Prior, prior_range
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_number
+from hybridsurrogate.simulation.curve_tables import RUN
 from hybridsurrogate.simulation.design import draw_design, run_with_ends
 from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.simulation.simulation_data import SimulationData, drop_failed, read_simulation
@@ -262,6 +263,48 @@ class Simulator:
         return SimulationData(
             X, omega, y, self.input_ranges, self.parameters, self.assumed, self.output, self
         )
+
+    def run_at(
+        self,
+        runs: Any,
+        along: int | ArrayLike | None = None,
+        n_jobs: int | None = None,
+        progress: bool = False,
+    ) -> pd.DataFrame:
+        """Run the simulation for given parameters.
+
+        Parameters
+        ----------
+        runs : DataFrame
+            Inputs, parameters and assumed constants by name, one row a run; without the first
+            input where a run is a curve along it. `DiscrepancyDiagnosis.next_runs` returns one.
+        along : int, array-like of shape (n_places,) or None, default=None
+            Of curves, as in `run`.
+        n_jobs, progress
+            As in `run`.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Inputs, parameters, constants and the output, and of curves which run a row is of;
+            NaN where a run failed. `SimulationData.with_rows` takes it.
+        """
+        first, *others = self.input_names
+        names = [*others, *self.parameter_ranges]
+        if along is None and self.returns == "values":
+            points = as_matrix(runs, "runs", (first, *names))
+            run, X, omega = None, points[:, : 1 + len(others)], points[:, 1 + len(others) :]
+        else:
+            places = self._places(_PLACES if along is None else along)
+            points = as_matrix(runs, "runs", tuple(names))
+            run = np.repeat(np.arange(len(points)), len(places))
+            X = np.column_stack([np.tile(places, len(points)), points[run, : len(others)]])
+            omega = points[run, len(others) :]
+        frame = pd.DataFrame(np.hstack([X, omega]), columns=[first, *names])
+        frame[self.output] = self._evaluate(X, omega, n_jobs, progress)[0]
+        if run is not None:
+            frame.insert(0, RUN, run)
+        return frame
 
     def _places(self, along: int | ArrayLike) -> FloatArray:
         """Return the values of the first input at which each run is wanted."""

@@ -108,6 +108,21 @@ def emulator(view: View) -> list[str]:
             else "."
         ),
         *(beyond if check.beyond else []),
+        *_refinement(view),
+    ]
+
+
+def _refinement(view: View) -> list[str]:
+    rounds = getattr(view.diagnosis, "refinement_", None)
+    if rounds is None or len(rounds) < 2:
+        return []
+    first, last = rounds.iloc[0], rounds.iloc[-1]
+    return [
+        f"{last.n_runs - first.n_runs} further runs where they tell most, beside the first "
+        f"{first.n_runs}: what all of them leave open fell from {_times(first.left_open)} to "
+        f"{_times(last.left_open)} the noise, and the leading kind went from {first.kind} "
+        f"({digits.percent(first.probability)}) to {last.kind} "
+        f"({digits.percent(last.probability)})."
     ]
 
 

@@ -21,12 +21,13 @@ from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.carried import fitted_near
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import HybridSurrogateWarning
+from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.inference.sampling.psis import KHAT_LIMIT
 from hybridsurrogate.problem.problem import Problem
 from hybridsurrogate.simulation.simulator import Simulator
 
 # enough for scores whose own standard error is that of a handful of rows
-FOLD_DRAWS = 400
+FOLD_DRAWS, FOLD_STEPS = 400, 2000
 
 
 class Pair(NamedTuple):
@@ -112,7 +113,10 @@ def quickly_fitted(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", HybridSurrogateWarning)
         quick = clone(estimator).set_params(sampler="importance").fit(X, y)
-    return quick if quick.diagnostics_.khat <= KHAT_LIMIT else estimator.fit(X, y)
+    if quick.diagnostics_.khat <= KHAT_LIMIT:
+        return quick
+    # an ensemble that has not converged by then says so
+    return clone(estimator).set_params(sampler=EnsembleSampler(max_steps=FOLD_STEPS)).fit(X, y)
 
 
 def accepted(steps: Sequence[Step]) -> tuple[Cause, ...]:

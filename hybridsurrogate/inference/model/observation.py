@@ -194,6 +194,10 @@ class MeasuredModel(CausesOnRows):
             known, features = known + features @ c, features[:, :0]
         return known.reshape(J, n), features.reshape(J, n, features.shape[1])
 
+    def places(self, X: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return inputs and parameters (J n, ...) at which the simulation is asked for."""
+        return self._places(*self.rows(X, values))
+
     def emulator_error(self, X: FloatArray, values: FloatArray, factor: FloatArray) -> FloatArray:
         """Return U (n, r): what the emulator leaves open at one draw has covariance U U'.
 
@@ -201,8 +205,8 @@ class MeasuredModel(CausesOnRows):
         """
         if self.basis.is_simulation:
             return np.empty((len(X), 0))
-        rows, omega, theta = self.rows(X, values)
-        inputs, points = self._places(rows, omega, theta)
+        inputs, points = self.places(X, values)
+        rows, _, theta = self.rows(X, values)
         U = np.hstack(
             [self.basis.features(inputs, points) @ factor, self.basis.error(inputs, points)]
         )

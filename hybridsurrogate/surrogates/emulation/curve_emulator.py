@@ -138,6 +138,16 @@ class CurveEmulator:
         least = _NEGLIGIBLE * float(np.max(variances, initial=0.0))
         return pivoted_cholesky(variances, lambda k: square[k], least, len(X))[0]
 
+    def covariance(self, points: FloatArray) -> FloatArray:
+        """Return the covariance (m, m) of what is open at runs (m, d), in units of the process's.
+
+        A run is its further inputs and its parameters.
+        """
+        places = self._places(points)
+        white = places.alike(self.runs) @ self.whiten.T
+        local = self.local.at(places.points)
+        return (places.alike(places) - white @ white.T) * local * local[:, None]
+
     def _points(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
         """Return the parameters of rows that follow one another with equal ones, and of which."""
         rows = np.hstack([np.delete(X, self.along, axis=1), omega])

@@ -1,0 +1,110 @@
+"""Where further runs of the simulation would settle most of what its emulator leaves open."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from hybridsurrogate.diagnosis.emulation.conditioned import KrigedBasis, KrigedCurves
+from hybridsurrogate.diagnosis.search.evidence import Search
+from hybridsurrogate.inference.model.observation import MeasuredModel
+from hybridsurrogate.posterior import Posterior
+from hybridsurrogate.priors import FloatArray
+
+# draws of each posterior, the places of them that count, and rivals of less probability that do not
+_DRAWS, _PLACES, _UNLIKELY = 60, 500, 0.02
+
+
+def next_runs(
+    result: Search, posteriors: Sequence[Posterior], n: int, names: Sequence[str]
+) -> pd.DataFrame:
+    """Return the n runs that settle most where the models ask for the simulation.
+
+    Each in turn is the one that takes most from the variance left open, on average over draws of
+    the posteriors and the best fits of the rivals (Cohn 1996, Neural Networks 9:1071; as active
+    learning of a Gaussian process: Gramacy 2020, Surrogates, section 6.2).
+
+    Parameters
+    ----------
+    result : Search
+    posteriors : sequence of Posterior
+        Of the models before and after.
+    n : int
+    names : sequence of str
+        Inputs, parameters and assumed constants.
+
+    Returns
+    -------
+    DataFrame of n rows
+        Where runs are curves without the input along which they are.
+
+    Raises
+    ------
+    ValueError
+        Where the simulation is run itself, or its surrogate leaves nothing open.
+    """
+    basis, X = result.problem.model.basis, result.problem.X
+    if not isinstance(basis, KrigedBasis | KrigedCurves):
+        raise ValueError(
+            "The simulation is run itself, or its runs leave nothing open: no further run tells "
+            "more."
+        )
+    asked = [
+        model.places(X[:, : len(model.columns)], values)
+        for model, values in _models(result, posteriors)
+    ]
+    inputs, omega = (np.concatenate(parts) for parts in zip(*asked, strict=True))
+    if isinstance(basis, KrigedCurves):
+        along = basis.emulator.along
+        runs = np.hstack([np.delete(inputs, along, axis=1), omega])
+        names = [name for k, name in enumerate(names) if k != along]
+    else:
+        runs = np.hstack([inputs, omega])
+    runs = np.unique(runs, axis=0)
+    if len(runs) > _PLACES:
+        runs = runs[np.random.default_rng(0).choice(len(runs), _PLACES, replace=False)]
+    chosen = _settling(_open(basis, runs, inputs.shape[1]), n)
+    return pd.DataFrame(runs[chosen], columns=list(names))
+
+
+def _models(
+    result: Search, posteriors: Sequence[Posterior]
+) -> list[tuple[MeasuredModel, FloatArray]]:
+    """Return models and draws of their values: of posteriors, and the best fit of each rival."""
+    out: list[tuple[MeasuredModel, FloatArray]] = []
+    for posterior in posteriors:
+        rows = np.unique(np.linspace(0, posterior.n_draws - 1, _DRAWS).astype(int))
+        out.append((posterior.model, posterior.values[rows]))
+    for w, probability in zip(result.candidates, result.probability, strict=True):
+        if probability > _UNLIKELY:
+            values = w.model.values(w.mode.z[None])
+            if len(w.grid.nodes):
+                values[:, w.grid.nodes] = w.grid.points[w.mode.node]
+            out.append((w.model, values))
+    return out
+
+
+def _open(basis: KrigedBasis | KrigedCurves, runs: FloatArray, n_inputs: int) -> FloatArray:
+    """Return the covariance (m, m) of what is open at m runs."""
+    if isinstance(basis, KrigedCurves):
+        return basis.emulator.covariance(runs)
+    factor = basis.error(runs[:, :n_inputs], runs[:, n_inputs:])
+    return factor @ factor.T
+
+
+def _settling(covariance: FloatArray, n: int) -> NDArray[np.intp]:
+    """Return n of the rows of a covariance, the one that takes most from all variances first."""
+    left = covariance.copy()
+    chosen: list[int] = []
+    least = 1e-9 * float(np.max(np.diagonal(covariance), initial=0.0))
+    for _ in range(min(n, len(left))):
+        variance = np.diagonal(left)
+        gain = np.sum(left**2, axis=0) / np.maximum(variance, least)
+        gain[chosen] = -np.inf
+        k = int(np.argmax(gain))
+        chosen.append(k)
+        left = left - np.outer(left[:, k], left[k]) / max(float(variance[k]), least)
+    return np.array(chosen, dtype=np.intp)
