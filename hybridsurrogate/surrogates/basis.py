@@ -103,6 +103,12 @@ class Basis(ABC):
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return phi for the same rows: (n, p)."""
 
+    def known_and_features(
+        self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return both, for a basis that makes them from the same numbers."""
+        return self.known(X, omega, hyper), self.features(X, omega)
+
     def error(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return F (n, r): what the basis misses of the simulation has covariance F F'.
 

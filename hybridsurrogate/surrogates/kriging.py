@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from hybridsurrogate.blocks import blocks
+from hybridsurrogate.blocks import blocks, in_turn
 from hybridsurrogate.cholesky import nudged_cholesky, pivoted_cholesky
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.design import draw_design
@@ -15,7 +15,6 @@ from hybridsurrogate.surrogates.base import Surrogate, register
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.domain import Domain
 from hybridsurrogate.surrogates.emulation.curve_emulator import CurveEmulator, emulate_curves
-from hybridsurrogate.surrogates.emulation.curves import curves_of
 from hybridsurrogate.surrogates.emulation.process import (
     Places,
     Process,
@@ -50,10 +49,11 @@ class Kriging(Surrogate):
 
     Notes
     -----
-    Where runs are curves, with at least five rows along one input for equal parameters, each run
-    is one run: the process is that of the curves' principal components, a function of the
-    parameters, all runs train it, and the coefficients are what it leaves open. The measured data
-    then train what is left open, and ``beta`` weighs them alone.
+    Where runs are curves, with at least five rows along one input for equal parameters, and no
+    trend is given, each run is one run: the process is that of the curves' principal components, a
+    function of the parameters, without terms, which gained nothing in ten simulations. All runs
+    train it, and the coefficients are what it leaves open. The measured data then train these, and
+    ``beta`` weighs them alone.
 
     `GaussianProcess` infers its length scales together with everything else, which takes many times
     as long from four dimensions on. Here they are held at their most likely values.
@@ -89,12 +89,12 @@ class Kriging(Surrogate):
         )
         if not isinstance(given, Surrogate):
             raise TypeError(needs)
-        curves = None
-        if isinstance(given, PolynomialChaos):
-            curves = emulated_curves(domain, int(given.degree))
-        if curves is not None:
-            k = 1 + len(curves.sd)
-            return CurveBasis(np.zeros(k), np.ones(k), curves)
+        if self.trend is None:
+            rows = domain.X, domain.omega, domain.eta
+            curves = emulate_curves(*rows, domain.input_ranges, domain.parameter_ranges)
+            if curves is not None:
+                k = 1 + len(curves.sd)
+                return CurveBasis(np.zeros(k), np.ones(k), curves)
         trend = given.build(domain)
         if trend.hyperpriors or trend.is_simulation:
             raise ValueError(needs)
@@ -182,26 +182,6 @@ class KrigingBasis(Basis):
         return replace(self, coefficient_mean=np.zeros(r), coefficient_sd=np.ones(r), whiten=whiten)
 
 
-def emulated_curves(domain: Domain, degree: int = 3) -> CurveEmulator | None:
-    """Return the emulator of runs that are curves, None where each row is a run.
-
-    Parameters
-    ----------
-    domain : Domain
-        With the runs.
-    degree : int, default=3
-        Of the polynomials of the parameters on which the process stands.
-    """
-    curves = curves_of(domain.X, domain.omega, domain.eta)
-    if curves is None:
-        return None
-    others = np.delete(domain.input_ranges, curves.along, axis=0)
-    ranges = np.vstack([others, domain.parameter_ranges])
-    scale = max(float(np.std(curves.components.coefficients[:, 0])), 1e-300)
-    trend = PolynomialChaos(degree).build(Domain(np.empty((0, 2)), ranges, 0.0, scale))
-    return emulate_curves(curves, trend, ranges)
-
-
 @dataclass(frozen=True)
 class CurveBasis(Basis):
     """The most probable curves given the runs, and features for what these leave open.
@@ -224,6 +204,12 @@ class CurveBasis(Basis):
         """Return the standard deviations of what is open, each along its component."""
         return self.emulator.spread(X, omega)
 
+    def known_and_features(
+        self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return both from the same covariances."""
+        return self.emulator.both(X, omega)
+
     def outer(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return both of all inputs for all parameters."""
         return self.emulator.outer_output(X, omega), self.emulator.outer_spread(X, omega)
@@ -235,8 +221,8 @@ class CurveBasis(Basis):
 
     def output_in_turn(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
         """Return the output (n,) for J draws of c (J, p), the first for the first n / J rows."""
-        each = np.repeat(c, len(X) // len(c), axis=0)
-        return self.known(X, omega) + np.einsum("np,np->n", self.features(X, omega), each)
+        known, features = self.emulator.both(X, omega)
+        return known + in_turn(features, c)
 
 
 register("kriging", Kriging())

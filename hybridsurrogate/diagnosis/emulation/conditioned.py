@@ -20,8 +20,7 @@ from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPoste
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.simulator import SimulationData
 from hybridsurrogate.surrogates.basis import Basis
-from hybridsurrogate.surrogates.domain import Domain
-from hybridsurrogate.surrogates.emulation.curve_emulator import CurveEmulator
+from hybridsurrogate.surrogates.emulation.curve_emulator import CurveEmulator, emulate_curves
 from hybridsurrogate.surrogates.emulation.local_variance import LocalError
 from hybridsurrogate.surrogates.emulation.process import (
     Places,
@@ -29,7 +28,7 @@ from hybridsurrogate.surrogates.emulation.process import (
     conditioned,
     process_through,
 )
-from hybridsurrogate.surrogates.kriging import CurveBasis, KrigingBasis, emulated_curves
+from hybridsurrogate.surrogates.kriging import CurveBasis, KrigingBasis
 
 # what is left of a variance when its factor has enough columns, in shares of the median
 _NEGLIGIBLE = 1e-4
@@ -85,14 +84,15 @@ class KrigedBasis(Basis):
     ) -> FloatArray:
         """Return the terms plus the process, that along its slopes."""
         process, runs = self._alone
-        told = process.places(X, omega).weighed(runs, self.weights, shape)
-        return self._terms(X, omega) + told
+        added = process.places(X, omega).weighed(runs, self.weights[:, None], shape)
+        return self._terms(X, omega) + added[:, 0]
 
     def outer_output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
         """Return the output of all inputs for all parameters."""
         rows, points = each_with_each(X, omega)
         told = self._through_runs(rows, points).reshape(len(omega), len(X))
         trend = self.process.trend
+        assert trend is not None  # curves have none, and a basis of their own
         if len(self.c):
             return trend.outer_output(X, omega, self.c) + told
         return trend.known(rows, points).reshape(told.shape) + told
@@ -120,6 +120,7 @@ class KrigedBasis(Basis):
 
     def _terms(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         trend = self.process.trend
+        assert trend is not None  # curves have none, and a basis of their own
         return trend.output(X, omega, self.c) if len(self.c) else trend.known(X, omega)
 
     @cached_property
@@ -166,6 +167,12 @@ class KrigedCurves(Basis):
         """Return the output of all inputs for all parameters."""
         return self.emulator.outer_output(X, omega)
 
+    def output_close_by(
+        self, X: FloatArray, omega: FloatArray, c: FloatArray, shape: tuple[int, int, int]
+    ) -> FloatArray:
+        """Return the most probable output, the process along its slopes."""
+        return self.emulator.output_close_by(X, omega, shape)
+
     def error(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return F (n, r): the covariance of what is unknown of the simulation is F F'."""
         return self.emulator.error(X, omega)
@@ -207,9 +214,7 @@ def krige(
             np.array(list(ranges.values()), dtype=float).reshape(-1, 2)
             for ranges in (simulation.input_ranges, simulation.parameter_ranges)
         )
-        curves = emulated_curves(
-            Domain(of_inputs, of_parameters, 0.0, 1.0, None, X, omega, run_eta)
-        )
+        curves = emulate_curves(X, omega, run_eta, of_inputs, of_parameters)
         if curves is not None:
             return KrigedCurves(none, none, curves), nothing
         ranges = np.vstack([of_inputs, of_parameters])
@@ -218,6 +223,7 @@ def krige(
     matrix = runs.places.alike(runs.places)
     told = conditioned(matrix, process.covariance.nugget, runs.residual)
     weights = told.weights[:, 0]
+    assert process.trend is not None
     prior = process.trend.coefficient_mean
     used = slice(None if len(process.term_sd) or np.any(prior) else 0)
     c = prior[used].copy()

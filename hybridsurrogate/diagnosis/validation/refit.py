@@ -27,7 +27,7 @@ from hybridsurrogate.problem.problem import Problem
 from hybridsurrogate.simulation.simulator import Simulator
 
 # enough for scores whose own standard error is that of a handful of rows
-FOLD_DRAWS, FOLD_STEPS = 400, 2000
+FOLD_DRAWS, FOLD_STEPS = 400, 1000
 
 
 class Pair(NamedTuple):

@@ -188,8 +188,7 @@ class MeasuredModel(CausesOnRows):
                 output = self.basis.output_close_by(inputs, points, c, (J // moves, moves, n))
             return output.reshape(J, n), np.empty((J, n, 0))
         hyper = np.repeat(values[:, self.n_unknowns :], n, axis=0) if by_row else None
-        known = self.basis.known(inputs, points, hyper)
-        features = self.basis.features(inputs, points)
+        known, features = self.basis.known_and_features(inputs, points, hyper)
         if c is not None:
             known, features = known + features @ c, features[:, :0]
         return known.reshape(J, n), features.reshape(J, n, features.shape[1])

@@ -95,19 +95,25 @@ def weighed_in_turn(points: Apart, others: Apart, weights: FloatArray) -> FloatA
 
 
 def weighed(points: Apart, others: Apart, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return sums of correlations with others times their weights, (n,), and slopes, (n, d)."""
-    d = points.right.shape[1] - 2
+    """Return sums of correlations with m others times their weights (m, k), and slopes.
+
+    Returns
+    -------
+    sums, slopes : ndarray of shape (n, k), (n, k, d)
+    """
+    d, k = points.right.shape[1] - 2, weights.shape[1]
     places = others.right[:, :d]
-    each = np.column_stack([weights, weights[:, None] * places])
-    out, slopes = np.empty(len(points.left)), np.empty((len(points.left), d))
+    each = np.hstack([weights, (weights[:, :, None] * places[:, None]).reshape(len(places), -1)])
+    out, slopes = np.empty((len(points.left), k)), np.empty((len(points.left), k, d))
     for piece, r, fading in _distances(points, others):
         near = (1 + r) * fading
         sums = near @ each
         r *= r
         r *= fading
-        out[piece] = sums[:, 0] + r @ weights / 3
+        out[piece] = sums[:, :k] + r @ weights / 3
         # the derivative of a correlation is -5/3 (1 + r) exp(-r) times the difference of places
-        slopes[piece] = 5 / 3 * (sums[:, 1:] - sums[:, :1] * points.right[piece, :d])
+        own = points.right[piece, None, :d]
+        slopes[piece] = 5 / 3 * (sums[:, k:].reshape(len(sums), k, d) - sums[:, :k, None] * own)
     return out, slopes
 
 

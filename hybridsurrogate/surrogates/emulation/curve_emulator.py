@@ -10,7 +10,6 @@ interpolation along the curves leave out is part of the error.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from hybridsurrogate.blocks import blocks, each_with_each
 from hybridsurrogate.cholesky import pivoted_cholesky
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.surrogates.emulation.curves import Components, Curves
+from hybridsurrogate.surrogates.emulation.curves import Components, curves_of
 from hybridsurrogate.surrogates.emulation.local_variance import LocalError
 from hybridsurrogate.surrogates.emulation.process import (
     Places,
@@ -26,9 +25,6 @@ from hybridsurrogate.surrogates.emulation.process import (
     conditioned,
     process_through,
 )
-
-if TYPE_CHECKING:
-    from hybridsurrogate.surrogates.basis import Basis
 
 # what is left of a variance when its factor has enough columns, in shares of the largest
 _NEGLIGIBLE = 1e-6
@@ -71,6 +67,34 @@ class CurveEmulator:
         mean, curves, _ = self.components.at(X[:, self.along])
         return mean + np.einsum("nk,nk->n", curves, self._coefficients(points)[group])
 
+    def output_close_by(
+        self, X: FloatArray, omega: FloatArray, shape: tuple[int, int, int]
+    ) -> FloatArray:
+        """As `output`, of rows of ``shape``: nodes, short moves of which the first is none, rows.
+
+        Where every row has parameters of its own, coefficients follow their slopes along moves.
+        """
+        points, group = self._points(X, omega)
+        if len(points) < len(X) // 2:
+            return self.output(X, omega)
+        places = self._places(points[group])
+        coefficients = places.weighed(self.runs, self.weights, shape)
+        mean, curves, _ = self.components.at(X[:, self.along])
+        return mean + np.einsum("nk,nk->n", curves, coefficients)
+
+    def both(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return `output` (n,) and `spread` (n, k + 1)."""
+        points, group = self._points(X, omega)
+        coefficients, open_ = np.empty((len(points), len(self.sd))), np.empty(len(points))
+        for some in blocks(len(points), len(self.weights)):
+            places = self._places(points[some])
+            alike = places.alike(self.runs)
+            coefficients[some] = alike @ self.weights
+            open_[some] = self._open_at(places, alike)
+        mean, curves, missed = self.components.at(X[:, self.along])
+        output = mean + np.einsum("nk,nk->n", curves, coefficients[group])
+        return output, np.column_stack([open_[group, None] * curves * self.sd, missed])
+
     def spread(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return S (n, k + 1): what is open has covariance S S' among rows of equal parameters."""
         points, group = self._points(X, omega)
@@ -107,10 +131,14 @@ class CurveEmulator:
         out = np.empty(len(points))
         for some in blocks(len(points), len(self.weights)):
             places = self._places(points[some])
-            white = places.alike(self.runs) @ self.whiten.T
-            left = np.maximum(places.variances() - np.sum(white**2, axis=1), 0.0)
-            out[some] = np.sqrt(left) * self.local.at(places.points)
+            out[some] = self._open_at(places, places.alike(self.runs))
         return out
+
+    def _open_at(self, places: Places, alike: FloatArray) -> FloatArray:
+        """As `_open`, from the covariances (n, n_runs) with the runs."""
+        white = alike @ self.whiten.T
+        left = np.maximum(places.variances() - np.einsum("ij,ij->i", white, white), 0.0)
+        return np.sqrt(left) * self.local.at(places.points)
 
     def error(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return F (n, r): the covariance of what is open at all these rows is F F'."""
@@ -159,21 +187,29 @@ class CurveEmulator:
         return self.process.places(np.empty((len(points), 0)), points)
 
 
-def emulate_curves(curves: Curves, trend: Basis, ranges: FloatArray) -> CurveEmulator:
-    """Return the emulator of runs that are curves.
+def emulate_curves(
+    X: FloatArray,
+    omega: FloatArray,
+    eta: FloatArray,
+    input_ranges: FloatArray,
+    parameter_ranges: FloatArray,
+) -> CurveEmulator | None:
+    """Return the emulator of runs that are curves, None where each row is a run.
 
     Parameters
     ----------
-    curves : Curves
-    trend : Basis
-        On no inputs, and the other inputs and the parameters as parameters; without mean.
-    ranges : ndarray of shape (d, 2)
-        Of these.
+    X, omega, eta : ndarray of shape (n, n_inputs), (n, n_parameters), (n,)
+        Rows of the runs.
+    input_ranges, parameter_ranges : ndarray of shape (n_inputs, 2), (n_parameters, 2)
     """
+    curves = curves_of(X, omega, eta)
+    if curves is None:
+        return None
+    ranges = np.vstack([np.delete(input_ranges, curves.along, axis=0), parameter_ranges])
     components = curves.components
     empty = np.empty((len(curves.others), 0))
     coefficients = components.coefficients
-    process = process_through(trend, ranges, empty, curves.others, coefficients)
+    process = process_through(None, ranges, empty, curves.others, coefficients)
     runs = process.some(empty, curves.others, coefficients)
     matrix = runs.places.alike(runs.places)
     given = conditioned(matrix, process.covariance.nugget, runs.residual)

@@ -64,7 +64,7 @@ class Places(NamedTuple):
     def weighed(
         self, others: Places, weights: FloatArray, shape: tuple[int, int, int]
     ) -> FloatArray:
-        """Return sums of covariances times weights, (n,), terms left out.
+        """Return sums of covariances times weights (m, k), shape (n, k), terms left out.
 
         Rows are of ``shape``: nodes, short moves of which the first is none, and measured rows.
         Along the moves these sums follow their slopes.
@@ -74,8 +74,8 @@ class Places(NamedTuple):
         value, slopes = weighed(self.of(first).halves, others.halves, weights)
         nodes, _, n = shape
         moved = points - points[:, :1]
-        along = np.einsum("tmnd,tnd->tmn", moved, slopes.reshape(nodes, n, -1))
-        return (value.reshape(nodes, 1, n) + along).ravel()
+        along = np.einsum("tmnd,tnkd->tmnk", moved, slopes.reshape(nodes, n, *slopes.shape[1:]))
+        return (value.reshape(nodes, 1, n, -1) + along).reshape(len(self.terms), -1)
 
     @property
     def points(self) -> FloatArray:
@@ -113,7 +113,7 @@ class Process:
 
     Attributes
     ----------
-    trend : Basis
+    trend : Basis or None
     ranges : ndarray of shape (n_inputs + n_parameters, 2)
         Of the runs.
     covariance : Covariance
@@ -122,7 +122,7 @@ class Process:
         no use for its terms.
     """
 
-    trend: Basis
+    trend: Basis | None
     ranges: FloatArray
     covariance: Covariance
     term_sd: FloatArray
@@ -131,12 +131,14 @@ class Process:
         """Return rows of inputs and parameters as the process sees them."""
         points = bent(between(np.hstack([X, omega]), self.ranges), self.covariance.bends)
         terms = np.empty((len(X), 0))
-        if len(self.term_sd):
+        if self.trend is not None and len(self.term_sd):
             terms = self.trend.features(X, omega) * self.term_sd
         return Places(Apart.of(points / self.covariance.lengths), terms)
 
     def prior_mean(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the trend at its prior mean, (n,)."""
+        if self.trend is None:
+            return np.zeros(len(X))
         known = self.trend.known(X, omega)
         if np.any(self.trend.coefficient_mean):
             known = known + self.trend.features(X, omega) @ self.trend.coefficient_mean
@@ -155,14 +157,14 @@ def _used(n: int, most: int) -> NDArray[np.intp]:
 
 
 def process_through(
-    trend: Basis, ranges: FloatArray, X: FloatArray, omega: FloatArray, eta: FloatArray
+    trend: Basis | None, ranges: FloatArray, X: FloatArray, omega: FloatArray, eta: FloatArray
 ) -> Process:
     """Return the most likely covariance of outputs.
 
     Parameters
     ----------
-    trend : Basis
-        Without hyperparameters.
+    trend : Basis or None
+        Without hyperparameters; None: nothing but the process.
     ranges : ndarray of shape (n_inputs + n_parameters, 2)
         Of the runs.
     X, omega, eta : ndarray of shape (n, n_inputs), (n, n_parameters), (n,)
@@ -170,12 +172,16 @@ def process_through(
     """
     chosen = _used(len(eta), len(eta))[:_LEARN]
     X, omega = X[chosen], omega[chosen]
-    features = trend.features(X, omega)
-    mean = trend.known(X, omega) + features @ trend.coefficient_mean
-    terms = features * trend.coefficient_sd
+    mean, terms = np.zeros(len(X)), np.empty((len(X), 0))
+    if trend is not None:
+        features = trend.features(X, omega)
+        mean = trend.known(X, omega) + features @ trend.coefficient_mean
+        terms = features * trend.coefficient_sd
     residual = eta[chosen].reshape(len(chosen), -1) - mean[:, None]
     arrays = between(np.hstack([X, omega]), ranges), terms, residual
     covariance = _learned(*(array.tobytes() for array in arrays), len(chosen))
+    if trend is None:
+        return Process(None, ranges, covariance, np.empty(0))
     size = float(np.mean(np.sum(terms**2, axis=1)))
     used = slice(None if covariance.share else 0)
     term_sd = np.sqrt(covariance.share / max(size, 1e-300)) * trend.coefficient_sd[used]

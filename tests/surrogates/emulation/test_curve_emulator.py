@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import qmc
 
-from hybridsurrogate.surrogates import Domain
-from hybridsurrogate.surrogates.kriging import emulated_curves
+from hybridsurrogate.surrogates.emulation.curve_emulator import emulate_curves
 
 T = np.linspace(0, 20, 60)
 
@@ -47,8 +46,8 @@ def emulator(function, n_runs=60, seed=0):
     ranges = SIMULATIONS[function]
     X, omega = each(T, drawn(ranges, n_runs, seed))
     eta = function(X[:, 0], *omega.T)
-    domain = Domain(np.array([[0.0, 20.0]]), np.array(ranges, float), 0, 1, None, X, omega, eta)
-    return emulated_curves(domain), X, omega, eta
+    found = emulate_curves(X, omega, eta, np.array([[0.0, 20.0]]), np.array(ranges, float))
+    return found, X, omega, eta
 
 
 @pytest.mark.parametrize("function", SIMULATIONS)
@@ -102,3 +101,29 @@ def test_rows_of_any_order_and_number():
     )
     assert found.output(X[:0], omega[:0]).shape == (0,)
     assert found.error(X[:1], omega[:1]).shape[0] == 1
+
+
+def test_short_moves_follow_the_slopes():
+    found, *_ = emulator(oscillation)
+    rng = np.random.default_rng(0)
+    nodes, moves, n = 2, 3, 10
+    ranges = np.array(SIMULATIONS[oscillation])
+    start = drawn(ranges, nodes * n, 5).reshape(nodes, 1, n, 3)
+    steps = 1e-4 * np.ptp(ranges, axis=1) * rng.normal(size=(nodes, moves, n, 3))
+    steps[:, 0] = 0
+    omega = (start + steps).reshape(-1, 3)
+    X = np.tile(np.linspace(1, 19, n), nodes * moves)[:, None]
+    exact = found.output(X, omega)
+    moved = np.ptp(exact.reshape(nodes, moves, n), axis=1)
+    close = found.output_close_by(X, omega, (nodes, moves, n))
+    np.testing.assert_allclose(close, exact, atol=0.01 * np.median(moved))
+
+
+def test_output_and_spread_at_once_are_the_same():
+    found, X, omega, _ = emulator(growth)
+    output, spread = found.both(X[:50], omega[:50] * 1.01)
+    np.testing.assert_allclose(output, found.output(X[:50], omega[:50] * 1.01), rtol=1e-9)
+    np.testing.assert_allclose(spread, found.spread(X[:50], omega[:50] * 1.01), rtol=1e-6)
+    each = found.outer_output(X[:50], omega[::60][:4])
+    flat = [found.output(X[:50], np.tile(point, (50, 1))) for point in omega[::60][:4]]
+    np.testing.assert_allclose(each, flat, rtol=1e-9)
