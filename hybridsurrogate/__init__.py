@@ -61,6 +61,7 @@ from hybridsurrogate.likelihoods import (
 )
 from hybridsurrogate.ode.simulator import OdeSimulator
 from hybridsurrogate.priors import truncated_normal
+from hybridsurrogate.simulation.command_simulator import CommandSimulator
 from hybridsurrogate.simulation.simulator import Assumed, SimulationData, Simulator, read_simulation
 from hybridsurrogate.surrogates import (
     SURROGATES,
@@ -84,6 +85,7 @@ __all__ = [
     "Bump",
     "Cause",
     "CauseFinding",
+    "CommandSimulator",
     "ConfoundingWarning",
     "CustomLikelihood",
     "Decay",

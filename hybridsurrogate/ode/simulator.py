@@ -15,6 +15,7 @@ from hybridsurrogate.ode.function import OdeFunction
 from hybridsurrogate.ode.steps import warn_if_too_long, with_step
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation.arrays import as_numbers, as_table
+from hybridsurrogate.simulation.evaluation import Running
 from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.simulation.simulator import Simulator
 from hybridsurrogate.simulation.variables import Assumed, Range, check_ranges
@@ -306,7 +307,7 @@ class OdeSimulator(Simulator):
         return X, np.hstack([own, numbers])
 
     def _evaluate(
-        self, X: FloatArray, omega: FloatArray, n_jobs: int | None, progress: bool = False
+        self, X: FloatArray, omega: FloatArray, running: Running | None = None
     ) -> tuple[FloatArray, str | None]:
         return self.function.outputs(self._columns(X, omega))
 

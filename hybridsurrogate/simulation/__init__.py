@@ -4,17 +4,20 @@ arrays           the door: arrays and frames of any library, checked and by name
 variables        inputs, parameters and assumed constants with their ranges and priors
 design           Sobol and Latin hypercube designs
 simulator        Simulator: a function, run on a design or at given rows
+command_simulator  CommandSimulator: an external program, started for each run
+evaluation       the calls that rows take: at the same time, timed, stored
+run_store        finished runs on disk
 simulation_data  SimulationData: runs, their ranges, what they were run with
 ranges           what lies outside the simulated ranges
 curve_tables     runs that are curves, from arrays, wide and long tables, datasets
-csv_file         tables from csv files
-table_file       tables from files of other kinds
+table_file       tables in csv, Parquet and NetCDF files
 measured_table   measured tables of the command line
 modification     a change of an ODE's right-hand side, described
 """
 
+from hybridsurrogate.simulation.command_simulator import CommandSimulator
 from hybridsurrogate.simulation.simulation_data import SimulationData, read_simulation
 from hybridsurrogate.simulation.simulator import Simulator
 from hybridsurrogate.simulation.variables import Assumed
 
-__all__ = ["Assumed", "SimulationData", "Simulator", "read_simulation"]
+__all__ = ["Assumed", "CommandSimulator", "SimulationData", "Simulator", "read_simulation"]

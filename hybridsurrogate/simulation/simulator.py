@@ -4,23 +4,27 @@ from __future__ import annotations
 
 import inspect
 import numbers
-import warnings
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeGuard
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed
 from numpy.typing import ArrayLike
-from tqdm import tqdm
 
-from hybridsurrogate.exceptions import FailedRunsWarning
 from hybridsurrogate.priors import FloatArray, Prior, prior_range
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_number
 from hybridsurrogate.simulation.curve_tables import RUN
 from hybridsurrogate.simulation.design import draw_design, run_with_ends
+from hybridsurrogate.simulation.evaluation import (
+    Function,
+    Running,
+    evaluate,
+    warn_of_lost_curves,
+)
 from hybridsurrogate.simulation.modification import Modification
+from hybridsurrogate.simulation.run_store import RunStore
 from hybridsurrogate.simulation.simulation_data import SimulationData, drop_failed, read_simulation
 from hybridsurrogate.simulation.variables import (
     Assumed,
@@ -35,6 +39,7 @@ from hybridsurrogate.simulation.variables import (
 
 # what a function returns; values along the first input where it returns a curve
 _RETURNS, _PLACES = ("values", "curve"), 100
+_PLAINLY = Running()
 
 __all__ = ["Assumed", "SimulationData", "Simulator", "read_simulation"]
 
@@ -196,7 +201,7 @@ class Simulator:
         ndarray of shape (n,)
             NaN where a run of one at a time raised an exception.
         """
-        return self._evaluate(*self._check_points(X, omega), n_jobs=n_jobs)[0]
+        return self._evaluate(*self._check_points(X, omega), Running(n_jobs))[0]
 
     def run(
         self,
@@ -207,6 +212,8 @@ class Simulator:
         progress: bool = False,
         ends: float = 0.02,
         along: int | ArrayLike | None = None,
+        store: str | os.PathLike[str] | None = None,
+        timeout: float | None = None,
     ) -> SimulationData:
         """Run the simulation over the ranges of inputs, parameters and assumed constants.
 
@@ -230,6 +237,13 @@ class Simulator:
         along : int, array-like of shape (n_places,) or None, default=None
             Each run is a curve along the first input: so many values over its range, or these.
             None: each run has one output, but 100 values where the function returns a curve.
+        store : str, path or None, default=None
+            Folder to which each finished run is written at once, one line an output. The same
+            call goes on with what is there after an interrupt or a kill; runs that failed are kept
+            with their error and not tried again.
+        timeout : float or None, default=None
+            Seconds that one run may take. A Python function is stopped when it next comes back to
+            Python, where the system has signals; `CommandSimulator` stops its program at once.
 
         Returns
         -------
@@ -248,13 +262,14 @@ class Simulator:
         ranges = [*self.input_ranges.values(), *self.parameter_ranges.values()]
         check_number(ends, "ends", numbers.Real, min_val=0, max_val=0.1)
         k = len(self.input_names)
+        running = self._running(n_jobs, progress, store, timeout)
         if along is not None or self.returns == "curve":
             places = self._places(_PLACES if along is None else along)
             points = draw_design(ranges[1:], n_runs, design, random_state)
-            return self._curves(points, places, n_jobs, progress)
+            return self._curves(points, places, running)
 
         def outputs(points: FloatArray) -> tuple[FloatArray, str | None]:
-            return self._evaluate(points[:, :k], points[:, k:], n_jobs, progress)
+            return self._evaluate(points[:, :k], points[:, k:], running)
 
         points = draw_design(ranges, n_runs, design, random_state)
         points, y, error = run_with_ends(outputs, points, ranges[:k], ends)
@@ -270,6 +285,8 @@ class Simulator:
         along: int | ArrayLike | None = None,
         n_jobs: int | None = None,
         progress: bool = False,
+        store: str | os.PathLike[str] | None = None,
+        timeout: float | None = None,
     ) -> pd.DataFrame:
         """Run the simulation for given parameters.
 
@@ -280,7 +297,7 @@ class Simulator:
             input where a run is a curve along it. `DiscrepancyDiagnosis.next_runs` returns one.
         along : int, array-like of shape (n_places,) or None, default=None
             Of curves, as in `run`.
-        n_jobs, progress
+        n_jobs, progress, store, timeout
             As in `run`.
 
         Returns
@@ -301,7 +318,8 @@ class Simulator:
             X = np.column_stack([np.tile(places, len(points)), points[run, : len(others)]])
             omega = points[run, len(others) :]
         frame = pd.DataFrame(np.hstack([X, omega]), columns=[first, *names])
-        frame[self.output] = self._evaluate(X, omega, n_jobs, progress)[0]
+        running = self._running(n_jobs, progress, store, timeout)
+        frame[self.output] = self._evaluate(X, omega, running)[0]
         if run is not None:
             frame.insert(0, RUN, run)
         return frame
@@ -320,27 +338,15 @@ class Simulator:
             )
         return places
 
-    def _curves(
-        self, points: FloatArray, places: FloatArray, n_jobs: int | None, progress: bool
-    ) -> SimulationData:
+    def _curves(self, points: FloatArray, places: FloatArray, running: Running) -> SimulationData:
         """Return runs (n_runs, d) of the other inputs and of omega as curves over places."""
         k, n = len(self.input_names), len(points)
         run = np.repeat(np.arange(n), len(places))
         X = np.column_stack([np.tile(places, n), points[run, : k - 1]])
         omega = points[run, k - 1 :]
-        y, error = self._evaluate(X, omega, n_jobs, progress)
+        y, error = self._evaluate(X, omega, running)
         kept = np.isfinite(y)
-        lost = np.setdiff1d(run, run[kept])
-        if not kept.any():
-            raise ValueError(f"All {n} runs of {self.name!r} failed. First error: {error}")
-        if len(lost) or not kept.all():
-            warnings.warn(
-                f"{len(lost)} of {n} runs of {self.name!r} failed and were dropped, "
-                f"{np.sum(~kept) - len(lost) * len(places)} further outputs are missing. "
-                f"First error: {error or 'they hold NaN or infinity'}.",
-                FailedRunsWarning,
-                stacklevel=3,
-            )
+        warn_of_lost_curves(self.name, run, kept, len(places), error)
         return SimulationData(
             X[kept],
             omega[kept],
@@ -376,79 +382,32 @@ class Simulator:
         return X, points
 
     def _evaluate(
-        self, X: FloatArray, omega: FloatArray, n_jobs: int | None, progress: bool = False
+        self, X: FloatArray, omega: FloatArray, running: Running = _PLAINLY
     ) -> tuple[FloatArray, str | None]:
         # the outputs, NaN where a run raised, and what the first such run said
+        return evaluate(self._called, X, omega, running)
+
+    @property
+    def _called(self) -> Function:
         names = (*self.input_names, *self.parameter_ranges)
-        columns = np.ascontiguousarray(np.concatenate([X.T, omega.T]))
-        if self.vectorized:
-            arguments = dict(zip(names, columns, strict=True))
-            y = as_numbers(self.function(**arguments), f"The output of {self.name!r}")
-            self._check_output(y.shape, (len(X),))
-            return y, None
-        if self.returns == "curve":
-            return self._evaluate_curves(X, omega, n_jobs, progress)
-        runs = Parallel(n_jobs=n_jobs, return_as="generator")(
-            delayed(_run_once)(self.function, dict(zip(names, point, strict=True)))
-            for point in columns.T
-        )
-        if progress:
-            runs = tqdm(runs, total=len(X), desc=self.name)
-        y, first_error = np.full(len(X), np.nan), None
-        for row, (value, error) in enumerate(list(runs)):
-            if error is None:
-                self._check_output(np.shape(value), ())
-                y[row] = value
-            first_error = first_error or error
-        return y, first_error
+        return Function(self.function, self.name, names, self.output, self.returns, self.vectorized)
 
-    def _evaluate_curves(
-        self, X: FloatArray, omega: FloatArray, n_jobs: int | None, progress: bool
-    ) -> tuple[FloatArray, str | None]:
-        """As `_evaluate`: rows that differ in the first input alone are one call."""
-        names = (*self.input_names[1:], *self.parameter_ranges)
-        points, run = np.unique(np.hstack([X[:, 1:], omega]), axis=0, return_inverse=True)
-        rows = np.split(np.argsort(run.ravel(), kind="stable"), np.cumsum(np.bincount(run.ravel())))
-        wanted = [np.unique(X[some, 0], return_inverse=True) for some in rows[: len(points)]]
-        runs = Parallel(n_jobs=n_jobs, return_as="generator")(
-            delayed(_run_once)(
-                self.function,
-                {self.input_names[0]: places, **dict(zip(names, point, strict=True))},
-            )
-            for point, (places, _) in zip(points, wanted, strict=True)
-        )
-        if progress:
-            runs = tqdm(runs, total=len(points), desc=self.name)
-        y, first_error = np.full(len(X), np.nan), None
-        for some, (places, which), (curve, error) in zip(rows, wanted, list(runs), strict=False):
-            if error is None:
-                if isinstance(curve, Mapping):
-                    curve = self._named_output(curve)
-                curve = as_numbers(curve, f"The output of {self.name!r}")
-                self._check_output(curve.shape, places.shape)
-                y[some] = curve[which.ravel()]
-            first_error = first_error or error
-        return y, first_error
-
-    def _named_output(self, outputs: Mapping[str, Any]) -> Any:
-        if self.output not in outputs:
-            raise ValueError(
-                f"{self.name!r} returned {', '.join(map(str, outputs))}, but no {self.output!r}: "
-                "name one of these as output."
-            )
-        return outputs[self.output]
-
-    def _check_output(self, actual: tuple[int, ...], expected: tuple[int, ...]) -> None:
-        if actual != expected:
-            hint = (
-                'returns="curve": as many values as the first input has'
-                if self.returns == "curve"
-                else f"vectorized={self.vectorized}: "
-                + ("arrays in, an array out" if self.vectorized else "numbers in, a number out")
-            )
-            raise ValueError(
-                f"{self.name!r} returned an array of shape {actual}, expected {expected} ({hint})."
-            )
+    def _running(
+        self,
+        n_jobs: int | None,
+        progress: bool,
+        store: str | os.PathLike[str] | None,
+        timeout: float | None,
+    ) -> Running:
+        if timeout is not None:
+            check_number(timeout, "timeout", numbers.Real, min_val=0, include_boundaries="neither")
+            if self.vectorized:
+                raise ValueError(
+                    "timeout is for one run: a vectorized function gets all of them in one call."
+                )
+        names = (*self.input_names, *self.parameter_ranges, self.output)
+        kept = None if store is None else RunStore(store, self.name, names)
+        return Running(n_jobs, progress, kept, None if timeout is None else float(timeout))
 
 
 def _is_matrix(values: ArrayLike | None, n_columns: int) -> TypeGuard[FloatArray]:
@@ -458,14 +417,6 @@ def _is_matrix(values: ArrayLike | None, n_columns: int) -> TypeGuard[FloatArray
         and values.dtype == np.float64
         and values.shape[1:] == (n_columns,)
     )
-
-
-def _run_once(function: Callable[..., Any], arguments: dict[str, Any]) -> tuple[Any, str | None]:
-    try:
-        return function(**arguments), None
-    except Exception as error:
-        # a simulation may fail in any way: the run is dropped, and the message is shown
-        return np.nan, f"{type(error).__name__}: {error}"
 
 
 def _check_arguments(function: Callable[..., Any], title: str, names: tuple[str, ...]) -> None:

@@ -1,0 +1,219 @@
+"""A simulation that is a program of its own: started once for each run."""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from numbers import Real
+from pathlib import Path
+from string import Formatter
+from typing import Any
+
+import numpy as np
+
+from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.simulation.arrays import as_numbers, check_number
+from hybridsurrogate.simulation.simulator import Simulator
+from hybridsurrogate.simulation.table_file import read_table
+from hybridsurrogate.simulation.variables import Assumed, Range
+
+# of what a program says when it fails
+_TAIL = 300
+
+
+class CommandSimulator(Simulator):
+    """A simulation that is an external program.
+
+    Each run has an empty folder of its own, in which the input files are written and the command
+    is started, without a shell. ``{name}`` in the command or in an input file is the value of an
+    input, a parameter or an assumed constant; ``{{`` and ``}}`` are braces.
+
+    Parameters
+    ----------
+    command : str or sequence of str
+        Program and arguments, such as ``"solver --rate {rate} input.txt"``.
+    inputs, parameters, assumed, output
+        As in `Simulator`.
+    files : dict of file name to template, optional
+        Input files.
+    read : str or callable, optional
+        What holds the output. A file name: a csv (or Parquet, NetCDF) file with a column
+        ``output``; where a run is a curve, one with a column of the first input too is interpolated
+        by lines where the program chose other places. A callable gets the folder, as a Path, and
+        what the program printed, and returns a number or an array of shape (n_places,). None: the
+        last numbers that the program printed.
+    returns : {"values", "curve"}, default="values"
+        "curve": one run gives outputs at all values of the first input, which stand in templates
+        as numbers with spaces between.
+    timeout : float, optional
+        Seconds after which a run is stopped, and counts as failed.
+
+    Raises
+    ------
+    ValueError
+        For a program that does not exist, or a template that asks for something unknown.
+
+    Examples
+    --------
+    >>> import sys
+    >>> from scipy.stats import uniform
+    >>> import hybridsurrogate as hs
+    >>> simulator = hs.CommandSimulator(
+    ...     [sys.executable, "-c", "print({rate} * {t})"], inputs={"t": (0, 10)},
+    ...     parameters={"rate": uniform(0, 1)}, timeout=60)
+    >>> simulator([2.0], [0.5])
+    array([1.])
+    """
+
+    def __init__(
+        self,
+        command: str | Sequence[str],
+        inputs: Mapping[str, Range],
+        parameters: Mapping[str, Prior] | None = None,
+        assumed: Mapping[str, Assumed] | None = None,
+        output: str = "y",
+        files: Mapping[str, str] | None = None,
+        read: str | Callable[[Path, str], Any] | None = None,
+        returns: str = "values",
+        timeout: float | None = None,
+    ) -> None:
+        if timeout is not None:
+            check_number(timeout, "timeout", Real, min_val=0, include_boundaries="neither")
+        words = shlex.split(command) if isinstance(command, str) else [str(w) for w in command]
+        if not words or shutil.which(words[0]) is None:
+            raise ValueError(
+                f"There is no program {words[0] if words else ''!r}: give its path, or check PATH."
+            )
+        first = next(iter(inputs), "")
+        curve = first if returns == "curve" else None
+        program = Command(tuple(words), dict(files or {}), read, output, curve, timeout)
+        program.check([*inputs, *(parameters or {}), *(assumed or {})])
+        super().__init__(program, inputs, parameters, assumed, output, False, returns)
+
+
+class Command:
+    """A program as a function of keyword arguments.
+
+    Attributes
+    ----------
+    words : tuple of str
+    files : dict of str to str
+    read : str, callable or None
+    output : str
+    along : str or None
+        The input along which a run is a curve.
+    timeout : float or None
+    """
+
+    def __init__(
+        self,
+        words: tuple[str, ...],
+        files: dict[str, str],
+        read: str | Callable[[Path, str], Any] | None,
+        output: str,
+        along: str | None,
+        timeout: float | None,
+    ) -> None:
+        self.words, self.files, self.read = words, files, read
+        self.output, self.along, self.timeout = output, along, timeout
+        self.__name__ = Path(words[0]).name
+
+    def check(self, names: Sequence[str]) -> None:
+        """Raise ValueError where a template asks for what is none of the names, or none asks."""
+        asked = set()
+        for title, text in [("command", " ".join(self.words)), *self.files.items()]:
+            try:
+                fields = {field for _, field, _, _ in Formatter().parse(text) if field is not None}
+            except ValueError as error:
+                raise ValueError(
+                    f"The template of {title!r} is broken ({error}): write braces twice where they "
+                    "are not around a name."
+                ) from None
+            unknown = sorted(fields - set(names))
+            if unknown:
+                raise ValueError(
+                    f"The template of {title!r} asks for {unknown}; there are {list(names)}."
+                )
+            asked |= fields
+        missing = [name for name in names if name not in asked and name != self.along]
+        if missing:
+            raise ValueError(
+                f"Neither command nor files have a place for {missing}: write {{{missing[0]}}}."
+            )
+
+    def __call__(self, **values: Any) -> Any:
+        """Run the program once."""
+        texts = {name: _text(value) for name, value in values.items()}
+        with tempfile.TemporaryDirectory(prefix="hybridsurrogate-") as name:
+            folder = Path(name)
+            for file, template in self.files.items():
+                path = folder / file
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_text(template.format(**texts), encoding="utf-8")
+            said = self._started([word.format(**texts) for word in self.words], folder)
+            out = self._outputs(folder, said, values)
+        if not np.isfinite(out).all():
+            raise ValueError("the program gave NaN or infinity")
+        return out
+
+    def _started(self, words: list[str], folder: Path) -> str:
+        try:
+            done = subprocess.run(
+                words, cwd=folder, capture_output=True, text=True, timeout=self.timeout, check=False
+            )
+        except subprocess.TimeoutExpired:
+            raise TimeoutError(
+                f"the program took longer than {self.timeout:g} s and was stopped"
+            ) from None
+        if done.returncode:
+            tail = " ".join((done.stderr or done.stdout).split())[-_TAIL:]
+            raise RuntimeError(f"the program ended with code {done.returncode}: {tail}")
+        return done.stdout
+
+    def _outputs(self, folder: Path, said: str, values: Mapping[str, Any]) -> Any:
+        places = None if self.along is None else np.asarray(values[self.along], dtype=float)
+        if callable(self.read):
+            out = as_numbers(self.read(folder, said), "What read returned")
+        elif self.read is None:
+            numbers = [number for word in said.split() if (number := _number(word)) is not None]
+            n = 1 if places is None else len(places)
+            if len(numbers) < n:
+                raise ValueError(f"the program printed {len(numbers)} numbers of {n}")
+            out = np.array(numbers[-n:])
+        else:
+            out = self._column(folder / self.read, places)
+        return float(out.ravel()[-1]) if places is None else out
+
+    def _column(self, path: Path, places: FloatArray | None) -> FloatArray:
+        if not path.exists():
+            raise FileNotFoundError(f"the program wrote no file {path.name!r}")
+        table = read_table(path)
+        if self.output not in table:
+            raise ValueError(f"{path.name} has no column {self.output!r}, but {list(table)}")
+        column = table[self.output].to_numpy(dtype=float)
+        if places is None or self.along not in table:
+            return column
+        own = table[self.along].to_numpy(dtype=float)
+        order = np.argsort(own)
+        slack = 1e-9 * float(np.ptp(own))
+        if places[0] < own.min() - slack or places[-1] > own.max() + slack:
+            raise ValueError(
+                f"{path.name} goes from {own.min():g} to {own.max():g} in {self.along!r}, and "
+                f"{places[0]:g} to {places[-1]:g} is asked for"
+            )
+        return np.interp(places, own[order], column[order])
+
+
+def _text(value: Any) -> str:
+    # 17 digits are read as the same double
+    return " ".join(f"{number:.17g}" for number in np.atleast_1d(value))
+
+
+def _number(word: str) -> float | None:
+    try:
+        return float(word.strip(",;"))
+    except ValueError:
+        return None

@@ -1,0 +1,128 @@
+"""Finished runs on disk, each written at once, so that a stopped ensemble goes on."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from collections.abc import Sequence
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.simulation.curve_tables import RUN
+from hybridsurrogate.whole_file import written_whole
+
+_ABOUT, _RUNS = "about.json", "runs.csv"
+_ENDING = ["error", "seconds", "last"]
+
+
+class RunStore:
+    """A folder with the finished runs of a simulation: ``runs.csv``, which pandas reads.
+
+    A row for each output: the run, its inputs and parameters, the output, the error of a run that
+    failed, its seconds, and whether the row is the run's last. Rows are only ever added; a run
+    whose last row is missing, because the process was killed while it wrote, is run again.
+
+    Parameters
+    ----------
+    folder : str or path
+        Made where it does not exist.
+    simulation : str
+        Its name, which tells stores apart.
+    names : sequence of str
+        Inputs, parameters and constants, then the output.
+
+    Raises
+    ------
+    ValueError
+        For a folder that holds runs of another simulation, or other files.
+    """
+
+    def __init__(
+        self, folder: str | os.PathLike[str], simulation: str, names: Sequence[str]
+    ) -> None:
+        self.folder, self.names = Path(folder), list(names)
+        self._check({"simulation": simulation, "columns": self.names})
+        self._path = self.folder / _RUNS
+        self._known, self._next = self._read()
+
+    def _check(self, about: dict[str, Any]) -> None:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        path = self.folder / _ABOUT
+        try:
+            known = json.loads(path.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            if any(self.folder.iterdir()):
+                raise ValueError(
+                    f"The folder {str(self.folder)!r} holds other files than runs: name a new one "
+                    "as store."
+                ) from None
+            with written_whole(path) as part:
+                part.write_text(json.dumps(about, indent=1), encoding="utf-8")
+            return
+        except ValueError:
+            raise ValueError(f"{path} is broken: name a new folder as store.") from None
+        differ = [key for key, value in about.items() if known.get(key) != value]
+        if differ:
+            key = differ[0]
+            raise ValueError(
+                f"The store {str(self.folder)!r} holds runs of another simulation: its {key} is "
+                f"{known.get(key)!r}, here it is {about[key]!r}. Name another folder."
+            )
+
+    def known(self, rows: FloatArray) -> tuple[FloatArray, str | None] | None:
+        """Return outputs (k,) and error of the run with these rows (k, d), None if it is new."""
+        return self._known.get(np.ascontiguousarray(rows, dtype=float).tobytes())
+
+    def _read(self) -> tuple[dict[bytes, tuple[FloatArray, str | None]], int]:
+        text = self._path.read_text(encoding="utf-8") if self._path.exists() else ""
+        lines = list(csv.DictReader(StringIO(text[: text.rfind("\n") + 1])))
+        found: dict[bytes, tuple[FloatArray, str | None]] = {}
+        whole: list[dict[str, str]] = []
+        run: list[dict[str, str]] = []
+        for line in lines:
+            if run and line[RUN] != run[-1][RUN]:
+                run = []  # it was cut short
+            run.append(line)
+            if line["last"] != "1":
+                continue
+            rows = np.array([[float(own[name]) for name in self.names[:-1]] for own in run])
+            y = np.array([float(own[self.names[-1]] or "nan") for own in run])
+            found[rows.tobytes()] = y, line["error"] or None
+            whole += run
+            run = []
+        if len(whole) < len(lines) or (text and not text.endswith("\n")):
+            self._rewrite(whole)
+        return found, 1 + max((int(line[RUN]) for line in whole), default=-1)
+
+    def add(self, rows: FloatArray, y: FloatArray, error: str | None, seconds: float) -> None:
+        """Write a finished run: its rows (k, d), outputs (k,) and error."""
+        buffer = StringIO()
+        writer = csv.writer(buffer, lineterminator="\n")
+        if not self._path.exists() or not self._path.stat().st_size:
+            writer.writerow([RUN, *self.names, *_ENDING])
+        for k, (row, value) in enumerate(zip(rows, y, strict=True)):
+            last = k == len(rows) - 1
+            # repr of a double is read as the same double
+            numbers = [*map(repr, map(float, row)), "" if np.isnan(value) else repr(float(value))]
+            text = " ".join((error or "").split()) if last else ""
+            writer.writerow([self._next, *numbers, text, f"{seconds:.3f}", int(last)])
+        with self._path.open("a", encoding="utf-8", newline="") as file:
+            file.write(buffer.getvalue())
+            file.flush()
+            os.fsync(file.fileno())
+        self._known[np.ascontiguousarray(rows, dtype=float).tobytes()] = y, error
+        self._next += 1
+
+    def _rewrite(self, lines: list[dict[str, str]]) -> None:
+        with (
+            written_whole(self._path) as part,
+            part.open("w", encoding="utf-8", newline="") as file,
+        ):
+            writer = csv.DictWriter(file, [RUN, *self.names, *_ENDING], lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(lines)

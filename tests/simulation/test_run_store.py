@@ -1,0 +1,188 @@
+"""Runs that survive: stored when they end, gone on with after a kill, kept with their errors."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import uniform
+
+import hybridsurrogate as hs
+
+RATE = {"rate": uniform(0.1, 0.4)}
+# a run of three hundredths of a second, and 40 of them
+SCRIPT = """
+import sys, time
+import numpy as np
+from scipy.stats import uniform
+import hybridsurrogate as hs
+
+def slow(t, rate):
+    time.sleep(0.03)
+    return np.exp(-rate * t)
+
+simulator = hs.Simulator(slow, {"t": (0, 10)}, {"rate": uniform(0.1, 0.4)}, returns="curve")
+data = simulator.run(40, random_state=0, along=20, store=sys.argv[1])
+data.to_frame().to_csv(sys.argv[2], index=False)
+"""
+
+
+def counted(calls, returns="values"):
+    def decay(t, rate):
+        calls.append(float(np.ravel(rate)[0]))
+        return np.exp(-rate * t)
+
+    return hs.Simulator(decay, {"t": (0, 10)}, RATE, vectorized=False, returns=returns)
+
+
+@pytest.mark.parametrize(("returns", "along"), [("values", None), ("values", 6), ("curve", 6)])
+def test_what_is_stored_is_not_run_again(tmp_path, returns, along):
+    calls = []
+    simulator = counted(calls, returns)
+    whole = simulator.run(16, random_state=0, along=along)
+    n = len(calls)
+    first, again = (
+        simulator.run(16, random_state=0, along=along, store=tmp_path / "runs") for _ in range(2)
+    )
+    assert len(calls) == 2 * n
+    np.testing.assert_array_equal(first.to_frame(), whole.to_frame())
+    np.testing.assert_array_equal(again.to_frame(), whole.to_frame())
+    kept = pd.read_csv(tmp_path / "runs" / "runs.csv")
+    assert kept["run"].nunique() == n
+    assert kept["seconds"].ge(0).all()
+
+
+def test_a_kill_loses_only_the_run_in_flight(tmp_path):
+    """Killed at random moments, gone on with: the same runs as without a kill."""
+    store, out = tmp_path / "runs", tmp_path / "out.csv"
+    moments = np.random.default_rng(0).uniform(0.05, 0.5, 3)
+    began = 0
+    for moment in moments:
+        process = subprocess.Popen([sys.executable, "-c", SCRIPT, str(store), str(out)])
+        kept = store / "runs.csv"
+        deadline = time.monotonic() + 60
+        # from when it has begun, or has new runs
+        while process.poll() is None and time.monotonic() < deadline:
+            if kept.exists() and kept.stat().st_size > began:
+                break
+            time.sleep(0.01)
+        time.sleep(moment)
+        process.send_signal(signal.SIGKILL if os.name == "posix" else signal.SIGTERM)
+        process.wait()
+        began = kept.stat().st_size if kept.exists() else 0
+    text = (store / "runs.csv").read_text().splitlines()
+    finished = sum(line.endswith(",1") for line in text)
+    assert 0 < finished < 40
+    subprocess.run([sys.executable, "-c", SCRIPT, str(store), str(out)], check=True)
+    again = pd.read_csv(store / "runs.csv")
+    assert (again["last"] == 1).sum() == 40
+    subprocess.run([sys.executable, "-c", SCRIPT, str(tmp_path / "b"), f"{out}2"], check=True)
+    pd.testing.assert_frame_equal(pd.read_csv(out), pd.read_csv(f"{out}2"))
+
+
+@pytest.mark.parametrize("cut", [3, 40, 200])
+def test_a_line_that_was_being_written_is_cut_off(tmp_path, cut):
+    calls = []
+    simulator = counted(calls, "curve")
+    whole = simulator.run(8, random_state=0, along=6, store=tmp_path)
+    path = tmp_path / "runs.csv"
+    path.write_bytes(path.read_bytes()[:-cut])
+    calls.clear()
+    again = simulator.run(8, random_state=0, along=6, store=tmp_path)
+    assert len(calls) == 1
+    np.testing.assert_array_equal(again.to_frame(), whole.to_frame())
+
+
+def test_an_interrupt_keeps_what_was_run(tmp_path):
+    calls = []
+
+    def interrupted(t, rate):
+        calls.append(rate)
+        if len(calls) == 6:
+            raise KeyboardInterrupt
+        return np.exp(-rate * t)
+
+    simulator = hs.Simulator(interrupted, {"t": (0, 10)}, RATE, vectorized=False)
+    with pytest.raises(KeyboardInterrupt):
+        simulator.run(16, random_state=0, ends=0, store=tmp_path)
+    assert len(pd.read_csv(tmp_path / "runs.csv")) == 5
+    simulator.run(16, random_state=0, ends=0, store=tmp_path)
+    assert len(calls) == 17
+
+
+def test_failed_runs_keep_their_error_and_are_not_tried_again(tmp_path):
+    calls = []
+
+    def failing(t, rate):
+        calls.append(rate)
+        if rate > 0.45:
+            raise RuntimeError("no\nconvergence, at all")
+        return np.exp(-rate * t)
+
+    simulator = hs.Simulator(failing, {"t": (0, 10)}, RATE, returns="curve")
+    for _ in range(2):
+        with pytest.warns(hs.FailedRunsWarning, match=r"2 of 16 runs .* no convergence, at all"):
+            simulator.run(16, random_state=0, along=6, store=tmp_path)
+    assert len(calls) == 16
+    kept = pd.read_csv(tmp_path / "runs.csv")
+    assert kept["error"].dropna().tolist() == ["RuntimeError: no convergence, at all"] * 2
+
+
+def test_a_larger_design_goes_on_with_the_runs_of_a_smaller_one(tmp_path):
+    calls = []
+    simulator = counted(calls, "curve")
+    simulator.run(8, random_state=0, along=6, store=tmp_path)
+    simulator.run(16, random_state=0, along=6, store=tmp_path)
+    assert len(calls) == 16
+
+
+def test_a_store_of_another_simulation_is_refused_and_left_as_it_is(tmp_path):
+    simulator = counted([])
+    simulator.run(8, random_state=0, store=tmp_path / "runs")
+    before = (tmp_path / "runs" / "runs.csv").read_text()
+
+    def other(t, rate):
+        return rate
+
+    with pytest.raises(ValueError, match=r"runs of another simulation: its simulation is 'decay'"):
+        hs.Simulator(other, {"t": (0, 10)}, RATE).run(8, store=tmp_path / "runs")
+    assert (tmp_path / "runs" / "runs.csv").read_text() == before
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "letter.txt").write_text("dear")
+    with pytest.raises(ValueError, match=r"holds other files than runs"):
+        simulator.run(8, store=tmp_path / "mine")
+
+
+def test_a_run_that_takes_too_long_is_stopped_and_counted():
+    def hanging(t, rate):
+        if rate > 0.45:
+            time.sleep(30)
+        return np.exp(-rate * t)
+
+    simulator = hs.Simulator(hanging, {"t": (0, 10)}, RATE, returns="curve")
+    begun = time.monotonic()
+    with pytest.warns(hs.FailedRunsWarning, match=r"2 of 16 runs .* longer than 0.2 s"):
+        data = simulator.run(16, random_state=0, along=6, timeout=0.2)
+    assert data.n_runs == 14
+    assert time.monotonic() - begun < 20
+    with pytest.raises(ValueError, match=r"timeout is for one run: a vectorized function"):
+        hs.Simulator(hanging, {"t": (0, 10)}, RATE).run(16, timeout=1)
+
+
+@pytest.mark.parametrize("backend", ["loky", "threading", "multiprocessing"])
+def test_every_backend_of_joblib_gives_the_same_runs(tmp_path, backend):
+    from joblib import parallel_config
+
+    simulator = hs.Simulator(np_decay, {"t": (0, 10)}, RATE, returns="curve")
+    alone = simulator.run(8, random_state=0, along=6)
+    with parallel_config(backend=backend):
+        data = simulator.run(8, random_state=0, along=6, n_jobs=2, store=tmp_path)
+    np.testing.assert_array_equal(data.to_frame(), alone.to_frame())
+
+
+def np_decay(t, rate):
+    return np.exp(-rate * t)
