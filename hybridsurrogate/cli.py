@@ -231,7 +231,8 @@ def _warn_of_unnamed(runs: pd.DataFrame, named: set[str]) -> None:
 
 def _surrogate(degree: int | None, simulation: SimulationData, n_rows: int) -> Surrogate:
     # curves are few runs, however many rows they have
-    curves = 5 * len(np.unique(simulation.omega, axis=0)) <= simulation.n_rows
+    omega = simulation.omega
+    curves = omega.shape[1] and 5 * len(np.unique(omega, axis=0)) <= simulation.n_rows
     if degree is None and (n_rows <= _MOST_ROWS or curves):
         return Kriging()
     return PolynomialChaos(_degree(simulation) if degree is None else degree)

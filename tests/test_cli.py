@@ -160,7 +160,7 @@ def test_a_folder_that_is_not_there_is_told_before_anything_is_computed(
     files, capsys, monkeypatch, option
 ):
     monkeypatch.setattr(hs.DiscrepancyDiagnosis, "fit", None)
-    monkeypatch.setattr(cli, "read_csv", None)
+    monkeypatch.setattr(cli, "read_table", None)
     missing = str(files / "missing" / "r.html")
     for command in (["demo", "nile"], arguments(files)):
         assert main([*command, option, missing]) == 2
