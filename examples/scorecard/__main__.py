@@ -27,6 +27,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--first-seed", type=int, default=20_000)
     made.add_argument("--runs", type=int, default=0, help="of an emulated simulation")
     made.add_argument("--places", type=int, default=0, help="of a run that is a curve")
+    made.add_argument("--further", type=int, default=0, help="runs where they tell most, at most")
     made.add_argument("--jobs", type=int, default=1)
     made.add_argument("--out", type=Path, default=Path("scorecard.csv"), help="is carried on")
     made.add_argument("--from-csv", type=Path, help="only print the tables of this file")
@@ -52,6 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             | dict.fromkeys(TRIPLE_NAMES, range(first, first + given.triples)),
             given.runs,
             given.places,
+            given.further,
         )
         try:
             for k, row in enumerate(run_into(source, todo, given.jobs), start=1):

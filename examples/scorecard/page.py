@@ -171,7 +171,7 @@ def commands(table: pd.DataFrame) -> list[str]:
             words += ["--sizes", *(f"{size:g}" for size in sizes), f"--rows {rows}"]
             words.append(f"--seeds {n_seeds} --nulls {n_nulls} --pairs {n_pairs}")
             words += [f"--triples {n_triples}"] if n_triples else []
-            for word in ("runs", "places"):
+            for word in ("runs", "places", "further"):
                 words += [f"--{word} {number}" for number in table[word].unique() if number]
             found.append(" ".join(words) + f" --first-seed {table['seed'].min()}")
             n_nulls = n_pairs = n_triples = 0  # they are said once
@@ -222,6 +222,8 @@ def _how(table: pd.DataFrame) -> str:
     """Return what was done."""
     runs, places = table["runs"].max(), table["places"].max()
     curves = f", curves of {places:.0f} values" if places else ""
+    if table["further"].any():
+        curves += f" and at most {table['further'].max():.0f} further ones by `refine`"
     emulated = _EMULATED.format(runs=runs, curves=curves)
     return _HOW.format(simulated=emulated if runs else _DIRECTLY)
 

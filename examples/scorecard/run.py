@@ -68,6 +68,7 @@ class Task:
     seed: int
     runs: int = 0  # of the simulation, that an emulator is trained on; 0: the simulation itself
     places: int = 0  # along the first input at which a run has outputs; 0: one, anywhere
+    further: int = 0  # runs at most where the first ones leave most open
 
 
 @dataclass(frozen=True)
@@ -153,6 +154,8 @@ def _diagnose(case: Case, task: Task) -> hs.DiscrepancyDiagnosis:
         # doubtful draws show in the coverage; a simulation left its domain in a rival only
         warnings.simplefilter("ignore", hs.HybridSurrogateWarning)
         warnings.simplefilter("ignore", RuntimeWarning)
+        if task.further:
+            return hs.refine(diagnosis, case.X, case.y, budget=task.further)
         return diagnosis.fit(case.X, case.y)
 
 
@@ -228,6 +231,7 @@ def tasks(
     several: Mapping[str, range] | None = None,
     runs: int = 0,
     places: int = 0,
+    further: int = 0,
 ) -> list[Task]:
     """List the cases by seed, so that an interrupted run has some of everything.
 
@@ -238,15 +242,18 @@ def tasks(
     for seed in sorted({*seeds, *nulls}.union(*several.values())):
         if seed in seeds:
             found += [
-                Task(k, float(s), n, seed, runs, places) for k in kinds for s in sizes for n in rows
+                Task(k, float(s), n, seed, runs, places, further)
+                for k in kinds
+                for s in sizes
+                for n in rows
             ]
         found += [
-            Task(name, 2.0, 40 * len(name.split("+")), seed, runs, places)
+            Task(name, 2.0, 40 * len(name.split("+")), seed, runs, places, further)
             for name, own in several.items()
             if seed in own
         ]
         if seed in nulls:
-            found += [Task("none", 0.0, n, seed, runs, places) for n in rows]
+            found += [Task("none", 0.0, n, seed, runs, places, further) for n in rows]
     return found
 
 
@@ -272,8 +279,9 @@ def done(path: Path) -> set[Task]:
 
 
 def _task_of(row: dict[str, str]) -> Task:
-    numbers = int(row["rows"]), int(row["seed"]), int(row["runs"]), int(row.get("places") or 0)
-    return Task(row["kind"], float(row["size"]), *numbers)
+    numbers = int(row["rows"]), int(row["seed"]), int(row["runs"])
+    curves = int(row.get("places") or 0), int(row.get("further") or 0)
+    return Task(row["kind"], float(row["size"]), *numbers, *curves)
 
 
 def run_into(path: Path, todo: Sequence[Task], jobs: int = 1) -> Iterator[dict[str, Any]]:

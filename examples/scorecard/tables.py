@@ -33,6 +33,7 @@ _NUMBERS = (
     "seed",
     "runs",
     "places",
+    "further",
     "noise_share",
     "p_value",
     "p_none",
@@ -52,7 +53,8 @@ def read(path: Path) -> pd.DataFrame:
     """Read results; cases that could not be made are left out, failed diagnoses stay."""
     table = pd.read_csv(StringIO(complete_lines(path)), dtype=str, keep_default_na=False)
     # files from before runs could be curves
-    table["places"] = table.get("places", "0")
+    for name in ("places", "further"):
+        table[name] = table.get(name, "0")
     for name in _NUMBERS:
         table[name] = pd.to_numeric(table[name], errors="coerce")
     return judged(table[table["trouble"] != "infeasible"].reset_index(drop=True))

@@ -14,7 +14,7 @@ from scorecard.__main__ import main
 from scorecard.run import Result, Task
 
 
-def row(kind, found, *, size=2.0, rows=40, seed=0, runs=0, places=0, **given):
+def row(kind, found, *, size=2.0, rows=40, seed=0, runs=0, places=0, further=0, **given):
     """One row of results, as a run would write it."""
     told = {
         "simulation": "cooling",
@@ -27,7 +27,7 @@ def row(kind, found, *, size=2.0, rows=40, seed=0, runs=0, places=0, **given):
         "several": found,
         "ratio": 0.5,
     }
-    task = Task(kind, size, rows, seed, runs, places)
+    task = Task(kind, size, rows, seed, runs, places, further)
     return asdict(task) | asdict(Result(**(told | given)))
 
 
