@@ -38,6 +38,7 @@ from hybridsurrogate.estimators import (
     beta_path,
     choose_beta,
 )
+from hybridsurrogate.estimators.sensitivity import sobol_indices
 from hybridsurrogate.exceptions import (
     ConfoundingWarning,
     DiagnosisWarning,
@@ -141,6 +142,7 @@ __all__ = [
     "choose_beta",
     "read_simulation",
     "refine",
+    "sobol_indices",
     "truncated_normal",
 ]
 

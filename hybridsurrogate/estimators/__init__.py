@@ -1,4 +1,4 @@
-"""The estimators."""
+"""The estimators, and which parameters the output depends on (`sensitivity`)."""
 
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.beta_choice import BetaChoice, choose_beta

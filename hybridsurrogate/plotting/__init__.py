@@ -27,6 +27,7 @@ from hybridsurrogate.plotting.report import (
 )
 from hybridsurrogate.plotting.scene import Scene, plot_measured, plot_scene, plot_setup
 from hybridsurrogate.plotting.scores import plot_beta_scan, plot_scores_over_beta
+from hybridsurrogate.plotting.sensitivity import plot_sobol
 from hybridsurrogate.plotting.style import (
     AFTER,
     BEFORE,
@@ -70,6 +71,7 @@ __all__ = [
     "plot_scores",
     "plot_scores_over_beta",
     "plot_setup",
+    "plot_sobol",
     "share_range",
     "tidy",
 ]
