@@ -8,6 +8,7 @@ from numbers import Integral
 
 import numpy as np
 from numpy.typing import NDArray
+from sklearn.linear_model import lars_path
 from sklearn.utils import check_scalar
 
 from hybridsurrogate.priors import FloatArray, Prior, check_prior
@@ -20,6 +21,8 @@ from hybridsurrogate.surrogates.domain import Domain
 _DEFAULT_RELATIVE_SD = 5.0
 # a fit holds several matrices of terms x terms: of 10,000 terms each has 0.8 GB
 _MOST_TERMS = 10_000
+# of the powers of a sparse expansion: products of many inputs need a low degree in each
+_NORM = 0.75
 
 
 class PolynomialChaos(Surrogate):
@@ -38,6 +41,11 @@ class PolynomialChaos(Surrogate):
         Prior of each coefficient; its mean and standard deviation are used, as a Gaussian.
         None: mean zero and five standard deviations of the output as sd; the mean of the output
         is then added as a known part, so the intercept is the difference from it.
+    sparse : bool, default=False
+        Keep the terms that foresee the runs best: of all with sum(powers^0.75) up to
+        degree^0.75, in the order of least-angle regression, as many as have the least leave-one-out
+        error (Blatman and Sudret 2011, Journal of Computational Physics 230:2345). For many inputs
+        and higher degrees, of which few terms matter.
 
     Examples
     --------
@@ -47,22 +55,30 @@ class PolynomialChaos(Surrogate):
     5
     """
 
-    def __init__(self, degree: int = 3, coefficient_prior: Prior | None = None):
+    def __init__(
+        self, degree: int = 3, coefficient_prior: Prior | None = None, sparse: bool = False
+    ):
         self.degree = degree
         self.coefficient_prior = coefficient_prior
+        self.sparse = sparse
 
     def build(self, domain: Domain) -> Basis:
         """Return the basis on a domain."""
         check_scalar(self.degree, "degree", Integral, min_val=1)
         ranges = np.vstack([domain.input_ranges, domain.parameter_ranges])
+        if not isinstance(self.sparse, bool | np.bool_):
+            raise TypeError(f"sparse must be True or False, got {self.sparse!r}.")
         n_terms = comb(len(ranges) + int(self.degree), len(ranges))
-        if n_terms > _MOST_TERMS:
+        # of a sparse one most are never looked at
+        if n_terms > _MOST_TERMS * (50 if self.sparse else 1):
             raise ValueError(
                 f"PolynomialChaos(degree={self.degree}) has {n_terms:.3g} terms in {len(ranges)} "
                 f"dimensions, more than the {_MOST_TERMS} for which there is memory: choose a "
-                "lower degree, or Kriging()."
+                "lower degree, sparse=True, or Kriging()."
             )
         powers = multi_indices(len(ranges), int(self.degree))
+        if self.sparse:
+            powers = _few_terms(powers, int(self.degree), domain, ranges)
         if self.coefficient_prior is None:
             mean = np.zeros(len(powers))
             sd = np.full(len(powers), _DEFAULT_RELATIVE_SD * domain.scale)
@@ -74,6 +90,49 @@ class PolynomialChaos(Surrogate):
             sd = np.full(len(powers), float(prior.std()))
             location = 0.0
         return _ChaosBasis(mean, sd, ranges, len(domain.input_ranges), powers, location)
+
+
+def _few_terms(
+    powers: NDArray[np.int_], degree: int, domain: Domain, ranges: FloatArray
+) -> NDArray[np.int_]:
+    """Return the powers (k, d) of the terms that foresee the rows best, the intercept first."""
+    kept = np.sum(powers**_NORM, axis=1) <= degree**_NORM + 1e-9
+    powers = powers[kept]
+    n_inputs = len(domain.input_ranges)
+    none = np.zeros(len(powers))
+    basis = _ChaosBasis(none, none, ranges, n_inputs, powers, domain.location)
+    terms = basis.features(domain.X, domain.omega)[:, 1:]
+    y = domain.eta - domain.eta.mean()
+    centred = terms - terms.mean(axis=0)
+    size = np.maximum(np.linalg.norm(centred, axis=0), 1e-300)
+    most = max(min(len(y) // 2, terms.shape[1]), 1)
+    _, order, _ = lars_path(centred / size, y, method="lar", max_iter=most)
+    chosen = np.asarray(order, dtype=int)[: _least_left_out(terms[:, order], domain.eta)]
+    return powers[[0, *sorted(1 + chosen)]]
+
+
+def _least_left_out(terms: FloatArray, y: FloatArray) -> int:
+    """Return how many of the first terms (n, p), beside an intercept, foresee left-out rows best.
+
+    The leave-one-out error of least squares is in closed form, e / (1 - h), and enlarged by
+    n / (n - k) (1 + tr((F'F)^-1)) for k terms, as few rows make it too small (Chapelle, Vapnik and
+    Bengio 2002, Machine Learning 48:9).
+    """
+    n, p = terms.shape
+    # terms of unit mean square, for which the trace is meant
+    terms = terms / np.maximum(np.sqrt(np.mean(terms**2, axis=0)), 1e-300)
+    design = np.column_stack([np.ones(n), terms])
+    Q, R = np.linalg.qr(design)
+    fitted, leverage = np.zeros(n), np.zeros(n)
+    inverse = np.linalg.inv(R + 1e-12 * np.abs(R).max() * np.eye(p + 1))
+    errors = np.full(p + 1, np.inf)
+    for k in range(min(p + 1, n - 1)):
+        fitted += Q[:, k] * (Q[:, k] @ y)
+        leverage += Q[:, k] ** 2
+        left_out = (y - fitted) / np.maximum(1 - leverage, 1e-9)
+        trace = float(np.sum(inverse[: k + 1, : k + 1] ** 2))
+        errors[k] = np.mean(left_out**2) * n / (n - k - 1) * (1 + trace)
+    return int(np.argmin(errors))
 
 
 @dataclass(frozen=True)
