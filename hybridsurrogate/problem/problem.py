@@ -141,10 +141,7 @@ def make_problem(
     eta = likelihood.working(y)
     scale = spread(eta, weights)
     runs = simulation if isinstance(simulation, SimulationData) and not measured_only else None
-    run_eta = None
-    if runs is not None:
-        likelihood.check_training(runs.y, "simulated")
-        run_eta = likelihood.working(runs.y)
+    run_eta, refused = (None, None) if runs is None else _working(likelihood, runs.y)
     outputs = eta if run_eta is None else run_eta
     shares = weights if run_eta is None else None
     n_inputs = len(simulation.input_names) if simulation is not None else X.shape[1]
@@ -175,6 +172,8 @@ def make_problem(
             f"no columns ({error}). If it needs parameters, override of_measured_data to return a "
             "surrogate without, such as PolynomialChaos(), for predictive weighting."
         ) from error
+    if refused is not None and not basis.holds_runs:
+        raise refused
     trained = bool(len(basis.coefficient_mean) or basis.hyperpriors)
     if isinstance(world, Simulator) and trained:
         raise ValueError(
@@ -217,6 +216,22 @@ def make_problem(
             run_statistics = statistics(features, centred, domain.scale, run_weights)
     prior = noise_prior if noise_prior is not None else likelihood.noise_prior(scale)
     return Problem(model, X, eta, weights, y, likelihood, run_statistics, kept, prior, scale)
+
+
+def _working(likelihood: Likelihood, y: FloatArray) -> tuple[FloatArray, ValueError | None]:
+    """Return simulated outputs on the scale of eta, and why they cannot be draws of y.
+
+    Expected counts are none, but an emulator that interpolates them asks for no likelihood of them.
+    """
+    try:
+        likelihood.check_training(y, "simulated")
+    except ValueError as error:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            eta = likelihood.link(y)
+        if not np.isfinite(eta).all():
+            raise
+        return eta, error
+    return likelihood.working(y), None
 
 
 def _check_outliers(likelihood: Likelihood) -> None:

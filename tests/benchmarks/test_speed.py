@@ -2,13 +2,15 @@
 
 import numpy as np
 import pytest
-from scipy.stats import halfnorm, norm
+from scipy.stats import halfnorm, norm, uniform
 from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV
 
 import hybridsurrogate as hs
 from hybridsurrogate.datasets import make_log_sin
 from hybridsurrogate.estimators.carried import fitted_near
+from hybridsurrogate.surrogates.emulation import process
+from hybridsurrogate.surrogates.emulation.curve_emulator import emulate_curves
 
 BETAS = np.linspace(0, 1, 21)
 
@@ -126,3 +128,20 @@ def test_one_search_with_an_emulator(benchmark, case, n):
     )
     diagnosis = hs.DiscrepancyDiagnosis(emulated, cv=None, random_state=0)
     benchmark.pedantic(lambda: diagnosis.fit(rows.X, rows.y), rounds=1)
+
+
+@pytest.mark.benchmark(group="runs that are curves")
+@pytest.mark.parametrize(("n_runs", "n_times"), [(80, 300), (400, 300), (400, 1000)])
+def test_an_emulator_of_curves(benchmark, n_runs, n_times):
+    simulator = hs.Simulator(
+        lambda t, a, k, w: a * np.exp(-k * t) * np.cos(w * t) + 0.3 * a,
+        {"t": (0, 20)},
+        {"a": uniform(1, 2), "k": uniform(0.05, 0.25), "w": uniform(0.5, 1.0)},
+    )
+    runs = simulator.run(n_runs, along=n_times, random_state=0)
+    ranges = [np.array(list(r.values())) for r in (runs.input_ranges, runs.parameter_ranges)]
+    benchmark.pedantic(
+        lambda: emulate_curves(runs.X, runs.omega, runs.y, *ranges),
+        setup=process._learned.cache_clear,
+        rounds=3,
+    )

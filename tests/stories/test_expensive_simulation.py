@@ -99,3 +99,35 @@ def test_the_page_goes_from_slow_runs_to_a_verdict(tmp_path, monkeypatch):
     assert {"bump", "parameter-drift"} & set(found.causes_["kind"][:2])
     assert found.refinement_["left_open"].iloc[-1] < 0.5
     assert len(pd.read_csv(tmp_path / "runs" / "runs.csv")) == 24 * 60
+
+
+def test_counts_beside_runs_of_expected_counts_agree_with_the_simulation_itself():
+    simulator = hs.Simulator(
+        lambda t, first, rate: first * np.exp(-rate * t),
+        {"t": (0, 10)},
+        {"first": uniform(10, 20), "rate": uniform(0.05, 0.4)},
+    )
+    t = np.linspace(0.2, 9.8, 30)
+    counts = np.random.default_rng(0).poisson(20 * np.exp(-0.1 * t) * np.where(t > 5, 2.0, 1.0))
+    found = []
+    for simulation, surrogate in (
+        (simulator, hs.ExactSurrogate()),
+        (simulator.run(40, along=30, random_state=0), hs.Kriging()),
+    ):
+        model = hs.PowerScaledSurrogate(
+            simulation, surrogate=surrogate, likelihood="poisson", n_draws=300, random_state=0
+        )
+        diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, n_replicates=19, random_state=0)
+        found.append(diagnosis.fit(t[:, None], counts.astype(float)))
+    exact, emulated = found
+    assert emulated.verdict_ == exact.verdict_ == "named"
+    assert emulated.best_cause_.kind == exact.best_cause_.kind
+    leading = [one.causes_.set_index("form")["probability"].head(3) for one in found]
+    for form, probability in leading[0].items():
+        assert leading[1].get(form, 0.0) == pytest.approx(probability, abs=0.1)
+    # single runs, which a polynomial is trained on as draws, must be counts
+    rows = hs.PowerScaledSurrogate(
+        simulator.run(60, random_state=0), likelihood="poisson", random_state=0
+    )
+    with pytest.raises(ValueError, match=r"needs counts .* simulated values are not"):
+        rows.fit(t[:, None], counts.astype(float))

@@ -68,7 +68,7 @@ def test_the_leave_one_out_error_is_that_of_fits_without_each_row():
 
 
 def test_it_is_fitted_like_the_others():
-    built, u, y = basis(hs.PolynomialChaos(3, sparse=True), 100, d=5)
+    _, u, y = basis(hs.PolynomialChaos(3, sparse=True), 100, d=5)
     simulation = hs.SimulationData(u, None, y, inputs=list("abcde"))
     model = hs.PowerScaledSurrogate(
         simulation, surrogate=hs.PolynomialChaos(3, sparse=True), n_draws=100, random_state=0

@@ -149,6 +149,12 @@ class KrigedCurves(Basis):
 
     emulator: CurveEmulator
 
+    @property
+    def with_features(self) -> CurveBasis:
+        """The same with features for its error, for likelihoods that are not normal."""
+        k = 1 + len(self.emulator.sd)
+        return CurveBasis(np.zeros(k), np.ones(k), self.emulator)
+
     def known(
         self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
     ) -> FloatArray:

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from hybridsurrogate.diagnosis.emulation.conditioned import KrigedCurves
 from hybridsurrogate.diagnosis.search.evidence import (
     Candidate,
     Search,
@@ -43,8 +44,9 @@ def screened_at_best(
 ) -> Search:
     """Return the search repeated with rows expanded at what leads, where something is wrong.
 
-    Where rows are normal there is nothing to expand, and where an emulator stands for the
-    simulation nothing is scored, so that all causes keep the expansion where nothing is wrong.
+    Where rows are normal there is nothing to expand, and where an emulator of single runs stands
+    for the simulation nothing is scored, so that all causes keep the expansion where nothing is
+    wrong.
 
     Parameters
     ----------
@@ -65,8 +67,8 @@ def scored(result: Search) -> Search:
     """Return the search with its leading causes scored by the likelihood of the measured rows.
 
     The search stays as it is where rows are normal (the closed form agrees there with importance
-    sampling to 0.1 nats); where an emulator stands for the simulation, the screening's evidence
-    stands.
+    sampling to 0.1 nats); where an emulator of single runs stands for the simulation, the
+    screening's evidence stands.
     """
     if not _is_scored(result):
         return result
@@ -93,9 +95,14 @@ def scored(result: Search) -> Search:
 
 
 def _is_scored(result: Search) -> bool:
-    """Return whether what leads is scored: rows are not normal, the simulation itself is run."""
-    problem = result.problem
-    return problem.working_point is not None and problem.model.basis.is_simulation
+    """Return whether what leads is scored: rows are not normal, the simulation is run, or curves.
+
+    An emulator of curves leaves open a few coefficients, which the inner Laplace approximation
+    integrates; one of single runs has a covariance of all rows.
+    """
+    problem, basis = result.problem, result.problem.model.basis
+    known = basis.is_simulation or isinstance(basis, KrigedCurves)
+    return problem.working_point is not None and known
 
 
 def _point_at(result: Search, w: Candidate) -> WorkingPoint:
@@ -113,8 +120,11 @@ def _log_evidence(result: Search, w: Candidate) -> float:
     model, starts = _sized(result, w)
     point = problem.working_point
     assert point is not None
+    basis = model.basis
+    if isinstance(basis, KrigedCurves):
+        basis = basis.with_features
     exact = Problem(
-        replace(model, has_row_noise=False),
+        replace(model, basis=basis, has_row_noise=False),
         problem.X[:, : len(model.columns)],
         problem.likelihood.working(problem.observed),
         problem.weights,
