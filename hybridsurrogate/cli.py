@@ -122,8 +122,10 @@ def _parser() -> argparse.ArgumentParser:
     demo.add_argument("--list", action="store_true", help="list the demonstrations")
     demo.set_defaults(run=_demo)
     own = commands.add_parser("diagnose", help="diagnose a simulation from its runs and your data")
-    own.add_argument("measured", help="csv file of measurements")
-    own.add_argument("--simulation", required=True, help="csv file of simulation runs")
+    own.add_argument("measured", help="csv, Parquet or NetCDF file of measurements")
+    own.add_argument(
+        "--simulation", required=True, help="csv, Parquet or NetCDF file of simulation runs"
+    )
     own.add_argument("--inputs", nargs="+", required=True, help="columns known for both")
     own.add_argument("--parameters", nargs="*", default=[], help="columns known for runs only")
     own.add_argument("--output", required=True, help="column of the output")

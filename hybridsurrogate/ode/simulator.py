@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from hybridsurrogate.ode.function import OdeFunction
 from hybridsurrogate.ode.steps import warn_if_too_long, with_step
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation.arrays import as_numbers, as_table
-from hybridsurrogate.simulation.evaluation import Running
+from hybridsurrogate.simulation.evaluation import Running, evaluate
 from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.simulation.simulator import Simulator
 from hybridsurrogate.simulation.variables import Assumed, Range, check_ranges
@@ -309,7 +309,13 @@ class OdeSimulator(Simulator):
     def _evaluate(
         self, X: FloatArray, omega: FloatArray, running: Running | None = None
     ) -> tuple[FloatArray, str | None]:
-        return self.function.outputs(self._columns(X, omega))
+        if running is None or running.store is None:
+            return self.function.outputs(self._columns(X, omega))
+
+        def outputs(**columns: FloatArray) -> FloatArray:
+            return self.function.outputs(columns)[0]
+
+        return evaluate(replace(self._called, call=outputs), X, omega, running)
 
 
 def _numbers(modifications: Sequence[Modification]) -> dict[str, float]:

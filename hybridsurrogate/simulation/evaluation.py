@@ -85,14 +85,16 @@ def evaluate(
             y[rows], error = known
             if error:
                 errors[k] = error
-    for outcome in _made(function, points, runs, missing, running):
-        rows = runs[outcome.which]
-        if outcome.error is None:
-            y[rows] = outcome.value
-        else:
-            errors[outcome.which] = outcome.error
+    for outcomes in _made(function, points, runs, missing, running):
+        for outcome in outcomes:
+            if outcome.error is None:
+                y[runs[outcome.which]] = outcome.value
+            else:
+                errors[outcome.which] = outcome.error
         if running.store is not None:
-            running.store.add(points[rows], y[rows], outcome.error, outcome.seconds)
+            running.store.add(
+                (points[runs[k]], y[runs[k]], error, seconds) for k, _, error, seconds in outcomes
+            )
     return y, errors[min(errors)] if errors else None
 
 
@@ -113,13 +115,12 @@ def _made(
     runs: Sequence[NDArray[np.intp]],
     missing: Sequence[int],
     running: Running,
-) -> Any:
-    """Yield the outcome of each run that is missing, its value as an array of its outputs."""
+) -> Iterator[list[Outcome]]:
+    """Yield the outcomes that come together, their values as arrays of their outputs."""
     if function.vectorized:
         rows = np.concatenate([runs[k] for k in missing] or [np.empty(0, dtype=np.intp)])
         y = _all_at_once(function, points[rows], points[rows, :0]) if len(rows) else np.empty(0)
-        for k, value in zip(missing, y, strict=True):
-            yield Outcome(k, value, None, 0.0)
+        yield [Outcome(k, value, None, 0.0) for k, value in zip(missing, y, strict=True)]
         return
     curve = function.returns == "curve"
     arguments = []
@@ -136,7 +137,7 @@ def _made(
             rows = runs[outcome.which]
             value = _outputs(function, outcome.value, points[rows, 0])
             outcome = outcome._replace(value=value)
-        yield outcome
+        yield [outcome]
 
 
 def _outputs(function: Function, value: Any, places: FloatArray) -> FloatArray:

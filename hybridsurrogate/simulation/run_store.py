@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -99,24 +99,25 @@ class RunStore:
             self._rewrite(whole)
         return found, 1 + max((int(line[RUN]) for line in whole), default=-1)
 
-    def add(self, rows: FloatArray, y: FloatArray, error: str | None, seconds: float) -> None:
-        """Write a finished run: its rows (k, d), outputs (k,) and error."""
+    def add(self, runs: Iterable[tuple[FloatArray, FloatArray, str | None, float]]) -> None:
+        """Write finished runs at once: of each rows (k, d), outputs (k,), error and seconds."""
         buffer = StringIO()
         writer = csv.writer(buffer, lineterminator="\n")
         if not self._path.exists() or not self._path.stat().st_size:
             writer.writerow([RUN, *self.names, *_ENDING])
-        for k, (row, value) in enumerate(zip(rows, y, strict=True)):
-            last = k == len(rows) - 1
-            # repr of a double is read as the same double
-            numbers = [*map(repr, map(float, row)), "" if np.isnan(value) else repr(float(value))]
-            text = " ".join((error or "").split()) if last else ""
-            writer.writerow([self._next, *numbers, text, f"{seconds:.3f}", int(last)])
+        for rows, y, error, seconds in runs:
+            for k, (row, value) in enumerate(zip(rows, y, strict=True)):
+                last = k == len(rows) - 1
+                # repr of a double is read as the same double
+                numbers = [repr(float(number)) for number in (*row, value)]
+                text = " ".join((error or "").split()) if last else ""
+                writer.writerow([self._next, *numbers, text, f"{seconds:.3f}", int(last)])
+            self._known[np.ascontiguousarray(rows, dtype=float).tobytes()] = y, error
+            self._next += 1
         with self._path.open("a", encoding="utf-8", newline="") as file:
             file.write(buffer.getvalue())
             file.flush()
             os.fsync(file.fileno())
-        self._known[np.ascontiguousarray(rows, dtype=float).tobytes()] = y, error
-        self._next += 1
 
     def _rewrite(self, lines: list[dict[str, str]]) -> None:
         with (

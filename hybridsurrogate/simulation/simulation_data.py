@@ -137,6 +137,8 @@ class SimulationData:
             raise ValueError(f"y must have shape (n_runs,), got {y.shape}.")
         check_lengths({"X": X, "omega": omega, "y": y})
         labels = None if run is None else np.asarray(run)
+        if labels is not None and not np.issubdtype(labels.dtype, np.integer):
+            labels = np.unique(labels, return_inverse=True)[1]  # words, as files may have
         if labels is not None and labels.shape != y.shape:
             raise ValueError(f"run must have shape ({len(y)},), got {labels.shape}.")
         given = labels, np.isfinite(np.column_stack([X, omega, y])).all(axis=1)

@@ -186,3 +186,26 @@ def test_every_backend_of_joblib_gives_the_same_runs(tmp_path, backend):
 
 def np_decay(t, rate):
     return np.exp(-rate * t)
+
+
+def test_an_ode_is_stored_like_any_other(tmp_path):
+    simulator = hs.OdeSimulator(
+        lambda t, state, rate: -rate * state,
+        [1.0],
+        lambda state: state[0],
+        inputs={"t": (0, 5)},
+        parameters=RATE,
+        states=["level"],
+    )
+    first, again = (simulator.run(8, random_state=0, along=6, store=tmp_path) for _ in range(2))
+    np.testing.assert_array_equal(first.to_frame(), again.to_frame())
+    assert len(pd.read_csv(tmp_path / "runs.csv")) == 48
+
+
+def test_names_of_runs_may_be_words():
+    runs = counted([]).run(4, random_state=0, along=6).to_frame()
+    runs["run"] = runs["run"].map({0: "a", 1: "b", 2: "c", 3: "d"})
+    data = hs.SimulationData.from_frame(runs, ["t"], RATE)
+    assert data.n_runs == 4
+    more = counted([]).run(4, random_state=1, along=6).to_frame()
+    assert data.with_rows(more).n_runs == 8
