@@ -6,9 +6,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from hybridsurrogate.blocks import LARGE_BLOCK, blocks
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
-from hybridsurrogate.inference.conjugate.sufficient_statistics import Statistics, statistics
+from hybridsurrogate.inference.conjugate.sufficient_statistics import (
+    Statistics,
+    statistics,
+    statistics_of_runs,
+)
 from hybridsurrogate.inference.laplace.linear_predictor import Runs
 from hybridsurrogate.inference.model.finite_differences import least_step
 from hybridsurrogate.inference.model.observation import MeasuredModel
@@ -102,17 +107,21 @@ class Problem:
         simulation = None
         if self.runs is not None and len(basis.coefficient_mean):
             X, omega = self.runs.X, self.runs.omega
-            eta = self.likelihood.working(self.runs.y) - basis.known(X, omega)
-            simulation = statistics(basis.features(X, omega), eta, spread(eta), self.runs.weights)
+            eta = self.likelihood.working(self.runs.y)
+            scale = spread(eta - basis.known(X, omega))
+            simulation = statistics_of_runs(basis, X, omega, eta, scale, self.runs.weights)
         model = replace(self.model, basis=basis, reference=None)
         return replace(self, model=model, simulation=simulation)
 
 
 def spread(values: FloatArray, weights: FloatArray | None = None) -> float:
     """Return the standard deviation, or the size, or one: a scale that is never zero."""
-    mean = np.average(values, weights=weights)
-    sd = float(np.sqrt(np.average((values - mean) ** 2, weights=weights)))
-    size = float(np.max(np.abs(values), initial=0.0))
+    if weights is None:
+        sd = float(np.std(values))
+    else:
+        mean = np.average(values, weights=weights)
+        sd = float(np.sqrt(np.average((values - mean) ** 2, weights=weights)))
+    size = max(float(np.max(values, initial=0.0)), -float(np.min(values, initial=0.0)))
     # a constant has the rounding error of its mean as sd
     if sd > 1e-14 * size:
         return sd
@@ -208,12 +217,12 @@ def make_problem(
         model = replace(model, reference=_reference(basis, domain, run_weights))
     kept, run_statistics = None, None
     if runs is not None and run_eta is not None and trained and not basis.holds_runs:
-        run_weights = np.ones(len(runs.y)) if run_weights is None else run_weights
-        kept = Runs(runs.y, run_weights, runs.X, runs.omega)
+        ones = np.broadcast_to(1.0, runs.y.shape)  # takes no memory
+        kept = Runs(runs.y, ones if run_weights is None else run_weights, runs.X, runs.omega)
         if not basis.known_depends_on_hyper:
-            centred = run_eta - basis.known(runs.X, runs.omega)
-            features = basis.features(runs.X, runs.omega)
-            run_statistics = statistics(features, centred, domain.scale, run_weights)
+            run_statistics = statistics_of_runs(
+                basis, runs.X, runs.omega, run_eta, domain.scale, run_weights
+            )
     prior = noise_prior if noise_prior is not None else likelihood.noise_prior(scale)
     return Problem(model, X, eta, weights, y, likelihood, run_statistics, kept, prior, scale)
 
@@ -266,15 +275,16 @@ def _built(surrogate: Surrogate, domain: Domain) -> Basis:
 
 def _check_basis(basis: Basis, domain: Domain) -> None:
     """Raise ValueError, by name, for a surrogate whose arrays do not fit its training rows."""
-    n, p = len(domain.X), len(basis.coefficient_mean)
-    name = type(basis).__name__.lstrip("_")
+    p, name = len(basis.coefficient_mean), type(basis).__name__.lstrip("_")
     if len(basis.coefficient_sd) != p or not (basis.coefficient_sd > 0).all():
         raise ValueError(f"{name} needs a positive prior sd for each of its {p} coefficients.")
-    if not basis.known_depends_on_hyper and not basis.is_simulation:
-        known = np.asarray(basis.known(domain.X, domain.omega))
-        _check_shape(f"{name}.known", known, (n,))
-    features = np.asarray(basis.features(domain.X, domain.omega))
-    _check_shape(f"{name}.features", features, (n, p))
+    has_known = not basis.known_depends_on_hyper and not basis.is_simulation
+    # some rows at a time: there may be millions, on disk
+    for some in blocks(len(domain.X), 3 * (1 + p), LARGE_BLOCK):
+        X, omega = domain.X[some], domain.omega[some]
+        if has_known:
+            _check_shape(f"{name}.known", np.asarray(basis.known(X, omega)), (len(X),))
+        _check_shape(f"{name}.features", np.asarray(basis.features(X, omega)), (len(X), p))
 
 
 def _check_shape(what: str, values: FloatArray, shape: tuple[int, ...]) -> None:

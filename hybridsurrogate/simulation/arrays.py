@@ -106,6 +106,9 @@ def as_numbers(values: Any, word: str) -> FloatArray:
     # most calls of a simulation: thousands in a search
     if type(values) is np.ndarray and values.dtype == np.float64:
         return values.copy()
+    if isinstance(values, np.memmap) and values.dtype == np.float64:
+        # what does not fit into memory is not copied into it
+        return values.view(np.ndarray)
     _check_masks(values, word)
     if sparse.issparse(values):
         raise TypeError(f"{word} is sparse, but dense data is required: pass {word}.toarray().")

@@ -24,9 +24,7 @@ def varied_ranges(X: FloatArray, omega: FloatArray, fields: dict[str, Any]) -> d
     kinds |= dict.fromkeys(fields["parameter_names"], ("parameter", "parameters"))
     kinds |= dict.fromkeys(fields["assumed_names"], ("assumed constant", "assumed"))
     ranges = {}
-    for (name, (kind, argument)), column in zip(
-        kinds.items(), np.column_stack([X, omega]).T, strict=True
-    ):
+    for (name, (kind, argument)), column in zip(kinds.items(), (*X.T, *omega.T), strict=True):
         low, high = float(column.min()), float(column.max())
         if not low < high:
             raise ValueError(

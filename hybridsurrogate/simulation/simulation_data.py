@@ -83,8 +83,9 @@ class SimulationData:
 
     Notes
     -----
-    The arrays are copies and read-only. There is no length and no shape on purpose: scikit-learn's
-    searches would take the runs for rows of the measured data and slice them.
+    The arrays are copies and read-only; memory-mapped ones (`numpy.load` with ``mmap_mode="r"``)
+    stay on disk, and fits read some of them at a time. There is no length and no shape on purpose:
+    scikit-learn's searches would take the runs for rows of the measured data and slice them.
 
     Examples
     --------
@@ -141,9 +142,9 @@ class SimulationData:
             labels = np.unique(labels, return_inverse=True)[1]  # words, as files may have
         if labels is not None and labels.shape != y.shape:
             raise ValueError(f"run must have shape ({len(y)},), got {labels.shape}.")
-        given = labels, np.isfinite(np.column_stack([X, omega, y])).all(axis=1)
+        if labels is not None:
+            labels = labels[finite_rows(X, omega, y)]
         X, omega, y = drop_failed(X, omega, y, "runs", error=None)
-        labels = None if given[0] is None else given[0][given[1]]
         for word, values in {"X": X, "omega": omega, "y": y}.items():
             check_spread(values, f"{word} of the runs")
         varied = varied_ranges(X, omega, fields)
@@ -434,7 +435,7 @@ def drop_failed(
     X: FloatArray, omega: FloatArray, y: FloatArray, title: str, error: str | None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Keep the runs without NaN or infinity, and warn about the others."""
-    finite = np.isfinite(np.column_stack([X, omega, y])).all(axis=1)
+    finite = finite_rows(X, omega, y)
     reason = f"First error: {error}" if error else "They hold NaN or infinity."
     if not finite.any():
         raise ValueError(f"All {len(y)} {title} failed. {reason}")
@@ -446,4 +447,13 @@ def drop_failed(
             FailedRunsWarning,
             stacklevel=3,
         )
-    return X[finite], omega[finite], y[finite]
+        return X[finite], omega[finite], y[finite]
+    return X, omega, y
+
+
+def finite_rows(X: FloatArray, omega: FloatArray, y: FloatArray) -> NDArray[np.bool_]:
+    """Return which rows hold neither NaN nor infinity, column by column: there may be millions."""
+    finite = np.isfinite(y)
+    for column in (*X.T, *omega.T):
+        finite &= np.isfinite(column)
+    return finite

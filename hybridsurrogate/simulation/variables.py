@@ -137,7 +137,8 @@ def as_matrix(values: ArrayLike, word: str, names: Sequence[str]) -> FloatArray:
     table = as_table(values, word)
     if isinstance(table, pd.DataFrame) and any(isinstance(c, str) for c in table.columns):
         table = select_columns(table, names, word)
-    matrix = as_numbers(table, word)
+    # an array was read as numbers already, and one on disk is not to be copied
+    matrix = table if isinstance(table, np.ndarray) else as_numbers(table, word)
     if matrix.ndim == 1 and len(names) == 1:
         matrix = matrix[:, None]
     if matrix.ndim != 2 or matrix.shape[1] != len(names):

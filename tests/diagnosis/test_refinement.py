@@ -28,7 +28,7 @@ def measured(step, seed=0):
 
 
 def diagnosis(simulation, cv=None):
-    model = hs.PowerScaledSurrogate(simulation, surrogate=hs.Kriging(), random_state=0)
+    model = hs.PowerScaledSurrogate(simulation, surrogate=hs.Kriging(), n_draws=300, random_state=0)
     return hs.DiscrepancyDiagnosis(model, cv=cv, n_replicates=19, random_state=0)
 
 

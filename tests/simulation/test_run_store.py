@@ -59,7 +59,7 @@ def test_what_is_stored_is_not_run_again(tmp_path, returns, along):
 def test_a_kill_loses_only_the_run_in_flight(tmp_path):
     """Killed at random moments, gone on with: the same runs as without a kill."""
     store, out = tmp_path / "runs", tmp_path / "out.csv"
-    moments = np.random.default_rng(0).uniform(0.05, 0.5, 3)
+    moments = np.random.default_rng(0).uniform(0.05, 0.5, 2)
     began = 0
     for moment in moments:
         process = subprocess.Popen([sys.executable, "-c", SCRIPT, str(store), str(out)])
@@ -80,8 +80,9 @@ def test_a_kill_loses_only_the_run_in_flight(tmp_path):
     subprocess.run([sys.executable, "-c", SCRIPT, str(store), str(out)], check=True)
     again = pd.read_csv(store / "runs.csv")
     assert (again["last"] == 1).sum() == 40
-    subprocess.run([sys.executable, "-c", SCRIPT, str(tmp_path / "b"), f"{out}2"], check=True)
-    pd.testing.assert_frame_equal(pd.read_csv(out), pd.read_csv(f"{out}2"))
+    alone = hs.Simulator(np_decay, {"t": (0, 10)}, RATE, returns="curve")
+    expected = alone.run(40, random_state=0, along=20).to_frame()
+    pd.testing.assert_frame_equal(pd.read_csv(out), expected, check_dtype=False)
 
 
 @pytest.mark.parametrize("cut", [3, 40, 200])
@@ -209,3 +210,32 @@ def test_names_of_runs_may_be_words():
     assert data.n_runs == 4
     more = counted([]).run(4, random_state=1, along=6).to_frame()
     assert data.with_rows(more).n_runs == 8
+
+
+def test_runs_on_disk_are_not_copied_into_memory_and_fit_the_same(tmp_path, monkeypatch):
+    # some rows at a time, and not a multiple of them
+    monkeypatch.setattr("hybridsurrogate.blocks.blocks.__defaults__", (500,))
+    monkeypatch.setattr(
+        "hybridsurrogate.inference.conjugate.sufficient_statistics.LARGE_BLOCK", 700
+    )
+    rng = np.random.default_rng(0)
+    t, rate = rng.uniform(0, 10, 1001), rng.uniform(0.1, 0.5, 1001)
+    arrays = {"t": t, "rate": rate, "y": np.exp(-rate * t)}
+    for name, values in arrays.items():
+        np.save(tmp_path / f"{name}.npy", values)
+    mapped = [np.load(tmp_path / f"{name}.npy", mmap_mode="r") for name in arrays]
+    there = hs.SimulationData(*mapped, ["t"], RATE)
+    assert np.shares_memory(there.y, mapped[2])
+    assert np.shares_memory(there.X, mapped[0])
+    copied = hs.SimulationData(*arrays.values(), ["t"], RATE)
+    assert not np.shares_memory(copied.y, arrays["y"])
+    T = np.linspace(0.5, 9.5, 20)[:, None]
+    y = np.exp(-0.3 * T[:, 0]) + 0.05 * rng.normal(size=20)
+    scores = [
+        hs.PowerScaledSurrogate(data, n_draws=200, random_state=0).fit(T, y).score(T, y)
+        for data in (there, copied)
+    ]
+    assert scores[0] == pytest.approx(scores[1], abs=1e-6)
+    monkeypatch.undo()
+    whole = hs.PowerScaledSurrogate(copied, n_draws=200, random_state=0).fit(T, y)
+    assert whole.score(T, y) == pytest.approx(scores[0], abs=1e-6)

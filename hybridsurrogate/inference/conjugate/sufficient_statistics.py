@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hybridsurrogate.blocks import LARGE_BLOCK, blocks
 from hybridsurrogate.priors import FloatArray
+
+if TYPE_CHECKING:
+    from hybridsurrogate.surrogates.basis import Basis
 
 # a fit can be exact to the last digit (a polynomial fitted to a polynomial): this share of the
 # output's spread stands for the rounding of the numbers and keeps sigma away from zero
@@ -33,3 +38,37 @@ def statistics(
         features, y = features * np.sqrt(weights)[:, None], y * np.sqrt(weights)
     rounding = n * (ROUNDING * scale) ** 2
     return Statistics(n, features.T @ features, features.T @ y, float(y @ y) + rounding)
+
+
+def statistics_of_runs(
+    basis: Basis,
+    X: FloatArray,
+    omega: FloatArray,
+    eta: FloatArray,
+    scale: float,
+    weights: FloatArray | None = None,
+) -> Statistics:
+    """Return the sufficient statistics of runs, some at a time: they may be on disk.
+
+    Parameters
+    ----------
+    basis : Basis
+    X, omega, eta : ndarray of shape (n, n_inputs), (n, n_parameters), (n,)
+    scale : float
+        Spread of the outputs.
+    weights : ndarray of shape (n,) or None
+    """
+    p = len(basis.coefficient_mean)
+    total = Statistics(0.0, np.zeros((p, p)), np.zeros(p), 0.0)
+    for some in blocks(len(eta), 3 * (1 + p), LARGE_BLOCK):
+        inputs, parameters = X[some], omega[some]
+        part = statistics(
+            basis.features(inputs, parameters),
+            eta[some] - basis.known(inputs, parameters),
+            scale,
+            None if weights is None else weights[some],
+        )
+        total = Statistics(
+            total.n + part.n, total.ff + part.ff, total.fy + part.fy, total.yy + part.yy
+        )
+    return total
