@@ -80,7 +80,8 @@ def scan_folds(y: ArrayLike) -> Folds:
 
 def has_weight(estimator: PowerScaledSurrogate) -> bool:
     """Tell whether runs and measurements compete for the coefficients of a surrogate."""
-    return bool(estimator.posterior_.coefficients.shape[1])
+    posterior = estimator.posterior_
+    return bool(posterior.coefficients.shape[1]) and not posterior.model.basis.holds_runs
 
 
 def is_slow(estimator: PowerScaledSurrogate) -> bool:

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy.stats import qmc
+from scipy.stats import qmc, uniform
 
+import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.validation.beta_scan import has_weight
 from hybridsurrogate.surrogates.emulation.curve_emulator import emulate_curves
 
 T = np.linspace(0, 20, 60)
@@ -101,6 +103,30 @@ def test_rows_of_any_order_and_number():
     )
     assert found.output(X[:0], omega[:0]).shape == (0,)
     assert found.error(X[:1], omega[:1]).shape[0] == 1
+
+
+def test_runs_that_are_in_the_emulator_compete_for_nothing():
+    simulator = hs.Simulator(
+        lambda t, rate: np.exp(-rate * t), {"t": (0, 10)}, {"rate": uniform(0.1, 0.4)}
+    )
+    t = np.linspace(0.5, 9.5, 20)
+    y = np.exp(-0.3 * t) + 0.02 * np.random.default_rng(0).normal(size=20)
+    model = hs.PowerScaledSurrogate(
+        simulator.run(16, along=20, random_state=0),
+        surrogate=hs.Kriging(),
+        n_draws=200,
+        random_state=0,
+    )
+    model.fit(t[:, None], y)
+    assert not has_weight(model)
+    # the same posterior as with the simulation itself, which the runs tell to a thousandth
+    exact = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), n_draws=200, random_state=0
+    ).fit(t[:, None], y)
+    ours, theirs = (one.posterior_.values[:, 0] for one in (model, exact))
+    assert np.mean(ours) == pytest.approx(np.mean(theirs), abs=0.5 * np.std(theirs))
+    assert np.std(ours) == pytest.approx(np.std(theirs), rel=0.3)
+    assert np.mean(model.posterior_.sigma) == pytest.approx(0.02, rel=0.5)
 
 
 def test_short_moves_follow_the_slopes():
