@@ -245,11 +245,15 @@ def _call(
 
 @contextmanager
 def _limited(seconds: float | None) -> Iterator[None]:
-    """Raise TimeoutError in a block that takes longer, where signals can: in a main thread."""
-    able = hasattr(signal, "SIGALRM") and threading.current_thread() is threading.main_thread()
-    if seconds is None or not able:
+    """Raise TimeoutError in a block that takes longer; RuntimeError where no signal can stop it."""
+    if seconds is None:
         yield
         return
+    if not hasattr(signal, "SIGALRM") or threading.current_thread() is not threading.main_thread():
+        raise RuntimeError(
+            "timeout needs signals and the main thread of a process: use processes (joblib's loky) "
+            "on Linux or macOS, or a CommandSimulator with a timeout of its own"
+        )
 
     def stop(*_: Any) -> None:
         raise TimeoutError(f"the run took longer than {seconds:g} s and was stopped")

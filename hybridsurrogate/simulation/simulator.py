@@ -11,7 +11,7 @@ from typing import Any, TypeGuard
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from hybridsurrogate.priors import FloatArray, Prior, prior_range
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_number
@@ -240,10 +240,12 @@ class Simulator:
         store : str, path or None, default=None
             Folder to which each finished run is written at once, one line an output. The same
             call goes on with what is there after an interrupt or a kill; runs that failed are kept
-            with their error and not tried again.
+            with their error and not tried again. A function that has changed needs a new folder:
+            runs go by the function's name, inputs and parameters.
         timeout : float or None, default=None
             Seconds that one run may take. A Python function is stopped when it next comes back to
-            Python, where the system has signals; `CommandSimulator` stops its program at once.
+            Python; that takes signals and the main thread of a process, else the runs fail and say
+            so. `CommandSimulator` stops its program at once, anywhere.
 
         Returns
         -------
@@ -314,9 +316,7 @@ class Simulator:
         else:
             places = self._places(_PLACES if along is None else along)
             points = as_matrix(runs, "runs", tuple(names))
-            run = np.repeat(np.arange(len(points)), len(places))
-            X = np.column_stack([np.tile(places, len(points)), points[run, : len(others)]])
-            omega = points[run, len(others) :]
+            run, X, omega = self._curve_rows(points, places)
         frame = pd.DataFrame(np.hstack([X, omega]), columns=[first, *names])
         running = self._running(n_jobs, progress, store, timeout)
         frame[self.output] = self._evaluate(X, omega, running)[0]
@@ -338,12 +338,18 @@ class Simulator:
             )
         return places
 
+    def _curve_rows(
+        self, points: FloatArray, places: FloatArray
+    ) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
+        """Return run, inputs and omega of all rows of runs (n_runs, d) over places."""
+        n, k = len(points), len(self.input_names) - 1
+        run = np.repeat(np.arange(n), len(places))
+        X = np.column_stack([np.tile(places, n), points[run, :k]])
+        return run, X, points[run, k:]
+
     def _curves(self, points: FloatArray, places: FloatArray, running: Running) -> SimulationData:
         """Return runs (n_runs, d) of the other inputs and of omega as curves over places."""
-        k, n = len(self.input_names), len(points)
-        run = np.repeat(np.arange(n), len(places))
-        X = np.column_stack([np.tile(places, n), points[run, : k - 1]])
-        omega = points[run, k - 1 :]
+        run, X, omega = self._curve_rows(points, places)
         y, error = self._evaluate(X, omega, running)
         kept = np.isfinite(y)
         warn_of_lost_curves(self.name, run, kept, len(places), error)

@@ -212,7 +212,7 @@ class CurveBasis(Basis):
 
     def outer(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return both of all inputs for all parameters."""
-        return self.emulator.outer_output(X, omega), self.emulator.outer_spread(X, omega)
+        return self.emulator.outer_both(X, omega)
 
     def outer_output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
         """Return the output of all inputs for all parameters, of one draw or one for each."""

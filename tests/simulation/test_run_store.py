@@ -9,6 +9,7 @@ import time
 import numpy as np
 import pandas as pd
 import pytest
+from joblib import parallel_config
 from scipy.stats import uniform
 
 import hybridsurrogate as hs
@@ -170,14 +171,18 @@ def test_a_run_that_takes_too_long_is_stopped_and_counted():
         data = simulator.run(16, random_state=0, along=6, timeout=0.2)
     assert data.n_runs == 14
     assert time.monotonic() - begun < 20
+    # a thread cannot be stopped: that is said, and no run goes on without its limit
+    with (
+        parallel_config(backend="threading"),
+        pytest.raises(ValueError, match=r"All 4 runs .* timeout needs signals and the main thread"),
+    ):
+        simulator.run(4, random_state=0, along=6, timeout=0.2, n_jobs=2)
     with pytest.raises(ValueError, match=r"timeout is for one run: a vectorized function"):
         hs.Simulator(hanging, {"t": (0, 10)}, RATE).run(16, timeout=1)
 
 
 @pytest.mark.parametrize("backend", ["loky", "threading", "multiprocessing"])
 def test_every_backend_of_joblib_gives_the_same_runs(tmp_path, backend):
-    from joblib import parallel_config
-
     simulator = hs.Simulator(np_decay, {"t": (0, 10)}, RATE, returns="curve")
     alone = simulator.run(8, random_state=0, along=6)
     with parallel_config(backend=backend):

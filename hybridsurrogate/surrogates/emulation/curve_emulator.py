@@ -85,21 +85,14 @@ class CurveEmulator:
     def both(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return `output` (n,) and `spread` (n, k + 1)."""
         points, group = self._points(X, omega)
-        coefficients, open_ = np.empty((len(points), len(self.sd))), np.empty(len(points))
-        for some in blocks(len(points), len(self.weights)):
-            places = self._places(points[some])
-            alike = places.alike(self.runs)
-            coefficients[some] = alike @ self.weights
-            open_[some] = self._open_at(places, alike)
+        coefficients, left = self._given_runs(points)
         mean, curves, missed = self.components.at(X[:, self.along])
         output = mean + np.einsum("nk,nk->n", curves, coefficients[group])
-        return output, np.column_stack([open_[group, None] * curves * self.sd, missed])
+        return output, np.column_stack([left[group, None] * curves * self.sd, missed])
 
     def spread(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return S (n, k + 1): what is open has covariance S S' among rows of equal parameters."""
-        points, group = self._points(X, omega)
-        _, curves, missed = self.components.at(X[:, self.along])
-        return np.column_stack([self._open(points)[group, None] * curves * self.sd, missed])
+        return self.both(X, omega)[1]
 
     def outer_output(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the output (J, n) of n inputs for each of J parameters."""
@@ -108,16 +101,17 @@ class CurveEmulator:
         mean, curves, _ = self.components.at(X[:, 0])
         return mean + self._coefficients(omega) @ curves.T
 
-    def outer_spread(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return `spread` (J, n, k + 1) of n inputs for each of J parameters."""
+    def outer_both(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return `both` of n inputs for each of J parameters, (J, n) and (J, n, k + 1)."""
         if X.shape[1] > 1:
-            spread = self.spread(*each_with_each(X, omega))
-            return spread.reshape(len(omega), len(X), spread.shape[1])
-        _, curves, missed = self.components.at(X[:, 0])
-        out = np.empty((len(omega), len(X), len(self.sd) + 1))
-        np.multiply(self._open(omega)[:, None, None], curves * self.sd, out=out[..., :-1])
-        out[..., -1] = missed
-        return out
+            output, spread = self.both(*each_with_each(X, omega))
+            return output.reshape(len(omega), -1), spread.reshape(len(omega), len(X), -1)
+        mean, curves, missed = self.components.at(X[:, 0])
+        coefficients, left = self._given_runs(omega)
+        spread = np.empty((len(omega), len(X), len(self.sd) + 1))
+        np.multiply(left[:, None, None], curves * self.sd, out=spread[..., :-1])
+        spread[..., -1] = missed
+        return mean + coefficients @ curves.T, spread
 
     def _coefficients(self, points: FloatArray) -> FloatArray:
         """Return the most probable coefficients of the components (n, k)."""
@@ -126,45 +120,30 @@ class CurveEmulator:
             out[some] = self._places(points[some]).alike(self.runs) @ self.weights
         return out
 
-    def _open(self, points: FloatArray) -> FloatArray:
-        """Return the standard deviation of what is open in units of the process's, (n,)."""
-        out = np.empty(len(points))
+    def _given_runs(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return `_coefficients` and what is open of them, (n,) in units of the process's sd."""
+        coefficients, left = np.empty((len(points), len(self.sd))), np.empty(len(points))
         for some in blocks(len(points), len(self.weights)):
             places = self._places(points[some])
-            out[some] = self._open_at(places, places.alike(self.runs))
-        return out
-
-    def _open_at(self, places: Places, alike: FloatArray) -> FloatArray:
-        """As `_open`, from the covariances (n, n_runs) with the runs."""
-        white = alike @ self.whiten.T
-        left = np.maximum(places.variances() - np.einsum("ij,ij->i", white, white), 0.0)
-        return np.sqrt(left) * self.local.at(places.points)
+            alike = places.alike(self.runs)
+            coefficients[some] = alike @ self.weights
+            white = alike @ self.whiten.T
+            variance = places.variances() - np.einsum("ij,ij->i", white, white)
+            left[some] = np.sqrt(np.maximum(variance, 0.0)) * self.local.at(places.points)
+        return coefficients, left
 
     def error(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return F (n, r): the covariance of what is open at all these rows is F F'."""
         points, group = self._points(X, omega)
         if len(points) == 1:
             return self.spread(X, omega)
-        places = self._places(points)
-        white = places.alike(self.runs) @ self.whiten.T
-        local = self.local.at(places.points)
-        diagonal = np.maximum(places.variances() - np.sum(white**2, axis=1), 0.0) * local**2
-
-        def column(k: int) -> FloatArray:
-            alike = places.alike(places.of(slice(k, k + 1)))[:, 0] - white @ white[k]
-            return local[k] * local * alike
-
-        least = _NEGLIGIBLE * float(np.max(diagonal, initial=0.0))
-        factor, _ = pivoted_cholesky(diagonal, column, least, len(diagonal))
+        factor = _factor(self.covariance(points))
         _, curves, missed = self.components.at(X[:, self.along])
         all_of_it = (curves * self.sd)[:, :, None] * factor[group][:, None, :]
         F = np.column_stack([all_of_it.reshape(len(X), -1), missed])
         if F.shape[1] <= len(X):
             return F
-        square = F @ F.T
-        variances = np.diagonal(square).copy()
-        least = _NEGLIGIBLE * float(np.max(variances, initial=0.0))
-        return pivoted_cholesky(variances, lambda k: square[k], least, len(X))[0]
+        return _factor(F @ F.T)
 
     def covariance(self, points: FloatArray) -> FloatArray:
         """Return the covariance (m, m) of what is open at runs (m, d), in units of the process's.
@@ -185,6 +164,13 @@ class CurveEmulator:
 
     def _places(self, points: FloatArray) -> Places:
         return self.process.places(np.empty((len(points), 0)), points)
+
+
+def _factor(covariance: FloatArray) -> FloatArray:
+    """Return F (n, r) with F F' the covariance (n, n), but for what is negligible."""
+    variances = np.maximum(np.diagonal(covariance), 0.0)
+    least = _NEGLIGIBLE * float(np.max(variances, initial=0.0))
+    return pivoted_cholesky(variances, lambda k: covariance[k], least, len(variances))[0]
 
 
 def emulate_curves(

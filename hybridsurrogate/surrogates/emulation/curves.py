@@ -42,6 +42,8 @@ class Curves:
     others : ndarray of shape (n_runs, d)
         The other inputs and the parameters, one row a run.
     outputs : ndarray of shape (n_runs, n_places)
+    degree : int
+        Of the interpolation along the curves, 1 or 3.
     between : float
         Error of interpolation along the curves, root mean square.
     """
@@ -166,17 +168,16 @@ def _interpolated(x: FloatArray, y: FloatArray, at: FloatArray) -> FloatArray:
     """Return y at places within its range, NaN beyond by more than half a typical step."""
     if len(x) < 2:
         return np.full(len(at), np.nan)
-    degree = 3 if len(x) > 3 and _rougher(x, y[None]) is None else 1
+    degree = _degree(_half_errors(x, y[None])) if len(x) > 3 else 1
     value: FloatArray = make_interp_spline(x, y, k=degree)(np.clip(at, x[0], x[-1]))
     margin = 0.5 * float(np.median(np.diff(x)))
     value[(at < x[0] - margin) | (at > x[-1] + margin)] = np.nan
     return value
 
 
-def _rougher(places: FloatArray, table: FloatArray) -> float | None:
-    """Return the error of lines where they foresee left-out places better than cubics do."""
-    errors = _half_errors(places, table)
-    return errors[1] if errors[1] <= errors[3] else None
+def _degree(errors: dict[int, float]) -> int:
+    """Return that of lines where they foresee left-out places as well as cubics do."""
+    return 3 if errors[3] < errors[1] else 1
 
 
 def _half_errors(places: FloatArray, table: FloatArray) -> dict[int, float]:
@@ -203,7 +204,7 @@ def _smoothness(places: FloatArray, table: FloatArray) -> tuple[int, float]:
     if not len(whole):
         return 1, 0.0
     twice = _half_errors(places, whole)
-    degree = 3 if twice[3] < twice[1] else 1
+    degree = _degree(twice)
     if not np.isfinite(twice[degree]):
         return 1, 0.0
     four = _half_errors(places[::2], whole[:, ::2])[degree]
