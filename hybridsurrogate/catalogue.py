@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context
+from hybridsurrogate.effects.in_output import InOutput, of_all_outputs, of_output
 from hybridsurrogate.effects.registry import FORMS, Form
 
 # distinct times that a change inside an ODE needs
@@ -42,6 +43,8 @@ def catalogue(
         One cause has to explain everything. Otherwise an offset beside a missing input is a cause
         of its own.
     """
+    if context.outputs:
+        return _of_outputs(context, extra, excluded, alone)
     causes: list[Cause] = []
     skipped = [Skipped(kind, None, "you excluded it") for kind in excluded]
     own = {(cause.kind, cause.variant, cause.target) for cause in extra}
@@ -62,6 +65,30 @@ def catalogue(
         if form.kind not in excluded:
             for target, reason in form.lacking(context):
                 skip(form, target, reason)
+    return causes, skipped
+
+
+def _of_outputs(
+    context: Context, extra: Sequence[Cause], excluded: Collection[str], alone: bool
+) -> tuple[list[Cause], list[Skipped]]:
+    """Return the causes in what several outputs share, then those in each of them.
+
+    What moves the simulation's inputs or parameters concerns all, anything else one output.
+    """
+    inside = [cause for cause in extra if isinstance(cause, InOutput)]
+    further = [cause for cause in extra if not isinstance(cause, InOutput)]
+    shared, skipped = catalogue(of_all_outputs(context), further, excluded, alone)
+    causes = [cause for cause in shared if cause.moves_inputs]
+    for position, name in enumerate(context.outputs):
+        here = [cause.cause for cause in inside if cause.output == name]
+        own, missing = catalogue(of_output(context, position), [*here, *further], excluded, alone)
+        for cause in own:
+            if cause.has_outliers:
+                reason = "not weighed in one of several outputs"
+                missing.append(Skipped(cause.kind, cause.target, reason))
+            elif not cause.moves_inputs:
+                causes.append(InOutput(cause, name, position, context.of_outputs[position].scale))
+        skipped += [one for one in missing if one not in skipped]
     return causes, skipped
 
 

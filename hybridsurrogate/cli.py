@@ -26,10 +26,10 @@ from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning
 from hybridsurrogate.likelihoods import LIKELIHOODS
 from hybridsurrogate.priors import Prior, truncated_normal
 from hybridsurrogate.simulation.curve_tables import RUN
-from hybridsurrogate.simulation.measured_table import numbers_of, with_levels
+from hybridsurrogate.simulation.files.measured_table import numbers_of, with_levels
 from hybridsurrogate.simulation.ranges import check_support
 from hybridsurrogate.simulation.simulator import SimulationData, read_simulation
-from hybridsurrogate.simulation.table_file import read_table
+from hybridsurrogate.simulation.files.table_file import read_table
 from hybridsurrogate.surrogates import ExactSurrogate, Kriging, PolynomialChaos, Surrogate
 from hybridsurrogate.whole_file import check_writable, written_whole
 

@@ -53,7 +53,7 @@ from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import ConfoundingWarning, DiagnosisWarning
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.simulation.arrays import as_numbers, complete_table
+from hybridsurrogate.simulation.arrays import as_table, complete_table
 from hybridsurrogate.threads import one_blas_thread
 
 
@@ -198,7 +198,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self
         """
         check_settings(self)
-        X, y = complete_table(X), None if y is None else as_numbers(y, "y")
+        X, y = complete_table(X), None if y is None else as_table(y, "y")
         self._forget()
         random = check_random_state(self.random_state)
         self.estimator_ = clone(self.estimator).fit(X, y)
@@ -254,7 +254,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self.search_, self.p_value_ = steps[0].search, test.p_value
         warn_if_exact(self.search_)
         self.emulator_check_ = check_emulator(
-            self.search_, prepared.problem.model.basis, self.estimator_.simulation
+            self.search_, prepared.problem.model.basis, self.estimator_.simulation_
         )
         if self.emulator_check_ is not None:
             self.emulator_check_.warn(self.estimator_.surrogate_)
@@ -263,7 +263,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self.causes_ = cause_table(found, prepared.skipped)
         self.indistinguishable_ = credible_kinds(found)
         self.verdict_ = verdict_on(steps[0].chosen, found)
-        ranges = self.estimator_.simulation.input_ranges
+        ranges = self.estimator_.simulation_.input_ranges
         places = [next_measurement(step.given_others, ranges) for step in steps]
         most = max(range(len(steps)), key=lambda k: places[k].information)
         self.result_ = DiagnosisResult(
@@ -292,7 +292,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         )
         self.discrepancy_ = estimate_discrepancy(self.search_, steps[0].chosen.cause)
         self.confounded_ = confounding(
-            self.estimator_, self.extended_estimator_, self.estimator_.measured_[0]
+            self.estimator_, self.extended_estimator_, self.estimator_.single_rows_[0]
         )
         for sentence in sentences(confounded(self.confounded_)):
             warnings.warn(sentence, ConfoundingWarning, stacklevel=3)

@@ -20,7 +20,9 @@ from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans, scan_beta,
 from hybridsurrogate.diagnosis.validation.gain import Gain, gain_from, pointwise
 from hybridsurrogate.diagnosis.validation.refit import accepted
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
-from hybridsurrogate.simulation.arrays import as_outputs, complete_table
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.problem.stacking import as_several
+from hybridsurrogate.simulation.arrays import as_outputs, as_table, complete_table
 
 # attributes of earlier versions that took a fit, and the methods in their place
 _METHODS = {
@@ -78,7 +80,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
             The model after is ``averaged_estimator()`` instead of ``extended_estimator_``.
         """
         check_is_fitted(self)
-        y = as_outputs(y_test, "y_test")
+        y = self._outputs(y_test, "y_test")
         after = self.averaged_estimator() if averaged else self.extended_estimator_
         return gain_from(pointwise(self.estimator_, X_test, y), pointwise(after, X_test, y))
 
@@ -105,7 +107,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         check_scalar(n, "n", Integral, min_val=1)
-        simulation = self.estimator_.simulation
+        simulation = self.estimator_.simulation_
         models = self.estimator_, self.extended_estimator_
         names = [*simulation.input_names, *simulation.parameter_ranges]
         return next_runs(self.search_, [m.posterior_ for m in models], int(n), names)
@@ -154,11 +156,18 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
             return self.beta_scans_.few(out_of_range)
         rows, values = self._rows if X is None or y is None else (X, y)
         grid = np.linspace(0, 1, 11) if betas is None else np.unique(np.asarray(betas, dtype=float))
-        rows, values = complete_table(rows), as_outputs(values)
+        rows, values = complete_table(rows), self._outputs(values, "y")
         folds = scan_folds(values)
         return scan_beta(
             self.beta_scans_.models, grid, folds, rows, values, self.beta_scans_.n_jobs
         )
+
+    def _outputs(self, y: ArrayLike, word: str) -> FloatArray:
+        """Return measured outputs (n,), or (n, k) with NaN of several."""
+        stacking = self.estimator_.stacking_
+        if stacking is None:
+            return as_outputs(y, word)
+        return as_several(as_table(y, word), stacking.names, word)
 
     def predict(self, X: ArrayLike, return_std: bool = False) -> Any:
         """Return predictions of the extended estimator.

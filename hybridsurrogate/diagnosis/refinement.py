@@ -117,7 +117,7 @@ def refine(
         asked = current.next_runs(min(int(batch), left))
         left -= len(asked)
         table = simulator.run_at(asked, along, n_jobs)
-        done = table[table[data.output].notna()]
+        done = table[table[list(data.outputs)].notna().any(axis=1)]
         if len(done):
             data = data.with_rows(done)
         lost = len(asked) - len(done if along is None else np.unique(done[RUN]))

@@ -1,7 +1,7 @@
 """The catalogue of causes: one small file a kind, which registers itself.
 
 registry (what a file registers), base (the four methods of a cause), context (what it may know of
-the data), over_column, sized, picture, notation; then rooms by what a cause changes: output,
+the data), in_output, over_column, sized, picture, notation; then rooms by what a cause changes: output,
 parameters, inputs, dynamics, noise. Imports of today's causes below serve type checkers and
 editors: a new file needs none.
 """
@@ -9,6 +9,7 @@ editors: a new file needs none.
 from typing import TYPE_CHECKING
 
 from hybridsurrogate.effects.base import SIMULATED, Cause, Context
+from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.effects.registry import classes, load
 
 if TYPE_CHECKING:  # the files are loaded below, room by room
@@ -48,6 +49,7 @@ __all__ = [
     "DynamicTerm",
     "Gain",
     "GaussianProcessDiscrepancy",
+    "InOutput",
     "Interaction",
     "MissingInput",
     "Noise",

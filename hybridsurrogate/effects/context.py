@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,15 @@ Rows = Mapping[str, FloatArray]  # a name and its values in n rows
 
 # logarithm of a factor, six scales of its usual prior
 _ANOTHER_ORDER = 2.0
+
+
+class OfOutput(NamedTuple):
+    """What causes may know of one of several outputs: as in `Context`, and its unit."""
+
+    location: float
+    distance: float
+    ratio: float
+    scale: float
 
 
 @dataclass(frozen=True)
@@ -52,6 +61,11 @@ class Context:
         Those parameters that set the initial state of a simulation in time and nothing else.
     gaussian, scales_noise : bool
         Whether the likelihood is normal on the scale of eta, and whether it has a scale of noise.
+    outputs : tuple of str
+        Names of several outputs, each in units of its measured standard deviation; rows then say
+        which they are of. Empty where there is one.
+    of_outputs : tuple of OfOutput
+        What differs between them.
 
     Examples
     --------
@@ -76,6 +90,8 @@ class Context:
     starts: tuple[str, ...] = ()
     gaussian: bool = True
     scales_noise: bool = True
+    outputs: tuple[str, ...] = ()
+    of_outputs: tuple[OfOutput, ...] = ()
 
     def begins_at_zero(self, column: str) -> bool:
         """Tell whether a column ends near zero, and is never on the other side of it.

@@ -10,10 +10,10 @@ from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_random_state, check_scalar
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.utils.validation import check_consistent_length, check_is_fitted, validate_data
 
 from hybridsurrogate.arviz_groups import arviz_of
 from hybridsurrogate.inference.loo import PointwiseLoo
@@ -41,13 +41,16 @@ from hybridsurrogate.problem.columns import (
     warn_outside,
 )
 from hybridsurrogate.problem.rows import MeasuredRows, check_weights, merged_rows
+from hybridsurrogate.problem.stacking import Stacking, as_several, stacking_of
 from hybridsurrogate.simulation.arrays import (
     as_numbers,
+    as_table,
     check_number,
     check_size,
     check_spread,
     complete_table,
 )
+from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
 from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
@@ -69,6 +72,12 @@ class CheckedData:
         Position in ``fit`` of each column of X.
     rows : MeasuredRows
         The same, equal rows merged.
+    simulation : SimulationData, Simulator or None
+        Of several outputs with one output a row.
+    single : tuple of ndarray, (m, n_columns), (m,) and (m,)
+        Rows, outputs and weights with one output each: of a single output those given.
+    stacking : Stacking or None
+        How several outputs are laid out.
     """
 
     X: FloatArray
@@ -77,6 +86,9 @@ class CheckedData:
     names: Any
     order: Sequence[int]
     rows: MeasuredRows
+    simulation: SimulationData | Simulator | None
+    single: tuple[FloatArray, FloatArray, FloatArray]
+    stacking: Stacking | None
 
 
 class SurrogateEstimator(RegressorMixin, BaseEstimator):
@@ -153,12 +165,9 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         likelihood: Likelihood,
         sample_weight: ArrayLike | None = None,
     ) -> CheckedData:
-        X, y = complete_table(X), None if y is None else as_numbers(y, "y")
         # scikit-learn stores names where it finds them; ``fit`` stores nothing before its end
         seen = copy.copy(self)
-        rows, output = validate_data(seen, X, y, reset=True, dtype=np.float64, ensure_min_samples=2)
-        # what is kept of a fit must not change with the arrays of the caller
-        output = np.array(output, dtype=float)
+        rows, output = self._checked(seen, X, y, reset=True)
         check_spread(rows, "X")
         check_spread(output, "y")
         names = getattr(seen, "feature_names_in_", None)
@@ -167,17 +176,69 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         weights = check_weights(sample_weight, len(output))
         if np.count_nonzero(weights) < 2:
             raise ValueError("sample_weight leaves 1 sample; at least 2 measured rows are needed.")
-        likelihood.check_training(output)
+        likelihood.check_training(output[np.isfinite(output)])
         rows = rows[:, order]
         check_reach(columns, rows, self.simulation)
         warn_outside(columns, rows, self.simulation)
         warn_elsewhere(output, self.simulation)
-        merged = merged_rows(columns, rows, output, weights)
-        return CheckedData(rows, output, weights, names, order, merged)
+        stacking, simulation, single = None, self.simulation, (rows, output, weights)
+        if output.ndim > 1:
+            stacking, simulation = self._stacked_outputs(columns, output, likelihood)
+            columns = (*columns[: stacking.at], OUTPUT, *columns[stacking.at :])
+            long, values = stacking.rows(rows), stacking.values(output)
+            there = np.isfinite(values)
+            single = long[there], values[there], np.repeat(weights, output.shape[1])[there]
+        merged = merged_rows(columns, *single)
+        return CheckedData(
+            rows, output, weights, names, order, merged, simulation, single, stacking
+        )
+
+    def _checked(
+        self, estimator: Any, X: ArrayLike, y: ArrayLike, reset: bool
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return rows and outputs as floats: (n,), or (n, k) with NaN of several outputs."""
+        X, y = complete_table(X), None if y is None else as_table(y, "y")
+        names = self._output_names(y)
+        if len(names) == 1:
+            y = None if y is None else as_numbers(y, "y")
+            least = 2 if reset else 1
+            rows, output = validate_data(
+                estimator, X, y, reset=reset, dtype=np.float64, ensure_min_samples=least
+            )
+            # what is kept of a fit must not change with the arrays of the caller
+            return rows, np.array(output, dtype=float)
+        rows = validate_data(estimator, X, reset=reset, dtype=np.float64)
+        output = as_several(y, names)
+        check_consistent_length(rows, output)
+        return rows, output
+
+    def _output_names(self, y: Any) -> tuple[str, ...]:
+        """Return the names of the outputs: of the simulation's, else of the columns of y."""
+        if self.simulation is not None:
+            return self.simulation.outputs
+        if np.ndim(y) < 2 or np.shape(y)[1] < 2:
+            return ("y",)
+        return tuple(column_names(y) or (f"y{k}" for k in range(np.shape(y)[1])))
+
+    def _stacked_outputs(
+        self, columns: tuple[str, ...], output: FloatArray, likelihood: Likelihood
+    ) -> tuple[Stacking, SimulationData | Simulator | None]:
+        """Return how several outputs are laid out, and the simulation with one output a row."""
+        if OUTPUT in columns:
+            raise ValueError(f"{OUTPUT!r} is a name of the package's own: rename the column.")
+        inputs = columns if self.simulation is None else self.simulation.input_names
+        names = self._output_names(output)
+        scaled = likelihood.scales_noise and not likelihood.log_scale
+        stacking = stacking_of(output, names, len(inputs), scaled)
+        if self.simulation is None:
+            return stacking, None
+        return stacking, self.simulation.single_output(stacking.scale)
 
     def _store(self, data: CheckedData, rows: MeasuredRows | None = None) -> None:
         """Store the measured data of a fit that has ended, and the rows that trained."""
-        self.measured_, self._sample_weight = (data.X, data.y), data.weights
+        self.measured_, self.single_rows_ = (data.X, data.y), data.single[:2]
+        self._sample_weight = data.single[2]
+        self.simulation_, self.stacking_ = data.simulation, data.stacking
         self._columns, self.column_order_ = data.rows.columns, data.order
         self._rows = data.rows if rows is None else rows
         self.n_features_in_ = data.X.shape[1]
@@ -196,25 +257,34 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         Returns
         -------
         ndarray of shape (n, n_columns)
+            Of k outputs (n k, n_columns + 1): one row for each.
         """
         check_is_fitted(self)
         rows = self._known_columns(validate_data(self, self._in_order(X), reset=False, dtype=float))
         if isinstance(self.simulation, SimulationData):
             # a simulation that is run itself extrapolates nothing
-            warn_outside(self._columns, rows, self.simulation, self.measured_[0])
-        return rows
+            warn_outside(self._given_columns, rows, self.simulation, self.measured_[0])
+        return rows if self.stacking_ is None else self.stacking_.rows(rows)
+
+    @property
+    def _given_columns(self) -> tuple[str, ...]:
+        return tuple(name for name in self._columns if name != OUTPUT)
+
+    def _back(self, values: FloatArray) -> FloatArray:
+        """Return values of rows (..., m) as they were asked for, of several outputs (..., n, k)."""
+        return values if self.stacking_ is None else self.stacking_.back(values)
 
     def _known_columns(self, rows: FloatArray) -> FloatArray:
         """Return rows with the simulation's inputs first, none of them out of all bounds."""
         check_size(rows, "X")
         rows = rows[:, self.column_order_]
-        check_reach(self._columns, rows, self.simulation)
+        check_reach(self._given_columns, rows, self.simulation)
         return rows
 
     def _in_order(self, X: ArrayLike) -> Any:
         """Return columns with the names of those in ``fit`` in their order there."""
         table = complete_table(X)
-        order = list(getattr(self, "feature_names_in_", self._columns))
+        order = list(getattr(self, "feature_names_in_", self._given_columns))
         if sorted(column_names(table)) != sorted(order):
             return table  # scikit-learn says which are missing, or new
         # names that ``fit`` had of the simulation alone are none to scikit-learn
@@ -247,7 +317,8 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         ]
         mean, carried, *variance = (np.concatenate(piece) for piece in zip(*pieces, strict=True))
         warn_of_carried(carried)
-        return (mean, np.sqrt(variance[0])) if return_std else mean
+        mean = self._back(mean)
+        return (mean, self._back(np.sqrt(variance[0]))) if return_std else mean
 
     def predict_interval(self, X: ArrayLike, level: float = 0.9) -> tuple[FloatArray, FloatArray]:
         """Return a central interval that holds a new y with the given probability.
@@ -266,7 +337,8 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         """
         check_number(level, "level", Real, min_val=0, max_val=1, include_boundaries="neither")
         X = self.checked_rows(X)
-        return central_interval(self._mixture, X, level)
+        lower, upper = central_interval(self._mixture, X, level)
+        return self._back(lower), self._back(upper)
 
     def interval_holds(
         self, X: ArrayLike, y: ArrayLike, levels: Sequence[float] = (0.9,)
@@ -283,12 +355,17 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
 
         Returns
         -------
-        list of ndarray of shape (n,)
-            One for each level.
+        list of ndarray of shape (n,), or (n, k) of several outputs
+            One for each level; NaN where nothing was measured.
         """
-        return inside_intervals(
-            self._mixture, self.checked_rows(X), np.asarray(y, dtype=float), levels
-        )
+        X = self.checked_rows(X)
+        y = np.asarray(y, dtype=float)
+        if self.stacking_ is None:
+            return inside_intervals(self._mixture, X, y, levels)
+        values = self.stacking_.values(y)
+        there = np.isfinite(values)
+        inside = inside_intervals(self._mixture, X[there], values[there], levels)
+        return [_spread_out(one, there).reshape(y.shape) for one in inside]
 
     def sample_predictive_mean(
         self, X: ArrayLike, n_draws: int | None = None, random_state: Any = None
@@ -308,7 +385,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         """
         X = self.checked_rows(X)
         random = check_random_state(self.random_state if random_state is None else random_state)
-        return samples(self._mixture, X, n_draws, random, noise_free)
+        return self._back(samples(self._mixture, X, n_draws, random, noise_free))
 
     def sample_posterior_predictive(
         self, X: ArrayLike, n_draws: int | None = None, random_state: Any = None
@@ -326,7 +403,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         """
         X = self.checked_rows(X)
         random = check_random_state(self.random_state if random_state is None else random_state)
-        return samples(self._mixture, X, n_draws, random, noisy)
+        return self._back(samples(self._mixture, X, n_draws, random, noisy))
 
     def log_predictive_density(self, X: ArrayLike, y: ArrayLike) -> FloatArray:
         """Return the log posterior predictive density of each measured row.
@@ -338,13 +415,25 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
 
         Returns
         -------
-        ndarray of shape (n,)
+        ndarray of shape (n,), or (n, k) of several outputs
+            NaN where one was not measured.
         """
         check_is_fitted(self)
-        X, y = self._in_order(X), None if y is None else as_numbers(y, "y")
-        rows, output = validate_data(self, X, y, reset=False, dtype=np.float64)
+        rows, output = self._checked(self, self._in_order(X), y, reset=False)
         check_size(output, "y")
         rows = self._known_columns(rows)
+        if self.stacking_ is None:
+            return self._log_density(rows, output)
+        long, values = self.stacking_.rows(rows), self.stacking_.values(output)
+        there = np.isfinite(values)
+        told = self._log_density(long[there], values[there])
+        told = told - self.stacking_.log_scale(long[there])
+        return _spread_out(told, there).reshape(output.shape)
+
+    def _log_density(self, rows: FloatArray, output: FloatArray) -> FloatArray:
+        """Return the log predictive density of checked rows with one output each, (n,)."""
+        if not len(rows):
+            return np.empty(0)
         self._mixture(rows[:1])[0][1].likelihood.check(output)
         return np.concatenate(
             [
@@ -356,17 +445,23 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
     def score(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
         """Return the expected log predictive density: its mean over the rows.
 
+        Of several outputs over all that was measured.
+
         Parameters
         ----------
         X : array-like of shape (n, n_columns)
-        y : array-like of shape (n,)
+        y : array-like of shape (n,), or (n, k)
         sample_weight : array-like of shape (n,) or None
             Weights of the rows in the mean.
         """
         values = self.log_predictive_density(X, y)
         if sample_weight is None:
-            return float(np.mean(values))
-        return float(np.average(values, weights=check_weights(sample_weight, len(values))))
+            return float(np.nanmean(values))
+        weights = check_weights(sample_weight, len(values))
+        if values.ndim > 1:
+            weights = np.repeat(weights[:, None], values.shape[1], axis=1)
+        there = ~np.isnan(values)
+        return float(np.average(values[there], weights=weights[there]))
 
     def loo(self) -> Loo:
         """Return the leave-one-out score: the density of each measured row given the others.
@@ -377,12 +472,14 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         Returns
         -------
         Loo
-            In the order of the rows in ``fit``; rows of no weight have their predictive density.
+            In the order of the rows in ``fit``, of several outputs of what was measured, row by
+            row; rows of no weight have their predictive density.
         """
         check_is_fitted(self)
-        found, (X, y) = self._pointwise_loo(), self.measured_
+        found, (X, y) = self._pointwise_loo(), self.single_rows_
         outside = self._rows.origin < 0
-        return loo_of_rows(found, outside, self._mixture, X, y, self._sample_weight)
+        loo = loo_of_rows(found, outside, self._mixture, X, y, self._sample_weight)
+        return loo if self.stacking_ is None else loo.in_units(self.stacking_.log_scale(X))
 
     @abstractmethod
     def _pointwise_loo(self) -> PointwiseLoo:
@@ -402,7 +499,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
             called like a dimension of ArviZ: ``parameter_chain``, ``parameter_draw``.
         """
         check_is_fitted(self)
-        X, y = self.measured_
+        X, y = self.single_rows_
         random = check_random_state(self.random_state)
         return arviz_of(*curves(self._mixture(X), None, random), X, y, random)
 
@@ -411,3 +508,10 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         # the score is a log density, not R^2
         tags.regressor_tags.poor_score = True
         return tags
+
+
+def _spread_out(values: FloatArray, there: NDArray[np.bool_]) -> FloatArray:
+    """Return values at the places where there are some, NaN elsewhere."""
+    out = np.full(len(there), np.nan)
+    out[there] = values
+    return out

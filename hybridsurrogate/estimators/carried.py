@@ -80,7 +80,7 @@ def fitted_near(
     out = clone(estimator)
     surrogate, likelihood = out._check_parameters()
     data = out._check_fit_data(X, y, likelihood)
-    problem = out._problem(surrogate, likelihood, data.rows)
+    problem = out._problem(surrogate, likelihood, data, data.rows)
     n, whole = int(out.n_draws), known._fitted[1]
     proposals = whole.proposals
     if proposals is not None:

@@ -7,6 +7,7 @@ from typing import Any
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context
+from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.effects.output.discrepancy_process import GaussianProcessDiscrepancy
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
@@ -77,16 +78,16 @@ class KennedyOHaganSurrogate(PowerScaledSurrogate):
 
     @property
     def effects(self) -> tuple[Cause, ...]:  # type: ignore[override]
-        """The discrepancy process, on the simulated range of the inputs."""
+        """The discrepancy process, on the simulated range of the inputs; one for each output."""
         ranges = None if self.simulation is None else dict(self.simulation.input_ranges)
         length, amplitude = self.length_scale_prior, self.amplitude_prior
-        return (
-            _Discrepancy(
-                ranges,
-                frozen(stats.invgamma, 5.0, scale=5.0) if length is None else length,
-                amplitude,
-            ),
+        process = _Discrepancy(
+            ranges,
+            frozen(stats.invgamma, 5.0, scale=5.0) if length is None else length,
+            amplitude,
         )
+        names = () if self.simulation is None else self.simulation.outputs
+        return tuple(InOutput(process, name) for name in names) if len(names) > 1 else (process,)
 
 
 class _Discrepancy(GaussianProcessDiscrepancy):

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.utils.validation import check_X_y
+from sklearn.utils.validation import check_array, check_consistent_length, check_X_y
 
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.base import CheckedData
@@ -25,7 +25,15 @@ from hybridsurrogate.problem.columns import (
 )
 from hybridsurrogate.problem.problem import Problem, make_problem
 from hybridsurrogate.problem.rows import MeasuredRows, merged_rows
-from hybridsurrogate.simulation.arrays import as_numbers, check_number, check_size, complete_table
+from hybridsurrogate.problem.stacking import as_several
+from hybridsurrogate.simulation.arrays import (
+    as_numbers,
+    as_table,
+    check_number,
+    check_size,
+    complete_table,
+)
+from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.simulation.variables import priors_of
 from hybridsurrogate.surrogates.base import Surrogate
@@ -142,11 +150,16 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
             raise ValueError("The powers of all sources are zero: there is nothing to train on.")
         return super()._check_parameters()
 
-    def _problem(self, surrogate: Surrogate, likelihood: Likelihood, rows: MeasuredRows) -> Problem:
-        runs = self._simulations()
-        powers = [np.full(source.data.n_rows, float(source.power)) for source in runs]  # type: ignore[union-attr]
+    def _problem(
+        self, surrogate: Surrogate, likelihood: Likelihood, data: CheckedData, rows: MeasuredRows
+    ) -> Problem:
+        powers = []
+        for source in self._simulations():
+            assert isinstance(source.data, SimulationData)
+            # of several outputs one row for each that a run has
+            powers.append(np.full(int(np.isfinite(source.data.y).sum()), float(source.power)))
         return make_problem(
-            self.simulation,
+            data.simulation,
             surrogate,
             likelihood,
             self.noise_prior,
@@ -156,6 +169,7 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
             rows.y,
             weights=rows.weights,
             run_weights=np.concatenate(powers) if powers else None,
+            stacking=data.stacking,
         )
 
     def _all_rows(self, data: CheckedData, likelihood: Likelihood) -> MeasuredRows:
@@ -168,9 +182,14 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
             if isinstance(source.data, SimulationData):
                 continue
             more, values = self._read(source.data, data)
-            likelihood.check_training(values)
-            check_reach(rows.columns, more, self.simulation)
-            warn_outside(rows.columns, more, self.simulation)
+            likelihood.check_training(values[np.isfinite(values)])
+            given = tuple(name for name in rows.columns if name != OUTPUT)
+            check_reach(given, more, self.simulation)
+            warn_outside(given, more, self.simulation)
+            if data.stacking is not None:
+                more, values = data.stacking.rows(more), data.stacking.values(values)
+                there = np.isfinite(values)
+                more, values = more[there], values[there]
             X.append(more)
             y.append(values)
             weights.append(np.full(len(values), source.power / top if top else 1.0))
@@ -184,10 +203,16 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
         self, source: tuple[ArrayLike, ArrayLike], data: CheckedData
     ) -> tuple[FloatArray, FloatArray]:
         """Return a measured source with its columns in the order of those in ``fit``."""
-        X, y = complete_table(source[0]), as_numbers(source[1], "y")
+        X = complete_table(source[0])
         # an array has the columns of the X in ``fit``
-        order, names, columns = data.order, column_names(X), data.rows.columns
-        more, values = check_X_y(X, y, dtype=np.float64)
+        order, names = data.order, column_names(X)
+        columns = [name for name in data.rows.columns if name != OUTPUT]
+        if data.stacking is None:
+            more, values = check_X_y(X, as_numbers(source[1], "y"), dtype=np.float64)
+        else:
+            more = check_array(X, dtype=np.float64)
+            values = as_several(as_table(source[1], "y"), data.stacking.names)
+            check_consistent_length(more, values)
         check_size(more, "X")
         check_size(values, "y")
         if more.shape[1] != data.X.shape[1]:
@@ -237,13 +262,16 @@ def _merged(runs: Sequence[Any]) -> SimulationData | None:
         inputs=ranges,
         parameters=first.parameters,
         assumed=first.assumed,
-        output=first.output,
+        output=first.outputs,
     )
 
 
 def _check_alike(first: SimulationData, other: SimulationData) -> None:
     """Raise ValueError for simulations whose runs do not mean the same."""
-    for what in ("input_names", "parameter_names", "assumed_names"):
+    alike = ["input_names", "parameter_names", "assumed_names"]
+    # a single output may have any name
+    alike += ["outputs"] * (max(len(first.outputs), len(other.outputs)) > 1)
+    for what in alike:
         if getattr(other, what) != getattr(first, what):
             raise ValueError(
                 "All simulations must have the same inputs, parameters and assumed constants; "

@@ -138,7 +138,7 @@ class PowerScaledSurrogate(SurrogateEstimator):
         surrogate, likelihood = self._check_parameters()
         data = self._check_fit_data(X, y, likelihood, sample_weight)
         rows = self._all_rows(data, likelihood)
-        problem = self._problem(surrogate, likelihood, rows)
+        problem = self._problem(surrogate, likelihood, data, rows)
         random, powers = check_random_state(self.random_state), self._powers(rows.X)
         fit = fit_problem(problem, powers, self.sampler, int(self.n_draws), random)
         fit.diagnostics.warn()
@@ -159,12 +159,14 @@ class PowerScaledSurrogate(SurrogateEstimator):
         self.diagnostics_ = fit.diagnostics
         return self
 
-    def _problem(self, surrogate: Surrogate, likelihood: Likelihood, rows: MeasuredRows) -> Problem:
+    def _problem(
+        self, surrogate: Surrogate, likelihood: Likelihood, data: CheckedData, rows: MeasuredRows
+    ) -> Problem:
         run_weights = None
-        if callable(self.beta) and isinstance(self.simulation, SimulationData):
-            run_weights = powers_of(self._beta_at(self.beta, self.simulation.X))[0]
+        if callable(self.beta) and isinstance(data.simulation, SimulationData):
+            run_weights = powers_of(self._beta_at(self.beta, data.simulation.X))[0]
         return make_problem(
-            self.simulation,
+            data.simulation,
             surrogate,
             likelihood,
             self.noise_prior,
@@ -174,6 +176,7 @@ class PowerScaledSurrogate(SurrogateEstimator):
             rows.y,
             weights=rows.weights,
             run_weights=run_weights,
+            stacking=data.stacking,
         )
 
     def _powers(self, X: FloatArray) -> tuple[float, float | FloatArray]:

@@ -113,7 +113,7 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         fits = {}
         for source in sources:
             problem = make_problem(
-                self.simulation,
+                data.simulation,
                 surrogate if source == "simulation" else surrogate.of_measured_data(),
                 likelihood,
                 self.noise_prior,
@@ -123,6 +123,7 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
                 rows.y,
                 measured_only=source == "measured",
                 weights=rows.weights,
+                stacking=data.stacking,
             )
             powers = (1.0, 0.0)
             fit = fit_problem(problem, powers, self.sampler, int(self.n_draws), random)
@@ -164,14 +165,14 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         return stacking_weight(
             loos["simulation"].log_density[inside],
             loos["measured"].log_density[inside],
-            data.weights[inside],
+            data.single[2][inside],
         )
 
     def _pointwise_loo(self) -> PointwiseLoo:
         parts = self._parts_loo(check_random_state(self.random_state))
         if "simulation" not in parts:
             return parts["measured"]
-        beta, X = self.beta_, self.measured_[0]
+        beta, X = self.beta_, self.single_rows_[0]
         weight = self._beta_at(beta, X) if callable(beta) else float(beta)
         with np.errstate(divide="ignore"):
             log_density = np.logaddexp(
@@ -187,7 +188,7 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
             return [(1.0, self.measured_posterior_)]
         weight: Any
         if callable(self.beta_):
-            weight = self._beta_at(self.beta_, self.measured_[0] if X is None else X)
+            weight = self._beta_at(self.beta_, self.single_rows_[0] if X is None else X)
             weight = weight if X is not None else float(weight.mean())
         else:
             weight = float(self.beta_)

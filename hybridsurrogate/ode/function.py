@@ -22,6 +22,7 @@ from hybridsurrogate.ode.integration import (
 )
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.modification import Active, Drive, Modification, drive_of, lags
+from hybridsurrogate.simulation.outputs import by_output
 
 Columns = Mapping[str, FloatArray]
 
@@ -39,6 +40,8 @@ class OdeFunction:
         Time at which solutions start.
     step, max_step : float
         Of "rk4", and of the other methods.
+    outputs_seen : tuple of str
+        What observe returns.
     """
 
     rhs: Callable[..., Any]
@@ -54,6 +57,7 @@ class OdeFunction:
     method: str
     max_step: float
     modifications: tuple[Modification, ...]
+    outputs_seen: tuple[str, ...]
 
     @property
     def __name__(self) -> str:
@@ -69,17 +73,30 @@ class OdeFunction:
         return self.outputs(columns)[0]
 
     def outputs(self, columns: Columns) -> tuple[FloatArray, str | None]:
-        """Return the outputs (n,), NaN where a solution failed, and the first error's words."""
+        """Return the outputs (n,), NaN where a solution failed, and the first error's words.
+
+        Of several outputs (n_outputs, n).
+        """
 
         def observed(solutions: _Solutions, columns: Columns, rows: slice) -> FloatArray:
-            states = solutions.at_rows(rows)
-            given = {name: columns[name][rows] for name in self.observe_names}
-            values = self.observe(states, **given)
-            return checked_array(
-                values, "observe", (states.shape[1],), "a number for each solution"
+            return self._observed(
+                solutions.at_rows(rows), {name: columns[name][rows] for name in self.observe_names}
             )
 
-        return self._in_batches(columns, observed, ())
+        several = len(self.outputs_seen) > 1
+        return self._in_batches(columns, observed, (len(self.outputs_seen),) if several else ())
+
+    def _observed(self, states: FloatArray, given: Columns) -> FloatArray:
+        """Return what observe makes of states (n_states, m): (m,), of several outputs (k, m)."""
+        values = self.observe(states, **given)
+        shape: tuple[int, ...] = (states.shape[1],)
+        if len(self.outputs_seen) > 1:
+            try:
+                values = by_output(values, self.outputs_seen, "observe", axis=0).T
+            except ValueError as error:
+                raise WrongShapeError(str(error)) from error
+            shape = len(self.outputs_seen), *shape
+        return checked_array(values, "observe", shape, "a number for each solution")
 
     def solution(self, columns: Columns) -> FloatArray:
         """Return the states (n_states, n), NaN where a solution failed."""
@@ -96,8 +113,7 @@ class OdeFunction:
         # solutions that differ only in name: rhs is asked for two at once
         solutions.slope(self.start, state)
         with np.errstate(all="ignore"):
-            values = self.observe(state, **{name: columns[name] for name in self.observe_names})
-        checked_array(values, "observe", (state.shape[1],), "a number for each solution")
+            self._observed(state, {name: columns[name] for name in self.observe_names})
 
     # ------------------------------------------------------------------------------ batches
 

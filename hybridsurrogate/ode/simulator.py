@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -17,6 +18,7 @@ from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation.arrays import as_numbers, as_table
 from hybridsurrogate.simulation.evaluation import Running, evaluate
 from hybridsurrogate.simulation.modification import Modification
+from hybridsurrogate.simulation.outputs import OUTPUT, by_output, output_names
 from hybridsurrogate.simulation.simulator import Simulator
 from hybridsurrogate.simulation.variables import Assumed, Range, check_ranges
 
@@ -42,7 +44,8 @@ class OdeSimulator(Simulator):
     initial_state : callable, sequence or dict of state to number
         ``initial_state(**parameters)``, or what it returns: for every state a number or (m,).
     observe : callable
-        ``observe(state, **parameters) -> (m,)``, the output.
+        ``observe(state, **parameters) -> (m,)``, the output; of several a dict or tuple of these,
+        or an array of shape (n_outputs, m).
     inputs : dict of name to (low, high)
         The first is time, and the solution starts where its range does. Others are constant while
         a solution runs, and are passed on like parameters.
@@ -50,7 +53,7 @@ class OdeSimulator(Simulator):
     assumed : dict of name to Assumed, optional
     states : tuple of str
         Names of the states, in their order.
-    output : str
+    output : str or sequence of str
     method : str, default="rk4"
         "rk4": Runge-Kutta of fourth order with a fixed step, for all solutions at once. Or a
         method of `scipy.integrate.solve_ivp`, such as "LSODA" or "Radau" for stiff equations, one
@@ -120,7 +123,7 @@ class OdeSimulator(Simulator):
         parameters: Mapping[str, Prior] | None = None,
         assumed: Mapping[str, Assumed] | None = None,
         states: Sequence[str] = (),
-        output: str = "y",
+        output: str | Sequence[str] = "y",
         method: str = "rk4",
         max_step: float | None = None,
         modifications: Sequence[Modification] = (),
@@ -160,6 +163,7 @@ class OdeSimulator(Simulator):
             method,
             np.inf if max_step is None else max_step,
             tuple(modifications),
+            output_names(output),
         )
         unused = [name for name in names if name not in function.used]
         if unused:
@@ -224,10 +228,33 @@ class OdeSimulator(Simulator):
             {**self.parameters, **(parameters or {})},
             self.assumed,
             self.states,
-            self.output,
+            self.outputs,
             self.method,
             self.function.step if self.method == "rk4" else self.max_step,
             (*self.modifications, *modifications),
+        )
+
+    def single_output(self, scale: FloatArray) -> OdeSimulator:
+        """Return the simulation with one output a row, `OUTPUT` its last input.
+
+        Parameters
+        ----------
+        scale : ndarray of shape (n_outputs,)
+            By which outputs are divided.
+        """
+        observe = ObserveOne(self.observe, self.function.observe_names, self.outputs, scale)
+        return OdeSimulator(
+            self.rhs,
+            self.initial_state,
+            observe,
+            {**self.input_ranges, OUTPUT: (0.0, len(self.outputs) - 1.0)},
+            self.parameters,
+            self.assumed,
+            self.states,
+            self.output,
+            self.method,
+            self.function.step if self.method == "rk4" else self.max_step,
+            self.modifications,
         )
 
     def solution(self, X: ArrayLike, omega: ArrayLike | None = None) -> FloatArray:
@@ -310,12 +337,45 @@ class OdeSimulator(Simulator):
         self, X: FloatArray, omega: FloatArray, running: Running | None = None
     ) -> tuple[FloatArray, str | None]:
         if running is None or running.store is None:
-            return self.function.outputs(self._columns(X, omega))
+            outputs, error = self.function.outputs(self._columns(X, omega))
+            return outputs.T, error
 
-        def outputs(**columns: FloatArray) -> FloatArray:
-            return self.function.outputs(columns)[0]
+        def outputs_of(**columns: FloatArray) -> FloatArray:
+            return self.function.outputs(columns)[0].T
 
-        return evaluate(replace(self._called, call=outputs), X, omega, running)
+        return evaluate(replace(self._called, call=outputs_of), X, omega, running)
+
+
+class ObserveOne:
+    """What an ODE shows of several outputs, as one output a row: `OUTPUT` says which.
+
+    Parameters
+    ----------
+    observe : callable
+    names : sequence of str
+        What it is passed beside the states.
+    outputs : sequence of str
+    scale : ndarray of shape (n_outputs,)
+        By which outputs are divided.
+    """
+
+    def __init__(
+        self,
+        observe: Callable[..., Any],
+        names: Sequence[str],
+        outputs: Sequence[str],
+        scale: FloatArray,
+    ) -> None:
+        self.observe, self.outputs, self.scale = observe, tuple(outputs), scale
+        kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
+        asked = [inspect.Parameter(name, kind) for name in ("state", *names, OUTPUT)]
+        self.__signature__ = inspect.Signature(asked)
+
+    def __call__(self, state: FloatArray, **given: FloatArray) -> FloatArray:
+        """Return the output of each row, (n,)."""
+        which = given.pop(OUTPUT).astype(np.intp)
+        outputs = by_output(self.observe(state, **given), self.outputs, "observe", axis=0)
+        return np.asarray((outputs / self.scale)[np.arange(len(which)), which])
 
 
 def _numbers(modifications: Sequence[Modification]) -> dict[str, float]:

@@ -53,17 +53,24 @@ def _free(name: str, taken: tuple[str, ...]) -> str:
 
 
 def warn_elsewhere(y: FloatArray, simulation: SimulationData | Simulator | None) -> None:
-    """Warn the caller of ``fit`` of outputs (n,) of which none is near those simulated."""
+    """Warn the caller of ``fit`` of outputs (n,) or (n, k) of which none is near those simulated."""
     if not isinstance(simulation, SimulationData):
         return
-    low, high = float(simulation.y.min()), float(simulation.y.max())
-    if y.min() > high or y.max() < low:
+    n = len(simulation.outputs)
+    pairs = zip(y.reshape(-1, n).T, simulation.y.reshape(-1, n).T, strict=True)
+    for measured, simulated in pairs:
+        _warn_elsewhere(measured[~np.isnan(measured)], simulated)
+
+
+def _warn_elsewhere(y: FloatArray, simulated: FloatArray) -> None:
+    low, high = float(np.fmin.reduce(simulated)), float(np.fmax.reduce(simulated))
+    if len(y) and (y.min() > high or y.max() < low):
         warnings.warn(
             f"The measured outputs, {y.min():g} to {y.max():g}, lie outside all that was "
             f"simulated, {low:g} to {high:g}. Check that both have the same units and the same "
             "transformation.",
             ExtrapolationWarning,
-            stacklevel=4,
+            stacklevel=5,
         )
 
 

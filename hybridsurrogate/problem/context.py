@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.effects.base import Context
+from hybridsurrogate.effects.context import Context, OfOutput
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.problem.stacking import Stacking
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.basis import Basis
 
@@ -31,6 +33,7 @@ def make_context(
     basis: Basis,
     location: float,
     far: Mismatch | None = None,
+    outputs: Mapping[str, OfOutput] | None = None,
 ) -> Context:
     """Return what causes may know about the measured rows."""
     far = far or Mismatch()
@@ -54,7 +57,30 @@ def make_context(
         starts=starts,
         gaussian=likelihood.gaussian,
         scales_noise=likelihood.scales_noise,
+        outputs=tuple(outputs or ()),
+        of_outputs=tuple((outputs or {}).values()),
     )
+
+
+def of_each_output(
+    model: MeasuredModel,
+    X: FloatArray,
+    c: FloatArray,
+    eta: FloatArray,
+    weights: FloatArray,
+    stacking: Stacking | None,
+    likelihood: Likelihood,
+) -> dict[str, OfOutput]:
+    """Return what causes may know of each of several outputs; nothing of a single one."""
+    out: dict[str, OfOutput] = {}
+    for k, name in enumerate(() if stacking is None else stacking.names):
+        assert stacking is not None
+        here = X[:, stacking.at] == k
+        far = mismatch(model, X[here], c, eta[here], weights[here])
+        location = float(np.average(eta[here], weights=weights[here]))
+        scale = 1.0 if likelihood.log_scale else float(stacking.scale[k])
+        out[name] = OfOutput(location, far.distance, far.ratio, scale)
+    return out
 
 
 def mismatch(

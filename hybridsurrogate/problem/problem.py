@@ -8,6 +8,8 @@ import numpy as np
 
 from hybridsurrogate.blocks import LARGE_BLOCK, blocks
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.in_output import prepared_for
+from hybridsurrogate.effects.noise.output_noise import OutputNoise
 from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.inference.conjugate.sufficient_statistics import (
     Statistics,
@@ -21,12 +23,14 @@ from hybridsurrogate.inference.model.validation import check_effects
 from hybridsurrogate.inference.model.working_point import WorkingPoint
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.priors import FloatArray, Prior
-from hybridsurrogate.problem.context import make_context, mismatch
+from hybridsurrogate.problem.context import make_context, mismatch, of_each_output
+from hybridsurrogate.problem.stacking import Stacking
 from hybridsurrogate.problem.transformed_simulation import TransformedSimulation
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.domain import Domain
+from hybridsurrogate.surrogates.stacked import built_for_each
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,8 @@ class Problem:
     working_point : WorkingPoint or None
         In a search over a likelihood that is not normal: where its rows are expanded. ``y`` is then
         their working response, and the last column of ``X`` their noise.
+    stacking : Stacking or None
+        Of several outputs: how their rows are laid out.
     """
 
     model: MeasuredModel
@@ -70,6 +76,7 @@ class Problem:
     reach: float = 0.0
     good: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
     working_point: WorkingPoint | None = None
+    stacking: Stacking | None = None
 
     @property
     def noise_is_known(self) -> bool:
@@ -128,6 +135,19 @@ def spread(values: FloatArray, weights: FloatArray | None = None) -> float:
     return size or 1.0
 
 
+def within_outputs(
+    X: FloatArray, eta: FloatArray, weights: FloatArray, stacking: Stacking | None
+) -> FloatArray:
+    """Return outputs eta (n,) without the mean of each of several: these have no level in common."""
+    if stacking is None:
+        return eta
+    out = eta.copy()
+    for k in range(len(stacking.names)):
+        here = X[:, stacking.at] == k
+        out[here] -= np.average(eta[here], weights=weights[here])
+    return out
+
+
 def make_problem(
     simulation: SimulationData | Simulator | None,
     surrogate: Surrogate,
@@ -140,15 +160,17 @@ def make_problem(
     measured_only: bool = False,
     weights: FloatArray | None = None,
     run_weights: FloatArray | None = None,
+    stacking: Stacking | None = None,
 ) -> Problem:
     """Wire surrogate, causes and priors; compute the statistics of the simulation runs once.
 
     With ``measured_only`` the simulation lends its input ranges and nothing else. Weights are
-    powers of the likelihoods of single rows and runs.
+    powers of the likelihoods of single rows and runs. Of several outputs the rows are stacked, and
+    the noise of each is a part of the model.
     """
     weights = np.ones(len(y)) if weights is None else weights
     eta = likelihood.working(y)
-    scale = spread(eta, weights)
+    scale = spread(within_outputs(X, eta, weights, stacking), weights)
     runs = simulation if isinstance(simulation, SimulationData) and not measured_only else None
     run_eta, refused = (None, None) if runs is None else _working(likelihood, runs.y)
     outputs = eta if run_eta is None else run_eta
@@ -171,7 +193,7 @@ def make_problem(
         tuple(ranges),
     )
     try:
-        basis = _built(surrogate, domain)
+        basis = _built(surrogate, domain, stacking)
     except (IndexError, ValueError) as error:
         # rows of a simulation have all that it gives; the hint is for those without
         if world is not None or (simulation is None and isinstance(error, ValueError)):
@@ -199,12 +221,17 @@ def make_problem(
         basis,
     )
     plain = replace(plain, least_step=least_step(plain, X))
+    if stacking is not None and likelihood.scales_noise:
+        effects = (*effects, OutputNoise(stacking.names))
     if effects:
         told = _reference(basis, domain, run_weights)
         location = float(np.average(eta, weights=weights))
         far = mismatch(plain, X, told, eta, weights)
-        context = make_context(world, columns, n_inputs, X, scale, likelihood, basis, location, far)
-        effects = tuple(effect.prepare(context) for effect in effects)
+        outputs = of_each_output(plain, X, told, eta, weights, stacking, likelihood)
+        context = make_context(
+            world, columns, n_inputs, X, scale, likelihood, basis, location, far, outputs
+        )
+        effects = tuple(prepared_for(effect, context) for effect in effects)
     model = plain.with_effects(effects)
     try:
         check_effects(model, X)
@@ -224,7 +251,19 @@ def make_problem(
                 basis, runs.X, runs.omega, run_eta, domain.scale, run_weights
             )
     prior = noise_prior if noise_prior is not None else likelihood.noise_prior(scale)
-    return Problem(model, X, eta, weights, y, likelihood, run_statistics, kept, prior, scale)
+    return Problem(
+        model,
+        X,
+        eta,
+        weights,
+        y,
+        likelihood,
+        run_statistics,
+        kept,
+        prior,
+        scale,
+        stacking=stacking,
+    )
 
 
 def _working(likelihood: Likelihood, y: FloatArray) -> tuple[FloatArray, ValueError | None]:
@@ -265,8 +304,11 @@ def _reference(basis: Basis, domain: Domain, weights: FloatArray | None) -> Floa
     return told if factor is None else basis.coefficient_mean + factor[0] @ told
 
 
-def _built(surrogate: Surrogate, domain: Domain) -> Basis:
-    basis = surrogate.build(domain)
+def _built(surrogate: Surrogate, domain: Domain, stacking: Stacking | None = None) -> Basis:
+    if stacking is None:
+        basis = surrogate.build(domain)
+    else:
+        basis = built_for_each(surrogate, domain, stacking.names)
     if not isinstance(basis, Basis):
         raise TypeError(f"{type(surrogate).__name__}.build must return a Basis, got {basis!r}.")
     _check_basis(basis, domain)

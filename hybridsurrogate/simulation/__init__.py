@@ -6,13 +6,12 @@ design           Sobol and Latin hypercube designs
 simulator        Simulator: a function, run on a design or at given rows
 command_simulator  CommandSimulator: an external program, started for each run
 evaluation       the calls that rows take: at the same time, timed, stored
-run_store        finished runs on disk
 simulation_data  SimulationData: runs, their ranges, what they were run with
 ranges           what lies outside the simulated ranges
 curve_tables     runs that are curves, from arrays, wide and long tables, datasets
-table_file       tables in csv, Parquet and NetCDF files
-measured_table   measured tables of the command line
+outputs          several outputs: their names, and rows of one output each
 modification     a change of an ODE's right-hand side, described
+files/           tables, measurements and finished runs on disk
 """
 
 from hybridsurrogate.simulation.command_simulator import CommandSimulator

@@ -17,7 +17,8 @@ import numpy as np
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation.arrays import as_numbers, check_number
 from hybridsurrogate.simulation.simulator import Simulator
-from hybridsurrogate.simulation.table_file import read_table
+from hybridsurrogate.simulation.files.table_file import read_table
+from hybridsurrogate.simulation.outputs import by_output, output_names
 from hybridsurrogate.simulation.variables import Assumed, Range
 
 # of what a program says when it fails
@@ -40,11 +41,11 @@ class CommandSimulator(Simulator):
     files : dict of file name to template, optional
         Input files.
     read : str or callable, optional
-        What holds the output. A file name: a csv (or Parquet, NetCDF) file with a column
+        What holds the output. A file name: a csv (or Parquet, NetCDF) file with a column for each
         ``output``; where a run is a curve, one with a column of the first input too is interpolated
         by lines where the program chose other places. A callable gets the folder, as a Path, and
-        what the program printed, and returns a number or an array of shape (n_places,). None: the
-        last numbers that the program printed.
+        what the program printed, and returns a number or an array of shape (n_places,), of several
+        outputs a dict of them. None: the last numbers that the program printed.
     returns : {"values", "curve"}, default="values"
         "curve": one run gives outputs at all values of the first input, which stand in templates
         as numbers with spaces between.
@@ -74,7 +75,7 @@ class CommandSimulator(Simulator):
         inputs: Mapping[str, Range],
         parameters: Mapping[str, Prior] | None = None,
         assumed: Mapping[str, Assumed] | None = None,
-        output: str = "y",
+        output: str | Sequence[str] = "y",
         files: Mapping[str, str] | None = None,
         read: str | Callable[[Path, str], Any] | None = None,
         returns: str = "values",
@@ -89,7 +90,12 @@ class CommandSimulator(Simulator):
             )
         first = next(iter(inputs), "")
         curve = first if returns == "curve" else None
-        program = Command(tuple(words), dict(files or {}), read, output, curve, timeout)
+        outputs = output_names(output)
+        if curve is not None and read is None and len(outputs) > 1:
+            raise ValueError(
+                "Of several outputs that are curves read must name the file, or be a function."
+            )
+        program = Command(tuple(words), dict(files or {}), read, outputs, curve, timeout)
         program.check([*inputs, *(parameters or {}), *(assumed or {})])
         super().__init__(program, inputs, parameters, assumed, output, False, returns)
 
@@ -102,7 +108,7 @@ class Command:
     words : tuple of str
     files : dict of str to str
     read : str, callable or None
-    output : str
+    outputs : tuple of str
     along : str or None
         The input along which a run is a curve.
     timeout : float or None
@@ -113,12 +119,12 @@ class Command:
         words: tuple[str, ...],
         files: dict[str, str],
         read: str | Callable[[Path, str], Any] | None,
-        output: str,
+        outputs: tuple[str, ...],
         along: str | None,
         timeout: float | None,
     ) -> None:
         self.words, self.files, self.read = words, files, read
-        self.output, self.along, self.timeout = output, along, timeout
+        self.outputs, self.along, self.timeout = outputs, along, timeout
         self.__name__ = Path(words[0]).name
 
     def check(self, names: Sequence[str]) -> None:
@@ -175,27 +181,32 @@ class Command:
 
     def _outputs(self, folder: Path, said: str, values: Mapping[str, Any]) -> Any:
         places = None if self.along is None else np.asarray(values[self.along], dtype=float)
+        k = len(self.outputs)
         if callable(self.read):
-            out = as_numbers(self.read(folder, said), "What read returned")
+            out = by_output(self.read(folder, said), self.outputs, "read")
         elif self.read is None:
             numbers = [number for word in said.split() if (number := _number(word)) is not None]
-            n = 1 if places is None else len(places)
+            n = k if places is None else len(places)
             if len(numbers) < n:
                 raise ValueError(f"the program printed {len(numbers)} numbers of {n}")
             out = np.array(numbers[-n:])
         else:
-            out = self._column(folder / self.read, places)
-        return float(out.ravel()[-1]) if places is None else out
+            out = self._table(folder / self.read, places)
+        if places is not None:
+            return out
+        last = out.reshape(-1, k)[-1]
+        return float(last[0]) if k == 1 else last
 
-    def _column(self, path: Path, places: FloatArray | None) -> FloatArray:
+    def _table(self, path: Path, places: FloatArray | None) -> FloatArray:
         if not path.exists():
             raise FileNotFoundError(f"the program wrote no file {path.name!r}")
         table = read_table(path)
-        if self.output not in table:
-            raise ValueError(f"{path.name} has no column {self.output!r}, but {list(table)}")
-        column = table[self.output].to_numpy(dtype=float)
+        for name in self.outputs:
+            if name not in table:
+                raise ValueError(f"{path.name} has no column {name!r}, but {list(table)}")
+        columns = table[list(self.outputs)].to_numpy(dtype=float)
         if places is None or self.along not in table:
-            return column
+            return columns[:, 0] if len(self.outputs) == 1 else columns
         own = table[self.along].to_numpy(dtype=float)
         order = np.argsort(own)
         slack = 1e-9 * float(np.ptp(own))
@@ -204,7 +215,8 @@ class Command:
                 f"{path.name} goes from {own.min():g} to {own.max():g} in {self.along!r}, and "
                 f"{places[0]:g} to {places[-1]:g} is asked for"
             )
-        return np.interp(places, own[order], column[order])
+        found = [np.interp(places, own[order], column[order]) for column in columns.T]
+        return found[0] if len(found) == 1 else np.column_stack(found)
 
 
 def _text(value: Any) -> str:

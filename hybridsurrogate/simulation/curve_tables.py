@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hybridsurrogate.exceptions import FailedRunsWarning
 from hybridsurrogate.simulation.arrays import as_numbers, as_table
+from hybridsurrogate.simulation.outputs import by_output
 from hybridsurrogate.simulation.variables import as_matrix, select_columns
 
 # the column of a long table that says which run a row is of
@@ -23,18 +24,19 @@ def curve_rows(
     Y: Any,
     along: str | Mapping[str, ArrayLike],
     names: Sequence[str],
-    output: str,
+    outputs: Sequence[str],
 ) -> pd.DataFrame:
-    """Return runs as a long table: columns of the run, the places, ``names`` and the output.
+    """Return runs as a long table: columns of the run, the places, ``names`` and the outputs.
 
     Parameters
     ----------
     omega : array-like of shape (n_runs, len(names)), DataFrame or xarray.Dataset
-    Y : array-like of shape (n_runs, n_places), wide or long DataFrame; None with a Dataset
+    Y : array-like of shape (n_runs, n_places), with a last axis of several outputs; dict of these;
+        wide or long DataFrame; None with a Dataset
     along : dict of name to places (n_places,) or (n_runs, n_places), or a name
     names : sequence of str
         What each run has one value of.
-    output : str
+    outputs : sequence of str
 
     Raises
     ------
@@ -43,23 +45,25 @@ def curve_rows(
     """
     name = _name_of(along)
     if Y is None:
-        return _of_dataset(omega, name, names, output)
-    table = as_table(Y, "Y")
+        return _of_dataset(omega, name, names, outputs)
+    table = by_output(Y, outputs, "Y") if isinstance(Y, Mapping) else as_table(Y, "Y")
     if isinstance(table, pd.DataFrame) and RUN in table.columns:
-        return _of_long(omega, table, name, names, output)
+        return _of_long(omega, table, name, names, outputs)
     points = as_matrix(omega, "omega", tuple(names))
     if isinstance(table, pd.DataFrame) and isinstance(along, str):
         along = {name: _labels(table)}
     curves = as_numbers(table, "Y")
-    if curves.ndim == 3:
+    several = len(outputs) > 1
+    if curves.ndim != 2 + several or len(curves) != len(points):
+        shape = "(n_runs, n_places, n_outputs)" if several else "(n_runs, n_places)"
         raise ValueError(
-            f"Y of shape {curves.shape} has several outputs: give one at a time, Y[:, :, k], with "
-            "its name as output."
+            f"Y must have shape {shape} with one row for each of the {len(points)} runs in omega, "
+            f"got {curves.shape}; output names {', '.join(outputs)}."
         )
-    if curves.ndim != 2 or len(curves) != len(points):
+    if several and curves.shape[2] != len(outputs):
         raise ValueError(
-            f"Y must have shape (n_runs, n_places) with one row for each of the {len(points)} runs "
-            f"in omega, got {curves.shape}."
+            f"Y has {curves.shape[2]} outputs, but output names {len(outputs)}: "
+            f"{', '.join(outputs)}."
         )
     if isinstance(along, str):
         raise ValueError(
@@ -67,25 +71,26 @@ def curve_rows(
             f"along={{{along!r}: places}} of shape (n_places,) or (n_runs, n_places)."
         )
     places = as_numbers(along[name], f"along[{name!r}]")
-    if places.shape not in (curves.shape, curves.shape[1:]):
+    shape = curves.shape[:2]
+    if places.shape not in (shape, shape[1:]):
         raise ValueError(
-            f"along[{name!r}] must have shape {curves.shape[1:]} or {curves.shape}, as Y has, got "
-            f"{places.shape}."
+            f"along[{name!r}] must have shape {shape[1:]} or {shape}, as Y has, got {places.shape}."
         )
     run = np.repeat(np.arange(len(points)), curves.shape[1])
     table = pd.DataFrame(points[run], columns=list(names))
-    table.insert(0, name, np.broadcast_to(places, curves.shape).ravel())
+    table.insert(0, name, np.broadcast_to(places, shape).ravel())
     table.insert(0, RUN, run)
-    table[output] = curves.ravel()
-    return without_missing(table, [name, output])
+    table[list(outputs)] = curves.reshape(len(table), -1)
+    return without_missing(table, name, outputs)
 
 
-def without_missing(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
-    """Leave out rows without a place or an output; warn of runs that have none at all."""
-    there = np.isfinite(table[list(names)].to_numpy(dtype=float)).all(axis=1)
+def without_missing(table: pd.DataFrame, name: str, outputs: Sequence[str]) -> pd.DataFrame:
+    """Leave out rows without a place or any output; warn of runs that have none at all."""
+    there = np.isfinite(table[list(outputs)].to_numpy(dtype=float)).any(axis=1)
+    there &= np.isfinite(table[name].to_numpy(dtype=float))
     lost = sorted(set(table[RUN]) - set(table[RUN][there]))
     if not there.any():
-        raise ValueError(f"All {len(lost)} runs failed: {names[-1]!r} holds no number.")
+        raise ValueError(f"All {len(lost)} runs failed: {outputs[-1]!r} holds no number.")
     if lost:
         shown = ", ".join(map(str, lost[:5])) + (", ..." if len(lost) > 5 else "")
         warnings.warn(
@@ -97,7 +102,9 @@ def without_missing(table: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
     return table[there].reset_index(drop=True)
 
 
-def check_curves(table: pd.DataFrame, name: str, names: Sequence[str], output: str) -> None:
+def check_curves(
+    table: pd.DataFrame, name: str, names: Sequence[str], outputs: Sequence[str]
+) -> None:
     """Raise ValueError for a run with two values of a parameter, or with two results."""
     values = table[list(names)].to_numpy(dtype=float)
     first = np.unique(table[RUN], return_index=True, return_inverse=True)
@@ -113,7 +120,8 @@ def check_curves(table: pd.DataFrame, name: str, names: Sequence[str], output: s
             f"Run {table[RUN].iloc[at]} has several values of {which[0]!r}: what changes along a "
             "run is an input, and there may be one, along which the run is a curve."
         )
-    _check_repeats(table, [*names, name], output)
+    for output in outputs:
+        _check_repeats(table, [*names, name], output)
 
 
 def _check_repeats(table: pd.DataFrame, keys: list[str], output: str) -> None:
@@ -155,7 +163,7 @@ def _labels(table: pd.DataFrame) -> NDArray[Any]:
 
 
 def _of_long(
-    omega: Any, table: pd.DataFrame, name: str, names: Sequence[str], output: str
+    omega: Any, table: pd.DataFrame, name: str, names: Sequence[str], outputs: Sequence[str]
 ) -> pd.DataFrame:
     points = None if omega is None else as_table(omega, "omega")
     if points is not None:
@@ -168,25 +176,25 @@ def _of_long(
             raise ValueError(f"Y has runs that omega has not: {strange[:5]}.")
         if points[RUN].duplicated().any():
             raise ValueError("omega must have one row for each run.")
-        table = table[[RUN, name, output]].merge(points[[RUN, *names]], on=RUN)
-    return without_missing(
-        pd.concat([table[RUN], select_columns(table, [name, *names, output], "The runs")], axis=1),
-        [name, output],
-    )
+        table = table[[RUN, name, *outputs]].merge(points[[RUN, *names]], on=RUN)
+    columns = select_columns(table, [name, *names, *outputs], "The runs")
+    return without_missing(pd.concat([table[RUN], columns], axis=1), name, outputs)
 
 
-def _of_dataset(data: Any, name: str, names: Sequence[str], output: str) -> pd.DataFrame:
+def _of_dataset(
+    data: Any, name: str, names: Sequence[str], outputs: Sequence[str]
+) -> pd.DataFrame:
     if not all(hasattr(data, known) for known in ("to_dataframe", "dims", "data_vars")):
         raise TypeError("Y is missing: only an xarray.Dataset holds parameters and curves at once.")
-    missing = [key for key in (name, *names, output) if key not in data.variables]
+    missing = [key for key in (name, *names, *outputs) if key not in data.variables]
     if missing:
         raise ValueError(f"The dataset has no {missing}; it has {list(data.variables)}.")
-    dims = data[output].dims
+    dims = data[outputs[0]].dims
     others = [dim for dim in dims if dim != name]
     if name not in dims or len(others) != 1:
         raise ValueError(
-            f"{output!r} must have the dimensions of the runs and {name!r}, got {dims}."
+            f"{outputs[0]!r} must have the dimensions of the runs and {name!r}, got {dims}."
         )
-    frame = data[[*names, output]].to_dataframe().reset_index()
+    frame = data[[*names, *outputs]].to_dataframe().reset_index()
     frame = frame.rename(columns={others[0]: RUN})
-    return without_missing(frame[[RUN, name, *names, output]], [name, output])
+    return without_missing(frame[[RUN, name, *names, *outputs]], name, outputs)

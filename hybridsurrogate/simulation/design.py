@@ -76,14 +76,14 @@ def run_with_ends(
     Parameters
     ----------
     outputs : callable
-        ``outputs(points) -> (n,), str or None``, and what the first run that failed said.
-    points : ndarray of shape (n, k)
-    ranges : sequence of at most k pairs (low, high)
+        ``outputs(points) -> (n,) or (n, k), str or None``, and what the first run that failed said.
+    points : ndarray of shape (n, d)
+    ranges : sequence of at most d pairs (low, high)
     share : float
 
     Returns
     -------
-    points (n, k), outputs (n,), and what the first run that failed said.
+    points (n, d), outputs, and what the first run that failed said.
     """
     n = len(points)
     each = min(round(share * n), n // (8 * len(ranges)))
@@ -100,10 +100,13 @@ def run_with_ends(
         with np.errstate(all="ignore"):
             at_ends, _ = outputs(moved[last:])
     except Exception:  # of a function of arrays, that some ends make fail for all
-        at_ends = np.full(n - last, np.nan)
-    others = y[np.isfinite(y)]
-    low, high = (others.min(), others.max()) if others.size else (-np.inf, np.inf)
+        at_ends = np.full((n - last, *y.shape[1:]), np.nan)
+    finite = np.isfinite(y)
+    none = not finite.any()
+    low = np.min(y, axis=0, where=finite, initial=-np.inf if none else np.inf)
+    high = np.max(y, axis=0, where=finite, initial=np.inf if none else -np.inf)
     within = np.isfinite(at_ends) & (at_ends >= 2 * low - high) & (at_ends <= 2 * high - low)
+    within = within.reshape(n - last, -1).all(axis=1)
     if not within.all():
         back = last + np.flatnonzero(~within)
         moved[back] = points[back]

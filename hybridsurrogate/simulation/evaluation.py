@@ -21,8 +21,8 @@ from tqdm import tqdm
 
 from hybridsurrogate.exceptions import FailedRunsWarning
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.simulation.arrays import as_numbers
-from hybridsurrogate.simulation.run_store import RunStore
+from hybridsurrogate.simulation.outputs import by_output
+from hybridsurrogate.simulation.files.run_store import RunStore
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Function:
     name : str
     names : sequence of str
         Its arguments, inputs first.
-    output : str
+    outputs : sequence of str
     returns : {"values", "curve"}
     vectorized : bool
     """
@@ -43,7 +43,7 @@ class Function:
     call: Callable[..., Any]
     name: str
     names: Sequence[str]
-    output: str
+    outputs: Sequence[str]
     returns: str
     vectorized: bool
 
@@ -70,12 +70,15 @@ class Running:
 def evaluate(
     function: Function, X: FloatArray, omega: FloatArray, running: Running
 ) -> tuple[FloatArray, str | None]:
-    """Return outputs (n,), NaN where a run failed, and what the first such run said."""
+    """Return outputs (n,), NaN where a run failed, and what the first such run said.
+
+    Of k outputs (n, k).
+    """
     if function.vectorized and running.store is None:
         return _all_at_once(function, X, omega), None
     points = np.hstack([X, omega])
     runs = _runs(function, points)
-    y, errors = np.full(len(points), np.nan), {}
+    y, errors = np.full((len(points), *_several(function)), np.nan), {}
     missing = []
     for k, rows in enumerate(runs):
         known = None if running.store is None else running.store.known(points[rows])
@@ -140,30 +143,28 @@ def _made(
         yield [outcome]
 
 
+def _several(function: Function) -> tuple[int, ...]:
+    """Return the shape of what a row has: () for one output, (k,) for several."""
+    return () if len(function.outputs) == 1 else (len(function.outputs),)
+
+
 def _outputs(function: Function, value: Any, places: FloatArray) -> FloatArray:
     """Return what one call returned as the outputs of its rows."""
-    if isinstance(value, Mapping):
-        if function.output not in value:
-            raise ValueError(
-                f"{function.name!r} returned {', '.join(map(str, value))}, but no "
-                f"{function.output!r}: name one of these as output."
-            )
-        value = value[function.output]
+    outputs = by_output(value, function.outputs, repr(function.name))
     if function.returns != "curve":
-        _check_shape(function, np.shape(value), ())
-        return np.array([value], dtype=float)
-    curve = as_numbers(value, f"The output of {function.name!r}")
+        _check_shape(function, outputs.shape, _several(function))
+        return outputs[None]
     different, which = np.unique(places, return_inverse=True)
-    _check_shape(function, curve.shape, different.shape)
-    out: FloatArray = curve[which.ravel()]
+    _check_shape(function, outputs.shape, (*different.shape, *_several(function)))
+    out: FloatArray = outputs[which.ravel()]
     return out
 
 
 def _all_at_once(function: Function, X: FloatArray, omega: FloatArray) -> FloatArray:
     columns = np.ascontiguousarray(np.concatenate([X.T, omega.T]))
     arguments = dict(zip(function.names, columns, strict=True))
-    y = as_numbers(function.call(**arguments), f"The output of {function.name!r}")
-    _check_shape(function, y.shape, (len(X),))
+    y = by_output(function.call(**arguments), function.outputs, repr(function.name))
+    _check_shape(function, y.shape, (len(X), *_several(function)))
     return y
 
 

@@ -16,6 +16,7 @@ from hybridsurrogate.exceptions import FailedRunsWarning
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_spread
 from hybridsurrogate.simulation.curve_tables import RUN, check_curves, curve_rows
+from hybridsurrogate.simulation.outputs import OUTPUT, check_names, output_names
 from hybridsurrogate.simulation.ranges import (
     check_support,
     check_value,
@@ -23,7 +24,7 @@ from hybridsurrogate.simulation.ranges import (
     ranges_of_inputs,
     varied_ranges,
 )
-from hybridsurrogate.simulation.table_file import read_table, write_table
+from hybridsurrogate.simulation.files.table_file import read_table, write_table
 from hybridsurrogate.simulation.variables import (
     Assumed,
     Range,
@@ -52,14 +53,15 @@ class SimulationData:
         One input may also be given as (n_rows,).
     omega : array-like of shape (n_rows, n_parameters + n_assumed) or None
         The parameters, then the assumed constants, as varied in the runs.
-    y : array-like of shape (n_rows,)
-        Outputs. Rows with NaN or infinity are dropped with a warning.
+    y : array-like of shape (n_rows,), or (n_rows, n_outputs) of several outputs
+        Outputs. Rows with NaN or infinity are dropped with a warning; of several outputs some may
+        be missing (NaN).
     inputs : dict of name to (low, high), or list of names
         With names alone the ranges are those of the runs.
     parameters : dict of name to scipy.stats frozen distribution, optional
     assumed : dict of name to Assumed, optional
-    output : str
-        What ``y`` is, for labels.
+    output : str or sequence of str
+        What ``y`` is, for labels: a name for each output.
     simulator : Simulator, optional
         The simulation that made the runs, if it can be called again.
     run : array-like of shape (n_rows,) or None, default=None
@@ -68,6 +70,9 @@ class SimulationData:
     Attributes
     ----------
     n_rows, n_runs : int
+    output : str
+        The label; of several outputs their names, separated by commas.
+    outputs : tuple of str
     input_names, parameter_names, assumed_names : tuple of str
     input_ranges : dict of name to (low, high)
     parameter_ranges : dict of name to (low, high)
@@ -108,6 +113,7 @@ class SimulationData:
     parameters: dict[str, Prior]
     assumed: dict[str, Assumed]
     output: str
+    outputs: tuple[str, ...]
     simulator: Simulator | None
     input_names: tuple[str, ...]
     parameter_names: tuple[str, ...]
@@ -123,7 +129,7 @@ class SimulationData:
         inputs: Mapping[str, Range] | Sequence[str],
         parameters: Mapping[str, Prior] | None = None,
         assumed: Mapping[str, Assumed] | None = None,
-        output: str = "y",
+        output: str | Sequence[str] = "y",
         simulator: Simulator | None = None,
         run: ArrayLike | None = None,
     ) -> None:
@@ -133,14 +139,21 @@ class SimulationData:
         X = as_matrix(X, "X", fields["input_names"])
         omega = np.empty((len(X), 0)) if omega is None else omega
         omega = as_matrix(omega, "omega", tuple(priors))
+        outputs = output_names(output)
+        check_names(outputs, [*fields["input_names"], *priors])
         y = as_numbers(y, "y")
-        if y.ndim != 1:
-            raise ValueError(f"y must have shape (n_runs,), got {y.shape}.")
+        several = (len(outputs),) if len(outputs) > 1 else ()
+        if y.ndim == 0 or y.shape[1:] != several:
+            shape = f"(n_runs, {len(outputs)})" if several else "(n_runs,)"
+            raise ValueError(
+                f"y must have shape {shape}, got {y.shape}: output names what it holds, "
+                f"{', '.join(outputs)}."
+            )
         check_lengths({"X": X, "omega": omega, "y": y})
         labels = None if run is None else np.asarray(run)
         if labels is not None and not np.issubdtype(labels.dtype, np.integer):
             labels = np.unique(labels, return_inverse=True)[1]  # words, as files may have
-        if labels is not None and labels.shape != y.shape:
+        if labels is not None and labels.shape != y.shape[:1]:
             raise ValueError(f"run must have shape ({len(y)},), got {labels.shape}.")
         if labels is not None:
             labels = labels[finite_rows(X, omega, y)]
@@ -155,7 +168,8 @@ class SimulationData:
             "run": labels,
             "n_rows": len(y),
             "n_runs": len(y) if labels is None else len(np.unique(labels)),
-            "output": output,
+            "output": ", ".join(outputs),
+            "outputs": outputs,
             "simulator": simulator,
             "input_ranges": ranges_of_inputs(inputs, varied),
             "parameter_ranges": {
@@ -179,7 +193,7 @@ class SimulationData:
         parameters: Mapping[str, Prior] | None = None,
         assumed: Mapping[str, Assumed] | None = None,
         inputs: Mapping[str, Range] | Sequence[str] = (),
-        output: str = "y",
+        output: str | Sequence[str] = "y",
     ) -> SimulationData:
         """Take runs that are curves: one run, one value of each parameter, outputs along one input.
 
@@ -191,8 +205,9 @@ class SimulationData:
             Columns by name, or in the order of further inputs, parameters, assumed constants. A
             Dataset holds these, and the output over the runs and ``along``.
         Y : array-like of shape (n_runs, n_places) or DataFrame, optional
-            Outputs. A wide DataFrame has the places as column labels; a long one has a column
-            "run" beside those of ``along`` and the output, and of all else where omega is None.
+            Outputs; (n_runs, n_places, n_outputs) of several, or a dict of name to (n_runs,
+            n_places). A wide DataFrame has the places as column labels; a long one has a column
+            "run" beside those of ``along`` and the outputs, and of all else where omega is None.
         along : dict of name to array of shape (n_places,) or (n_runs, n_places), or str
             The input along which a run is a curve, and its values where Y does not say them.
         parameters, assumed
@@ -200,7 +215,8 @@ class SimulationData:
         inputs : dict of name to (low, high), or list of names, default=()
             Ranges of inputs, of ``along`` too where it goes beyond the runs; further inputs, of
             which each run has one value.
-        output : str
+        output : str or sequence of str
+            A name for each output.
 
         Returns
         -------
@@ -232,10 +248,10 @@ class SimulationData:
         inputs = [inputs] if isinstance(inputs, str) else inputs
         others = [other for other in inputs if other != name]
         names = [*others, *(parameters or {}), *(assumed or {})]
-        if output in [name, *names]:
-            raise ValueError(f"The output {output!r} is also an input, parameter or constant.")
-        table = curve_rows(omega, Y, along, names, output)
-        check_curves(table, name, names, output)
+        outputs = output_names(output)
+        check_names(outputs, [name, *names])
+        table = curve_rows(omega, Y, along, names, outputs)
+        check_curves(table, name, names, outputs)
         ranges = inputs if isinstance(inputs, Mapping) else {}
         ends = {
             key: ranges.get(key, (float(table[key].min()), float(table[key].max())))
@@ -245,11 +261,11 @@ class SimulationData:
         return cls(
             table[list(ends)],
             table[omega_names],
-            table[output],
+            table[outputs[0] if len(outputs) == 1 else list(outputs)],
             ends,
             parameters,
             assumed,
-            output,
+            outputs,
             run=table[RUN],
         )
 
@@ -259,7 +275,7 @@ class SimulationData:
         frame: Any,
         inputs: Mapping[str, Range] | Sequence[str],
         parameters: Mapping[str, Prior] | None = None,
-        output: str = "y",
+        output: str | Sequence[str] = "y",
         assumed: Mapping[str, Assumed] | None = None,
     ) -> SimulationData:
         """Take the runs from the named columns of a DataFrame.
@@ -272,8 +288,8 @@ class SimulationData:
             One output a row; other columns are ignored.
         inputs, parameters, assumed
             As in SimulationData; their names are columns.
-        output : str
-            The column with the simulation's output.
+        output : str or sequence of str
+            The column with the simulation's output, or those of several.
 
         Returns
         -------
@@ -281,22 +297,23 @@ class SimulationData:
         """
         inputs = [inputs] if isinstance(inputs, str) else inputs
         omega_names = [*(parameters or {}), *(assumed or {})]
-        if output in [*inputs, *omega_names]:
-            raise ValueError(f"The output {output!r} is also an input, parameter or constant.")
+        outputs = output_names(output)
+        check_names(outputs, [*inputs, *omega_names])
         frame = as_table(frame, "The table of runs")
         if not isinstance(frame, pd.DataFrame):
             raise TypeError(
                 "from_frame takes a DataFrame, whose columns have names; give arrays to "
                 "SimulationData(X, omega, y, ...)."
             )
-        table = select_columns(frame, [*inputs, *omega_names, output], "The simulation runs")
-        X, omega, y = table[list(inputs)], table[omega_names], table[output]
-        named = {*inputs, *omega_names, output}
-        run = frame[RUN] if RUN in frame.columns and RUN not in named else None
-        return cls(X, omega, y, inputs, parameters, assumed, output, run=run)
+        names = [*inputs, *omega_names, *outputs]
+        table = select_columns(frame, names, "The simulation runs")
+        X, omega = table[list(inputs)], table[omega_names]
+        y = table[outputs[0] if len(outputs) == 1 else list(outputs)]
+        run = frame[RUN] if RUN in frame.columns and RUN not in names else None
+        return cls(X, omega, y, inputs, parameters, assumed, outputs, run=run)
 
     def to_frame(self) -> pd.DataFrame:
-        """Return the rows: the run where runs are curves, inputs, parameters, constants, output.
+        """Return the rows: the run where runs are curves, inputs, parameters, constants, outputs.
 
         Returns
         -------
@@ -305,7 +322,7 @@ class SimulationData:
         """
         frame = pd.DataFrame(self.X, columns=list(self.input_names))
         frame[list(self.parameter_ranges)] = self.omega
-        frame[self.output] = self.y
+        frame[list(self.outputs)] = self.y.reshape(len(self.y), -1)
         if self.run is not None:
             frame.insert(0, RUN, self.run)
         return frame
@@ -328,7 +345,7 @@ class SimulationData:
         ValueError
             For missing columns, or for other results of a run that is there already.
         """
-        names = [*self.input_names, *self.parameter_ranges, self.output]
+        names = [*self.input_names, *self.parameter_ranges, *self.outputs]
         table = as_table(frame, "The table of runs")
         if not isinstance(table, pd.DataFrame):
             raise TypeError("with_rows takes a DataFrame with the columns of to_frame().")
@@ -345,8 +362,9 @@ class SimulationData:
                 (name for name in self.input_names if whole[name].groupby(run).nunique().max() > 1),
                 self.input_names[0],
             )
-            constant = [name for name in names[:-1] if name != along]
-            check_curves(whole.assign(**{RUN: run}), along, constant, self.output)
+            constant = [*self.input_names, *self.parameter_ranges]
+            constant.remove(along)
+            check_curves(whole.assign(**{RUN: run}), along, constant, self.outputs)
         ranges = {
             name: (min(low, more[name].min()), max(high, more[name].max()))
             for name, (low, high) in self.input_ranges.items()
@@ -354,13 +372,42 @@ class SimulationData:
         return SimulationData(
             whole[list(ranges)],
             whole[list(self.parameter_ranges)],
-            whole[self.output],
+            whole[self.output if len(self.outputs) == 1 else list(self.outputs)],
             ranges,
             self.parameters,
             self.assumed,
-            self.output,
+            self.outputs,
             self.simulator,
             run,
+        )
+
+    def single_output(self, scale: FloatArray) -> SimulationData:
+        """Return the runs with one output a row, `OUTPUT` their last input; missing ones left out.
+
+        Parameters
+        ----------
+        scale : ndarray of shape (n_outputs,)
+            By which outputs are divided.
+
+        Raises
+        ------
+        ValueError
+            For an output that no run has.
+        """
+        row, which = np.nonzero(np.isfinite(self.y))
+        empty = sorted(set(range(len(self.outputs))) - set(which.tolist()))
+        if empty:
+            raise ValueError(f"No run has the output {self.outputs[empty[0]]!r}: leave it out.")
+        return SimulationData(
+            np.column_stack([self.X[row], which]),
+            self.omega[row],
+            (self.y / scale)[row, which],
+            {**self.input_ranges, OUTPUT: (0.0, len(self.outputs) - 1.0)},
+            self.parameters,
+            self.assumed,
+            self.output,
+            None if self.simulator is None else self.simulator.single_output(scale),
+            None if self.run is None else self.run[row] * len(self.outputs) + which,
         )
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -401,7 +448,7 @@ def read_simulation(
     path: str | os.PathLike[str],
     inputs: Mapping[str, Range] | Sequence[str],
     parameters: Mapping[str, Prior] | None = None,
-    output: str = "y",
+    output: str | Sequence[str] = "y",
     assumed: Mapping[str, Assumed] | None = None,
 ) -> SimulationData:
     r"""Read the runs of a simulation from a file.
@@ -452,8 +499,11 @@ def drop_failed(
 
 
 def finite_rows(X: FloatArray, omega: FloatArray, y: FloatArray) -> NDArray[np.bool_]:
-    """Return which rows hold neither NaN nor infinity, column by column: there may be millions."""
-    finite = np.isfinite(y)
+    """Return which rows hold neither NaN nor infinity, column by column: there may be millions.
+
+    Of several outputs one is enough.
+    """
+    finite = np.isfinite(y) if y.ndim == 1 else np.isfinite(y).any(axis=1)
     for column in (*X.T, *omega.T):
         finite &= np.isfinite(column)
     return finite

@@ -24,7 +24,8 @@ from hybridsurrogate.simulation.evaluation import (
     warn_of_lost_curves,
 )
 from hybridsurrogate.simulation.modification import Modification
-from hybridsurrogate.simulation.run_store import RunStore
+from hybridsurrogate.simulation.outputs import OUTPUT, OneOutput, output_names
+from hybridsurrogate.simulation.files.run_store import RunStore
 from hybridsurrogate.simulation.simulation_data import SimulationData, drop_failed, read_simulation
 from hybridsurrogate.simulation.variables import (
     Assumed,
@@ -52,24 +53,28 @@ class Simulator:
     ----------
     function : callable
         Takes inputs, parameters and assumed constants as keyword arguments, arrays of n values
-        each, and returns an array of n outputs.
+        each, and returns an array of n outputs; of several outputs a dict or tuple of such arrays,
+        or an array of shape (n, n_outputs).
     inputs : dict of name to (low, high)
         The inputs that are known for every measurement, and the range to simulate.
     parameters : dict of name to scipy.stats frozen distribution, optional
         The inputs that are unknown, and what is known about them.
     assumed : dict of name to Assumed, optional
         The constants that the modeller fixed.
-    output : str
-        What the function returns, for labels.
+    output : str or sequence of str
+        What the function returns, for labels; several names for several outputs.
     vectorized : bool
         False if the function does one run at a time: numbers in, a number out.
     returns : {"values", "curve"}, default="values"
         "curve": one call is one run. The function gets all values of the first input as an array
         of shape (n_places,), numbers for all else, and returns an array of shape (n_places,), or a
-        dict with one under the name of ``output``.
+        dict with one under the name of each output.
 
     Attributes
     ----------
+    output : str
+        The label; of several outputs their names, separated by commas.
+    outputs : tuple of str
     input_names, parameter_names, assumed_names : tuple of str
     input_ranges : dict of name to (low, high)
     parameter_ranges : dict of name to (low, high)
@@ -98,6 +103,7 @@ class Simulator:
     parameters: dict[str, Prior]
     assumed: dict[str, Assumed]
     output: str
+    outputs: tuple[str, ...]
     vectorized: bool
     returns: str
     input_names: tuple[str, ...]
@@ -116,7 +122,7 @@ class Simulator:
         inputs: Mapping[str, Range],
         parameters: Mapping[str, Prior] | None = None,
         assumed: Mapping[str, Assumed] | None = None,
-        output: str = "y",
+        output: str | Sequence[str] = "y",
         vectorized: bool = True,
         returns: str = "values",
     ) -> None:
@@ -124,9 +130,11 @@ class Simulator:
             raise ValueError(f"returns must be one of {', '.join(_RETURNS)}, got {returns!r}.")
         fields = named_fields(tuple(inputs), parameters, assumed)
         priors = priors_of(fields["parameters"], fields["assumed"])
+        outputs = output_names(output)
         fields |= {
             "function": function,
-            "output": output,
+            "output": ", ".join(outputs),
+            "outputs": outputs,
             "vectorized": vectorized and returns == "values",
             "returns": returns,
             "input_ranges": check_ranges(inputs),
@@ -170,6 +178,19 @@ class Simulator:
             f"{self.name!r} shows no right-hand side to change: only an OdeSimulator does."
         )
 
+    def single_output(self, scale: FloatArray) -> Simulator:
+        """Return the simulation with one output a row, `OUTPUT` its last input.
+
+        Parameters
+        ----------
+        scale : ndarray of shape (n_outputs,)
+            By which outputs are divided.
+        """
+        names = (*self.input_names, *self.parameter_ranges)
+        function = OneOutput(self, names, len(self.input_names), scale)
+        inputs = {**self.input_ranges, OUTPUT: (0.0, len(self.outputs) - 1.0)}
+        return Simulator(function, inputs, self.parameters, self.assumed, self.output)
+
     def __sklearn_clone__(self) -> Simulator:
         return self
 
@@ -180,6 +201,8 @@ class Simulator:
     @property
     def is_quick(self) -> bool:
         """Whether many runs take hardly longer than one: a function of arrays, no ODE."""
+        if isinstance(self.function, OneOutput):
+            return self.function.simulator.is_quick
         return self.vectorized and not self.is_in_time
 
     def __call__(
@@ -198,7 +221,7 @@ class Simulator:
 
         Returns
         -------
-        ndarray of shape (n,)
+        ndarray of shape (n,), or (n, n_outputs) of several
             NaN where a run of one at a time raised an exception.
         """
         return self._evaluate(*self._check_points(X, omega), Running(n_jobs))[0]
@@ -278,7 +301,7 @@ class Simulator:
         X, omega = np.split(points, [k], axis=1)
         X, omega, y = drop_failed(X, omega, y, f"runs of {self.name!r}", error)
         return SimulationData(
-            X, omega, y, self.input_ranges, self.parameters, self.assumed, self.output, self
+            X, omega, y, self.input_ranges, self.parameters, self.assumed, self.outputs, self
         )
 
     def run_at(
@@ -305,7 +328,7 @@ class Simulator:
         Returns
         -------
         pandas.DataFrame
-            Inputs, parameters, constants and the output, and of curves which run a row is of;
+            Inputs, parameters, constants and outputs, and of curves which run a row is of;
             NaN where a run failed. `SimulationData.with_rows` takes it.
         """
         first, *others = self.input_names
@@ -319,7 +342,7 @@ class Simulator:
             run, X, omega = self._curve_rows(points, places)
         frame = pd.DataFrame(np.hstack([X, omega]), columns=[first, *names])
         running = self._running(n_jobs, progress, store, timeout)
-        frame[self.output] = self._evaluate(X, omega, running)[0]
+        frame[list(self.outputs)] = self._evaluate(X, omega, running)[0].reshape(len(X), -1)
         if run is not None:
             frame.insert(0, RUN, run)
         return frame
@@ -351,7 +374,7 @@ class Simulator:
         """Return runs (n_runs, d) of the other inputs and of omega as curves over places."""
         run, X, omega = self._curve_rows(points, places)
         y, error = self._evaluate(X, omega, running)
-        kept = np.isfinite(y)
+        kept = np.isfinite(y).reshape(len(y), -1).any(axis=1)
         warn_of_lost_curves(self.name, run, kept, len(places), error)
         return SimulationData(
             X[kept],
@@ -360,7 +383,7 @@ class Simulator:
             self.input_ranges,
             self.parameters,
             self.assumed,
-            self.output,
+            self.outputs,
             self,
             run[kept],
         )
@@ -396,7 +419,9 @@ class Simulator:
     @property
     def _called(self) -> Function:
         names = (*self.input_names, *self.parameter_ranges)
-        return Function(self.function, self.name, names, self.output, self.returns, self.vectorized)
+        return Function(
+            self.function, self.name, names, self.outputs, self.returns, self.vectorized
+        )
 
     def _running(
         self,
@@ -411,8 +436,10 @@ class Simulator:
                 raise ValueError(
                     "timeout is for one run: a vectorized function gets all of them in one call."
                 )
-        names = (*self.input_names, *self.parameter_ranges, self.output)
-        kept = None if store is None else RunStore(store, self.name, names)
+        names = (*self.input_names, *self.parameter_ranges, *self.outputs)
+        kept = None
+        if store is not None:
+            kept = RunStore(store, self.name, names, len(self.outputs))
         return Running(n_jobs, progress, kept, None if timeout is None else float(timeout))
 
 

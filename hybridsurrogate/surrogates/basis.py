@@ -126,6 +126,21 @@ class Basis(ABC):
     holds_runs = False
     # whether the known part is the simulation itself, which may fail for some parameters
     is_simulation = False
+    # whether it is told by runs that leave something open between them: `error`
+    leaves_open = False
+
+    def of_runs(self, X: FloatArray) -> FloatArray:
+        """Return those columns of inputs (n, n_inputs) of which a run has one value."""
+        return X
+
+    def open_at(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return the covariance (m, m) of what is open at m runs, inputs as from `of_runs`."""
+        return np.zeros((len(X), len(X)))
+
+    @property
+    def with_features(self) -> Basis | None:
+        """The same with what is open in a few coefficients; None where these would be many."""
+        return self if self.is_simulation else None
 
     @property
     def is_quick(self) -> bool:

@@ -98,7 +98,7 @@ def test_further_inputs_have_one_value_a_run():
 @pytest.mark.parametrize(
     ("call", "error", "text"),
     [
-        (lambda: (RATE, np.ones((12, 8, 2)), {"t": T}), ValueError, r"several outputs: give one"),
+        (lambda: (RATE, np.ones((12, 8, 2)), {"t": T}), ValueError, r"output names y"),
         (lambda: (RATE, Y[:5], {"t": T}), ValueError, r"one row for each of the 12 runs"),
         (lambda: (RATE, Y, {"t": T[:5]}), ValueError, r"along\['t'\] must have shape \(8,\)"),
         (lambda: (RATE, Y, "t"), ValueError, r"give its values, too"),

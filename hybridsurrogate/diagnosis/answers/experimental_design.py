@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
 from hybridsurrogate.inference.evidence.linearised import linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
 from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.simulation.outputs import OUTPUT
 
 # rivals that matter to the answer, and nodes of each (a period, a location) that matter to it
 _MOST_RIVALS, _LEAST_PROBABLE = 6, 0.003
@@ -35,14 +36,14 @@ class NextMeasurement:
     Attributes
     ----------
     place : dict of str to float
-        Value of each measured column.
+        Value of each measured column; of several outputs also "output", the name of one.
     information : float
         Expected reduction of the uncertainty about which rival is true, in bits.
     uncertainty : float
         What there is to reduce: the entropy of the rivals' probabilities, in bits.
     """
 
-    place: dict[str, float]
+    place: dict[str, Any]
     information: float
     uncertainty: float
 
@@ -72,6 +73,8 @@ def next_measurement(result: Search, ranges: Mapping[str, tuple[float, float]]) 
     columns = problem.model.columns
     components = _components(result)
     point = np.median(problem.X, axis=0)
+    if problem.stacking is not None:
+        point[problem.stacking.at] = 0.0
     information = 0.0
     for _ in range(_SWEEPS if len(columns) > 1 else 1):
         for k, name in enumerate(columns):
@@ -84,7 +87,9 @@ def next_measurement(result: Search, ranges: Mapping[str, tuple[float, float]]) 
             good = np.flatnonzero(bits >= _AS_GOOD * bits.max())
             best = good[np.argmin(np.abs(grid[good, k] - point[k]))]
             point, information = grid[best], float(bits[best])
-    place = {name: float(value) for name, value in zip(columns, point, strict=False)}
+    place: dict[str, Any] = dict(zip(columns, point.tolist(), strict=False))
+    if problem.stacking is not None:
+        place["output"] = problem.stacking.names[int(place.pop(OUTPUT))]
     weight = np.bincount([c.rival for c in components], [c.weight for c in components])
     return NextMeasurement(place, information, float(special.entr(weight).sum() / np.log(2)))
 
@@ -97,7 +102,7 @@ def _values_of(
     numbers = len(known) <= _MOST_NUMBERED and bool(
         np.all(np.diff(known) == 1) and known[0] % 1 == 0
     )
-    if name in ranges and not numbers:
+    if name in ranges and not numbers and name != OUTPUT:
         return np.linspace(*ranges[name], _N_PLACES)
     return known[np.linspace(0, len(known) - 1, min(len(known), _N_PLACES)).round().astype(int)]
 

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.problem import Problem
@@ -83,6 +84,8 @@ def extend_simulator(simulator: Simulator, cause: Cause, problem: Problem) -> Si
     theta_names = {name: public(name) for name in cause.parameters}
     coefficient_names = {name: public(name) for name in cause.coefficients}
     sd = cause.coefficient_sd or problem.model.default_sd
+    if isinstance(cause, InOutput) and cause.scale is not None:
+        sd *= cause.scale
     parameters = {
         **simulator.parameters,
         **{theta_names[name]: prior for name, prior in cause.parameters.items()},

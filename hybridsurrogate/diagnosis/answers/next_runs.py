@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from hybridsurrogate.diagnosis.emulation.conditioned import KrigedBasis, KrigedCurves
 from hybridsurrogate.diagnosis.search.evidence import Search
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.posterior import Posterior
@@ -47,7 +46,7 @@ def next_runs(
         Where the simulation is run itself, or its surrogate leaves nothing open.
     """
     basis, X = result.problem.model.basis, result.problem.X
-    if not isinstance(basis, KrigedBasis | KrigedCurves):
+    if not basis.leaves_open:
         raise ValueError(
             "The simulation is run itself, or its runs leave nothing open: no further run tells "
             "more."
@@ -57,17 +56,13 @@ def next_runs(
         for model, values in _models(result, posteriors)
     ]
     inputs, omega = (np.concatenate(parts) for parts in zip(*asked, strict=True))
-    if isinstance(basis, KrigedCurves):
-        along = basis.emulator.along
-        runs = np.hstack([np.delete(inputs, along, axis=1), omega])
-        names = [name for k, name in enumerate(names) if k != along]
-    else:
-        runs = np.hstack([inputs, omega])
-    runs = np.unique(runs, axis=0)
+    kept = basis.of_runs(np.arange(inputs.shape[1])[None])[0].tolist()
+    runs = np.unique(np.hstack([inputs[:, kept], omega]), axis=0)
     if len(runs) > _PLACES:
         runs = runs[np.random.default_rng(0).choice(len(runs), _PLACES, replace=False)]
-    chosen = _settling(_open(basis, runs, inputs.shape[1]), n)
-    return pd.DataFrame(runs[chosen], columns=list(names))
+    chosen = _settling(basis.open_at(runs[:, : len(kept)], runs[:, len(kept) :]), n)
+    columns = [names[k] for k in kept] + list(names[inputs.shape[1] :])
+    return pd.DataFrame(runs[chosen], columns=columns)
 
 
 def _models(
@@ -85,14 +80,6 @@ def _models(
                 values[:, w.grid.nodes] = w.grid.points[w.mode.node]
             out.append((w.model, values))
     return out
-
-
-def _open(basis: KrigedBasis | KrigedCurves, runs: FloatArray, n_inputs: int) -> FloatArray:
-    """Return the covariance (m, m) of what is open at m runs."""
-    if isinstance(basis, KrigedCurves):
-        return basis.emulator.covariance(runs)
-    factor = basis.error(runs[:, :n_inputs], runs[:, n_inputs:])
-    return factor @ factor.T
 
 
 def _settling(covariance: FloatArray, n: int) -> NDArray[np.intp]:

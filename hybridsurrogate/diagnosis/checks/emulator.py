@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.diagnosis.emulation.conditioned import KrigedBasis, KrigedCurves
 from hybridsurrogate.diagnosis.search.evidence import Search
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
@@ -71,19 +70,22 @@ def check_emulator(result: Search, surrogate: Basis, runs: SimulationData) -> Em
 
     None where the simulation itself is run, or its runs leave nothing open.
     """
-    problem, basis = result.problem, result.problem.model.basis
-    if not isinstance(basis, KrigedBasis | KrigedCurves):
+    problem = result.problem
+    if not problem.model.basis.leaves_open:
         return None
     w = result.candidates[int(np.argmax(result.probability))]
     values = w.model.values(w.mode.z[None])
     if len(w.grid.nodes):
         values[:, w.grid.nodes] = w.grid.points[w.mode.node]
     U = w.model.emulator_error(problem.X, values, result.emulator.factor)
-    outputs, _, _ = w.model.simulated(problem.X, values, result.emulator.mean)
+    outputs, _, noise = w.model.simulated(problem.X, values, result.emulator.mean)
     own = emulator_posterior(surrogate, problem.simulation).mean
     alone = replace(w.model, basis=surrogate, reference=own)
     missed = alone.simulated(problem.X, values, own)[0] - outputs
-    rms = np.sqrt([np.mean(np.sum(U**2, axis=1)), np.mean(missed**2)]) / w.sigma
+    # outputs of their own noise count in units of that
+    unit = noise[0] if problem.stacking is not None else np.ones(1)
+    squares = np.sum(U**2, axis=1) / unit**2, (missed / unit) ** 2
+    rms = np.sqrt([np.mean(each) for each in squares]) / w.sigma
     X = problem.X[:, : runs.X.shape[1]]
     low, high = runs.X.min(axis=0), runs.X.max(axis=0)
     outside = np.sum((low > X) | (high < X), axis=0).tolist()

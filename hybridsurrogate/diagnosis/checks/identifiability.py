@@ -45,7 +45,8 @@ def confounding(
     last, first = after.posterior_, before.posterior_
     derivatives = _derivatives(first, last, X)
     names = list(last.model.parameters)
-    for k, cause in enumerate(last.model.effects):
+    # the noise of several outputs, which follows, is no cause
+    for k, cause in enumerate(last.model.effects[: len(after.effects)]):
         curve = _curve(first, last, k, X)
         for j, name in enumerate(names):
             if cause.target == name:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from hybridsurrogate.blocks import blocks, each_with_each
 from hybridsurrogate.cholesky import pivoted_cholesky
@@ -29,6 +30,7 @@ from hybridsurrogate.surrogates.emulation.process import (
     process_through,
 )
 from hybridsurrogate.surrogates.kriging import CurveBasis, KrigingBasis
+from hybridsurrogate.surrogates.stacked import StackedBasis, stacked
 
 # what is left of a variance when its factor has enough columns, in shares of the median
 _NEGLIGIBLE = 1e-4
@@ -64,6 +66,13 @@ class KrigedBasis(Basis):
     whiten: FloatArray
     sd: float
     local: LocalError
+
+    leaves_open = True
+
+    def open_at(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return the covariance (m, m) of what is open at runs."""
+        factor = self.error(X, omega)
+        return factor @ factor.T
 
     def known(
         self, X: FloatArray, omega: FloatArray, hyper: FloatArray | None = None
@@ -149,9 +158,19 @@ class KrigedCurves(Basis):
 
     emulator: CurveEmulator
 
+    leaves_open = True
+
+    def of_runs(self, X: FloatArray) -> FloatArray:
+        """Return the inputs that a run has one value of: without that along which it is a curve."""
+        return np.delete(X, self.emulator.along, axis=1)
+
+    def open_at(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Return the covariance (m, m) of what is open at runs, all places of each together."""
+        return self.emulator.covariance(np.hstack([X, omega]))
+
     @property
     def with_features(self) -> CurveBasis:
-        """The same with features for its error, for likelihoods that are not normal."""
+        """The same with features for its error: a few coefficients."""
         k = 1 + len(self.emulator.sd)
         return CurveBasis(np.zeros(k), np.ones(k), self.emulator)
 
@@ -196,15 +215,47 @@ def krige(
     emulator : EmulatorPosterior
         About its coefficients, from the runs.
     simulation : SimulationData
-    run_eta : ndarray of shape (n_runs,)
+        One output a row.
+    run_eta : ndarray of shape (n_rows,)
         Outputs of the runs on the scale of eta.
 
     Returns
     -------
     KrigedBasis, or KrigedCurves of runs that are curves, and the posterior of no coefficients;
-    what was given where that fits all runs.
+    what was given where that fits all runs. Of several outputs one of each.
     """
-    X, omega, none = simulation.X, simulation.omega, np.empty(0)
+    of_inputs, of_parameters = (
+        np.array(list(ranges.values()), dtype=float).reshape(-1, 2)
+        for ranges in (simulation.input_ranges, simulation.parameter_ranges)
+    )
+    X, omega = simulation.X, simulation.omega
+    if not isinstance(basis, StackedBasis):
+        return _kriged(basis, emulator, X, omega, run_eta, of_inputs, of_parameters)
+    of_inputs = np.delete(of_inputs, basis.at, axis=0)
+    parts: list[tuple[Basis, EmulatorPosterior]] = []
+    for k, (one, own) in enumerate(zip(basis.bases, basis.coefficients_of, strict=True)):
+        here = X[:, basis.at] == k
+        told = EmulatorPosterior(emulator.mean[own], emulator.factor[own, own])
+        rows = np.delete(X[here], basis.at, axis=1), omega[here], run_eta[here]
+        parts.append(_kriged(one, told, *rows, of_inputs, of_parameters))
+    posterior = EmulatorPosterior(
+        np.concatenate([told.mean for _, told in parts]),
+        block_diag(*(told.factor for _, told in parts)),
+    )
+    return stacked([one for one, _ in parts], basis.at, basis.names), posterior
+
+
+def _kriged(
+    basis: Basis,
+    emulator: EmulatorPosterior,
+    X: FloatArray,
+    omega: FloatArray,
+    run_eta: FloatArray,
+    of_inputs: FloatArray,
+    of_parameters: FloatArray,
+) -> tuple[Basis, EmulatorPosterior]:
+    """Return what `krige` does for one output, from runs and the ranges of what was varied."""
+    none = np.empty(0)
     nothing = EmulatorPosterior(none, np.empty((0, 0)))
     if isinstance(basis, CurveBasis):
         return KrigedCurves(none, none, basis.emulator), nothing
@@ -216,10 +267,6 @@ def krige(
         exact = float(np.sqrt(np.mean(missed**2))) < 1e-6 * np.std(run_eta)
         if exact and len(run_eta) > len(basis.coefficient_mean):
             return basis, emulator
-        of_inputs, of_parameters = (
-            np.array(list(ranges.values()), dtype=float).reshape(-1, 2)
-            for ranges in (simulation.input_ranges, simulation.parameter_ranges)
-        )
         curves = emulate_curves(X, omega, run_eta, of_inputs, of_parameters)
         if curves is not None:
             return KrigedCurves(none, none, curves), nothing

@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from hybridsurrogate.diagnosis.emulation.conditioned import KrigedCurves
 from hybridsurrogate.diagnosis.search.evidence import (
     Candidate,
     Search,
@@ -101,8 +100,7 @@ def _is_scored(result: Search) -> bool:
     integrates; one of single runs has a covariance of all rows.
     """
     problem, basis = result.problem, result.problem.model.basis
-    known = basis.is_simulation or isinstance(basis, KrigedCurves)
-    return problem.working_point is not None and known
+    return problem.working_point is not None and basis.with_features is not None
 
 
 def _point_at(result: Search, w: Candidate) -> WorkingPoint:
@@ -120,9 +118,8 @@ def _log_evidence(result: Search, w: Candidate) -> float:
     model, starts = _sized(result, w)
     point = problem.working_point
     assert point is not None
-    basis = model.basis
-    if isinstance(basis, KrigedCurves):
-        basis = basis.with_features
+    basis = model.basis.with_features
+    assert basis is not None
     exact = Problem(
         replace(model, basis=basis, has_row_noise=False),
         problem.X[:, : len(model.columns)],

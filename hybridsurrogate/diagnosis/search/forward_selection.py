@@ -18,6 +18,7 @@ from hybridsurrogate.diagnosis.search.evidence import (
 from hybridsurrogate.diagnosis.search.exact_scores import scored, screened_at_best
 from hybridsurrogate.diagnosis.search.joint_refit import placed_together
 from hybridsurrogate.diagnosis.search.local_fit import InterruptedSearch
+from hybridsurrogate.diagnosis.search.noise_of_outputs import at_best_noise
 from hybridsurrogate.diagnosis.search.null_test import NullTest, evidence_bound, null_test
 from hybridsurrogate.diagnosis.search.verdict import leader
 from hybridsurrogate.effects.base import Cause
@@ -95,12 +96,14 @@ def forward_search(
     result: Search | None = None
     thorough = n_replicates is not None
     try:
-        result = search(problem, causes, emulator, thorough, nearby=_beside_same((), nearby))
+        known = _beside_same(problem.model.effects, nearby)
+        result = search(problem, causes, emulator, thorough, nearby=known)
         while True:
             test = None
             if n_replicates is not None:
                 test = null_test(result, n_replicates, random_state)
             if not steps:
+                result = at_best_noise(result, thorough)
                 result = scored(screened_at_best(result, causes, emulator))
                 problem = result.problem
                 # beside accepted causes, the evidence holds their places fixed
@@ -165,7 +168,7 @@ def _look_ahead(
 
     def second_search(first: Candidate) -> Search:
         assert first.cause is not None
-        effects = (*problem.model.effects, first.cause)
+        effects = first.model.effects
         extended = replace(problem, model=problem.model.with_effects(effects))
         known = _beside_same(effects, nearby)
         return search(extended, _others(causes, first), emulator, False, first, known)

@@ -11,7 +11,9 @@ import numpy as np
 
 from hybridsurrogate.catalogue import Skipped, catalogue
 from hybridsurrogate.diagnosis.emulation.conditioned import krige
+from hybridsurrogate.diagnosis.search.noise_of_outputs import at_noise_of
 from hybridsurrogate.effects.base import Cause, Context
+from hybridsurrogate.effects.in_output import prepared_for
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.inference.conjugate.emulator_posterior import (
@@ -20,7 +22,7 @@ from hybridsurrogate.inference.conjugate.emulator_posterior import (
 )
 from hybridsurrogate.inference.model.validation import check_effects
 from hybridsurrogate.priors import FloatArray, to_normal
-from hybridsurrogate.problem.context import make_context, mismatch
+from hybridsurrogate.problem.context import make_context, mismatch, of_each_output
 from hybridsurrogate.problem.problem import Problem, make_problem
 from hybridsurrogate.simulation.simulator import SimulationData
 from hybridsurrogate.surrogates.basis import Basis
@@ -84,18 +86,28 @@ def prepare(
         By name, for a cause of the user's that returns a wrong shape or NaN.
     """
     surrogate, likelihood = fitted.surrogate_, fitted.likelihood_
-    X, y = fitted.measured_
+    X, y = fitted.single_rows_
     columns = fitted.posterior_.model.columns
     problem = make_problem(
-        fitted.simulation, surrogate, likelihood, fitted.noise_prior, (), columns, X, y
+        fitted.simulation_,
+        surrogate,
+        likelihood,
+        fitted.noise_prior,
+        (),
+        columns,
+        X,
+        y,
+        stacking=fitted.stacking_,
     )
+    problem = at_noise_of(problem, fitted.posterior_)
     # a search over causes has no time to infer a surrogate's hyperparameters each time
     hyper = fitted.posterior_.values[:, fitted.posterior_.model.n_unknowns :]
     problem = problem.given(np.median(hyper, axis=0))
     problem = replace(problem, good=_best_draw(fitted, problem))
     coefficients = emulator_posterior(problem.model.basis, problem.simulation).mean
+    rows = problem.X, coefficients, problem.y, problem.weights
     context = make_context(
-        fitted.simulation,
+        fitted.simulation_,
         columns,
         problem.model.n_inputs,
         X,
@@ -103,7 +115,8 @@ def prepare(
         likelihood,
         problem.model.basis,
         float(np.mean(problem.y)),
-        mismatch(problem.model, problem.X, coefficients, problem.y, problem.weights),
+        mismatch(problem.model, *rows),
+        of_each_output(problem.model, *rows, problem.stacking, likelihood),
     )
     problem = replace(problem, reach=context.reach)
     usable, unusable = [], []
@@ -133,11 +146,12 @@ def _best_draw(fitted: PowerScaledSurrogate, problem: Problem) -> FloatArray:
 def _lacks(cause: Cause, context: Context, problem: Problem) -> str | None:
     """Return what a cause of the user's needs and does not find, None where it has everything."""
     try:
-        prepared = cause.prepare(context)
+        prepared = prepared_for(cause, context)
     except ValueError as error:
         return str(error)
     try:
-        check_effects(problem.model.with_effects([prepared]), problem.X)
+        effects = (*problem.model.effects, prepared)
+        check_effects(problem.model.with_effects(effects), problem.X)
     except KeyError as error:
         there = [*context.X, *context.parameters, *context.assumed]
         return f"it asks for {error}; there are {there}"
@@ -150,7 +164,7 @@ def trained_emulator(
     """Return the problem with the simulation as the runs alone tell it."""
     basis = problem.model.basis
     emulator = emulator_posterior(basis, problem.simulation)
-    runs = fitted.simulation
+    runs = fitted.simulation_
     trained = problem.simulation is not None or basis.holds_runs
     if not trained or not isinstance(runs, SimulationData):
         return problem, emulator

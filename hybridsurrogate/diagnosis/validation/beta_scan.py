@@ -152,7 +152,8 @@ def _scores_of_fold(
         # fits at extreme weights are often doubtful; the curve shows it
         warnings.simplefilter("ignore", HybridSurrogateWarning)
         path = beta_path(quick, X, y, list(betas))
-        return np.array([m.log_predictive_density(X_held, y_held) for m in path.estimators])
+        held = np.array([m.log_predictive_density(X_held, y_held) for m in path.estimators])
+    return held[:, np.isfinite(y_held)]
 
 
 def _errors(scores: FloatArray) -> FloatArray:

@@ -50,7 +50,8 @@ class Gain:
     elpd_difference, standard_error : float
         Their paired difference and its standard error.
     rmse_before, rmse_after : float
-        Root mean square error of the predictive mean, in the units of y.
+        Root mean square error of the predictive mean, in the units of y; of several outputs in
+        units of the standard deviation of each.
     coverage_before, coverage_after : float
         Share of rows inside the 90 % predictive interval.
     half_before, half_after : float
@@ -131,10 +132,18 @@ def in_one_word(kinds: Sequence[str]) -> str:
 
 
 def pointwise(estimator: Any, X: ArrayLike, y: FloatArray) -> Scores:
-    """Return log density, error of the mean and whether the intervals hold y, for each row."""
+    """Return log density, error of the mean and whether the intervals hold y, for each row.
+
+    Of several outputs for each that was measured, errors in shares of the output's spread.
+    """
     inside = estimator.interval_holds(X, y, (COVERAGE_LEVEL, HALF))
     error = np.asarray(y, dtype=float) - estimator.predict(X)
-    return Scores(estimator.log_predictive_density(X, y), error, *inside)
+    scores = Scores(estimator.log_predictive_density(X, y), error, *inside)
+    if estimator.stacking_ is None:
+        return scores
+    scores = scores._replace(error=error / estimator.stacking_.scale)
+    there = np.isfinite(np.asarray(y, dtype=float))
+    return Scores(*(values[there] for values in scores))
 
 
 def gain_from(before: Scores, after: Scores, folds: tuple[FoldGain, ...] = ()) -> Gain:

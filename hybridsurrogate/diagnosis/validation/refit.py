@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
 from numpy.random import RandomState
 from numpy.typing import ArrayLike
 from sklearn.base import clone
@@ -24,6 +25,7 @@ from hybridsurrogate.exceptions import HybridSurrogateWarning
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.inference.sampling.psis import KHAT_LIMIT
 from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.simulation.outputs import OUTPUT, AllOutputs
 from hybridsurrogate.simulation.simulator import Simulator
 
 # enough for scores whose own standard error is that of a handful of rows
@@ -146,7 +148,21 @@ def extended_simulator(
     outside.sort(key=lambda cause: not cause.touches_simulation)
     if simulator is None or not changes:
         return None
+    for cause in inside:
+        simulator = extend_simulator(simulator, cause, problem)
+    if problem.stacking is None or not (moving or outside):
+        return _wrapped(simulator, moving, outside, problem)
+    names = problem.stacking.names
+    single = _wrapped(simulator.single_output(np.ones(len(names))), moving, outside, problem)
+    inputs = {name: ends for name, ends in single.input_ranges.items() if name != OUTPUT}
+    function = AllOutputs(single, names)
+    return Simulator(function, inputs, single.parameters, single.assumed, names)
+
+
+def _wrapped(
+    simulator: Simulator, moving: Sequence[Cause], outside: Sequence[Cause], problem: Problem
+) -> Simulator:
     # each wraps those before it, and the first cause moves the rows first
-    for cause in [*inside, *reversed(moving), *outside]:
+    for cause in [*reversed(moving), *outside]:
         simulator = extend_simulator(simulator, cause, problem)
     return simulator

@@ -34,7 +34,8 @@ class RunStore:
     simulation : str
         Its name, which tells stores apart.
     names : sequence of str
-        Inputs, parameters and constants, then the output.
+        Inputs, parameters and constants, then the outputs.
+    n_outputs : int, default=1
 
     Raises
     ------
@@ -43,9 +44,13 @@ class RunStore:
     """
 
     def __init__(
-        self, folder: str | os.PathLike[str], simulation: str, names: Sequence[str]
+        self,
+        folder: str | os.PathLike[str],
+        simulation: str,
+        names: Sequence[str],
+        n_outputs: int = 1,
     ) -> None:
-        self.folder, self.names = Path(folder), list(names)
+        self.folder, self.names, self.n_outputs = Path(folder), list(names), n_outputs
         self._check({"simulation": simulation, "columns": self.names})
         self._path = self.folder / _RUNS
         self._known, self._next = self._read()
@@ -75,7 +80,10 @@ class RunStore:
             )
 
     def known(self, rows: FloatArray) -> tuple[FloatArray, str | None] | None:
-        """Return outputs (k,) and error of the run with these rows (k, d), None if it is new."""
+        """Return outputs and error of the run with these rows (k, d), None if it is new.
+
+        The former (k,), or (k, n_outputs) of several.
+        """
         return self._known.get(np.ascontiguousarray(rows, dtype=float).tobytes())
 
     def _read(self) -> tuple[dict[bytes, tuple[FloatArray, str | None]], int]:
@@ -90,9 +98,10 @@ class RunStore:
             run.append(line)
             if line["last"] != "1":
                 continue
-            rows = np.array([[float(own[name]) for name in self.names[:-1]] for own in run])
-            y = np.array([float(own[self.names[-1]] or "nan") for own in run])
-            found[rows.tobytes()] = y, line["error"] or None
+            table = np.array([[float(own[name] or "nan") for name in self.names] for own in run])
+            rows, y = np.split(table, [len(self.names) - self.n_outputs], axis=1)
+            key = np.ascontiguousarray(rows).tobytes()
+            found[key] = y[:, 0] if self.n_outputs == 1 else y, line["error"] or None
             whole += run
             run = []
         if len(whole) < len(lines) or (text and not text.endswith("\n")):
@@ -100,7 +109,7 @@ class RunStore:
         return found, 1 + max((int(line[RUN]) for line in whole), default=-1)
 
     def add(self, runs: Iterable[tuple[FloatArray, FloatArray, str | None, float]]) -> None:
-        """Write finished runs at once: of each rows (k, d), outputs (k,), error and seconds."""
+        """Write finished runs at once: of each rows (k, d), outputs, error and seconds."""
         buffer = StringIO()
         writer = csv.writer(buffer, lineterminator="\n")
         if not self._path.exists() or not self._path.stat().st_size:
@@ -109,7 +118,7 @@ class RunStore:
             for k, (row, value) in enumerate(zip(rows, y, strict=True)):
                 last = k == len(rows) - 1
                 # repr of a double is read as the same double
-                numbers = [repr(float(number)) for number in (*row, value)]
+                numbers = [repr(float(number)) for number in (*row, *np.atleast_1d(value))]
                 text = " ".join((error or "").split()) if last else ""
                 writer.writerow([self._next, *numbers, text, f"{seconds:.3f}", int(last)])
             self._known[np.ascontiguousarray(rows, dtype=float).tobytes()] = y, error

@@ -1,0 +1,123 @@
+"""Several outputs in a search: each cause weighed with the noise of each output that suits it.
+
+A cause in one output leaves less noise there. Held at what "nothing is wrong" needs, the noise of
+that output would hide it; so each cause has the ratios that are most probable with it. To first
+order what integrating over them would add is the same for all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy import special
+
+from hybridsurrogate.diagnosis.search.evidence import (
+    Candidate,
+    Search,
+    probabilities,
+    remainders,
+)
+from hybridsurrogate.diagnosis.search.local_fit import (
+    FLOOR,
+    Fitted,
+    effect_sizes,
+    node_evidence,
+    settled,
+)
+from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.noise.output_noise import OutputNoise
+from hybridsurrogate.inference.model.observation import MeasuredModel
+from hybridsurrogate.posterior import Posterior
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.problem.problem import Problem
+
+# rounds of expectation and maximisation
+_ROUNDS = 3
+
+
+def at_noise_of(problem: Problem, posterior: Posterior) -> Problem:
+    """Return the problem with the ratios of noise that a posterior has, at their medians."""
+    free = next((k for k, e in enumerate(posterior.model.effects) if _is_noise(e)), None)
+    if free is None:
+        return problem
+    draws = posterior.estimates(free)
+    ratios = (1.0, *(float(np.median(values)) for values in draws.values()))
+    effects = [_at(e, ratios) if _is_noise(e) else e for e in problem.model.effects]
+    return replace(problem, model=problem.model.with_effects(effects))
+
+
+def at_best_noise(result: Search, with_remainder: bool) -> Search:
+    """Return the search with each cause at its own ratios of noise; a single output has none.
+
+    Parameters
+    ----------
+    result : Search
+        With all causes at the same ratios.
+    with_remainder : bool
+        Also weigh the winners beside a smooth remainder.
+    """
+    problem = result.problem
+    if not problem.likelihood.gaussian or not any(map(_is_noise, problem.model.effects)):
+        return result
+    fits = [_best(result, w) for w in result.candidates]
+    sizes = effect_sizes(problem, fits)
+    candidates = []
+    for w, fit in zip(result.candidates, fits, strict=True):
+        nodes = node_evidence(problem, result.emulator, result.noise, fit, sizes)
+        evidence = float(special.logsumexp(nodes)) + _noise_of(fit.model).log_prior()
+        candidates.append(Candidate(w.cause, *fit, evidence, -np.inf))
+    probability, remainder = probabilities(candidates)
+    found = replace(
+        result, candidates=candidates, probability=probability, remainder=remainder, sizes=sizes
+    )
+    return remainders(found) if with_remainder else found
+
+
+def _best(result: Search, w: Candidate) -> Fitted:
+    """Return the fit of a cause with its own ratios of noise."""
+    problem, emulator, noise = result.problem, result.emulator, result.noise
+    if not np.isfinite(w.mode.objective):
+        return Fitted(*w[1:5])
+    for _ in range(_ROUNDS):
+        ratios, sigma = _updated(result, w)
+        model = w.model.with_effects(
+            [_at(e, ratios) if _is_noise(e) else e for e in w.model.effects]
+        )
+        fit = settled(problem, emulator, noise, Fitted(model, w.grid, w.mode, sigma))
+        w = Candidate(w.cause, *fit, w.log_evidence, -np.inf)
+    return Fitted(*w[1:5])
+
+
+def _updated(result: Search, w: Candidate) -> tuple[tuple[float, ...], float]:
+    """Return the ratios and the noise of the first output that a fit suggests.
+
+    One step of expectation and maximisation: mean squares of what is left, what is uncertain of the
+    fit included.
+    """
+    problem = result.problem
+    assert problem.stacking is not None
+    mean, variance = predict_locally(result, w, problem.X)
+    which = problem.X[:, problem.stacking.at]
+    known = w.sigma * _noise_of(w.model).noise(dict(zip(w.model.columns, problem.X.T)), {})
+    squares = (problem.y - mean) ** 2 + np.maximum(variance - known**2, 0.0)
+    each = np.array(
+        [np.sqrt(np.mean(squares[which == k])) for k in range(len(problem.stacking.names))]
+    )
+    each = np.maximum(each, FLOOR * problem.scale)
+    return tuple((each / each[0]).tolist()), float(each[0])
+
+
+def _is_noise(cause: Cause) -> bool:
+    return isinstance(cause, OutputNoise)
+
+
+def _noise_of(model: MeasuredModel) -> OutputNoise:
+    found = next(effect for effect in model.effects if isinstance(effect, OutputNoise))
+    return found
+
+
+def _at(cause: Cause, ratios: Sequence[float]) -> Cause:
+    return cause.filled(ratios=tuple(ratios))
