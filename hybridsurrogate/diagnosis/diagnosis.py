@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from sklearn.base import clone
 from sklearn.utils import check_random_state
 
-from hybridsurrogate.diagnosis.answers.discrepancy import estimate_discrepancy
+from hybridsurrogate.diagnosis.answers.discrepancy import estimate_discrepancies
 from hybridsurrogate.diagnosis.answers.experimental_design import next_measurement
 from hybridsurrogate.diagnosis.answers.finding import finding_of
 from hybridsurrogate.diagnosis.answers.result import DiagnosisResult
@@ -50,6 +50,7 @@ from hybridsurrogate.diagnosis.validation.refit import (
     extended_simulator,
 )
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import ConfoundingWarning, DiagnosisWarning
 from hybridsurrogate.priors import FloatArray
@@ -108,6 +109,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     indistinguishable_ : list of str
         Kinds that together reach 90 % probability, given that something is wrong.
     discrepancy_ : Discrepancy
+        Of several outputs that of the output which the first cause concerns.
+    discrepancies_ : dict of output to Discrepancy
     extended_estimator_ : PowerScaledSurrogate
         Fitted, with the cause as an effect; ``predict`` and ``score`` are its. The estimator
         before where the verdict is "adequate".
@@ -191,7 +194,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         X : array-like of shape (n, n_columns)
             May carry columns that the simulation ignores: by name (DataFrame) or after its inputs
             (array). They are weighed as missing inputs, and what may happen along them.
-        y : array-like of shape (n,)
+        y : array-like of shape (n,), or (n, n_outputs) of a simulation of several outputs
+            With NaN for what was not measured.
 
         Returns
         -------
@@ -290,7 +294,13 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self.extended_simulator_ = extended_simulator(
             self.estimator_.simulation.simulator, causes, problem
         )
-        self.discrepancy_ = estimate_discrepancy(self.search_, steps[0].chosen.cause)
+        first = steps[0].chosen.cause
+        outputs = self.estimator_.simulation.outputs
+        bands = estimate_discrepancies(self.search_, first)
+        self.discrepancies_ = dict(zip(outputs, bands, strict=True))
+        self.discrepancy_ = self.discrepancies_[
+            first.output if isinstance(first, InOutput) else outputs[0]
+        ]
         self.confounded_ = confounding(
             self.estimator_, self.extended_estimator_, self.estimator_.single_rows_[0]
         )

@@ -80,7 +80,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
             The model after is ``averaged_estimator()`` instead of ``extended_estimator_``.
         """
         check_is_fitted(self)
-        y = self._outputs(y_test, "y_test")
+        y = self.checked_outputs(y_test, "y_test")
         after = self.averaged_estimator() if averaged else self.extended_estimator_
         return gain_from(pointwise(self.estimator_, X_test, y), pointwise(after, X_test, y))
 
@@ -156,14 +156,21 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
             return self.beta_scans_.few(out_of_range)
         rows, values = self._rows if X is None or y is None else (X, y)
         grid = np.linspace(0, 1, 11) if betas is None else np.unique(np.asarray(betas, dtype=float))
-        rows, values = complete_table(rows), self._outputs(values, "y")
+        rows, values = complete_table(rows), self.checked_outputs(values, "y")
         folds = scan_folds(values)
         return scan_beta(
             self.beta_scans_.models, grid, folds, rows, values, self.beta_scans_.n_jobs
         )
 
-    def _outputs(self, y: ArrayLike, word: str) -> FloatArray:
-        """Return measured outputs (n,), or (n, k) with NaN of several."""
+    def checked_outputs(self, y: ArrayLike, word: str = "y") -> FloatArray:
+        """Return measured outputs as floats, (n,), or (n, k) with NaN of several.
+
+        Parameters
+        ----------
+        y : array-like of shape (n,) or (n, k)
+        word : str, default="y"
+            What to call it in an error.
+        """
         stacking = self.estimator_.stacking_
         if stacking is None:
             return as_outputs(y, word)

@@ -168,7 +168,7 @@ class InOutput(Cause):
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
-        return f"in {self.output}: {self.cause.formula(values)}"
+        return self.cause.formula(values)
 
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""

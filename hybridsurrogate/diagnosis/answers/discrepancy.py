@@ -96,20 +96,32 @@ class Third(NamedTuple):
     rows: float
 
 
-def estimate_discrepancy(result: Search, cause: Cause | None) -> Discrepancy:
-    """Return the smooth discrepancy over one input, by the catch-all Gaussian process.
+def estimate_discrepancies(result: Search, cause: Cause | None) -> list[Discrepancy]:
+    """Return the smooth discrepancy of each output over one input, by the catch-all process.
 
     The input is the one over which the cause acts, else the first.
     """
-    problem = result.problem
+    stacking = result.problem.stacking
+    n = 1 if stacking is None else len(stacking.names)
+    return [_of_output(result, cause, k) for k in range(n)]
+
+
+def _of_output(result: Search, cause: Cause | None, output: int) -> Discrepancy:
+    """Return the discrepancy of one output, in its units where these are not logarithmic."""
+    problem, stacking = result.problem, result.problem.stacking
     inputs = problem.model.columns[: problem.model.n_inputs]
     column = next((name for name in (cause.reads if cause else ()) if name in inputs), inputs[0])
-    process = next(w for w in result.candidates if w.cause and w.cause.kind == "unexplained")
+    smooth = [w for w in result.candidates if w.cause and w.cause.kind == "unexplained"]
+    process = smooth[output]
+    here = np.ones(len(problem.X), dtype=bool)
+    if stacking is not None:
+        here = problem.X[:, stacking.at] == output
+    own = problem.X[here]
     k = problem.model.columns.index(column)
-    grid = np.repeat(np.median(problem.X, axis=0)[None], _N_GRID, axis=0)
-    grid[:, k] = np.linspace(problem.X[:, k].min(), problem.X[:, k].max(), _N_GRID)
+    grid = np.repeat(np.median(own, axis=0)[None], _N_GRID, axis=0)
+    grid[:, k] = np.linspace(own[:, k].min(), own[:, k].max(), _N_GRID)
     # the size that the residuals themselves suggest, so that noise is not drawn as a curve
-    residual = problem.y - _fitted(result)
+    residual = (problem.y - _fitted(result))[here]
     size = float(np.clip(np.std(residual), result.sizes[0], result.sizes[-1]))
     measured, rows = measured_and_other(result, process, grid)
     local = local_posterior(result, process, measured, size)
@@ -120,7 +132,12 @@ def estimate_discrepancy(result: Search, cause: Cause | None) -> Discrepancy:
     simulated = measured.offset + measured.design[:, :first] @ local.mean[:first]
     band = mean - _Z90 * sd, mean + _Z90 * sd
     grid = grid[:, : len(problem.model.columns)]
-    return Discrepancy(grid, column, mean, *band, problem.y - simulated)
+    left = (problem.y - simulated)[here]
+    if stacking is None:
+        return Discrepancy(grid, column, mean, *band, left)
+    unit = float(stacking.scale[output])
+    grid = np.delete(grid, stacking.at, axis=1)
+    return Discrepancy(grid, column, unit * mean, *(unit * end for end in band), unit * left)
 
 
 def shares_of_thirds(X: FloatArray, delta: FloatArray, columns: Sequence[str]) -> list[Third]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +13,7 @@ from hybridsurrogate.diagnosis.report.tables import noise_of, thirds, unit_of
 from hybridsurrogate.diagnosis.report.view import View, label_of, label_of_cause
 from hybridsurrogate.diagnosis.search.verdict import kind_shares
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.effects.registry import meaning_of
 
 if TYPE_CHECKING:
@@ -32,7 +34,8 @@ def name_of(view: View) -> str:
 def verdict(view: View) -> list[str]:
     """Say whether anything is wrong, what, and how sure that is."""
     d = view.diagnosis
-    data = f"{len(view.y)} measurements of {view.output}"
+    counted = [f"{len(view.of(name).y)} measurements of {name}" for name in view.outputs]
+    data = digits.listing(counted)
     if d.verdict_ == "adequate":
         return [
             f"Adequate: {data} give no reason to doubt the simulation {name_of(view)}.",
@@ -96,7 +99,7 @@ def chance(view: View) -> str:
 
 def where(view: View) -> list[str]:
     """Say in which part of the measured range the simulation is wrong, and by how much."""
-    band = view.diagnosis.discrepancy_
+    band = view.band
     values = band.grid[:, view.columns.index(band.column)]
     scale = f"log {view.output}" if view.log_scale else view.output
     stretches = band.stretches(values)
@@ -156,6 +159,23 @@ def where(view: View) -> list[str]:
             f"(pointwise 90 % band) over the measured range of {band.column}{_elsewhere(view)}: "
             "what was found is no smooth curve over that column."
         )
+    return out
+
+
+def by_output(view: View) -> list[str]:
+    """Say of each of several outputs whether the causes that were found concern it."""
+    out = []
+    for name in view.outputs:
+        own = [c for _, c in view.findings if not isinstance(c, InOutput) or c.output == name]
+        if not own:
+            out.append(f"{name}: the simulation does as it is.")
+            continue
+        shared = "" if all(isinstance(c, InOutput) for c in own) else ", which all outputs share"
+        out.append(f"{name}: {digits.listing([label_of_cause(c) for c in own])}{shared}.")
+    out.append(
+        "What is left is the root mean square of measured minus predicted, in the units of the "
+        "output; where the model is right it is about the noise."
+    )
     return out
 
 
@@ -228,6 +248,9 @@ def _meaning(view: View, finding: CauseFinding, cause: Cause) -> list[str]:
     meaning = meaning_of(cause)
     if meaning is None:
         return []
+    if isinstance(cause, InOutput):
+        inner = replace(finding, target=cause.cause.target)
+        return _meaning(view.of(cause.output), inner, cause.cause)
     column = getattr(cause, "column", None) or finding.target
     target = (finding.target or "").replace(" * ", " and ")
     names = {"output": view.output, "target": target, "column": column}

@@ -14,7 +14,7 @@ from hybridsurrogate import digits, plotting
 from hybridsurrogate.diagnosis.answers.experimental_design import information_at
 from hybridsurrogate.diagnosis.report.section import Picture
 from hybridsurrogate.diagnosis.report.settings import SETTINGS
-from hybridsurrogate.diagnosis.report.view import View, label_of, prediction
+from hybridsurrogate.diagnosis.report.view import View, label_of
 from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, Gain, best_beta
 from hybridsurrogate.plotting import AFTER, BEFORE
 
@@ -38,7 +38,7 @@ def picture_fit(view: View) -> Picture:
     plotting.plot_measured(top, view.x, view.y)
     _log_axis(top, view, view.y)
     plotting.tidy(top, "", view.output)
-    band = view.diagnosis.discrepancy_
+    band = view.band
     if band.column == view.name:
         values = band.grid[:, view.shown]
         plotting.plot_discrepancy(bottom, values, band.mean, band.lower, band.upper)
@@ -76,12 +76,12 @@ def picture_extension(view: View, test: Test) -> Picture:
     outputs = view.y
     held_rows = None
     if test is not None:
-        held_rows = model.checked_rows(test[0])
+        held_rows, held = view.held_back(test)
         low, high = (
             min(low, held_rows[:, view.shown].min()),
             max(high, held_rows[:, view.shown].max()),
         )
-        outputs = np.concatenate([outputs, np.asarray(test[1], dtype=float)])
+        outputs = np.concatenate([outputs, held])
     name = "extended model" if view.extended else "simulation, calibrated"
     ends = float(view.x.min()), float(view.x.max())
     if view.is_curve and (low, high) != ends:
@@ -92,7 +92,7 @@ def picture_extension(view: View, test: Test) -> Picture:
         plotting.plot_measured(
             ax,
             held_rows[:, view.shown],
-            np.asarray(test[1], dtype=float),
+            held,
             "held back",
             held_out=True,
         )
@@ -173,6 +173,7 @@ def picture_gain(gains: dict[str, Gain]) -> Picture:
 def picture_next(view: View) -> Picture:
     """Draw the rivals' predictions and where one more measurement would tell them apart."""
     place = view.diagnosis.next_measurement_
+    view = view.of(place["output"]) if view.stacking is not None else view
     at = np.array([place[name] for name in view.columns])
     low, high = view.simulated_range()
     rows = view.grid(min(low, at[view.shown]), max(high, at[view.shown]), at)
@@ -227,7 +228,7 @@ def _draw_column(ax: Axes, view: View) -> None:
 
 
 def _described_below(view: View) -> str:
-    band = view.diagnosis.discrepancy_
+    band = view.band
     if band.column != view.name:
         return "measured minus simulated, and what the extended model makes of it."
     part = (
@@ -245,11 +246,11 @@ def _draw_model(
 ) -> None:
     if view.is_curve:
         rows = view.grid(low, high)
-        predicted = prediction(model, view.as_given(rows))
+        predicted = view.prediction(model, view.as_given(rows))
         plotting.plot_prediction(ax, rows[:, view.shown], predicted, colour, name)
     else:
         # with several columns a curve would belong to rows that nobody measured
-        predicted = prediction(model, view.as_given(view.X))
+        predicted = view.prediction(model, view.as_given(view.X))
         plotting.plot_prediction(ax, view.x, predicted, colour, name, curve=False)
 
 

@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
+from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.report import findings, html, pictures, rivals, scores, tables, trust
 from hybridsurrogate.diagnosis.report.section import Section
 from hybridsurrogate.diagnosis.report.summary import summary
-from hybridsurrogate.diagnosis.report.view import View, label_of_cause
+from hybridsurrogate.diagnosis.report.view import View, label_of_cause, view_of
+from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.effects.notation import word as _word
-from hybridsurrogate.simulation.arrays import as_outputs
 from hybridsurrogate.whole_file import written_whole
 
 if TYPE_CHECKING:
@@ -120,9 +121,9 @@ def make_report(
     -------
     Report
     """
-    view = View(diagnosis)
+    view = view_of(diagnosis)
     if test is not None:
-        test = test[0], as_outputs(test[1], "y_test")
+        test = test[0], diagnosis.checked_outputs(test[1], "y_test")
     on_test = diagnosis.gain_on(*test) if test is not None else None
     # where one cause is named its extension says nearly the same
     unclear = diagnosis.verdict_ in ("ambiguous", "unexplained")
@@ -140,6 +141,17 @@ def make_report(
         for out_of_range in (False, True)
     )
     title = findings.title_of(view)
+    each = ()
+    if view.stacking is not None:
+        others = [view.of(name) for name in view.outputs if name != view.output]
+        each = (
+            Section(
+                "By output",
+                tuple(findings.by_output(view)),
+                tuple(pictures.picture_fit(other) for other in others),
+                tables.output_table(view),
+            ),
+        )
     sections = (
         Section("Verdict", tuple(findings.verdict(view)), (pictures.picture_fit(view),)),
         Section(
@@ -148,6 +160,7 @@ def make_report(
             table=tables.third_table(view),
             caption="Share of the squared discrepancy by thirds of each measured range",
         ),
+        *each,
         Section(
             "Causes weighed",
             tuple(rivals.rivals(view)),
@@ -180,11 +193,15 @@ def make_report(
 def _formulas(view: View) -> tuple[tuple[str, str], ...]:
     if not view.extended:
         return ()
-    output, name = view.output, _word(view.output)
-    if view.log_scale:
-        output, name = f"log {output}", rf"\log {name}"
     out = []
     for finding, cause in view.findings:
+        # of several outputs a formula without "in" is of all of them
+        whole = view.stacking is not None and not isinstance(cause, InOutput)
+        own = digits.listing(list(view.outputs)) if whole else view.output
+        own = cause.output if isinstance(cause, InOutput) else own
+        output, name = own, _word(own)
+        if view.log_scale:
+            output, name = f"log {output}", rf"\log {name}"
         which = f", {label_of_cause(cause)}" if len(view.findings) > 1 else ""
         out.append((f"Formula{which}", f"{output} = {finding.formula}"))
         out.append((f"In LaTeX{which}", f"{name} = {finding.latex}"))

@@ -53,7 +53,12 @@ def rivals(view: View) -> list[str]:
 def next_step(view: View) -> list[str]:
     """Say what to do now, and where to measure once more."""
     d = view.diagnosis
-    place = digits.listing([f"{k} = {digits.number(v)}" for k, v in d.next_measurement_.items()])
+    view = view.of(d.next_measurement_["output"]) if view.stacking is not None else view
+    place = digits.listing(
+        [f"{name} = {digits.number(d.next_measurement_[name])}" for name in view.columns]
+    )
+    if view.stacking is not None:
+        place += f" in {view.output}"
     at = np.array([[d.next_measurement_[name] for name in view.columns]])
     asked = d.result_.asked
     first, *others = view.rivals(asked)
@@ -144,7 +149,7 @@ def _alike(view: View) -> list[str]:
     if not others:
         return []
     parts = []
-    noise = float(np.mean(view.diagnosis.extended_estimator_.posterior_.sigma))
+    noise = view.noise(view.diagnosis.extended_estimator_)
     working = found.problem.likelihood.working
     for other in others:
         gap = working(view.expected(found, first, view.X)) - working(

@@ -28,7 +28,7 @@ def summary(
 ) -> dict[str, Any]:
     """Return the numbers and the sentences of a report; ``json.dumps`` takes it as it is."""
     diagnosis = view.diagnosis
-    band = diagnosis.discrepancy_
+    band = view.band
     within, beyond = scans
     values = {
         "schema_version": SCHEMA_VERSION,

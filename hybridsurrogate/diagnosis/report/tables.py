@@ -10,6 +10,7 @@ from hybridsurrogate.diagnosis.answers.discrepancy import Third, shares_of_third
 from hybridsurrogate.diagnosis.answers.table import form_of
 from hybridsurrogate.diagnosis.report.view import View
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.in_output import InOutput
 
 Interval = tuple[float, float, float]
 
@@ -62,8 +63,12 @@ def parameter_intervals(view: View) -> dict[str, dict[str, Interval]]:
         draws = model.posterior_.named()
         names = view.diagnosis.estimator_.simulation.parameter_names
         for name in (*names, "noise_sigma" if "sigma" in names else "sigma"):
-            if name in draws:
+            # of several outputs each has a noise of its own, and a table of its own
+            if name in draws and (name in names or view.stacking is None):
                 out.setdefault(name, {})[word] = _interval(draws[name])
+        for output in view.outputs if view.stacking is not None else ():
+            noise = view.of(output).noise_draws(model)
+            out.setdefault(f"noise of {output}", {})[word] = _interval(noise)
     return out
 
 
@@ -77,6 +82,8 @@ def estimate_table(view: View) -> pd.DataFrame:
     log = "log " if view.log_scale else ""
     for name, limits in parameter_intervals(view).items():
         shown, unit = ("noise", f"{log}{view.output}") if name == "sigma" else (name, "its own")
+        if view.stacking is not None and name.startswith("noise of "):
+            unit = log + name.removeprefix("noise of ")
         before, after = (digits.interval(*limits[w]) if w in limits else "-" for w in _WORDS)
         rows.append((shown, unit, before, after))
     table = pd.DataFrame(rows, columns=["quantity", "in units of", *_WORDS])
@@ -91,6 +98,8 @@ _ALONG = ("location", "period", "peak", "width", "duration", "scale", "half", "l
 
 def unit_of(view: View, cause: Cause, name: str) -> str:
     """Return the unit of an estimate of a cause, in the user's own names; "" if unknown."""
+    if isinstance(cause, InOutput):
+        return unit_of(view.of(cause.output), cause.cause, name)
     column = getattr(cause, "column", None) or view.inputs[0]
     if cause.kind == "interaction":
         column = " * ".join(cause.reads)
@@ -136,4 +145,18 @@ def noise_of(view: View, after: bool = False) -> str:
     d = view.diagnosis
     model = d.extended_estimator_ if after else d.estimator_
     scale = f"log {view.output}" if view.log_scale else view.output
-    return f"{digits.number(float(np.mean(model.posterior_.sigma)), 2)} in units of {scale}"
+    return f"{digits.number(view.noise(model), 2)} in units of {scale}"
+
+
+def output_table(view: View) -> pd.DataFrame:
+    """Return what is left of each of several outputs, and its noise."""
+    models = (view.diagnosis.estimator_, view.diagnosis.extended_estimator_)
+    rows = []
+    for name in view.outputs:
+        one = view.of(name)
+        left = [digits.number(float(np.sqrt(np.mean((one.y - p) ** 2)))) for p in one.both]
+        noise = [digits.number(one.noise(model)) for model in models]
+        rows.append((name, len(one.y), *left, *noise))
+    columns = ["output", "measurements", *(f"{w} {k}" for w in ("left", "noise") for k in _WORDS)]
+    table = pd.DataFrame(rows, columns=columns)
+    return table if view.extended else table[[c for c in columns if not c.endswith("after")]]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from scipy import special
 
 from hybridsurrogate.diagnosis.report.settings import SETTINGS
@@ -16,44 +17,110 @@ from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
 from hybridsurrogate.diagnosis.validation.beta_scan import has_weight, is_slow
 from hybridsurrogate.diagnosis.validation.gain import in_one_word
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.in_output import InOutput
+from hybridsurrogate.effects.noise.output_noise import OutputNoise
 from hybridsurrogate.plotting import Prediction
 from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.problem.stacking import Stacking
+from hybridsurrogate.simulation.outputs import OUTPUT
 
 if TYPE_CHECKING:
+    from hybridsurrogate.diagnosis.answers.discrepancy import Discrepancy
     from hybridsurrogate.diagnosis.answers.finding import CauseFinding
     from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
 
 
 @dataclass(frozen=True)
 class View:
-    """A fitted diagnosis, seen as a report needs it; rows have the simulation's inputs first."""
+    """A fitted diagnosis, seen as a report needs it; rows have the simulation's inputs first.
+
+    Attributes
+    ----------
+    diagnosis : DiscrepancyDiagnosis
+    position : int
+        Which of several outputs is looked at.
+    """
 
     diagnosis: DiscrepancyDiagnosis
+    position: int = 0
+
+    @property
+    def stacking(self) -> Stacking | None:
+        """How several outputs are laid out, None of a single one."""
+        return self.diagnosis.search_.problem.stacking
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of all outputs."""
+        return self.diagnosis.estimator_.simulation.outputs
+
+    def of(self, output: str) -> View:
+        """Return the view of another output."""
+        return View(self.diagnosis, self.outputs.index(output))
 
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of the measured columns, the simulation's inputs first."""
-        return self.diagnosis.search_.problem.model.columns
+        names = self.diagnosis.search_.problem.model.columns
+        return tuple(name for name in names if name != OUTPUT)
 
     @property
     def inputs(self) -> tuple[str, ...]:
         """Names of the simulation's inputs."""
-        return self.columns[: self.diagnosis.search_.problem.model.n_inputs]
+        return self.diagnosis.estimator_.simulation.input_names
+
+    @cached_property
+    def _there(self) -> NDArray[np.bool_]:
+        """Which rows have this output."""
+        y = self.diagnosis.estimator_.measured_[1]
+        return np.isfinite(y if self.stacking is None else y[:, self.position])
 
     @property
     def X(self) -> FloatArray:
         """Measured rows."""
-        return self.diagnosis.estimator_.measured_[0]
+        return self.diagnosis.estimator_.measured_[0][self._there]
 
     @property
     def y(self) -> FloatArray:
         """Measured outputs."""
-        return self.diagnosis.estimator_.measured_[1]
+        return self.of_output(self.diagnosis.estimator_.measured_[1])[self._there]
+
+    def of_output(self, values: FloatArray) -> FloatArray:
+        """Return the values of this output, of (n,) or (n, k)."""
+        return values if self.stacking is None else values[:, self.position]
+
+    def single(self, X: FloatArray) -> FloatArray:
+        """Return rows as models see them: of several outputs with the one that is looked at."""
+        if self.stacking is None:
+            return X
+        return np.insert(X, self.stacking.at, float(self.position), axis=1)
+
+    @property
+    def unit(self) -> float:
+        """What outputs of models are multiplied by."""
+        return 1.0 if self.stacking is None else float(self.stacking.scale[self.position])
 
     @property
     def output(self) -> str:
         """Name of the output."""
-        return self.diagnosis.estimator_.simulation.output
+        return self.outputs[self.position]
+
+    @property
+    def band(self) -> Discrepancy:
+        """The smooth discrepancy of the output."""
+        return self.diagnosis.discrepancies_[self.output]
+
+    def noise(self, model: Any) -> float:
+        """Return the mean of the noise of the output in a fitted model, in its units."""
+        return float(np.mean(self.noise_draws(model)))
+
+    def noise_draws(self, model: Any) -> FloatArray:
+        """Return draws of the noise of the output in a fitted model, in its units."""
+        posterior = model.posterior_
+        ratios = [k for k, e in enumerate(posterior.model.effects) if isinstance(e, OutputNoise)]
+        known = posterior.estimates(ratios[0]) if ratios else {}
+        ratio = known.get(f"noise of {self.output}", 1.0)
+        return np.asarray(self.unit * ratio * posterior.sigma)
 
     @property
     def log_scale(self) -> bool:
@@ -106,12 +173,27 @@ class View:
     @cached_property
     def before(self) -> FloatArray:
         """Predictions at the measured rows before the extension."""
-        return np.asarray(self.diagnosis.estimator_.predict(self.as_given(self.X)))
+        return self.predicted(self.diagnosis.estimator_, self.as_given(self.X))
 
     @cached_property
     def after(self) -> FloatArray:
         """Predictions at the measured rows after the extension."""
-        return np.asarray(self.diagnosis.extended_estimator_.predict(self.as_given(self.X)))
+        return self.predicted(self.diagnosis.extended_estimator_, self.as_given(self.X))
+
+    @property
+    def both(self) -> tuple[FloatArray, FloatArray]:
+        """Predictions at the measured rows before and after."""
+        return self.before, self.after
+
+    def predicted(self, model: Any, rows: Any) -> FloatArray:
+        """Return the predictions of the output at rows as the user gives them."""
+        return self.of_output(np.asarray(model.predict(rows)))
+
+    def prediction(self, model: Any, rows: Any) -> Prediction:
+        """Return mean and central intervals of a fitted model at rows as the user gives them."""
+        values = [model.predict(rows), *model.predict_interval(rows, 0.5)]
+        values += model.predict_interval(rows, 0.9)
+        return Prediction(*map(self.of_output, values))
 
     @cached_property
     def change(self) -> FloatArray:
@@ -159,6 +241,15 @@ class View:
         rows[:, estimator.column_order_] = X
         names = getattr(estimator, "feature_names_in_", None)
         return rows if names is None else pd.DataFrame(rows, columns=names)
+
+    def held_back(self, test: tuple[Any, Any]) -> tuple[FloatArray, FloatArray]:
+        """Return rows that were held back, the simulation's inputs first, and their outputs."""
+        model = self.diagnosis.estimator_
+        rows = model.checked_rows(test[0])
+        if self.stacking is not None:
+            rows = np.delete(rows[:: len(self.outputs)], self.stacking.at, axis=1)
+        y = self.of_output(np.asarray(test[1], dtype=float))
+        return rows[np.isfinite(y)], y[np.isfinite(y)]
 
     def simulated_range(self) -> tuple[float, float]:
         """Return the range of the shown column that was simulated, or else measured."""
@@ -218,7 +309,8 @@ class View:
 
     def expected(self, result: Search, rival: Candidate, X: FloatArray) -> FloatArray:
         """Return what an explanation predicts at rows, in units of the output."""
-        return result.problem.likelihood.inverse(predict_locally(result, rival, X)[0])
+        told = predict_locally(result, rival, self.single(X))[0]
+        return self.unit * result.problem.likelihood.inverse(told)
 
     def standardised(self, model: Any) -> FloatArray:
         """Return residuals at the measured rows that are standard normal if the model is right."""
@@ -232,7 +324,28 @@ class View:
     def _residuals(self) -> dict[int, tuple[FloatArray, FloatArray]]:
         """Residuals of either model on the scale of eta, and standardised, both from one eta."""
         models = self.diagnosis.estimator_, self.diagnosis.extended_estimator_
-        return {id(model): _residuals_of(model, self.X, self.y) for model in models}
+        rows, y = self.single(self.X), self.y / self.unit
+        told = {id(model): _residuals_of(model, rows, y) for model in models}
+        # what is divided by a scale is not on a logarithmic one
+        return {key: (self.unit * working, z) for key, (working, z) in told.items()}
+
+
+def view_of(diagnosis: DiscrepancyDiagnosis) -> View:
+    """Return a diagnosis as a report sees it first: the output that the first cause concerns.
+
+    Of a cause in all outputs that which it changes most, in units of its noise.
+    """
+    view = View(diagnosis)
+    if view.stacking is None:
+        return view
+    if isinstance(view.cause, InOutput):
+        return view.of(view.cause.output)
+    views = [view.of(name) for name in view.outputs]
+
+    def moved(one: View) -> float:
+        return float(np.mean(one.change**2)) / one.noise(diagnosis.extended_estimator_) ** 2
+
+    return max(views, key=moved) if view.extended else view
 
 
 def _residuals_of(model: Any, X: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -252,13 +365,6 @@ def _residuals_of(model: Any, X: FloatArray, y: FloatArray) -> tuple[FloatArray,
     return working - eta.mean(axis=0), special.ndtri(np.clip(below, 1e-9, 1 - 1e-9))
 
 
-def prediction(model: Any, rows: Any) -> Prediction:
-    """Return mean and central intervals of a fitted model at rows as the user gives them."""
-    return Prediction(
-        model.predict(rows), *model.predict_interval(rows, 0.5), *model.predict_interval(rows, 0.9)
-    )
-
-
 def label(kind: str, target: str | None, variant: str = "") -> str:
     """Return how a report calls a cause: "step in year", "trend in t (quadratic)"."""
     if kind in _WORDS:
@@ -274,6 +380,8 @@ _OF = ("wrong-constant", "parameter-drift", "interaction", "missing-term")
 
 def label_of_cause(cause: Cause | None) -> str:
     """Return how a report calls a cause, None for nothing wrong."""
+    if isinstance(cause, InOutput):
+        return f"{label_of_cause(cause.cause)}, output {cause.output}"
     return label("none", None) if cause is None else label(cause.kind, cause.target, cause.variant)
 
 
