@@ -21,8 +21,7 @@ import pandas as pd
 from measured_sets import SETS, DataSet, Frame
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.search.evidence import Search, kind_of, probabilities
-from hybridsurrogate.diagnosis.search.verdict import leader
+from hybridsurrogate.diagnosis.search.evidence import Search, kind_of, leader, probabilities
 from hybridsurrogate.whole_file import written_whole
 
 FAST = ("nile", "school-influenza")

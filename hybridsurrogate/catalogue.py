@@ -84,7 +84,7 @@ def _of_outputs(
         own, missing = catalogue(of_output(context, position), [*here, *further], excluded, alone)
         for cause in own:
             if cause.has_outliers:
-                reason = "not weighed in one of several outputs"
+                reason = "outliers are not weighed in one of several outputs"
                 missing.append(Skipped(cause.kind, cause.target, reason))
             elif not cause.moves_inputs:
                 causes.append(InOutput(cause, name, position, context.of_outputs[position].scale))

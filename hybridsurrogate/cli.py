@@ -25,11 +25,10 @@ from hybridsurrogate.estimators import PowerScaledSurrogate
 from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning
 from hybridsurrogate.likelihoods import LIKELIHOODS
 from hybridsurrogate.priors import Prior, truncated_normal
-from hybridsurrogate.simulation.curve_tables import RUN
 from hybridsurrogate.simulation.files.measured_table import numbers_of, with_levels
+from hybridsurrogate.simulation.files.table_file import RUN, read_table
 from hybridsurrogate.simulation.ranges import check_support
 from hybridsurrogate.simulation.simulator import SimulationData, read_simulation
-from hybridsurrogate.simulation.files.table_file import read_table
 from hybridsurrogate.surrogates import ExactSurrogate, Kriging, PolynomialChaos, Surrogate
 from hybridsurrogate.whole_file import check_writable, written_whole
 
@@ -128,7 +127,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     own.add_argument("--inputs", nargs="+", required=True, help="columns known for both")
     own.add_argument("--parameters", nargs="*", default=[], help="columns known for runs only")
-    own.add_argument("--output", required=True, help="column of the output")
+    own.add_argument(
+        "--output",
+        nargs="+",
+        required=True,
+        help="column of the output, or those of several, empty where one was not measured",
+    )
     own.add_argument(
         "--prior",
         action="append",
@@ -191,21 +195,28 @@ def _diagnose(given: argparse.Namespace) -> int:
     runs, measured = read_table(given.simulation), read_table(given.measured)
     # a comma at the end of each line makes a column without a cell
     measured = measured.dropna(axis="columns", how="all")
-    missing = [name for name in (*given.inputs, given.output) if name not in measured]
+    missing = [name for name in (*given.inputs, *given.output) if name not in measured]
     if missing:
         raise ValueError(
             f"{given.measured} has no columns {missing}; its columns are {list(measured)}."
         )
-    for name in dict.fromkeys([*given.inputs, given.output, *measured.select_dtypes("number")]):
-        measured[name] = numbers_of(measured[name], given.measured)
+    for name in dict.fromkeys([*given.inputs, *given.output, *measured.select_dtypes("number")]):
+        column = measured[name]
+        if name in given.output and len(given.output) > 1:
+            # of several outputs some may be missing
+            measured.loc[column.notna(), name] = numbers_of(column.dropna(), given.measured)
+            measured[name] = measured[name].astype(float)
+        else:
+            measured[name] = numbers_of(column, given.measured)
     for name in (*given.inputs, *given.parameters):
         if name in runs:
             numbers_of(runs[name], given.simulation)
-    if given.output in runs:
-        # a run without a number has failed, and is dropped with a warning
-        numbers_of(runs[given.output].dropna(), given.simulation, finite=False)
+    for name in given.output:
+        if name in runs:
+            # a run without a number has failed, and is dropped with a warning
+            numbers_of(runs[name].dropna(), given.simulation, finite=False)
     priors = _priors(given, runs)
-    _warn_of_unnamed(runs, {*given.inputs, *given.parameters, given.output})
+    _warn_of_unnamed(runs, {*given.inputs, *given.parameters, *given.output})
     simulation = read_simulation(given.simulation, given.inputs, priors, given.output)
     model = PowerScaledSurrogate(
         simulation,
@@ -214,8 +225,9 @@ def _diagnose(given: argparse.Namespace) -> int:
         likelihood=given.likelihood,
         random_state=given.seed,
     )
-    y = measured.pop(given.output).to_numpy(dtype=float)
-    return _finish(model, with_levels(measured), y, None, given)
+    y = measured[given.output].to_numpy(dtype=float)
+    y = y[:, 0] if len(given.output) == 1 else y
+    return _finish(model, with_levels(measured.drop(columns=given.output)), y, None, given)
 
 
 def _warn_of_unnamed(runs: pd.DataFrame, named: set[str]) -> None:

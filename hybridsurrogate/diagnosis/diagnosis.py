@@ -28,14 +28,18 @@ from hybridsurrogate.diagnosis.checks.data import (
 )
 from hybridsurrogate.diagnosis.checks.emulator import check_emulator
 from hybridsurrogate.diagnosis.checks.identifiability import confounded, confounding, sentences
-from hybridsurrogate.diagnosis.checks.parameters import check_rows, check_settings
+from hybridsurrogate.diagnosis.checks.parameters import (
+    check_each_output,
+    check_rows,
+    check_settings,
+)
 from hybridsurrogate.diagnosis.checks.roughness import warn_if_rough
 from hybridsurrogate.diagnosis.fitted import FittedDiagnosis
 from hybridsurrogate.diagnosis.search.backfitting import backfitted
+from hybridsurrogate.diagnosis.search.evidence import credible_kinds, verdict_on
 from hybridsurrogate.diagnosis.search.forward_selection import Step, forward_search, searches
 from hybridsurrogate.diagnosis.search.local_fit import InterruptedSearch
 from hybridsurrogate.diagnosis.search.setup import Prepared, prepare, trained_emulator
-from hybridsurrogate.diagnosis.search.verdict import credible_kinds, verdict_on
 from hybridsurrogate.diagnosis.search.working_rows import on_working_rows
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans
 from hybridsurrogate.diagnosis.validation.cross_validation import cross_validated
@@ -111,6 +115,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     discrepancy_ : Discrepancy
         Of several outputs that of the output which the first cause concerns.
     discrepancies_ : dict of output to Discrepancy
+        The parameters of the simulation were estimated beside each of them alone: where another
+        output is at fault they are off, and so is the curve.
     extended_estimator_ : PowerScaledSurrogate
         Fitted, with the cause as an effect; ``predict`` and ``score`` are its. The estimator
         before where the verdict is "adequate".
@@ -206,6 +212,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self._forget()
         random = check_random_state(self.random_state)
         self.estimator_ = clone(self.estimator).fit(X, y)
+        check_each_output(self.estimator_.measured_[1], self.estimator_.simulation.outputs)
         own, excluded = tuple(self.causes), tuple(self.exclude)
         prepared = prepare(self.estimator_, own, excluded, int(self.max_causes))
         prepared.warn()

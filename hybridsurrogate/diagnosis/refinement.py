@@ -18,7 +18,7 @@ from hybridsurrogate.exceptions import (
     FailedRunsWarning,
     HybridSurrogateWarning,
 )
-from hybridsurrogate.simulation.curve_tables import RUN
+from hybridsurrogate.simulation.files.table_file import RUN
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 
 

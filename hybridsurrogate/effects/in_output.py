@@ -36,9 +36,9 @@ class InOutput(Cause):
     Examples
     --------
     >>> import numpy as np, hybridsurrogate as hs
-    >>> drifting = hs.InOutput(hs.Trend("t", center=1.0, span=2.0), "flow", position=1)
+    >>> jump = hs.InOutput(hs.Step("t"), "flow", position=1)
     >>> rows = {"t": np.array([2.0, 2.0]), "output_of_row": np.array([0.0, 1.0])}
-    >>> drifting.columns(rows, {}).ravel().tolist()
+    >>> jump.columns(rows, {"location": np.ones(2)}).ravel().tolist()
     [0.0, 1.0]
     """
 

@@ -306,8 +306,8 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
 
         Returns
         -------
-        mean : ndarray of shape (n,)
-        std : ndarray of shape (n,)
+        mean : ndarray of shape (n,), or (n, k) of several outputs
+        std : ndarray of the same shape
             Only with ``return_std=True``.
         """
         X = self.checked_rows(X)
@@ -333,7 +333,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
 
         Returns
         -------
-        lower, upper : ndarray of shape (n,)
+        lower, upper : ndarray of shape (n,), or (n, k) of several outputs
         """
         check_number(level, "level", Real, min_val=0, max_val=1, include_boundaries="neither")
         X = self.checked_rows(X)
@@ -350,7 +350,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         Parameters
         ----------
         X : array-like of shape (n, n_columns)
-        y : array-like of shape (n,)
+        y : array-like of shape (n,), or (n, k) of several outputs
         levels : sequence of float, default=(0.9,)
 
         Returns
@@ -381,7 +381,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
 
         Returns
         -------
-        ndarray of shape (n_draws, n)
+        ndarray of shape (n_draws, n), or (n_draws, n, k) of several outputs
         """
         X = self.checked_rows(X)
         random = check_random_state(self.random_state if random_state is None else random_state)
@@ -399,7 +399,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
 
         Returns
         -------
-        ndarray of shape (n_draws, n)
+        ndarray of shape (n_draws, n), or (n_draws, n, k) of several outputs
         """
         X = self.checked_rows(X)
         random = check_random_state(self.random_state if random_state is None else random_state)
@@ -411,7 +411,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         Parameters
         ----------
         X : array-like of shape (n, n_columns)
-        y : array-like of shape (n,)
+        y : array-like of shape (n,), or (n, k) of several outputs
 
         Returns
         -------

@@ -124,7 +124,7 @@ def _power_scaled_path(
     checked = clone(model).set_params(beta=0.5)
     surrogate, likelihood = checked._check_parameters()
     data = checked._check_fit_data(X, y, likelihood)
-    problem = checked._problem(surrogate, likelihood, data.rows)
+    problem = checked._problem(surrogate, likelihood, data, data.rows)
     # from the middle outwards: there both sources speak, and the ends are its neighbours
     for k in _outwards(grid):
         one = copy.copy(checked).set_params(beta=float(grid[k]))

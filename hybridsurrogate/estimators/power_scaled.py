@@ -45,7 +45,9 @@ class PowerScaledSurrogate(SurrogateEstimator):
     likelihood : {"normal", "lognormal", "student-t", "negative-binomial", "poisson"} or Likelihood
         Default "normal".
     noise_prior : frozen scipy.stats distribution or None, default=None
-        Prior of sigma. None: half-normal with the spread of the measured output as scale.
+        Prior of sigma. None: half-normal with the spread of the measured output as scale. Of
+        several outputs sigma is the noise of the first, and their unit is the standard deviation
+        of each one's measurements; the others' noise is inferred relative to the first.
     effects : sequence of Cause, default=()
         Causes by which measured rows differ from the simulation.
     sampler : {"auto", "importance", "emcee"} or EnsembleSampler, default="auto"
@@ -126,7 +128,8 @@ class PowerScaledSurrogate(SurrogateEstimator):
         X : array-like of shape (n, n_columns)
             The simulation's inputs by name (DataFrame) or first (array); further columns are for
             causes that use them.
-        y : array-like of shape (n,)
+        y : array-like of shape (n,), or (n, k) of several outputs
+            With NaN for what was not measured; columns of a DataFrame go by name.
         sample_weight : array-like of shape (n,) or None, default=None
             Powers of the likelihoods of single rows, relative to the measured data's: a row of
             weight two counts like two equal rows.

@@ -98,7 +98,8 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         Parameters
         ----------
         X : array-like of shape (n, n_columns)
-        y : array-like of shape (n,)
+        y : array-like of shape (n,), or (n, k) of several outputs
+            With NaN for what was not measured; columns of a DataFrame go by name.
         sample_weight : array-like of shape (n,) or None, default=None
             A row of weight two counts like two equal rows.
 

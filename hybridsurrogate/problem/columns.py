@@ -53,7 +53,7 @@ def _free(name: str, taken: tuple[str, ...]) -> str:
 
 
 def warn_elsewhere(y: FloatArray, simulation: SimulationData | Simulator | None) -> None:
-    """Warn the caller of ``fit`` of outputs (n,) or (n, k) of which none is near those simulated."""
+    """Warn the caller of ``fit`` of outputs (n,) or (n, k) nowhere near those simulated."""
     if not isinstance(simulation, SimulationData):
         return
     n = len(simulation.outputs)

@@ -138,7 +138,7 @@ def spread(values: FloatArray, weights: FloatArray | None = None) -> float:
 def within_outputs(
     X: FloatArray, eta: FloatArray, weights: FloatArray, stacking: Stacking | None
 ) -> FloatArray:
-    """Return outputs eta (n,) without the mean of each of several: these have no level in common."""
+    """Return outputs eta (n,) less the mean of each of several: these have no level in common."""
     if stacking is None:
         return eta
     out = eta.copy()
@@ -227,9 +227,9 @@ def make_problem(
         told = _reference(basis, domain, run_weights)
         location = float(np.average(eta, weights=weights))
         far = mismatch(plain, X, told, eta, weights)
-        outputs = of_each_output(plain, X, told, eta, weights, stacking, likelihood)
+        each = of_each_output(plain, X, told, eta, weights, stacking, likelihood)
         context = make_context(
-            world, columns, n_inputs, X, scale, likelihood, basis, location, far, outputs
+            world, columns, n_inputs, X, scale, likelihood, basis, location, far, each
         )
         effects = tuple(prepared_for(effect, context) for effect in effects)
     model = plain.with_effects(effects)

@@ -11,7 +11,6 @@ import pandas as pd
 
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.arrays import as_numbers, check_size
-from hybridsurrogate.simulation.outputs import OUTPUT
 
 # values of an output from which its noise can be told
 _LEAST = 2

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 
 from hybridsurrogate.priors import FloatArray, Prior
-from hybridsurrogate.simulation.arrays import as_numbers, check_number
-from hybridsurrogate.simulation.simulator import Simulator
+from hybridsurrogate.simulation.arrays import check_number
 from hybridsurrogate.simulation.files.table_file import read_table
 from hybridsurrogate.simulation.outputs import by_output, output_names
+from hybridsurrogate.simulation.simulator import Simulator
 from hybridsurrogate.simulation.variables import Assumed, Range
 
 # of what a program says when it fails

@@ -12,11 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from hybridsurrogate.exceptions import FailedRunsWarning
 from hybridsurrogate.simulation.arrays import as_numbers, as_table
+from hybridsurrogate.simulation.files.table_file import RUN
 from hybridsurrogate.simulation.outputs import by_output
 from hybridsurrogate.simulation.variables import as_matrix, select_columns
-
-# the column of a long table that says which run a row is of
-RUN = "run"
 
 
 def curve_rows(
@@ -55,9 +53,9 @@ def curve_rows(
     curves = as_numbers(table, "Y")
     several = len(outputs) > 1
     if curves.ndim != 2 + several or len(curves) != len(points):
-        shape = "(n_runs, n_places, n_outputs)" if several else "(n_runs, n_places)"
+        wanted = "(n_runs, n_places, n_outputs)" if several else "(n_runs, n_places)"
         raise ValueError(
-            f"Y must have shape {shape} with one row for each of the {len(points)} runs in omega, "
+            f"Y must have shape {wanted} with one row for each of the {len(points)} runs in omega, "
             f"got {curves.shape}; output names {', '.join(outputs)}."
         )
     if several and curves.shape[2] != len(outputs):
@@ -181,9 +179,7 @@ def _of_long(
     return without_missing(pd.concat([table[RUN], columns], axis=1), name, outputs)
 
 
-def _of_dataset(
-    data: Any, name: str, names: Sequence[str], outputs: Sequence[str]
-) -> pd.DataFrame:
+def _of_dataset(data: Any, name: str, names: Sequence[str], outputs: Sequence[str]) -> pd.DataFrame:
     if not all(hasattr(data, known) for known in ("to_dataframe", "dims", "data_vars")):
         raise TypeError("Y is missing: only an xarray.Dataset holds parameters and curves at once.")
     missing = [key for key in (name, *names, *outputs) if key not in data.variables]

@@ -21,8 +21,8 @@ from tqdm import tqdm
 
 from hybridsurrogate.exceptions import FailedRunsWarning
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.simulation.outputs import by_output
 from hybridsurrogate.simulation.files.run_store import RunStore
+from hybridsurrogate.simulation.outputs import by_output
 
 
 @dataclass(frozen=True)

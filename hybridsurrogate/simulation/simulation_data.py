@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from hybridsurrogate.exceptions import FailedRunsWarning
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_spread
-from hybridsurrogate.simulation.curve_tables import RUN, check_curves, curve_rows
+from hybridsurrogate.simulation.curve_tables import check_curves, curve_rows
+from hybridsurrogate.simulation.files.table_file import RUN, read_table, write_table
 from hybridsurrogate.simulation.outputs import OUTPUT, check_names, output_names
 from hybridsurrogate.simulation.ranges import (
     check_support,
@@ -24,7 +25,6 @@ from hybridsurrogate.simulation.ranges import (
     ranges_of_inputs,
     varied_ranges,
 )
-from hybridsurrogate.simulation.files.table_file import read_table, write_table
 from hybridsurrogate.simulation.variables import (
     Assumed,
     Range,
@@ -503,7 +503,9 @@ def finite_rows(X: FloatArray, omega: FloatArray, y: FloatArray) -> NDArray[np.b
 
     Of several outputs one is enough.
     """
-    finite = np.isfinite(y) if y.ndim == 1 else np.isfinite(y).any(axis=1)
+    finite: NDArray[np.bool_] = np.isfinite(y)
+    if y.ndim > 1:
+        finite = np.asarray(finite.any(axis=1))
     for column in (*X.T, *omega.T):
         finite &= np.isfinite(column)
     return finite

@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from hybridsurrogate.priors import FloatArray, Prior, prior_range
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_number
-from hybridsurrogate.simulation.curve_tables import RUN
 from hybridsurrogate.simulation.design import draw_design, run_with_ends
 from hybridsurrogate.simulation.evaluation import (
     Function,
@@ -23,9 +22,10 @@ from hybridsurrogate.simulation.evaluation import (
     evaluate,
     warn_of_lost_curves,
 )
+from hybridsurrogate.simulation.files.run_store import RunStore
+from hybridsurrogate.simulation.files.table_file import RUN
 from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.simulation.outputs import OUTPUT, OneOutput, output_names
-from hybridsurrogate.simulation.files.run_store import RunStore
 from hybridsurrogate.simulation.simulation_data import SimulationData, drop_failed, read_simulation
 from hybridsurrogate.simulation.variables import (
     Assumed,
@@ -374,7 +374,7 @@ class Simulator:
         """Return runs (n_runs, d) of the other inputs and of omega as curves over places."""
         run, X, omega = self._curve_rows(points, places)
         y, error = self._evaluate(X, omega, running)
-        kept = np.isfinite(y).reshape(len(y), -1).any(axis=1)
+        kept = np.asarray(np.isfinite(y).reshape(len(y), -1).any(axis=1))
         warn_of_lost_curves(self.name, run, kept, len(places), error)
         return SimulationData(
             X[kept],

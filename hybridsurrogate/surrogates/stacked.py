@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -148,9 +149,7 @@ class StackedBasis(Basis):
 
     def factor(self, hyper: FloatArray, truncated: bool = False) -> FloatArray | None:
         """Return those of each as blocks."""
-        each = [
-            one.factor(hyper[:, own]) for one, own in zip(self.bases, self._hyper, strict=True)
-        ]
+        each = [one.factor(hyper[:, own]) for one, own in zip(self.bases, self._hyper, strict=True)]
         if all(one is None for one in each):
             return None
         blocks = [
@@ -243,4 +242,4 @@ class StackedBasis(Basis):
 
 def _slices(lengths: Sequence[int]) -> list[slice]:
     ends = np.cumsum([0, *lengths]).tolist()
-    return [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    return [slice(a, b) for a, b in pairwise(ends)]

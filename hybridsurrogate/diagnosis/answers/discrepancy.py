@@ -137,7 +137,8 @@ def _of_output(result: Search, cause: Cause | None, output: int) -> Discrepancy:
         return Discrepancy(grid, column, mean, *band, left)
     unit = float(stacking.scale[output])
     grid = np.delete(grid, stacking.at, axis=1)
-    return Discrepancy(grid, column, unit * mean, *(unit * end for end in band), unit * left)
+    low, high = band
+    return Discrepancy(grid, column, unit * mean, unit * low, unit * high, unit * left)
 
 
 def shares_of_thirds(X: FloatArray, delta: FloatArray, columns: Sequence[str]) -> list[Third]:

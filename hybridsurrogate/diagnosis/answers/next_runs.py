@@ -56,7 +56,7 @@ def next_runs(
         for model, values in _models(result, posteriors)
     ]
     inputs, omega = (np.concatenate(parts) for parts in zip(*asked, strict=True))
-    kept = basis.of_runs(np.arange(inputs.shape[1])[None])[0].tolist()
+    kept = basis.of_runs(np.arange(float(inputs.shape[1]))[None])[0].astype(int).tolist()
     runs = np.unique(np.hstack([inputs[:, kept], omega]), axis=0)
     if len(runs) > _PLACES:
         runs = runs[np.random.default_rng(0).choice(len(runs), _PLACES, replace=False)]

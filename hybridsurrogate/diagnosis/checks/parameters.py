@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from numbers import Integral, Real
 from typing import TYPE_CHECKING
 
+import numpy as np
 from sklearn.utils import check_scalar
 
 from hybridsurrogate.diagnosis.checks.settings import SETTINGS
 from hybridsurrogate.effects.registry import kinds
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
+from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.arrays import check_number
 
 if TYPE_CHECKING:
@@ -70,6 +72,18 @@ def check_rows(n: int, columns: Collection[str], numbers: Collection[str]) -> No
             f"The measured columns {twice} are called like parameters or constants of the "
             "simulation: rename them, as an extended simulation may need both."
         )
+
+
+def check_each_output(Y: FloatArray, names: Sequence[str]) -> None:
+    """Raise ValueError for one of several outputs Y (n, k) of which too little was measured."""
+    if Y.ndim == 1:
+        return
+    for name, n in zip(names, np.isfinite(Y).sum(axis=0).tolist(), strict=True):
+        if n < SETTINGS.least_rows:
+            raise ValueError(
+                f"A diagnosis needs at least {SETTINGS.least_rows} measured rows of each output, "
+                f"got {n} of {name!r}: leave it out of the simulation's outputs."
+            )
 
 
 def _check_estimator(estimator: PowerScaledSurrogate | None) -> None:

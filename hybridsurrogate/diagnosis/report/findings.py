@@ -11,7 +11,7 @@ from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.checks.identifiability import confounded, sentences
 from hybridsurrogate.diagnosis.report.tables import noise_of, thirds, unit_of
 from hybridsurrogate.diagnosis.report.view import View, label_of, label_of_cause
-from hybridsurrogate.diagnosis.search.verdict import kind_shares
+from hybridsurrogate.diagnosis.search.evidence import kind_shares
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.effects.registry import meaning_of

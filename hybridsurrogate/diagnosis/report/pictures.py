@@ -55,6 +55,29 @@ def picture_fit(view: View) -> Picture:
     )
 
 
+def picture_output(view: View) -> Picture:
+    """Draw another of several outputs beside the extended model, and what it leaves."""
+    top, bottom = axes = plotting.new_axes(2, 1, height=5.0, share=True)
+    model = view.diagnosis.extended_estimator_
+    name, colour = "simulation, calibrated", BEFORE
+    if view.extended:
+        name, colour = "extended model", AFTER
+    _draw_model(top, view, model, colour, name, view.x.min(), view.x.max())
+    plotting.plot_measured(top, view.x, view.y)
+    _log_axis(top, view, view.y)
+    plotting.tidy(top, "", view.output)
+    left = view.working_residuals(model)
+    plotting.plot_residuals(bottom, view.x, left, colour, "what is left")
+    log = "log " if view.log_scale else ""
+    plotting.tidy(bottom, view.name, f"{log}measured - {log}predicted", False)
+    rms = digits.number(float(np.sqrt(np.mean(left**2))), 3)
+    return rendered(
+        axes,
+        f"Above: measured {view.output} over {view.name} and the {name}. Below: measured minus "
+        f"predicted, {rms} as a root mean square.",
+    )
+
+
 def picture_causes(view: View) -> Picture:
     """Draw the probabilities of the causes."""
     rivals, probabilities = zip(*view.most_probable, strict=True)
@@ -189,7 +212,7 @@ def picture_next(view: View) -> Picture:
     near = means[0] if view.is_curve else np.concatenate(means)
     plotting.share_range(axes[:1], np.concatenate([view.y, near]))
     plotting.tidy(axes[0], "", view.output)
-    information = information_at(found, rows)
+    information = information_at(found, view.single(rows))
     plotting.plot_information(axes[1], x, information, at[view.shown])
     plotting.tidy(axes[1], view.name, "information\nin bits", legend=False)
     text = digits.listing([label_of(rival) for rival in rivals])

@@ -141,17 +141,6 @@ def make_report(
         for out_of_range in (False, True)
     )
     title = findings.title_of(view)
-    each = ()
-    if view.stacking is not None:
-        others = [view.of(name) for name in view.outputs if name != view.output]
-        each = (
-            Section(
-                "By output",
-                tuple(findings.by_output(view)),
-                tuple(pictures.picture_fit(other) for other in others),
-                tables.output_table(view),
-            ),
-        )
     sections = (
         Section("Verdict", tuple(findings.verdict(view)), (pictures.picture_fit(view),)),
         Section(
@@ -160,7 +149,7 @@ def make_report(
             table=tables.third_table(view),
             caption="Share of the squared discrepancy by thirds of each measured range",
         ),
-        *each,
+        *_by_output(view),
         Section(
             "Causes weighed",
             tuple(rivals.rivals(view)),
@@ -188,6 +177,15 @@ def make_report(
         Section("How far the numbers can be trusted", tuple(scores.draws(view))),
     )
     return Report(title, sections, summary(view, title, sections, measured, (within, beyond)))
+
+
+def _by_output(view: View) -> tuple[Section, ...]:
+    if view.stacking is None:
+        return ()
+    others = [view.of(name) for name in view.outputs if name != view.output]
+    drawn = tuple(pictures.picture_output(other) for other in others)
+    told = tuple(findings.by_output(view))
+    return (Section("By output", told, drawn, tables.output_table(view)),)
 
 
 def _formulas(view: View) -> tuple[tuple[str, str], ...]:

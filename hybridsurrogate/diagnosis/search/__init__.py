@@ -4,10 +4,10 @@ setup              from a fitted estimator to problem, causes and emulator
 working_rows       rows of any likelihood, normal to first order
 screening          one fit of every cause, and more in earnest where it looks promising
 local_fit          a fit, its noise, a finer grid where the evidence is; interrupts
-evidence           evidence of all causes, prior odds, remainder, probabilities
+noise_of_outputs   several outputs: each cause with the noise of each that suits it
+evidence           evidence of all causes, prior odds, probabilities, who leads
 exact_scores       what leads, scored under its own likelihood by importance sampling
 local_prediction   what one cause predicts, given the data
-verdict            who leads, and who cannot be told apart
 null_test          the p-value of the whole search
 forward_selection  several causes, one after the other
 conditioning       where accepted causes are held

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from hybridsurrogate.diagnosis.search.conditioning import conditioned_places
-from hybridsurrogate.diagnosis.search.evidence import Candidate, Search, search
+from hybridsurrogate.diagnosis.search.evidence import Candidate, Search, leader, search
 from hybridsurrogate.diagnosis.search.forward_selection import Step, ends_search
 from hybridsurrogate.diagnosis.search.local_fit import Fitted
-from hybridsurrogate.diagnosis.search.verdict import leader
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.nothing import Nothing
 from hybridsurrogate.inference.evidence.grid import make_grid

@@ -11,6 +11,7 @@ from scipy import special
 from hybridsurrogate.diagnosis.search.evidence import (
     Candidate,
     Search,
+    leader,
     prior_odds,
     remainders,
     search,
@@ -20,7 +21,6 @@ from hybridsurrogate.diagnosis.search.joint_refit import placed_together
 from hybridsurrogate.diagnosis.search.local_fit import InterruptedSearch
 from hybridsurrogate.diagnosis.search.noise_of_outputs import at_best_noise
 from hybridsurrogate.diagnosis.search.null_test import NullTest, evidence_bound, null_test
-from hybridsurrogate.diagnosis.search.verdict import leader
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.evidence.settings import SETTINGS

@@ -26,12 +26,11 @@ from hybridsurrogate.diagnosis.search.local_fit import (
     node_evidence,
     settled,
 )
-from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
+from hybridsurrogate.diagnosis.search.local_prediction import measured_and_other, predict_locally
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.noise.output_noise import OutputNoise
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.posterior import Posterior
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.problem import Problem
 
 # rounds of expectation and maximisation
@@ -100,9 +99,12 @@ def _updated(result: Search, w: Candidate) -> tuple[tuple[float, ...], float]:
     problem = result.problem
     assert problem.stacking is not None
     mean, variance = predict_locally(result, w, problem.X)
+    noise = measured_and_other(result, w, problem.X[:0])[0].noise
+    squares = (problem.y - mean) ** 2 + np.maximum(variance - (w.sigma * noise) ** 2, 0.0)
+    # a cause may change the noise within an output
+    rows = dict(zip(w.model.columns, problem.X.T, strict=False))
+    squares = squares / (noise / _noise_of(w.model).noise(rows, {})) ** 2
     which = problem.X[:, problem.stacking.at]
-    known = w.sigma * _noise_of(w.model).noise(dict(zip(w.model.columns, problem.X.T)), {})
-    squares = (problem.y - mean) ** 2 + np.maximum(variance - known**2, 0.0)
     each = np.array(
         [np.sqrt(np.mean(squares[which == k])) for k in range(len(problem.stacking.names))]
     )

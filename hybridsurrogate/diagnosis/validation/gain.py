@@ -139,7 +139,7 @@ def pointwise(estimator: Any, X: ArrayLike, y: FloatArray) -> Scores:
     inside = estimator.interval_holds(X, y, (COVERAGE_LEVEL, HALF))
     error = np.asarray(y, dtype=float) - estimator.predict(X)
     scores = Scores(estimator.log_predictive_density(X, y), error, *inside)
-    if estimator.stacking_ is None:
+    if error.ndim == 1:
         return scores
     scores = scores._replace(error=error / estimator.stacking_.scale)
     there = np.isfinite(np.asarray(y, dtype=float))

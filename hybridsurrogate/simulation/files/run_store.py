@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.simulation.curve_tables import RUN
+from hybridsurrogate.simulation.files.table_file import RUN
 from hybridsurrogate.whole_file import written_whole
 
 _ABOUT, _RUNS = "about.json", "runs.csv"

@@ -11,8 +11,8 @@ from typing import Any
 
 import pandas as pd
 
-from hybridsurrogate.simulation.curve_tables import RUN
-
+# the column of a long table that says which run a row is of
+RUN = "run"
 _NETCDF = (".nc", ".nc4", ".cdf")
 _OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs"}
 

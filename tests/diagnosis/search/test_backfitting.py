@@ -9,9 +9,8 @@ import pytest
 from hidden_effects.several import make_several
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.search.evidence import kind_of
+from hybridsurrogate.diagnosis.search.evidence import kind_of, leader
 from hybridsurrogate.diagnosis.search.forward_selection import _alone
-from hybridsurrogate.diagnosis.search.verdict import leader
 
 T = np.linspace(0, 10, 80)
 PARAMETERS = {
