@@ -127,12 +127,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     own.add_argument("--inputs", nargs="+", required=True, help="columns known for both")
     own.add_argument("--parameters", nargs="*", default=[], help="columns known for runs only")
-    own.add_argument(
-        "--output",
-        nargs="+",
-        required=True,
-        help="column of the output, or those of several, empty where one was not measured",
-    )
+    own.add_argument("--output", nargs="+", required=True, help="column of the output, or several")
     own.add_argument(
         "--prior",
         action="append",

@@ -65,7 +65,11 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         if self._average is None:
             *earlier, last = self.result_.steps
             self._average = averaged_over(
-                last.given_others, self.estimator_, accepted(earlier), *self._rows
+                last.given_others,
+                self.estimator_,
+                self.extended_estimator_,
+                accepted(earlier),
+                *self._rows,
             )
         return self._average
 

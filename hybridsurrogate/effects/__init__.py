@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from hybridsurrogate.effects.base import SIMULATED, Cause, Context
 from hybridsurrogate.effects.in_output import InOutput
+from hybridsurrogate.effects.output.remainder import Remainder
 from hybridsurrogate.effects.registry import classes, load
 
 if TYPE_CHECKING:  # the files are loaded below, room by room
@@ -59,6 +60,7 @@ __all__ = [
     "ParameterDrift",
     "Periodic",
     "Ramp",
+    "Remainder",
     "Saturation",
     "Step",
     "Trend",

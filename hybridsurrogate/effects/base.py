@@ -43,6 +43,8 @@ class Cause(BaseEstimator):
         Whether the columns are the basis of one random curve, so that they share one size.
     is_one_level : bool
         Whether it is one of several that differ only in the level of a column that is meant.
+    is_learned : bool
+        Whether measured rows tell of it; else its numbers are drawn from their priors.
     follows_mean : bool
         Whether ``noise`` looks at the simulation's output: ``X[SIMULATED]``, on the scale of eta.
 
@@ -80,6 +82,7 @@ class Cause(BaseEstimator):
     meaning: str | None = None
     is_process: bool = False
     is_one_level: bool = False
+    is_learned: bool = True
     follows_mean: bool = False
 
     def prepare(self, context: Context) -> Cause:

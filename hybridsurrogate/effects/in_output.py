@@ -118,6 +118,11 @@ class InOutput(Cause):
         return self.cause.is_one_level
 
     @property
+    def is_learned(self) -> bool:  # type: ignore[override]
+        """As the cause."""
+        return self.cause.is_learned
+
+    @property
     def follows_mean(self) -> bool:  # type: ignore[override]
         """As the cause."""
         return self.cause.follows_mean

@@ -163,7 +163,7 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
             surrogate,
             likelihood,
             self.noise_prior,
-            as_causes(self.effects),
+            tuple(effect for effect in as_causes(self.effects) if effect.is_learned),
             rows.columns,
             rows.X,
             rows.y,

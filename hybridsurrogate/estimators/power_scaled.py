@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Sequence
 from typing import Any
 
 from numpy.typing import ArrayLike
 from sklearn.utils import check_random_state
+from sklearn.utils.validation import check_is_fitted
 
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.base import CheckedData, SurrogateEstimator
@@ -20,6 +22,7 @@ from hybridsurrogate.prediction.leave_one_out import loo_of_fit
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.problem.problem import Problem, make_problem
 from hybridsurrogate.problem.rows import MeasuredRows
+from hybridsurrogate.problem.unlearned import with_unlearned
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
 
@@ -158,9 +161,26 @@ class PowerScaledSurrogate(SurrogateEstimator):
         self._store(data, rows)
         self._fitted = problem, fit
         self.surrogate_, self.likelihood_ = self._check_parameters()
-        self.posterior_, self.first_step_ = fit.second, fit.first
+        unlearned = [effect for effect in as_causes(self.effects) if not effect.is_learned]
+        self.posterior_ = with_unlearned(fit.second, problem, unlearned)
+        self.first_step_ = fit.first
         self.diagnostics_ = fit.diagnostics
         return self
+
+    def with_unlearned(self, effects: Sequence[Cause]) -> PowerScaledSurrogate:
+        """Return the fitted estimator with further effects that measured rows tell nothing of.
+
+        Parameters
+        ----------
+        effects : sequence of Cause
+            Such as `Remainder`: of a cause that rows do tell of another fit is needed.
+        """
+        check_is_fitted(self)
+        problem, _ = self._fitted
+        out = copy.copy(self)
+        out.effects = (*as_causes(self.effects), *effects)
+        out.posterior_ = with_unlearned(self.posterior_, problem, effects)
+        return out
 
     def _problem(
         self, surrogate: Surrogate, likelihood: Likelihood, data: CheckedData, rows: MeasuredRows
@@ -173,7 +193,7 @@ class PowerScaledSurrogate(SurrogateEstimator):
             surrogate,
             likelihood,
             self.noise_prior,
-            as_causes(self.effects),
+            tuple(effect for effect in as_causes(self.effects) if effect.is_learned),
             rows.columns,
             rows.X,
             rows.y,

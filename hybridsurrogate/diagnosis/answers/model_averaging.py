@@ -18,6 +18,7 @@ _MASS = 0.95
 def averaged_over(
     result: Search,
     before: PowerScaledSurrogate,
+    after: PowerScaledSurrogate,
     earlier: tuple[Cause, ...],
     X: ArrayLike,
     y: ArrayLike,
@@ -28,8 +29,8 @@ def averaged_over(
     ----------
     result : Search
         Its causes were weighed beside ``earlier``.
-    before : PowerScaledSurrogate
-        Without effects.
+    before, after : PowerScaledSurrogate
+        Without effects, and the extension, whose remainder all extensions keep.
     earlier : tuple of Cause
         Accepted before, part of every extension.
     X, y
@@ -38,8 +39,9 @@ def averaged_over(
     order = np.argsort(-result.probability, kind="stable")
     n = int(np.searchsorted(np.cumsum(result.probability[order]), _MASS)) + 1
     models = []
+    beyond = tuple(effect for effect in after.effects if not effect.is_learned)
     for candidate in (result.candidates[k] for k in order[:n]):
         effects = (*earlier, candidate.cause) if candidate.cause is not None else earlier
-        models.append(clone(before).set_params(effects=effects))
+        models.append(clone(before).set_params(effects=(*effects, *beyond) if effects else ()))
     weights = result.probability[order[:n]]
     return AveragedSurrogate(models, weights.tolist(), before.random_state).fit(X, y)

@@ -45,8 +45,9 @@ def confounding(
     last, first = after.posterior_, before.posterior_
     derivatives = _derivatives(first, last, X)
     names = list(last.model.parameters)
-    # the noise of several outputs, which follows, is no cause
-    for k, cause in enumerate(last.model.effects[: len(after.effects)]):
+    # the noise of several outputs and a remainder, which follow, are no causes
+    n = sum(effect.is_learned for effect in after.effects)
+    for k, cause in enumerate(last.model.effects[:n]):
         curve = _curve(first, last, k, X)
         for j, name in enumerate(names):
             if cause.target == name:

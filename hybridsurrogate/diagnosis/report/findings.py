@@ -12,8 +12,10 @@ from hybridsurrogate.diagnosis.checks.identifiability import confounded, sentenc
 from hybridsurrogate.diagnosis.report.tables import noise_of, thirds, unit_of
 from hybridsurrogate.diagnosis.report.view import View, label_of, label_of_cause
 from hybridsurrogate.diagnosis.search.evidence import kind_shares
+from hybridsurrogate.effects import Remainder
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.in_output import InOutput
+from hybridsurrogate.effects.output.remainder import GROWTH
 from hybridsurrogate.effects.registry import meaning_of
 
 if TYPE_CHECKING:
@@ -200,10 +202,32 @@ def extension(view: View) -> list[str]:
         "beside the cause."
     )
     out += sentences(confounded(d.confounded_))
+    out += _beyond(view)
     if d.extended_simulator_ is not None:
         names = digits.listing(list(d.extended_simulator_.parameter_names))
         out.append(f"extended_simulator_ runs the formula, with the parameters {names}.")
     return out
+
+
+def _beyond(view: View) -> list[str]:
+    """Say what the extension keeps for what may be lacking beyond the measured range."""
+    kept = [e for e in view.diagnosis.extended_estimator_.effects if not e.is_learned]
+    own = [e for e in kept if not isinstance(e, InOutput) or e.output == view.output]
+    plain = [e.cause if isinstance(e, InOutput) else e for e in own]
+    found = next((e for e in plain if isinstance(e, Remainder)), None)
+    if found is None:
+        return []
+    at_half = view.unit * 0.5**GROWTH
+    low, high = (
+        digits.number(at_half * float(found.parameters["amplitude"].ppf(share)), 2)
+        for share in (0.05, 0.95)
+    )
+    scale = f"log {view.output}" if view.log_scale else view.output
+    return [
+        "Beyond the measured range the extended model is less sure than its formula: what else the "
+        "simulation may lack there has, at a distance of half that range, a standard deviation of "
+        f"{low} to {high} in units of {scale} (90 %), in proportion to what was found within."
+    ]
 
 
 def _elsewhere(view: View) -> str:

@@ -162,7 +162,7 @@ class View:
         """Every accepted cause, what was found about it and the cause itself, in order."""
         if not self.extended:
             return []
-        effects = self.diagnosis.extended_estimator_.effects
+        effects = [e for e in self.diagnosis.extended_estimator_.effects if e.is_learned]
         return list(zip(self.diagnosis.found_causes_, effects, strict=True))
 
     @property

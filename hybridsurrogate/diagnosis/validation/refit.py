@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from sklearn.base import clone
 
 from hybridsurrogate.diagnosis.answers.extension import extend_simulator
+from hybridsurrogate.diagnosis.answers.unknown_beyond import with_remainder
 from hybridsurrogate.diagnosis.search.evidence import Search, kind_of
 from hybridsurrogate.diagnosis.search.forward_selection import Step, forward_search
 from hybridsurrogate.diagnosis.search.setup import prepare, with_basis
@@ -89,9 +90,11 @@ class Refit:
         )
         after, causes = before, accepted(steps)
         if causes:
-            same = [c.name for c in causes] == [c.name for c in self.fitted.after.effects]
+            learned = [cause for cause in self.fitted.after.effects if cause.is_learned]
+            same = [c.name for c in causes] == [c.name for c in learned]
             near = self.fitted.after if same else None
             after = quickly_fitted(clone(plain).set_params(effects=causes), X, y, near)
+            after = with_remainder(before, after)
         return Pair(before, after, in_one_word([kind_of(step.chosen) for step in steps]))
 
 
@@ -129,8 +132,13 @@ def accepted(steps: Sequence[Step]) -> tuple[Cause, ...]:
 def extended(
     before: PowerScaledSurrogate, causes: tuple[Cause, ...], X: ArrayLike, y: ArrayLike
 ) -> PowerScaledSurrogate:
-    """Return the estimator with causes as effects, fitted; the one before where there are none."""
-    return clone(before).set_params(effects=causes).fit(X, y) if causes else before
+    """Return the estimator with causes as effects, fitted; the one before where there are none.
+
+    With causes it keeps a remainder beyond the measured range.
+    """
+    if not causes:
+        return before
+    return with_remainder(before, clone(before).set_params(effects=causes).fit(X, y))
 
 
 def extended_simulator(

@@ -1,0 +1,41 @@
+"""What an extension keeps for what the simulation may lack beyond the measured range."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hybridsurrogate.effects import InOutput, Remainder
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+
+
+def with_remainder(
+    before: PowerScaledSurrogate, after: PowerScaledSurrogate
+) -> PowerScaledSurrogate:
+    """Return a fitted extension with a `Remainder` as large as what it changed.
+
+    Parameters
+    ----------
+    before, after : PowerScaledSurrogate
+        Fitted to the same rows; after has causes as effects.
+    """
+    return after.with_unlearned(_remainders(before, after))
+
+
+def _remainders(before: PowerScaledSurrogate, after: PowerScaledSurrogate) -> tuple[Cause, ...]:
+    """Return the remainder, of several outputs one for each; none of what did not change."""
+    rows, stacking = before.single_rows_[0], before.stacking_
+    change = np.mean(after.posterior_.eta(rows)[0], axis=0)
+    change = change - np.mean(before.posterior_.eta(rows)[0], axis=0)
+    if stacking is None:
+        size = _size(change)
+        return (Remainder(size),) if size > 0 else ()
+    which = rows[:, stacking.at]
+    sizes = {name: _size(change[which == k]) for k, name in enumerate(stacking.names)}
+    return tuple(InOutput(Remainder(size), name) for name, size in sizes.items() if size > 0)
+
+
+def _size(change: np.ndarray) -> float:
+    """Return the root mean square; zero for what is no number."""
+    size = float(np.sqrt(np.mean(change**2)))
+    return size if np.isfinite(size) else 0.0

@@ -1,0 +1,95 @@
+"""What a simulation may lack beyond the measured range, whatever was found within it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy import stats
+
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.priors import Prior, frozen
+
+# learned from 18 measured data sets and 160 generated cases, half of these with their cause left
+# out of the catalogue: how the standard deviation grows with the distance, and its ends in shares
+# of what was found
+GROWTH, LEAST, MOST = 0.25, 0.01, 2.0
+
+
+class Remainder(Cause):
+    """What the simulation may still lack beyond the measured range; within it, nothing.
+
+    ``simulation + amplitude z d^(1/4)`` with d the distance to the measured range of an input, in
+    units of that range, and z standard normal: one for each end of each input, so that beyond an
+    end all rows share it. A simulation that was found to lack something is likely to lack more
+    where it was not measured, by as much: the amplitude is log-uniform from a hundredth of the size
+    of what was found to twice that. The data say nothing of it, so that it is drawn from its prior.
+
+    Parameters
+    ----------
+    size : float
+        Root mean square of what an extension changed at the measured rows, on the scale of eta.
+    ranges : dict of name to (low, high), or None, default=None
+        Measured range of each input. None: that of the rows in ``fit``.
+
+    Notes
+    -----
+    The power and both ends are the round numbers near the best of a grid, by held-out log density.
+    On 18 measured data sets they bring 90 % intervals from 74 to 78 % and the mean log density a
+    row from 0.33 to 0.93 above that of the plain simulation; where the true cause is missing from
+    the catalogue from 73 to 82 %, and by 0.45; where the catalogue holds it from 89 to 96 %, at a
+    cost of 0.02. Powers from 1/5 to 1 and ends three times as far do nearly as well.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> beyond = hs.Remainder(1.0, ranges={"t": (0.0, 10.0)})
+    >>> rows = {"t": np.array([5.0, 20.0, -160.0])}
+    >>> beyond.columns(rows, {"amplitude": np.full(3, 0.5)}).tolist()
+    [[0.0, 0.0], [0.0, 0.5], [1.0, 0.0]]
+    """
+
+    kind = "remainder"
+    coefficient_sd = 1.0
+    is_learned = False
+
+    def __init__(self, size: float, ranges: Mapping[str, tuple[float, float]] | None = None):
+        self.size = size
+        self.ranges = ranges
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in the measured ranges of the simulation's inputs."""
+        if self.ranges is not None:
+            return self
+        ends = {
+            name: (float(context.X[name].min()), float(context.X[name].max()))
+            for name in context.inputs
+        }
+        # an input that was not varied has no unit of distance
+        return Remainder(self.size, {name: e for name, e in ends.items() if e[0] < e[1]})
+
+    @property
+    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
+        """The prior of the amplitude."""
+        return {"amplitude": frozen(stats.loguniform, LEAST * self.size, MOST * self.size)}
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
+        """One for each end of each input."""
+        return tuple(f"{side} {name}" for name in self.ranges or () for side in ("below", "above"))
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """The inputs."""
+        return tuple(self.ranges or ())
+
+    def columns(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return the standard deviation beyond each end, (n, q)."""
+        assert self.ranges is not None
+        sides = []
+        for name, (low, high) in self.ranges.items():
+            for distance in (low - X[name], X[name] - high):
+                sides.append((np.maximum(distance, 0.0) / (high - low)) ** GROWTH)
+        if not sides:
+            return np.empty((len(theta["amplitude"]), 0))
+        return np.stack(sides, axis=1) * np.reshape(theta["amplitude"], (-1, 1))

@@ -1,0 +1,140 @@
+"""What may be lacking beyond the measured range: nothing within it, more the further out."""
+
+import pickle
+
+import numpy as np
+import pytest
+from scipy import stats
+from sklearn.base import clone
+
+import hybridsurrogate as hs
+from hybridsurrogate.effects.output.remainder import GROWTH, LEAST, MOST
+
+T = np.linspace(0, 10, 30)
+Y = 2 * T + 1.0 + 0.1 * np.random.default_rng(0).standard_normal(30)
+
+
+def line(t, a):
+    return a * t
+
+
+SIMULATOR = hs.Simulator(line, {"t": (0, 20)}, {"a": hs.truncated_normal(2, 1, 0, 5)})
+
+
+def fitted(*effects):
+    return hs.PowerScaledSurrogate(
+        SIMULATOR, surrogate=hs.ExactSurrogate(), effects=effects, random_state=0
+    ).fit(T[:, None], Y)
+
+
+@pytest.fixture(scope="module")
+def both():
+    return fitted(hs.Offset()), fitted(hs.Offset(), hs.Remainder(1.5))
+
+
+def test_within_the_measured_range_nothing_changes(both):
+    bare, kept = both
+    X = np.linspace(0, 10, 17)[:, None]
+    np.testing.assert_array_equal(bare.predict(X), kept.predict(X))
+    np.testing.assert_array_equal(bare.posterior_.sigma, kept.posterior_.sigma)
+    assert bare.score(T[:, None], Y) == kept.score(T[:, None], Y)
+    assert bare.loo().elpd == kept.loo().elpd
+
+
+@pytest.mark.parametrize("t", [10.5, 15.0, 30.0, -2.0])
+def test_beyond_it_the_spread_is_that_of_the_prior(both, t):
+    bare, kept = both
+    X = np.array([[t]])
+    added = kept.posterior_.eta(X)[0][:, 0] - bare.posterior_.eta(X)[0][:, 0]
+    distance = max(t - 10, -t) / 10
+    # a log-uniform amplitude times a normal: its second moment
+    square = (MOST**2 - LEAST**2) / (2 * np.log(MOST / LEAST)) * 1.5**2 * distance ** (2 * GROWTH)
+    assert np.mean(added**2) == pytest.approx(square, rel=0.3)
+    assert abs(np.mean(added)) < 4 * np.sqrt(square / len(added))
+    amplitude = kept.posterior_.named()["amplitude"]
+    prior = stats.loguniform(1.5 * LEAST, 1.5 * MOST)
+    amplitudes = np.sort(kept.posterior_.estimates(1)["amplitude"])
+    np.testing.assert_allclose(prior.cdf(amplitudes), (np.arange(1000) + 0.5) / 1000, atol=1e-9)
+    assert len(amplitude) == 1000
+
+
+def test_rows_beyond_one_end_share_it_and_rows_beyond_the_other_do_not(both):
+    bare, kept = both
+    X = np.array([[12.0], [18.0], [-3.0]])
+    added = kept.posterior_.eta(X)[0] - bare.posterior_.eta(X)[0]
+    np.testing.assert_allclose(added[:, 1], added[:, 0] * 4**GROWTH, rtol=1e-6, atol=1e-9)
+    assert abs(np.corrcoef(np.sign(added[:, 0]), np.sign(added[:, 2]))[0, 1]) < 0.15
+
+
+def test_a_fit_to_further_rows_moves_the_range(both):
+    _, kept = both
+    t = np.linspace(0, 20, 40)
+    wider = clone(kept).fit(t[:, None], 2 * t + 1.0 + 0.1 * np.cos(50 * t))
+    prepared = wider.posterior_.model.effects[-1]
+    assert prepared.ranges == {"t": (0.0, 20.0)}
+    assert kept.posterior_.model.effects[-1].ranges == {"t": (0.0, 10.0)}
+
+
+def test_it_is_part_of_a_fitted_estimator_that_is_copied_and_stored(both):
+    bare, kept = both
+    added = bare.with_unlearned([hs.Remainder(1.5)])
+    X = np.array([[15.0]])
+    np.testing.assert_array_equal(added.predict(X), kept.predict(X))
+    assert len(bare.effects) == 1
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(added)).predict(X), kept.predict(X))
+
+
+def test_two_inputs_have_two_ends_each_and_one_that_was_not_varied_none():
+    simulator = hs.Simulator(
+        lambda t, u, v, a: a * t + u + 0 * v,
+        {"t": (0, 20), "u": (0, 5), "v": (0, 1)},
+        {"a": hs.truncated_normal(2, 1, 0, 5)},
+    )
+    random = np.random.default_rng(1)
+    X = np.column_stack([T, random.uniform(0, 5, 30), np.full(30, 0.5)])
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), effects=[hs.Remainder(1.0)], random_state=0
+    ).fit(X, 2 * T + X[:, 1] + 0.1 * random.standard_normal(30))
+    prepared = model.posterior_.model.effects[-1]
+    assert prepared.coefficients == ("below t", "above t", "below u", "above u")
+    inside, outside = np.array([[5.0, 2.0, 0.9]]), np.array([[15.0, 9.0, 0.5]])
+    spread = [np.std(model.posterior_.eta(x)[0]) for x in (inside, outside)]
+    assert spread[0] < 0.2 < spread[1]
+
+
+def test_a_diagnosis_whose_true_cause_is_missing_from_the_catalogue_is_less_sure():
+    """A wave that is not searched for: what is named goes wrong beyond the data, and is told."""
+    random = np.random.default_rng(2)
+    better = []
+    for seed in range(4):
+        t = np.linspace(0, 10, 40)
+        phase = random.uniform(0, 6)
+
+        def truth(t, phase=phase):
+            return 2 * t + 1.5 * np.sin(2 * np.pi * t / 9 + phase)
+
+        y = truth(t) + 0.2 * random.standard_normal(40)
+        model = hs.PowerScaledSurrogate(
+            SIMULATOR, surrogate=hs.ExactSurrogate(), random_state=seed, n_draws=400
+        )
+        diagnosis = hs.DiscrepancyDiagnosis(
+            model, exclude=["periodic"], cv=None, n_replicates=19, random_state=seed
+        ).fit(t[:, None], y)
+        later = np.linspace(10.5, 16, 20)
+        held = later[:, None], truth(later) + 0.2 * random.standard_normal(20)
+        extended = diagnosis.extended_estimator_
+        learned = [effect for effect in extended.effects if effect.is_learned]
+        bare = clone(extended).set_params(effects=learned).fit(t[:, None], y)
+        better.append(extended.score(*held) - bare.score(*held))
+        inside = [model.interval_holds(*held)[0].mean() for model in (extended, bare)]
+        assert inside[0] >= inside[1]
+        assert "less sure than its formula" in str(diagnosis.report()).replace("\n", " ")
+    assert np.mean(better) > 0
+
+
+def test_nothing_found_leaves_nothing_to_keep():
+    model = hs.PowerScaledSurrogate(SIMULATOR, surrogate=hs.ExactSurrogate(), random_state=0)
+    y = 2 * T + 0.1 * np.random.default_rng(3).standard_normal(30)
+    diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(T[:, None], y)
+    assert diagnosis.verdict_ == "adequate"
+    assert not diagnosis.extended_estimator_.effects
