@@ -5,5 +5,7 @@ data             copies, exact data, wrong signs, lost digits
 cost             simulations that take long
 roughness        simulations that jump
 emulator         what the runs leave open at the measured rows
+residuals        whether what is left of the measured rows looks like noise
+prior_ends       parameters that are pushed against the end of their prior
 identifiability  causes that a parameter can take the place of
 """

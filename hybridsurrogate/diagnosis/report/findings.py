@@ -9,6 +9,7 @@ import numpy as np
 
 from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.checks.identifiability import confounded, sentences
+from hybridsurrogate.diagnosis.checks.residuals import STRANGE
 from hybridsurrogate.diagnosis.report.tables import noise_of, thirds, unit_of
 from hybridsurrogate.diagnosis.report.view import View, label_of, label_of_cause
 from hybridsurrogate.diagnosis.search.evidence import kind_shares
@@ -43,6 +44,7 @@ def verdict(view: View) -> list[str]:
             f"Adequate: {data} give no reason to doubt the simulation {name_of(view)}.",
             chance(view),
             *_why_adequate(view),
+            *_at_prior_ends(view),
             "This is no proof that it is right: a fault well below the noise, whose standard "
             f"deviation is about {noise_of(view)}, would not show.",
         ]
@@ -52,6 +54,7 @@ def verdict(view: View) -> list[str]:
             f"Unexplained: {_lower(first)}",
             "No cause of the catalogue accounts for it better than a smooth curve of unknown "
             f"shape, which has {digits.probability(d.best_cause_.probability)} of the probability.",
+            *_at_prior_ends(view),
             chance(view),
         ]
     shares = kind_shares(view.search)
@@ -63,6 +66,18 @@ def verdict(view: View) -> list[str]:
             f"The cause: {found}.",
             *_meaning(view, finding, cause),
             *_sureness(view),
+            _outside(),
+            *_at_prior_ends(view),
+            chance(view),
+            *_further(view),
+        ]
+    if d.verdict_ == "nearest":
+        return [
+            f"Nearest: {_lower(first)}",
+            f"The nearest cause in the catalogue: {found}.",
+            *_left_behind(view),
+            *_sureness(view),
+            *_at_prior_ends(view),
             chance(view),
             *_further(view),
         ]
@@ -74,9 +89,46 @@ def verdict(view: View) -> list[str]:
         f"The leading one: {found}.",
         *_sureness(view),
         *_meaning(view, finding, cause),
+        *_at_prior_ends(view),
         chance(view),
         *_further(view),
     ]
+
+
+def _left_behind(view: View) -> list[str]:
+    """Say what a cause leaves that noise does not."""
+    check = view.diagnosis.residual_check_
+    if check is None or check.p_value > STRANGE:
+        return ["But a smooth curve beside it explains more than noise would leave."]
+    share = digits.percent(check.statistics[check.worst])
+    return [
+        "But it leaves more than noise: of replicated noise, fitted in the same way, only "
+        f"{digits.percent(check.p_value)} looks as strange, first of all by its {check.worst} "
+        f"(alone {share}). What is at fault may be something that the catalogue does not hold."
+    ]
+
+
+def _outside() -> str:
+    """Say what the probabilities suppose."""
+    return (
+        "All this supposes that what is at fault is in the catalogue: of cases whose cause had "
+        "been taken out of it, 37 % got another name with more than 90 % of the probability (of "
+        "those whose cause was in it 65 % got a name so, and 98 % of these the right one)."
+    )
+
+
+def _at_prior_ends(view: View) -> list[str]:
+    """Say which parameters the data push against the end of their prior."""
+    out = []
+    for name, side, mean, end in view.diagnosis.at_prior_end_:
+        beyond = "less" if side == "low" else "more"
+        what = "what was found may stand for that" if view.extended else "widen it if that may be"
+        out.append(
+            f"The parameter {name} is at the {side} end of its prior ({digits.number(mean)}, where "
+            f"2 % of the prior lie at {digits.number(end)} or {beyond}): the data ask for "
+            f"{'still ' if view.extended else ''}{beyond} than it allows, and {what}."
+        )
+    return out
 
 
 def chance(view: View) -> str:
@@ -316,7 +368,7 @@ def _sureness(view: View) -> list[str]:
     out = [f"{has} {own} of the probability{of_kind}{nearest}."]
     if view.kindred():
         names = [label_of_cause(view.cause), *map(label_of, view.kindred())]
-        if view.diagnosis.verdict_ == "named":
+        if view.diagnosis.verdict_ in ("named", "nearest"):
             known = "The data tell the kind, but not which of these it is"
         else:
             known = "Of this kind it may be each of these"

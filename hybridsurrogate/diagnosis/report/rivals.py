@@ -112,6 +112,13 @@ def _advice(view: View) -> str:
             "of extended_estimator_ follow the leading one; averaged_estimator() weighs them all "
             "by their probabilities, and is what to predict with beyond the data."
         )
+    if verdict == "nearest":
+        return (
+            "Do not act on the name: the cause may stand for something that the catalogue lacks. "
+            "Look at what it leaves (the residuals above), search on with "
+            f"max_causes={len(view.findings) + 1}, and put a mechanism of your own among the "
+            "causes. Within the measured range predict with extended_estimator_."
+        )
     found = [label_of_cause(c) for f, c in view.findings if f.kind != "unexplained"]
     found += [label_of(w) for w in view.kindred()]
     check = (
@@ -141,7 +148,7 @@ def _predict_with(view: View) -> str:
 
 def _alike(view: View) -> list[str]:
     """Say how far apart the leading cause and its rivals are, in units of the noise."""
-    if view.diagnosis.verdict_ == "named":
+    if view.diagnosis.verdict_ in ("named", "nearest"):
         return []
     found = view.search
     first = next(w for w in found.candidates if w.cause is view.cause)
@@ -171,7 +178,7 @@ def _it(view: View) -> str:
 def _remainder_with_cause(view: View) -> float:
     """Return the probability that a smooth remainder is needed beside all that was found."""
     d = view.diagnosis
-    if d.verdict_ not in ("named", "ambiguous"):
+    if d.verdict_ not in ("named", "nearest", "ambiguous"):
         return 0.0
     cause, search = view.findings[-1][1], d.result_.steps[-1].given_others
     place = [w.cause is cause for w in search.candidates].index(True)

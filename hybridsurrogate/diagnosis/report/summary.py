@@ -69,6 +69,10 @@ def summary(
         "best_beta_out_of_range": _best(beyond),
         "next_measurement": diagnosis.next_measurement_,
         "next_information": diagnosis.next_information_,
+        "residual_check": None
+        if diagnosis.residual_check_ is None
+        else asdict(diagnosis.residual_check_),
+        "at_prior_end": [one._asdict() for one in diagnosis.at_prior_end_],
         "confounded": diagnosis.confounded_.to_dict("records"),
         "emulator": None
         if diagnosis.emulator_check_ is None

@@ -1,4 +1,4 @@
-"""Runs, folds and a grid search on a cluster, through joblib: the same numbers as in one process."""
+"""Runs, folds and a grid search on a cluster: the same numbers as in one process."""
 
 import subprocess
 import sys

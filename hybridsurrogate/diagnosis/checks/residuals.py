@@ -1,0 +1,135 @@
+"""Whether what a model leaves of the measured rows looks like noise: posterior predictive checks.
+
+Replicates of noise are fitted by the linearised model as the measured rows were, so that the
+freedom of the fit is in what they leave, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft
+
+from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
+from hybridsurrogate.diagnosis.search.forward_selection import Step
+from hybridsurrogate.diagnosis.search.local_prediction import local_posterior, measured_and_other
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.simulation.outputs import OUTPUT
+
+_REPLICATES = 999
+# of causes that are right so many are called the nearest one
+STRANGE = 0.05
+# slow waves over a column, from a half to two over its range
+_WAVES = 4
+
+
+@dataclass(frozen=True)
+class ResidualCheck:
+    """What replicated noise says of the residuals of a model.
+
+    Attributes
+    ----------
+    p_value : float
+        The chance that noise alone has one statistic as extreme as the most extreme one here.
+    statistics : dict of str to float
+        The chance of each: "neighbours over t" (correlation of neighbouring rows), "curve over t"
+        (power of slow waves), "spread over t" (change of the spread), "tails" (kurtosis).
+    """
+
+    p_value: float
+    statistics: dict[str, float]
+
+    @property
+    def worst(self) -> str:
+        """The statistic with the least chance."""
+        return min(self.statistics, key=lambda name: self.statistics[name])
+
+
+def check_residuals(result: Search, w: Candidate) -> ResidualCheck | None:
+    """Return how probable it is that noise leaves residuals as strange as those of a cause.
+
+    None where the noise is not normal: beside outliers, and under other likelihoods.
+
+    Parameters
+    ----------
+    result : Search
+    w : Candidate
+        Of its candidates.
+    """
+    if result.problem.working_point is not None or (w.cause and w.cause.has_outliers):
+        return None
+    left = _left(result, w)
+    X, columns = result.problem.X, result.problem.model.columns
+    told: dict[str, FloatArray] = {}
+    for k, name in enumerate(columns):
+        if name == OUTPUT or len(np.unique(X[:, k])) < 2 * _WAVES:
+            continue
+        order = _order(X, k, columns)
+        for word, statistic in _OVER_COLUMN.items():
+            told[f"{word} over {name}"] = statistic(left[:, order])
+    told["tails"] = _kurtosis(left)
+    values = np.array(list(told.values()))
+    # the share of all that are as extreme: of the measured rows, and of each replicate
+    ranks = np.argsort(np.argsort(-values, axis=1), axis=1) + 1
+    shares = ranks / values.shape[1]
+    least = shares.min(axis=0)
+    p_value = float(np.mean(least <= least[0]))
+    return ResidualCheck(p_value, dict(zip(told, shares[:, 0].tolist(), strict=True)))
+
+
+def leaves_structure(step: Step, check: ResidualCheck | None) -> bool:
+    """Tell whether a cause leaves more than noise: by its residuals, or beside a smooth curve."""
+    strange = check is not None and check.p_value <= STRANGE
+    place = [w is step.chosen for w in step.given_others.candidates]
+    remainder = float(step.given_others.remainder[place.index(True)]) if any(place) else 0.0
+    return strange or remainder > 0.5
+
+
+def _left(result: Search, w: Candidate) -> FloatArray:
+    """Return what the model leaves of the measured rows, then of noise, (1 + R, n), scaled."""
+    rows, _ = measured_and_other(result, w, result.problem.X[:0])
+    noisy_path = w.cause is not None and w.cause.is_process and not w.cause.changes_output
+    local = local_posterior(result, w, rows, w.sigma if noisy_path else float(result.sizes[-1]))
+    design = rows.design / rows.noise[:, None]
+    measured = (result.problem.y - rows.offset) / rows.noise - design @ local.mean
+    # a fixed stream: a verdict has no randomness of its own
+    noise = np.random.RandomState(0).standard_normal((_REPLICATES, len(measured)))
+    fitted = noise @ design @ local.covariance @ design.T / w.sigma**2
+    left = np.vstack([measured, noise - fitted])
+    scale = np.sqrt(np.mean(left**2, axis=1, keepdims=True))
+    return np.asarray(left / np.maximum(scale, np.finfo(float).tiny))
+
+
+def _order(X: FloatArray, k: int, columns: tuple[str, ...]) -> np.ndarray:
+    """Return the rows along a column, of several outputs one after the other."""
+    if OUTPUT not in columns:
+        return np.argsort(X[:, k], kind="stable")
+    return np.lexsort((X[:, k], X[:, columns.index(OUTPUT)]))
+
+
+def _neighbours(left: FloatArray) -> FloatArray:
+    return np.asarray(np.mean(left[:, 1:] * left[:, :-1], axis=1))
+
+
+def _curve(left: FloatArray) -> FloatArray:
+    waves = fft.dct(left, axis=1, norm="ortho")[:, 1 : 1 + _WAVES]
+    return np.asarray(np.sum(waves**2, axis=1))
+
+
+def _spread(left: FloatArray) -> FloatArray:
+    n = left.shape[1]
+    rank = np.linspace(-1, 1, n)
+    return np.abs(np.abs(left) @ rank)
+
+
+def _kurtosis(left: FloatArray) -> FloatArray:
+    return np.asarray(np.mean(left**4, axis=1))
+
+
+_OVER_COLUMN: Mapping[str, Callable[[FloatArray], FloatArray]] = {
+    "neighbours": _neighbours,
+    "curve": _curve,
+    "spread": _spread,
+}
