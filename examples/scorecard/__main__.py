@@ -9,7 +9,7 @@ from pathlib import Path
 from hidden_effects.cases import FORMS
 from hidden_effects.several import PAIR_NAMES, TRIPLE_NAMES
 
-from . import page, plots, tables
+from . import outside, page, plots, tables
 from .run import run_into, tasks
 
 
@@ -28,6 +28,9 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--runs", type=int, default=0, help="of an emulated simulation")
     made.add_argument("--places", type=int, default=0, help="of a run that is a curve")
     made.add_argument("--further", type=int, default=0, help="runs where they tell most, at most")
+    made.add_argument(
+        "--outside", action="store_true", help="take the true kind out of the catalogue"
+    )
     made.add_argument("--jobs", type=int, default=1)
     made.add_argument("--out", type=Path, default=Path("scorecard.csv"), help="is carried on")
     made.add_argument("--from-csv", type=Path, help="only print the tables of this file")
@@ -54,6 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             given.runs,
             given.places,
             given.further,
+            given.outside,
         )
         try:
             for k, row in enumerate(run_into(source, todo, given.jobs), start=1):
@@ -64,6 +68,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     table = tables.read(source)
     if table.empty:
         print(f"{source} holds no results.")
+        return
+    if given.outside:
+        text = outside.page_of(table)
+        print(text)
+        if given.page:
+            given.page.write_text(text, encoding="utf-8")
         return
     print(page.report(table, page.as_text, "#"))
     folder = given.plots or (given.page.parent if given.page else None)

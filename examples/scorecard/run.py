@@ -69,6 +69,7 @@ class Task:
     runs: int = 0  # of the simulation, that an emulator is trained on; 0: the simulation itself
     places: int = 0  # along the first input at which a run has outputs; 0: one, anywhere
     further: int = 0  # runs at most where the first ones leave most open
+    outside: bool = False  # whether the kind is taken out of the catalogue
 
 
 @dataclass(frozen=True)
@@ -149,7 +150,13 @@ def _diagnose(case: Case, task: Task) -> hs.DiscrepancyDiagnosis:
         random_state=task.seed,
     )
     n_causes = 1 + task.kind.count("+")
-    diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, max_causes=n_causes, random_state=task.seed)
+    diagnosis = hs.DiscrepancyDiagnosis(
+        model,
+        exclude=(task.kind.partition(":")[0],) if task.outside else (),
+        cv=None,
+        max_causes=n_causes,
+        random_state=task.seed,
+    )
     with warnings.catch_warnings():
         # doubtful draws show in the coverage; a simulation left its domain in a rival only
         warnings.simplefilter("ignore", hs.HybridSurrogateWarning)
@@ -232,6 +239,7 @@ def tasks(
     runs: int = 0,
     places: int = 0,
     further: int = 0,
+    outside: bool = False,
 ) -> list[Task]:
     """List the cases by seed, so that an interrupted run has some of everything.
 
@@ -242,7 +250,7 @@ def tasks(
     for seed in sorted({*seeds, *nulls}.union(*several.values())):
         if seed in seeds:
             found += [
-                Task(k, float(s), n, seed, runs, places, further)
+                Task(k, float(s), n, seed, runs, places, further, outside)
                 for k in kinds
                 for s in sizes
                 for n in rows
@@ -281,7 +289,8 @@ def done(path: Path) -> set[Task]:
 def _task_of(row: dict[str, str]) -> Task:
     numbers = int(row["rows"]), int(row["seed"]), int(row["runs"])
     curves = int(row.get("places") or 0), int(row.get("further") or 0)
-    return Task(row["kind"], float(row["size"]), *numbers, *curves)
+    outside = row.get("outside") == "True"
+    return Task(row["kind"], float(row["size"]), *numbers, *curves, outside)
 
 
 def run_into(path: Path, todo: Sequence[Task], jobs: int = 1) -> Iterator[dict[str, Any]]:

@@ -55,6 +55,7 @@ def read(path: Path) -> pd.DataFrame:
     # files from before runs could be curves
     for name in ("places", "further"):
         table[name] = table.get(name, "0")
+    table["outside"] = table.get("outside", "False") == "True"
     for name in _NUMBERS:
         table[name] = pd.to_numeric(table[name], errors="coerce")
     return judged(table[table["trouble"] != "infeasible"].reset_index(drop=True))

@@ -161,6 +161,10 @@ class AveragedSurrogate(SurrogateEstimator):
         pairs = zip(self.weights_, self.estimators_, strict=True)
         return [(float(weight), one.posterior_) for weight, one in pairs if weight > 0]
 
+    def _learned(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
+        pairs = zip(self.weights_, self.estimators_, strict=True)
+        return [(float(weight), one._fitted[1].second) for weight, one in pairs if weight > 0]
+
     def _pointwise_loo(self) -> PointwiseLoo:
         parts = [one._pointwise_loo() for one in self.estimators_]
         log_density = special.logsumexp(

@@ -101,6 +101,10 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         At rows X weights may be arrays (n,); without rows they are means over the measured ones.
         """
 
+    def _learned(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
+        """Return `_mixture` without effects that measured rows tell nothing of."""
+        return self._mixture(X)
+
     # ------------------------------------------------------------------------------ checks
 
     def _check_parameters(self) -> tuple[Surrogate, Likelihood]:
@@ -298,6 +302,9 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
     ) -> FloatArray | tuple[FloatArray, FloatArray]:
         """Return the posterior predictive mean of y.
 
+        Effects that measured rows tell nothing of, such as a `Remainder`, widen intervals and have
+        no direction: the mean is that of all else.
+
         Parameters
         ----------
         X : array-like of shape (n, n_columns)
@@ -311,14 +318,14 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
             Only with ``return_std=True``.
         """
         X = self.checked_rows(X)
-        pieces = [
-            moments(self._mixture(X[some]), X[some], with_variance=return_std)
-            for some in row_blocks(self._mixture, X)
-        ]
-        mean, carried, *variance = (np.concatenate(piece) for piece in zip(*pieces, strict=True))
+        cuts = row_blocks(self._mixture, X)
+        pieces = [moments(self._learned(X[some]), X[some], with_variance=False) for some in cuts]
+        mean, carried = (np.concatenate(piece) for piece in zip(*pieces, strict=True))
         warn_of_carried(carried)
-        mean = self._back(mean)
-        return (mean, self._back(np.sqrt(variance[0]))) if return_std else mean
+        if not return_std:
+            return self._back(mean)
+        whole = [moments(self._mixture(X[some]), X[some], with_variance=True)[2] for some in cuts]
+        return self._back(mean), self._back(np.sqrt(np.concatenate(whole)))
 
     def predict_interval(self, X: ArrayLike, level: float = 0.9) -> tuple[FloatArray, FloatArray]:
         """Return a central interval that holds a new y with the given probability.

@@ -216,6 +216,9 @@ class PowerScaledSurrogate(SurrogateEstimator):
     def _mixture(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
         return [(1.0, self.posterior_)]
 
+    def _learned(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
+        return [(1.0, self._fitted[1].second)]
+
 
 def as_causes(effects: Any, argument: str = "effects") -> tuple[Cause, ...]:
     """Return effects as a tuple of causes; raise TypeError when they are something else."""

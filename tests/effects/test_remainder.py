@@ -58,6 +58,15 @@ def test_beyond_it_the_spread_is_that_of_the_prior(both, t):
     assert len(amplitude) == 1000
 
 
+def test_the_predicted_mean_is_that_of_the_formula(both):
+    bare, kept = both
+    X = np.array([[5.0], [15.0], [30.0]])
+    mean, std = kept.predict(X, return_std=True)
+    np.testing.assert_array_equal(mean, bare.predict(X))
+    assert std[0] == pytest.approx(bare.predict(X, return_std=True)[1][0])
+    assert std[2] > std[1] > 2 * std[0]
+
+
 def test_rows_beyond_one_end_share_it_and_rows_beyond_the_other_do_not(both):
     bare, kept = both
     X = np.array([[12.0], [18.0], [-3.0]])

@@ -65,7 +65,8 @@ def test_the_seasons_of_mauna_loa():
         co2.simulator, surrogate=hs.ExactSurrogate(), n_draws=300, random_state=0
     )
     diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(co2.data, co2.target)
-    assert diagnosis.verdict_ == "named"
+    # years differ by more than their seasons: El Nino and others stay in what is left
+    assert diagnosis.verdict_ == "nearest"
     assert diagnosis.best_cause_.kind == "periodic"
     assert diagnosis.best_cause_.estimates["period"][0] == pytest.approx(1.0, abs=0.01)
 

@@ -14,7 +14,9 @@ from scorecard.__main__ import main
 from scorecard.run import Result, Task
 
 
-def row(kind, found, *, size=2.0, rows=40, seed=0, runs=0, places=0, further=0, **given):
+def row(
+    kind, found, *, size=2.0, rows=40, seed=0, runs=0, places=0, further=0, outside=False, **given
+):
     """One row of results, as a run would write it."""
     told = {
         "simulation": "cooling",
@@ -27,7 +29,7 @@ def row(kind, found, *, size=2.0, rows=40, seed=0, runs=0, places=0, further=0, 
         "several": found,
         "ratio": 0.5,
     }
-    task = Task(kind, size, rows, seed, runs, places, further)
+    task = Task(kind, size, rows, seed, runs, places, further, outside)
     return asdict(task) | asdict(Result(**(told | given)))
 
 
@@ -236,6 +238,33 @@ def test_all_named():
 
 
 # --------------------------------------------------------------------------- an interrupted run
+
+
+def test_truths_outside_the_catalogue_have_a_page_of_their_own(tmp_path, monkeypatch, capsys):
+    asked = []
+
+    def score(task):
+        asked.append(task)
+        verdict, share = ("named", 0.95) if task.seed % 2 else ("nearest", 0.99)
+        told = {"verdict": verdict, "leader_share": share, "elpd_named": -2.0, "inside_named": 0.5}
+        return row(found="trend", **asdict(task), **told)
+
+    monkeypatch.setattr(run, "score", score)
+    path, page = tmp_path / "outside.csv", tmp_path / "outside.md"
+    few = ["--kinds", "step", "--sizes", "2", "--seeds", "4", "--nulls", "0", "--pairs", "0"]
+    main(["--outside", *few, "--out", str(path), "--page", str(page)])
+    assert all(task.outside for task in asked)
+    assert run.done(path) == set(asked)
+    line = next(line for line in page.read_text().splitlines() if line.startswith("| all"))
+    cells = [cell.strip() for cell in line.strip("|").split("|")]
+    assert cells[1:5] == ["4", "50%", "50%", "50%"]
+    assert "Whatever is named is wrong" in capsys.readouterr().out
+
+
+def test_a_case_outside_is_diagnosed_without_its_kind():
+    found = run.score(Task("step", 4.0, 40, 0, outside=True))
+    assert found["trouble"] == ""
+    assert "step" not in found["several"].split("|")
 
 
 def test_an_interrupted_run_is_carried_on(tmp_path, monkeypatch, capsys):

@@ -115,9 +115,8 @@ def _advice(view: View) -> str:
     if verdict == "nearest":
         return (
             "Do not act on the name: the cause may stand for something that the catalogue lacks. "
-            "Look at what it leaves (the residuals above), search on with "
-            f"max_causes={len(view.findings) + 1}, and put a mechanism of your own among the "
-            "causes. Within the measured range predict with extended_estimator_."
+            f"Look at what it leaves (the residuals above). {_search_on(view)} "
+            f"{_predict_with(view)}"
         )
     found = [label_of_cause(c) for f, c in view.findings if f.kind != "unexplained"]
     found += [label_of(w) for w in view.kindred()]
@@ -126,12 +125,16 @@ def _advice(view: View) -> str:
         "cause that is true."
     )
     if _remainder_with_cause(view) > SETTINGS.told_remainder:
-        more = len(view.findings) + 1
-        check += (
-            f" Something is left beside {_it(view)}: search on with "
-            f"max_causes={more}, and put a mechanism of your own among the causes."
-        )
+        check += f" {_search_on(view)}"
     return f"{check} {_predict_with(view)}"
+
+
+def _search_on(view: View) -> str:
+    more = len(view.findings) + 1
+    return (
+        f"Something is left beside {_it(view)}: search on with max_causes={more}, and put a "
+        "mechanism of your own among the causes."
+    )
 
 
 def _predict_with(view: View) -> str:
