@@ -14,7 +14,8 @@ from sklearn.utils import _safe_indexing
 
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.beta_path import beta_path
-from hybridsurrogate.simulation.arrays import as_numbers, as_outputs, complete_table
+from hybridsurrogate.problem.stacking import as_several
+from hybridsurrogate.simulation.arrays import as_numbers, as_outputs, as_table, complete_table
 
 LEAVE_FUTURE_OUT = "leave-future-out"
 _FUTURE_SPLITS = 5
@@ -87,7 +88,9 @@ def choose_beta(
     True
     """
     grid = np.linspace(0, 1, 21) if betas is None else np.atleast_1d(np.asarray(betas, float))
-    X, outputs = complete_table(X), as_outputs(y)
+    X, table = complete_table(X), as_table(y, "y")
+    names = model._output_names(table)
+    outputs = as_outputs(y) if len(names) == 1 else as_several(table, names)
     if isinstance(cv, str):
         if cv != LEAVE_FUTURE_OUT:
             raise ValueError(f"cv must be as in scikit-learn or {LEAVE_FUTURE_OUT!r}, got {cv!r}.")
@@ -95,13 +98,14 @@ def choose_beta(
         folds = TimeSeriesSplit(_FUTURE_SPLITS).split(order)
         splits = [(order[train], order[test]) for train, test in folds]
     else:
-        splits = list(check_cv(cv).split(outputs[:, None], outputs))
+        splits = list(check_cv(cv).split(np.zeros((len(outputs), 1)), outputs))
     held_out, n_refits = [], 0
     for train, test in splits:
         path = beta_path(model, _safe_indexing(X, train), outputs[train], list(grid))
         n_refits += path.n_refits
         rows = _safe_indexing(X, test)
-        held_out.append([m.log_predictive_density(rows, outputs[test]) for m in path.estimators])
+        told = np.array([m.log_predictive_density(rows, outputs[test]) for m in path.estimators])
+        held_out.append(told[:, np.isfinite(outputs[test])])
     pointwise = np.concatenate(held_out, axis=1)
     mean = pointwise.mean(axis=1)
     best = int(np.argmax(mean))

@@ -16,6 +16,7 @@ from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.arrays import check_number
 from hybridsurrogate.simulation.design import random_generator
+from hybridsurrogate.simulation.outputs import OUTPUT
 
 # scipy 1.15 renamed the argument
 _RNG = "rng" if "rng" in inspect.signature(stats.sobol_indices).parameters else "random_state"
@@ -105,6 +106,9 @@ def sobol_indices(
         priors = [_marginal(posterior.values[:, k]) for k in range(len(names))]
     first, total = _indices(outputs, priors, int(n), random_generator(random_state))
     table = pd.DataFrame(np.repeat(rows, len(names), axis=0), columns=list(model.columns))
+    if estimator.stacking_ is not None:
+        which = table.pop(OUTPUT).to_numpy(dtype=int)
+        table["output"] = np.array(estimator.stacking_.names)[which]
     table["parameter"] = np.tile(names, len(rows))
     table["first"], table["total"] = first.ravel(), total.ravel()
     return table

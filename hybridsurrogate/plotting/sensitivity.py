@@ -32,9 +32,11 @@ def plot_sobol(table: pd.DataFrame, ax: Any = None) -> Any:
     """
     ax = plt.subplots(layout="constrained")[1] if ax is None else ax
     column = table.columns[0]
-    for k, (name, own) in enumerate(table.groupby("parameter", sort=False)):
+    # of several outputs a pair of lines for each
+    keys = ["parameter", "output"] if "output" in table else ["parameter"]
+    for k, (names, own) in enumerate(table.groupby(keys, sort=False)):
         own = own.sort_values(column)
-        ax.plot(own[column], own["total"], color=f"C{k}", label=str(name))
+        ax.plot(own[column], own["total"], color=f"C{k}", label=", ".join(map(str, names)))
         ax.plot(own[column], own["first"], color=f"C{k}", ls="--")
     ax.set(xlabel=column, ylabel="share of the variance\n(total; dashed: first order)")
     ax.set_ylim(-0.05, 1.05)

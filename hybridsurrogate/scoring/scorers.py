@@ -6,10 +6,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.scoring.scores import crps, elpd, interval_score, same_rows
-from hybridsurrogate.simulation.arrays import as_outputs
+from hybridsurrogate.simulation.arrays import as_numbers, as_outputs
 
 # of y, behind a continuous ranked probability score
 _N_DRAWS = 1000
@@ -38,7 +39,8 @@ def elpd_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
     -3.0
     """
     density = _method(estimator, "log_predictive_density", "elpd_scorer")
-    return elpd(density(X, y))[0]
+    values, there = np.asarray(density(X, y)), _measured(y)[1]
+    return elpd(values[there])[0]
 
 
 def neg_crps_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
@@ -69,7 +71,8 @@ def neg_crps_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
     """
     sample = _method(estimator, "sample_posterior_predictive", "neg_crps_scorer")
     draws = sample(X, n_draws=_N_DRAWS, random_state=0)
-    return -float(crps(draws, as_outputs(y)).mean())
+    values, there = _measured(y)
+    return -float(crps(draws[:, there], values[there]).mean())
 
 
 def neg_rmse_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
@@ -94,8 +97,13 @@ def neg_rmse_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
     -2.0
     """
     predict = _method(estimator, "predict", "neg_rmse_scorer")
-    predicted, y = same_rows({"predict(X)": predict(X), "y": as_outputs(y)})
-    return -float(np.sqrt(np.mean((predicted - y) ** 2)))
+    values, there = _measured(y)
+    predicted = np.asarray(predict(X))
+    pair = predicted, values
+    if predicted.shape == there.shape:
+        pair = predicted[there], values[there]
+    predicted, values = same_rows(dict(zip(("predict(X)", "y"), pair, strict=True)))
+    return -float(np.sqrt(np.mean((predicted - values) ** 2)))
 
 
 def interval_score_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
@@ -124,7 +132,8 @@ def interval_score_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
     """
     interval = _method(estimator, "predict_interval", "interval_score_scorer")
     lower, upper = interval(X, level=_LEVEL)
-    return -float(interval_score(as_outputs(y), lower, upper, _LEVEL).mean())
+    values, there = _measured(y)
+    return -float(interval_score(values[there], lower[there], upper[there], _LEVEL).mean())
 
 
 #: All scorers by name, as in ``GridSearchCV(model, grid, scoring=SCORERS, refit="elpd")``.
@@ -134,6 +143,15 @@ SCORERS: dict[str, Callable[[Any, ArrayLike, ArrayLike], float]] = {
     "neg_rmse": neg_rmse_scorer,
     "neg_interval_score": interval_score_scorer,
 }
+
+
+def _measured(y: ArrayLike) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return outputs and which of them were measured: of several some may be missing."""
+    if np.ndim(y) < 2 or np.shape(y)[1] < 2:
+        values = as_outputs(y)
+        return values, np.ones(values.shape, dtype=bool)
+    values = as_numbers(y, "y")
+    return values, np.isfinite(values)
 
 
 def _method(estimator: Any, name: str, scorer: str) -> Callable[..., Any]:

@@ -8,6 +8,7 @@ from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV
 
 import hybridsurrogate as hs
+from hybridsurrogate.plotting import plot_sobol
 
 N = 30
 
@@ -197,6 +198,31 @@ def test_a_grid_search_over_beta(data):
     )
     search = GridSearchCV(model, {"beta": [0.3, 0.9]}, cv=3).fit(X, Y)
     assert np.isfinite(search.cv_results_["mean_test_score"]).all()
+
+
+def test_scores_paths_and_indices_know_the_outputs(data):
+    X, Y = data
+    model = exact().fit(X, Y)
+    there = np.isfinite(Y)
+    assert hs.scoring.elpd_scorer(model, X, Y) == pytest.approx(model.score(X, Y))
+    error = np.sqrt(np.mean((model.predict(X) - Y)[there] ** 2))
+    assert hs.scoring.neg_rmse_scorer(model, X, Y) == pytest.approx(-error)
+    assert hs.scoring.neg_crps_scorer(model, X, Y) < 0
+    assert hs.scoring.interval_score_scorer(model, X, Y) < 0
+    table = hs.sobol_indices(model, [[1.0], [8.0]], n=64, random_state=0)
+    assert table["output"].unique().tolist() == ["h", "q"]
+    # at the start the level has nothing of the rate, and the flow much
+    start = table[table["t"] == 1.0].set_index(["output", "parameter"])["total"]
+    assert start["h", "k"] < 0.2 < start["q", "k"]
+    assert len(plot_sobol(table).get_legend_handles_labels()[1]) == 4
+    runs = SIMULATOR.run(60, random_state=0)
+    trained = hs.PowerScaledSurrogate(
+        runs, surrogate=hs.PolynomialChaos(3), n_draws=100, sampler="importance", random_state=0
+    )
+    frame = pd.DataFrame(Y[:, ::-1], columns=["q", "h"])
+    chosen = [hs.choose_beta(trained, X, y, betas=[0.2, 0.9], cv=2) for y in (Y, frame)]
+    assert chosen[0].beta == chosen[1].beta
+    assert np.isfinite(chosen[0].table["elpd"]).all()
 
 
 def test_counts_of_several_outputs_have_no_noise_to_infer():
