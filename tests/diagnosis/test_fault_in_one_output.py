@@ -51,21 +51,21 @@ def leading(diagnosis):
 
 
 def test_nothing_is_found_where_nothing_is_hidden():
-    verdicts = [fitted(*measured(seed)).verdict_ for seed in range(8)]
-    # of 8 with a chance of at most 5 % each, 3 or more have one of 0.6 %
-    assert verdicts.count("adequate") >= 6
+    verdicts = [fitted(*measured(seed)).verdict_ for seed in range(5)]
+    # of 5 with a chance of at most 5 % each, 2 or more have one of 2.3 %
+    assert verdicts.count("adequate") >= 4
 
 
 @pytest.mark.parametrize("output", [0, 1])
 def test_a_step_in_one_output_is_found_there(output):
     found = 0
-    for seed in range(4):
+    for seed in range(3):
         X, Y = measured(seed)
         Y[:, output] += 4 * NOISE[output] * (X[:, 0] > 5)
         diagnosis = fitted(X, Y)
         found += leading(diagnosis) == ["step", f"{('h', 'q')[output]}: t"]
         assert diagnosis.verdict_ != "adequate"
-    assert found >= 3
+    assert found >= 2
 
 
 def test_a_parameter_that_changes_is_one_cause_in_all_outputs():
