@@ -21,8 +21,7 @@ from hybridsurrogate.diagnosis.validation.gain import Gain, gain_from, pointwise
 from hybridsurrogate.diagnosis.validation.refit import accepted
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.problem.stacking import as_several
-from hybridsurrogate.simulation.arrays import as_outputs, as_table, complete_table
+from hybridsurrogate.simulation.arrays import complete_table
 
 # attributes of earlier versions that took a fit, and the methods in their place
 _METHODS = {
@@ -84,7 +83,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
             The model after is ``averaged_estimator()`` instead of ``extended_estimator_``.
         """
         check_is_fitted(self)
-        y = self.checked_outputs(y_test, "y_test")
+        y = self.measured_outputs(y_test, "y_test")
         after = self.averaged_estimator() if averaged else self.extended_estimator_
         return gain_from(pointwise(self.estimator_, X_test, y), pointwise(after, X_test, y))
 
@@ -160,14 +159,14 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
             return self.beta_scans_.few(out_of_range)
         rows, values = self._rows if X is None or y is None else (X, y)
         grid = np.linspace(0, 1, 11) if betas is None else np.unique(np.asarray(betas, dtype=float))
-        rows, values = complete_table(rows), self.checked_outputs(values, "y")
+        rows, values = complete_table(rows), self.measured_outputs(values, "y")
         folds = scan_folds(values)
         return scan_beta(
             self.beta_scans_.models, grid, folds, rows, values, self.beta_scans_.n_jobs
         )
 
-    def checked_outputs(self, y: ArrayLike, word: str = "y") -> FloatArray:
-        """Return measured outputs as floats, (n,), or (n, k) with NaN of several.
+    def measured_outputs(self, y: ArrayLike, word: str = "y") -> FloatArray:
+        """Return outputs as the fitted models read them, (n,), or (n, k) with NaN of several.
 
         Parameters
         ----------
@@ -175,10 +174,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         word : str, default="y"
             What to call it in an error.
         """
-        stacking = self.estimator_.stacking_
-        if stacking is None:
-            return as_outputs(y, word)
-        return as_several(as_table(y, word), stacking.names, word)
+        return self.estimator_.measured_outputs(y, word)
 
     def predict(self, X: ArrayLike, return_std: bool = False) -> Any:
         """Return predictions of the extended estimator.

@@ -44,6 +44,7 @@ from hybridsurrogate.problem.rows import MeasuredRows, check_weights, merged_row
 from hybridsurrogate.problem.stacking import Stacking, as_several, stacking_of
 from hybridsurrogate.simulation.arrays import (
     as_numbers,
+    as_outputs,
     as_table,
     check_number,
     check_size,
@@ -104,6 +105,12 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
     def _learned(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
         """Return `_mixture` without effects that measured rows tell nothing of."""
         return self._mixture(X)
+
+    @property
+    def _has_unlearned(self) -> bool:
+        """Whether there are such effects, so that `_learned` is another mixture."""
+        pairs = zip(self._learned(), self._mixture(), strict=True)
+        return any(learned is not whole for (_, learned), (_, whole) in pairs)
 
     # ------------------------------------------------------------------------------ checks
 
@@ -187,7 +194,9 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         warn_elsewhere(output, self.simulation)
         stacking, simulation, single = None, self.simulation, (rows, output, weights)
         if output.ndim > 1:
-            stacking, simulation = self._stacked_outputs(columns, output, likelihood)
+            # rows of no weight are as if they were not there
+            counted = output[weights > 0]
+            stacking, simulation = self._stacked_outputs(columns, counted, likelihood)
             columns = (*columns[: stacking.at], OUTPUT, *columns[stacking.at :])
             long, values = stacking.rows(rows), stacking.values(output)
             there = np.isfinite(values)
@@ -278,6 +287,25 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         """Return values of rows (..., m) as they were asked for, of several outputs (..., n, k)."""
         return values if self.stacking_ is None else self.stacking_.back(values)
 
+    def measured_outputs(self, y: ArrayLike, word: str = "y") -> FloatArray:
+        """Return outputs as the fitted model reads them: of several in the simulation's order.
+
+        Parameters
+        ----------
+        y : array-like of shape (n,), or (n, k) of several outputs
+            With NaN for what was not measured; columns of a DataFrame go by name.
+        word : str, default="y"
+            What to call it in an error.
+
+        Returns
+        -------
+        ndarray of shape (n,) or (n, k)
+        """
+        check_is_fitted(self)
+        if self.stacking_ is None:
+            return as_outputs(y, word)
+        return as_several(as_table(y, word), self.stacking_.names, word)
+
     def _known_columns(self, rows: FloatArray) -> FloatArray:
         """Return rows with the simulation's inputs first, none of them out of all bounds."""
         check_size(rows, "X")
@@ -319,13 +347,18 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         """
         X = self.checked_rows(X)
         cuts = row_blocks(self._mixture, X)
-        pieces = [moments(self._learned(X[some]), X[some], with_variance=False) for some in cuts]
-        mean, carried = (np.concatenate(piece) for piece in zip(*pieces, strict=True))
+        once = return_std and not self._has_unlearned
+        pieces = [moments(self._learned(X[some]), X[some], with_variance=once) for some in cuts]
+        mean, carried, *variance = (np.concatenate(piece) for piece in zip(*pieces, strict=True))
         warn_of_carried(carried)
         if not return_std:
             return self._back(mean)
-        whole = [moments(self._mixture(X[some]), X[some], with_variance=True)[2] for some in cuts]
-        return self._back(mean), self._back(np.sqrt(np.concatenate(whole)))
+        if not once:
+            wide = [
+                moments(self._mixture(X[some]), X[some], with_variance=True)[2] for some in cuts
+            ]
+            variance = [np.concatenate(wide)]
+        return self._back(mean), self._back(np.sqrt(variance[0]))
 
     def predict_interval(self, X: ArrayLike, level: float = 0.9) -> tuple[FloatArray, FloatArray]:
         """Return a central interval that holds a new y with the given probability.
@@ -365,8 +398,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         list of ndarray of shape (n,), or (n, k) of several outputs
             One for each level; NaN where nothing was measured.
         """
-        X = self.checked_rows(X)
-        y = np.asarray(y, dtype=float)
+        X, y = self.checked_rows(X), self.measured_outputs(y)
         if self.stacking_ is None:
             return inside_intervals(self._mixture, X, y, levels)
         values = self.stacking_.values(y)
@@ -485,8 +517,8 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         found, (X, y) = self._pointwise_loo(), self.single_rows_
         outside = self._rows.origin < 0
-        loo = loo_of_rows(found, outside, self._mixture, X, y, self._sample_weight)
-        return loo if self.stacking_ is None else loo.in_units(self.stacking_.log_scale(X))
+        log_scale = 0.0 if self.stacking_ is None else self.stacking_.log_scale(X)
+        return loo_of_rows(found, outside, self._mixture, X, y, self._sample_weight, log_scale)
 
     @abstractmethod
     def _pointwise_loo(self) -> PointwiseLoo:

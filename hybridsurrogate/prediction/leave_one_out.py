@@ -57,11 +57,6 @@ class Loo:
     khat: FloatArray
     n_refits: int
 
-    def in_units(self, log_scale: FloatArray) -> Loo:
-        """Return the score of outputs that were divided by scales: a density has less by them."""
-        mean = float(np.mean(log_scale))
-        return replace(self, elpd=self.elpd - mean, pointwise=self.pointwise - log_scale)
-
 
 def loo_of_rows(
     found: PointwiseLoo,
@@ -70,12 +65,17 @@ def loo_of_rows(
     X: FloatArray,
     y: FloatArray,
     weights: FloatArray,
+    log_scale: FloatArray | float = 0.0,
 ) -> Loo:
-    """Return the score of all measured rows; those ``outside`` the fit get their density here."""
+    """Return the score of all measured rows; those ``outside`` the fit get their density here.
+
+    Outputs that were divided by scales have a density that is less by the logarithm of these.
+    """
     pointwise, khat = found.log_density.copy(), found.khat
     if outside.any():
         mixture = mixture_at(X[outside])
         pointwise[outside] = log_density_of(mixture, X[outside], y[outside])
+    pointwise = pointwise - log_scale
     mean = float(np.average(pointwise, weights=weights))
     spread = np.average((pointwise - mean) ** 2, weights=weights)
     error = float(np.sqrt(spread / max(weights.sum() - 1, 1.0)))

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.scoring.scores import crps, elpd, interval_score, same_rows
-from hybridsurrogate.simulation.arrays import as_numbers, as_outputs
+from hybridsurrogate.simulation.arrays import as_outputs
 
 # of y, behind a continuous ranked probability score
 _N_DRAWS = 1000
@@ -39,7 +39,7 @@ def elpd_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
     -3.0
     """
     density = _method(estimator, "log_predictive_density", "elpd_scorer")
-    values, there = np.asarray(density(X, y)), _measured(y)[1]
+    values, there = np.asarray(density(X, y)), _measured(estimator, y)[1]
     return elpd(values[there])[0]
 
 
@@ -71,7 +71,7 @@ def neg_crps_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
     """
     sample = _method(estimator, "sample_posterior_predictive", "neg_crps_scorer")
     draws = sample(X, n_draws=_N_DRAWS, random_state=0)
-    values, there = _measured(y)
+    values, there = _measured(estimator, y)
     return -float(crps(draws[:, there], values[there]).mean())
 
 
@@ -97,7 +97,7 @@ def neg_rmse_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
     -2.0
     """
     predict = _method(estimator, "predict", "neg_rmse_scorer")
-    values, there = _measured(y)
+    values, there = _measured(estimator, y)
     predicted = np.asarray(predict(X))
     pair = predicted, values
     if predicted.shape == there.shape:
@@ -132,7 +132,7 @@ def interval_score_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
     """
     interval = _method(estimator, "predict_interval", "interval_score_scorer")
     lower, upper = interval(X, level=_LEVEL)
-    values, there = _measured(y)
+    values, there = _measured(estimator, y)
     return -float(interval_score(values[there], lower[there], upper[there], _LEVEL).mean())
 
 
@@ -145,12 +145,14 @@ SCORERS: dict[str, Callable[[Any, ArrayLike, ArrayLike], float]] = {
 }
 
 
-def _measured(y: ArrayLike) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Return outputs and which of them were measured: of several some may be missing."""
-    if np.ndim(y) < 2 or np.shape(y)[1] < 2:
-        values = as_outputs(y)
-        return values, np.ones(values.shape, dtype=bool)
-    values = as_numbers(y, "y")
+def _measured(estimator: Any, y: ArrayLike) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return outputs and which of them were measured: of several some may be missing.
+
+    An estimator of several outputs knows their order, in a pipeline the last step.
+    """
+    last = getattr(estimator, "_final_estimator", estimator)
+    read = getattr(last, "measured_outputs", as_outputs)
+    values = read(y)
     return values, np.isfinite(values)
 
 

@@ -6,6 +6,8 @@ import pytest
 from scipy.stats import halfnorm, lognorm, norm, uniform
 from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer
 
 import hybridsurrogate as hs
 from hybridsurrogate.plotting import plot_sobol
@@ -120,6 +122,17 @@ def test_units_of_an_output_do_not_matter(data):
     assert gap == pytest.approx(share * np.log(1000), rel=1e-4)
 
 
+def test_the_leave_one_out_score_is_that_of_densities_in_the_units_of_the_outputs(data):
+    X, Y = data
+    weights = np.where(np.arange(N) < 10, 3.0, 1.0)
+    loo = exact().fit(X, 100 * Y / [1, 7], sample_weight=weights).loo()
+    own = np.repeat(weights[:, None], 2, axis=1)[np.isfinite(Y)]
+    mean = np.average(loo.pointwise, weights=own)
+    assert loo.elpd == pytest.approx(mean)
+    spread = np.average((loo.pointwise - mean) ** 2, weights=own)
+    assert loo.standard_error == pytest.approx(np.sqrt(spread / (own.sum() - 1)))
+
+
 def test_leaving_one_out_agrees_with_fits_without_it(data):
     X, Y = data
     loo = exact().fit(X, Y).loo()
@@ -142,6 +155,15 @@ def test_columns_go_by_name(data):
     assert named.score(pd.DataFrame({"t": X[:, 0]}), frame) == pytest.approx(
         exact().fit(X, Y).score(X, Y)
     )
+    t = pd.DataFrame({"t": X[:, 0]})
+    np.testing.assert_array_equal(
+        named.interval_holds(t, frame)[0], exact().fit(X, Y).interval_holds(X, Y)[0]
+    )
+    for scorer in hs.scoring.SCORERS.values():
+        assert scorer(named, t, frame) == pytest.approx(scorer(named, t, Y))
+    piped = make_pipeline(FunctionTransformer(), exact()).fit(t, frame)
+    rmse = hs.scoring.neg_rmse_scorer
+    assert rmse(piped, t, frame) == pytest.approx(rmse(named, t, Y))
 
 
 @pytest.mark.parametrize(
@@ -261,6 +283,16 @@ def test_counts_of_several_outputs_have_no_noise_to_infer():
 def test_what_does_not_fit_is_refused(data, change, text):
     with pytest.raises(ValueError, match=text):
         exact().fit(*change(*data))
+
+
+def test_rows_of_no_weight_are_as_if_they_were_not_there(data):
+    X, Y = data
+    weights = np.where(np.arange(N) < 20, 1.0, 0.0)
+    some, fewer = exact().fit(X, Y, sample_weight=weights), exact().fit(X[:20], Y[:20])
+    np.testing.assert_allclose(some.predict(X), fewer.predict(X), rtol=1e-9)
+    only = np.where(np.isnan(Y[:, 1]), 1.0, 0.0)
+    with pytest.raises(ValueError, match="'q' has fewer than 2 measured values"):
+        exact().fit(X, Y, sample_weight=only)
 
 
 def test_a_cause_that_moves_the_simulation_concerns_all_outputs(data):

@@ -123,7 +123,7 @@ def make_report(
     """
     view = view_of(diagnosis)
     if test is not None:
-        test = test[0], diagnosis.checked_outputs(test[1], "y_test")
+        test = test[0], diagnosis.measured_outputs(test[1], "y_test")
     on_test = diagnosis.gain_on(*test) if test is not None else None
     # where one cause is named its extension says nearly the same
     unclear = diagnosis.verdict_ in ("ambiguous", "unexplained")

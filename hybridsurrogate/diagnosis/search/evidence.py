@@ -190,7 +190,9 @@ def _weigh_remainder(
 ) -> list[Candidate]:
     """Weigh the winners of the quick search beside a smooth discrepancy of unknown shape."""
     quick, _ = probabilities(candidates)
-    process = next((w for w in candidates if kind_of(w) == "unexplained"), None)
+    # of several outputs a curve in the one that needs it most
+    processes = [w for w in candidates if kind_of(w) == "unexplained"]
+    process = max(processes, key=lambda w: w.log_evidence, default=None)
     if process is None:
         return candidates
     model, lengths = process.model, make_grid(process.model)

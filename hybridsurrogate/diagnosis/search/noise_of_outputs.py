@@ -33,8 +33,9 @@ from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.problem.problem import Problem
 
-# rounds of expectation and maximisation
-_ROUNDS = 3
+# rounds of expectation and maximisation: in six cases the first gained 1.4 to 9 nats for the cause
+# that leads, the second up to 0.3, further ones less than 0.03
+_ROUNDS = 2
 
 
 def at_noise_of(problem: Problem, posterior: Posterior) -> Problem:
@@ -117,8 +118,7 @@ def _is_noise(cause: Cause) -> bool:
 
 
 def _noise_of(model: MeasuredModel) -> OutputNoise:
-    found = next(effect for effect in model.effects if isinstance(effect, OutputNoise))
-    return found
+    return next(effect for effect in model.effects if isinstance(effect, OutputNoise))
 
 
 def _at(cause: Cause, ratios: Sequence[float]) -> Cause:
