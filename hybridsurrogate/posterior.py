@@ -14,6 +14,7 @@ from hybridsurrogate.digits import number
 from hybridsurrogate.exceptions import FailedRunsWarning, SamplingWarning
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.inference.sampling.psis import KHAT_LIMIT
+from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.priors import FloatArray
 
@@ -83,7 +84,7 @@ class Diagnostics:
             found.append(
                 f"the Pareto k-hat of step 2 is {self.second_khat:.2f} (limit {KHAT_LIMIT})"
             )
-        if self.second_effective_draws < 10:
+        if self.second_effective_draws < SETTINGS.least_effective:
             what = "accepted moves" if self.second_step == "moves" else "effective proposals"
             found.append(f"step 2 rests on {self.second_effective_draws:.1f} {what} a draw")
         return found

@@ -219,7 +219,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self
         """
         check_settings(self)
-        X, y = complete_table(X), None if y is None else as_table(y, "y")
+        labels = getattr(self.estimator, "experiment", None)
+        X, y = complete_table(X, labels=labels), None if y is None else as_table(y, "y")
         self._forget()
         random = check_random_state(self.random_state)
         self.estimator_ = clone(self.estimator).fit(X, y)

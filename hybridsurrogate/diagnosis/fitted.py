@@ -159,7 +159,8 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
             return self.beta_scans_.few(out_of_range)
         rows, values = self._rows if X is None or y is None else (X, y)
         grid = np.linspace(0, 1, 11) if betas is None else np.unique(np.asarray(betas, dtype=float))
-        rows, values = complete_table(rows), self.measured_outputs(values, "y")
+        labels = self.estimator_.experiment
+        rows, values = complete_table(rows, labels=labels), self.measured_outputs(values, "y")
         folds = scan_folds(values)
         return scan_beta(
             self.beta_scans_.models, grid, folds, rows, values, self.beta_scans_.n_jobs

@@ -45,6 +45,9 @@ class Cause(BaseEstimator):
         Whether it is one of several that differ only in the level of a column that is meant.
     is_learned : bool
         Whether measured rows tell of it; else its numbers are drawn from their priors.
+    hierarchy : (str, str, tuple of str) or None
+        Where its own parameters are deviations from a mean, as in ``mean + spread deviation``: the
+        parameter of the simulation, the name of the spread, those of the deviations.
     follows_mean : bool
         Whether ``noise`` looks at the simulation's output: ``X[SIMULATED]``, on the scale of eta.
 
@@ -83,6 +86,7 @@ class Cause(BaseEstimator):
     is_process: bool = False
     is_one_level: bool = False
     is_learned: bool = True
+    hierarchy: tuple[str, str, tuple[str, ...]] | None = None
     follows_mean: bool = False
 
     def prepare(self, context: Context) -> Cause:

@@ -15,6 +15,8 @@ Rows = Mapping[str, FloatArray]  # a name and its values in n rows
 
 # logarithm of a factor, six scales of its usual prior
 _ANOTHER_ORDER = 2.0
+# integers that count this many experiments of so many rows are labels
+_LEAST_EXPERIMENTS, _ROWS_OF_ONE = 3, 3
 
 
 class OfOutput(NamedTuple):
@@ -66,6 +68,10 @@ class Context:
         which they are of. Empty where there is one.
     of_outputs : tuple of OfOutput
         What differs between them.
+    experiment : str or None
+        The column that says which experiment a row is of, where one was declared.
+    by_experiment : tuple of str
+        Parameters that are known to differ between these.
 
     Examples
     --------
@@ -92,6 +98,8 @@ class Context:
     scales_noise: bool = True
     outputs: tuple[str, ...] = ()
     of_outputs: tuple[OfOutput, ...] = ()
+    experiment: str | None = None
+    by_experiment: tuple[str, ...] = ()
 
     def begins_at_zero(self, column: str) -> bool:
         """Tell whether a column ends near zero, and is never on the other side of it.
@@ -134,8 +142,20 @@ class Context:
 
     @property
     def extras(self) -> tuple[str, ...]:
-        """Names of the measured columns that the simulation ignores."""
-        return tuple(self.X)[self.n_inputs :]
+        """Names of the measured quantities that the simulation ignores."""
+        return tuple(name for name in tuple(self.X)[self.n_inputs :] if name not in self.labels)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the columns that label experiments: the declared one, and counted integers.
+
+        The simulation ignores them, and they are no axis.
+        """
+        return tuple(
+            name
+            for name in tuple(self.X)[self.n_inputs :]
+            if name == self.experiment or _counts_experiments(self.X[name])
+        )
 
     def column(self, name: str) -> FloatArray:
         """Return a measured column; raise ValueError when there is none of that name."""
@@ -144,3 +164,15 @@ class Context:
                 f"There is no measured column {name!r}; the columns are {list(self.X)}."
             )
         return np.asarray(self.X[name])
+
+
+def _counts_experiments(values: FloatArray) -> bool:
+    """Tell whether a column is 0, 1, 2 ... or 1, 2, 3 ..., at least three of them several times."""
+    levels, rows = np.unique(values, return_counts=True)
+    counted = levels[0] + np.arange(len(levels))
+    return bool(
+        len(levels) >= _LEAST_EXPERIMENTS
+        and rows.min() >= _ROWS_OF_ONE
+        and levels[0] in (0, 1)
+        and np.array_equal(levels, counted)
+    )

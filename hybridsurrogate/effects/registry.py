@@ -117,8 +117,8 @@ def over_extras(make: Callable[[str], Cause]) -> Callable[[Context], Iterator[Ca
 
 
 def over_columns(make: Callable[[str], Cause]) -> Callable[[Context], Iterator[Cause]]:
-    """Return what proposes one cause for each measured column."""
-    return lambda context: (make(column) for column in context.X)
+    """Return what proposes one cause for each measured column that is an axis."""
+    return lambda context: (make(column) for column in (*context.inputs, *context.extras))
 
 
 def meaning_of(cause: Cause) -> str | None:

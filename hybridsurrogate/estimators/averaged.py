@@ -80,6 +80,11 @@ class AveragedSurrogate(SurrogateEstimator):
         """The simulation that the estimators share; None without any."""
         return self.estimators[0].simulation if self.estimators else None
 
+    @property
+    def experiment(self) -> str | None:  # type: ignore[override]
+        """The column of experiments that the estimators share."""
+        return self.estimators[0].experiment if self.estimators else None
+
     def fit(
         self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None
     ) -> AveragedSurrogate:
@@ -139,10 +144,12 @@ class AveragedSurrogate(SurrogateEstimator):
             if not isinstance(one, PowerScaledSurrogate):
                 raise TypeError(f"estimators must hold PowerScaledSurrogate objects, got {one!r}.")
             alike = as_likelihood(one.likelihood) == as_likelihood(first.likelihood)
+            alike &= one.experiment == first.experiment
             if one.simulation is not first.simulation or not alike:
                 raise ValueError(
-                    "All estimators must have the same simulation object and the same likelihood: "
-                    "their predictions are averaged over one set of columns, for one output."
+                    "All estimators must have the same simulation object, the same likelihood and "
+                    "the same experiment: their predictions are averaged over one set of columns, "
+                    "for one output."
                 )
         weights = np.asarray(self.weights, dtype=float)
         if weights.shape != (len(self.estimators),):

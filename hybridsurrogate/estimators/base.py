@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any
@@ -39,6 +39,12 @@ from hybridsurrogate.problem.columns import (
     matched_columns,
     warn_elsewhere,
     warn_outside,
+)
+from hybridsurrogate.problem.experiments import (
+    Experiments,
+    check_column,
+    check_experiments,
+    experiments_of,
 )
 from hybridsurrogate.problem.rows import MeasuredRows, check_weights, merged_rows
 from hybridsurrogate.problem.stacking import Stacking, as_several, stacking_of
@@ -79,6 +85,8 @@ class CheckedData:
         Rows, outputs and weights with one output each: of a single output those given.
     stacking : Stacking or None
         How several outputs are laid out.
+    experiments : Experiments or None
+        Which experiment a row is of.
     """
 
     X: FloatArray
@@ -90,10 +98,14 @@ class CheckedData:
     simulation: SimulationData | Simulator | None
     single: tuple[FloatArray, FloatArray, FloatArray]
     stacking: Stacking | None
+    experiments: Experiments | None
 
 
 class SurrogateEstimator(RegressorMixin, BaseEstimator):
     """Base of the estimators; subclasses implement ``fit`` and ``_mixture``."""
+
+    experiment: str | None = None
+    by_experiment: Mapping[str, str] | None = None
 
     @abstractmethod
     def _mixture(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
@@ -122,6 +134,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
                 "simulation must be SimulationData (Simulator.run, read_simulation), a Simulator "
                 f"or None, got {type(self.simulation).__name__}."
             )
+        check_experiments(self.experiment, self.by_experiment, self.simulation)
         surrogate = PolynomialChaos() if self.surrogate is None else self.surrogate
         if not isinstance(surrogate, Surrogate):
             raise TypeError(
@@ -178,6 +191,10 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
     ) -> CheckedData:
         # scikit-learn stores names where it finds them; ``fit`` stores nothing before its end
         seen = copy.copy(self)
+        X = complete_table(X, labels=self.experiment)
+        tables = [X, *self._further_tables()]
+        experiments = experiments_of(tables, self.experiment, self.by_experiment)
+        X = X if experiments is None else experiments.numbered(X)
         rows, output = self._checked(seen, X, y, reset=True)
         check_spread(rows, "X")
         check_spread(output, "y")
@@ -189,6 +206,9 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
             raise ValueError("sample_weight leaves 1 sample; at least 2 measured rows are needed.")
         likelihood.check_training(output[np.isfinite(output)])
         rows = rows[:, order]
+        if experiments is not None:
+            inputs = () if self.simulation is None else self.simulation.input_names
+            check_column(experiments, columns, rows, inputs)
         check_reach(columns, rows, self.simulation)
         warn_outside(columns, rows, self.simulation)
         warn_elsewhere(output, self.simulation)
@@ -203,8 +223,12 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
             single = long[there], values[there], np.repeat(weights, output.shape[1])[there]
         merged = merged_rows(columns, *single)
         return CheckedData(
-            rows, output, weights, names, order, merged, simulation, single, stacking
+            rows, output, weights, names, order, merged, simulation, single, stacking, experiments
         )
+
+    def _further_tables(self) -> Sequence[Any]:
+        """Return measured rows beside those in ``fit``, as tables."""
+        return ()
 
     def _checked(
         self, estimator: Any, X: ArrayLike, y: ArrayLike, reset: bool
@@ -252,6 +276,7 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
         self.measured_, self.single_rows_ = (data.X, data.y), data.single[:2]
         self._sample_weight = data.single[2]
         self.simulation_, self.stacking_ = data.simulation, data.stacking
+        self.experiments_ = data.experiments
         self._columns, self.column_order_ = data.rows.columns, data.order
         self._rows = data.rows if rows is None else rows
         self.n_features_in_ = data.X.shape[1]
@@ -315,7 +340,9 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
 
     def _in_order(self, X: ArrayLike) -> Any:
         """Return columns with the names of those in ``fit`` in their order there."""
-        table = complete_table(X)
+        table = complete_table(X, labels=self.experiment)
+        if self.experiments_ is not None:
+            table = self.experiments_.numbered(table)
         order = list(getattr(self, "feature_names_in_", self._given_columns))
         if sorted(column_names(table)) != sorted(order):
             return table  # scikit-learn says which are missing, or new

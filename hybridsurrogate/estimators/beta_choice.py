@@ -88,13 +88,14 @@ def choose_beta(
     True
     """
     grid = np.linspace(0, 1, 21) if betas is None else np.atleast_1d(np.asarray(betas, float))
-    X, table = complete_table(X), as_table(y, "y")
+    X, table = complete_table(X, labels=model.experiment), as_table(y, "y")
     names = model._output_names(table)
     outputs = as_outputs(y) if len(names) == 1 else as_several(table, names)
     if isinstance(cv, str):
         if cv != LEAVE_FUTURE_OUT:
             raise ValueError(f"cv must be as in scikit-learn or {LEAVE_FUTURE_OUT!r}, got {cv!r}.")
-        order = np.argsort(as_numbers(X, "X")[:, 0], kind="stable")
+        first = X.iloc[:, 0] if isinstance(X, pd.DataFrame) else np.asarray(X)[:, 0]
+        order = np.argsort(as_numbers(first, "X"), kind="stable")
         folds = TimeSeriesSplit(_FUTURE_SPLITS).split(order)
         splits = [(order[train], order[test]) for train, test in folds]
     else:

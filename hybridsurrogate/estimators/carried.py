@@ -84,8 +84,12 @@ def fitted_near(
     n, whole = int(out.n_draws), known._fitted[1]
     proposals = whole.proposals
     if proposals is not None:
+        before = whole.first.model
+        # these rows may lack an experiment
+        if before.theta_names != problem.model.theta_names:
+            return None
         proposals = _thinned(proposals, _PROPOSALS_A_DRAW * n)
-        proposals = _under_other_priors(proposals, whole.first.model, problem.model)
+        proposals = _under_other_priors(proposals, before, problem.model)
     fit = carried(
         problem,
         out._powers(data.rows.X),

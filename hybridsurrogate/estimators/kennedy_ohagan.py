@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from scipy import stats
@@ -37,7 +38,7 @@ class KennedyOHaganSurrogate(PowerScaledSurrogate):
     amplitude_prior : frozen scipy.stats distribution or None, default=None
         Of the discrepancy's standard deviation. None: half-normal with the spread of the
         measured output as scale (the paper's is half-normal(1), on the scale of eta).
-    sampler, n_draws, random_state
+    experiment, by_experiment, sampler, n_draws, random_state
         As in `PowerScaledSurrogate`.
 
     Examples
@@ -59,6 +60,8 @@ class KennedyOHaganSurrogate(PowerScaledSurrogate):
         noise_prior: Prior | None = None,
         length_scale_prior: Prior | None = None,
         amplitude_prior: Prior | None = None,
+        experiment: str | None = None,
+        by_experiment: Mapping[str, str] | None = None,
         sampler: str | EnsembleSampler = "auto",
         n_draws: int = 1000,
         random_state: Any = None,
@@ -69,6 +72,8 @@ class KennedyOHaganSurrogate(PowerScaledSurrogate):
         self.noise_prior = noise_prior
         self.length_scale_prior = length_scale_prior
         self.amplitude_prior = amplitude_prior
+        self.experiment = experiment
+        self.by_experiment = by_experiment
         self.sampler = sampler
         self.n_draws = n_draws
         self.random_state = random_state

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
 from typing import Any
@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_array, check_consistent_length, check
 
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.base import CheckedData
-from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
+from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.priors import FloatArray, Prior
@@ -84,7 +84,9 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
         Simulations, and measured sets beyond the one that ``fit`` gets.
     power : float, default=1.0
         Power of the measured rows in ``fit``.
-    surrogate, likelihood, noise_prior, effects, sampler, n_draws, random_state
+    surrogate, likelihood, noise_prior, effects, experiment, by_experiment
+        As in `PowerScaledSurrogate`.
+    sampler, n_draws, random_state
         As in `PowerScaledSurrogate`.
 
     Examples
@@ -108,6 +110,8 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
         likelihood: str | Likelihood = "normal",
         noise_prior: Prior | None = None,
         effects: Sequence[Cause] = (),
+        experiment: str | None = None,
+        by_experiment: Mapping[str, str] | None = None,
         sampler: str | EnsembleSampler = "auto",
         n_draws: int = 1000,
         random_state: Any = None,
@@ -118,6 +122,8 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
         self.likelihood = likelihood
         self.noise_prior = noise_prior
         self.effects = effects
+        self.experiment = experiment
+        self.by_experiment = by_experiment
         self.sampler = sampler
         self.n_draws = n_draws
         self.random_state = random_state
@@ -163,14 +169,19 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
             surrogate,
             likelihood,
             self.noise_prior,
-            tuple(effect for effect in as_causes(self.effects) if effect.is_learned),
+            self._learned_effects(data),
             rows.columns,
             rows.X,
             rows.y,
             weights=rows.weights,
             run_weights=np.concatenate(powers) if powers else None,
             stacking=data.stacking,
+            experiment=self.experiment,
         )
+
+    def _further_tables(self) -> Sequence[Any]:
+        further = [s.data for s in self.sources if not isinstance(s.data, SimulationData)]
+        return [complete_table(X, labels=self.experiment) for X, _ in further]
 
     def _all_rows(self, data: CheckedData, likelihood: Likelihood) -> MeasuredRows:
         """Return the rows of all measured sets, weighed relative to the largest power."""
@@ -203,7 +214,9 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
         self, source: tuple[ArrayLike, ArrayLike], data: CheckedData
     ) -> tuple[FloatArray, FloatArray]:
         """Return a measured source with its columns in the order of those in ``fit``."""
-        X = complete_table(source[0])
+        X = complete_table(source[0], labels=self.experiment)
+        if data.experiments is not None:
+            X = data.experiments.numbered(X)
         # an array has the columns of the X in ``fit``
         order, names = data.order, column_names(X)
         columns = [name for name in data.rows.columns if name != OUTPUT]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -53,6 +53,14 @@ class PowerScaledSurrogate(SurrogateEstimator):
         of each one's measurements; the others' noise is inferred relative to the first.
     effects : sequence of Cause, default=()
         Causes by which measured rows differ from the simulation.
+    experiment : str or None, default=None
+        The measured column that says which experiment a row is of: a batch, a subject, a sensor.
+        In a DataFrame it may hold names. It is never an axis.
+    by_experiment : mapping of parameter to {"shared", "own", "spread"} or None, default=None
+        Parameters of the simulation that differ between experiments: each has its "own" value, of
+        which the others tell nothing, or values "spread" normally around their mean, the spread
+        inferred (`ParameterByExperiment`). An experiment that was not measured is another one of
+        the same kind.
     sampler : {"auto", "importance", "emcee"} or EnsembleSampler, default="auto"
         "auto": importance sampling, emcee where its k-hat exceeds 0.7 or there are several modes.
     n_draws : int, default=1000
@@ -107,6 +115,8 @@ class PowerScaledSurrogate(SurrogateEstimator):
         likelihood: str | Likelihood = "normal",
         noise_prior: Prior | None = None,
         effects: Sequence[Cause] = (),
+        experiment: str | None = None,
+        by_experiment: Mapping[str, str] | None = None,
         sampler: str | EnsembleSampler = "auto",
         n_draws: int = 1000,
         random_state: Any = None,
@@ -117,6 +127,8 @@ class PowerScaledSurrogate(SurrogateEstimator):
         self.likelihood = likelihood
         self.noise_prior = noise_prior
         self.effects = effects
+        self.experiment = experiment
+        self.by_experiment = by_experiment
         self.sampler = sampler
         self.n_draws = n_draws
         self.random_state = random_state
@@ -193,14 +205,20 @@ class PowerScaledSurrogate(SurrogateEstimator):
             surrogate,
             likelihood,
             self.noise_prior,
-            tuple(effect for effect in as_causes(self.effects) if effect.is_learned),
+            self._learned_effects(data),
             rows.columns,
             rows.X,
             rows.y,
             weights=rows.weights,
             run_weights=run_weights,
             stacking=data.stacking,
+            experiment=self.experiment,
         )
+
+    def _learned_effects(self, data: CheckedData) -> tuple[Cause, ...]:
+        """Return the effects that rows tell of: the user's, then what differs by experiment."""
+        learned = tuple(effect for effect in as_causes(self.effects) if effect.is_learned)
+        return learned if data.experiments is None else (*learned, *data.experiments.effects())
 
     def _powers(self, X: FloatArray) -> tuple[float, float | FloatArray]:
         """Return alpha_S and alpha_R; a weight that changes with x is in the rows' powers."""

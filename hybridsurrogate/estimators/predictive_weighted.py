@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -43,6 +43,9 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
     likelihood : {"normal", "lognormal", "student-t", "negative-binomial", "poisson"} or Likelihood
         Default "normal".
     noise_prior : frozen scipy.stats distribution or None, default=None
+    experiment, by_experiment
+        As in `PowerScaledSurrogate`, for the surrogate of the simulation. That of the measured data
+        knows no parameters, and is the same for all experiments.
     sampler : {"auto", "importance", "emcee"} or EnsembleSampler, default="auto"
     n_draws : int, default=1000
         Draws from each of the two posteriors.
@@ -77,6 +80,8 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         beta: float | str | Callable[[FloatArray], ArrayLike] = 0.5,
         likelihood: str | Likelihood = "normal",
         noise_prior: Prior | None = None,
+        experiment: str | None = None,
+        by_experiment: Mapping[str, str] | None = None,
         sampler: str | EnsembleSampler = "auto",
         n_draws: int = 1000,
         random_state: Any = None,
@@ -86,6 +91,8 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         self.beta = beta
         self.likelihood = likelihood
         self.noise_prior = noise_prior
+        self.experiment = experiment
+        self.by_experiment = by_experiment
         self.sampler = sampler
         self.n_draws = n_draws
         self.random_state = random_state
@@ -112,19 +119,21 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         random, rows = check_random_state(self.random_state), data.rows
         sources = ("measured",) if self.simulation is None else ("measured", "simulation")
         fits = {}
+        differing = () if data.experiments is None else data.experiments.effects()
         for source in sources:
             problem = make_problem(
                 data.simulation,
                 surrogate if source == "simulation" else surrogate.of_measured_data(),
                 likelihood,
                 self.noise_prior,
-                (),
+                differing if source == "simulation" else (),
                 rows.columns,
                 rows.X,
                 rows.y,
                 measured_only=source == "measured",
                 weights=rows.weights,
                 stacking=data.stacking,
+                experiment=self.experiment,
             )
             powers = (1.0, 0.0)
             fit = fit_problem(problem, powers, self.sampler, int(self.n_draws), random)

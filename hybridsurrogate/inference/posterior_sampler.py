@@ -17,6 +17,7 @@ from hybridsurrogate.inference.sampling.emcee_sampler import (
     EnsembleDraws,
     EnsembleSampler,
 )
+from hybridsurrogate.inference.sampling.hierarchical import HierarchicalTarget, standardised
 from hybridsurrogate.inference.sampling.initial_points import further_points, starting_points
 from hybridsurrogate.inference.sampling.modes import Gaussian, distinct, find_modes
 from hybridsurrogate.inference.sampling.proposals import moment_match
@@ -49,7 +50,11 @@ def first_step(
     random_state: np.random.RandomState,
 ) -> FirstStep:
     """Draw all unknowns of step 1."""
-    modes, minor, has_lines = _approximations(target, _modes(target, random_state))
+    starts = starting_points(target, random_state)
+    coordinates = standardised(target.model, target.search_density, starts, target.step_share)
+    if coordinates is not None:
+        target, starts = HierarchicalTarget(target, coordinates), coordinates.of(starts)
+    modes, minor, has_lines = _approximations(target, _modes(target, starts))
     doubt = np.nan
     if sampler in ("auto", "importance"):
         n = max(SETTINGS.oversampling * n_draws, SETTINGS.min_proposals)
@@ -60,7 +65,10 @@ def first_step(
             )
         if sampled.khat <= KHAT_LIMIT or sampler == "importance":
             drawn = target.resolved(sampled.draws, random_state)
-            return FirstStep(*drawn, of_importance(target, sampled, len(modes)), sampled.proposals)
+            proposals = sampled.proposals
+            if isinstance(target, HierarchicalTarget):
+                proposals = target.plain_proposals(proposals)
+            return FirstStep(*drawn, of_importance(target, sampled, len(modes)), proposals)
         doubt = sampled.khat
     backend = sampler if isinstance(sampler, EnsembleSampler) else EnsembleSampler()
     start = modes if target.is_exact else _around(target, minor, random_state)
@@ -101,8 +109,7 @@ def evidence_around(
     return log_evidence_of(target, sampled)
 
 
-def _modes(target: Target, random_state: np.random.RandomState) -> list[Gaussian]:
-    starts = starting_points(target, random_state)
+def _modes(target: Target, starts: FloatArray) -> list[Gaussian]:
     steps = target.step_share, target.model.least_step
     modes = find_modes(target.search_density, starts, *steps)
     if target.n_dimensions > 2:  # with one unknown beside sigma the starts were all there are

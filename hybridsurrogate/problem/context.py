@@ -34,6 +34,8 @@ def make_context(
     location: float,
     far: Mismatch | None = None,
     outputs: Mapping[str, OfOutput] | None = None,
+    experiment: str | None = None,
+    by_experiment: tuple[str, ...] = (),
 ) -> Context:
     """Return what causes may know about the measured rows."""
     far = far or Mismatch()
@@ -59,6 +61,8 @@ def make_context(
         scales_noise=likelihood.scales_noise,
         outputs=tuple(outputs or ()),
         of_outputs=tuple((outputs or {}).values()),
+        experiment=experiment,
+        by_experiment=by_experiment,
     )
 
 

@@ -58,11 +58,14 @@ def as_table(values: Any, word: str = "X") -> Any:
     return frame
 
 
-def complete_table(values: Any, word: str = "X") -> Any:
-    """As `as_table`; raise ValueError, with its name, for a column without a number in each row."""
+def complete_table(values: Any, word: str = "X", labels: str | None = None) -> Any:
+    """As `as_table`; raise ValueError, with its name, for a column without a number in each row.
+
+    The column ``labels`` may hold names instead.
+    """
     table = as_table(values, word)
     if isinstance(table, pd.DataFrame):
-        check_columns(table)
+        check_columns(table[[name for name in table.columns if name != labels or labels is None]])
         check_complete(table)
     return table
 

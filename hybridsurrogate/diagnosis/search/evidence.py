@@ -124,7 +124,7 @@ def search(
         null = best_null(problem, emulator, noise)
     else:
         null = nothing_further(problem, Fitted(*accepted[1:5]), emulator, noise)
-    ends = _ends_of(nearby, causes)
+    ends = _ends_of(nearby, problem, causes)
     odds = prior_odds([None, *causes])
     fits: Sequence[Fitted] = []
     try:
@@ -171,12 +171,18 @@ def remainders(result: Search) -> Search:
     return replace(result, candidates=candidates, probability=probability, remainder=remainder)
 
 
-def _ends_of(nearby: Search | None, causes: Sequence[Cause]) -> list[Fitted] | None:
+def _ends_of(
+    nearby: Search | None, problem: Problem, causes: Sequence[Cause]
+) -> list[Fitted] | None:
     """Return where the same causes ended; None where it weighed other causes."""
     if nearby is None:
         return None
     known = nearby.candidates[1:]
-    if [c.name for c in causes] != [w.cause.name for w in known if w.cause is not None]:
+    # other rows may lack an experiment, which has a number of its own
+    unknowns = [(c.name, *c.parameters) for c in causes]
+    if unknowns != [(w.cause.name, *w.cause.parameters) for w in known if w.cause is not None]:
+        return None
+    if nearby.problem.model.theta_names != problem.model.theta_names:
         return None
     return [Fitted(*w[1:5]) for w in known]
 

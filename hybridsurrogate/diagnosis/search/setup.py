@@ -14,6 +14,7 @@ from hybridsurrogate.diagnosis.emulation.conditioned import krige
 from hybridsurrogate.diagnosis.search.noise_of_outputs import at_noise_of
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.in_output import prepared_for
+from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.inference.conjugate.emulator_posterior import (
@@ -21,6 +22,7 @@ from hybridsurrogate.inference.conjugate.emulator_posterior import (
     emulator_posterior,
 )
 from hybridsurrogate.inference.model.validation import check_effects
+from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray, to_normal
 from hybridsurrogate.problem.context import make_context, mismatch, of_each_output
 from hybridsurrogate.problem.problem import Problem, make_problem
@@ -88,18 +90,20 @@ def prepare(
     surrogate, likelihood = fitted.surrogate_, fitted.likelihood_
     X, y = fitted.single_rows_
     columns = fitted.posterior_.model.columns
+    experiments = fitted.experiments_
     problem = make_problem(
         fitted.simulation_,
         surrogate,
         likelihood,
         fitted.noise_prior,
-        (),
+        () if experiments is None else experiments.effects(),
         columns,
         X,
         y,
         stacking=fitted.stacking_,
+        experiment=fitted.experiment,
     )
-    problem = at_noise_of(problem, fitted.posterior_)
+    problem = _at_spread_of(at_noise_of(problem, fitted.posterior_), fitted.posterior_)
     # a search over causes has no time to infer a surrogate's hyperparameters each time
     hyper = fitted.posterior_.values[:, fitted.posterior_.model.n_unknowns :]
     problem = problem.given(np.median(hyper, axis=0))
@@ -117,6 +121,8 @@ def prepare(
         float(np.mean(problem.y)),
         mismatch(problem.model, *rows),
         of_each_output(problem.model, *rows, problem.stacking, likelihood),
+        fitted.experiment,
+        () if experiments is None else tuple(experiments.by),
     )
     problem = replace(problem, reach=context.reach)
     usable, unusable = [], []
@@ -139,8 +145,21 @@ def _best_draw(fitted: PowerScaledSurrogate, problem: Problem) -> FloatArray:
     with np.errstate(over="ignore", invalid="ignore"):
         squares = np.sum((problem.y - some.eta(problem.X)[0]) ** 2, axis=1)
     best = int(np.argmin(np.where(np.isfinite(squares), squares, np.inf)))
-    priors = list(problem.model.parameters.values())
-    return to_normal(priors, some.values[best : best + 1, : len(priors)])
+    # what the problem holds at a known value is an unknown of the posterior
+    of_posterior = [*posterior.model.parameters, *posterior.model.theta_names]
+    unknowns = [*problem.model.parameters, *problem.model.theta_names]
+    there = [of_posterior.index(name) for name in unknowns]
+    return to_normal(problem.model.priors, some.values[best : best + 1, there])
+
+
+def _at_spread_of(problem: Problem, posterior: Posterior) -> Problem:
+    """Return the problem with parameters that differ by experiment at their median spread."""
+    effects = list(problem.model.effects)
+    for k, effect in enumerate(effects):
+        if isinstance(effect, ParameterByExperiment) and "spread" in effect.parameters:
+            spread = float(np.median(posterior.estimates(k)["spread"]))
+            effects[k] = effect.filled(spread=spread)
+    return replace(problem, model=problem.model.with_effects(effects))
 
 
 def _lacks(cause: Cause, context: Context, problem: Problem) -> str | None:

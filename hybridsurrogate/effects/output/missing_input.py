@@ -20,7 +20,8 @@ from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.effects.registry import Form, over_extras, register
 
 _SHAPES = ("linear", "quadratic", "categorical")
-_MOST_LEVELS, _ROWS_PER_LEVEL = 6, 3
+# levels of a quantity, of a column of labels, and rows of each
+_MOST_LEVELS, _MOST_LABELS, _ROWS_PER_LEVEL = 6, 20, 3
 
 
 class MissingInput(OverColumn):
@@ -50,7 +51,8 @@ class MissingInput(OverColumn):
         Where the simulation is right, and the span of the column. None: mean and span of the
         measured rows.
     levels : tuple of (value, share of the rows) or None, default=None
-        None: those of the measured rows, at most six, each with at least three rows.
+        None: those of the measured rows, each with at least three of these; at most six, or twenty
+        of a column that labels experiments.
     offset : bool, default=False
         Nobody knows where the simulation is right; only with the linear shape.
 
@@ -87,6 +89,11 @@ class MissingInput(OverColumn):
         return f"{self.kind}({self.column}{level})"
 
     @property
+    def is_one_level(self) -> bool:  # type: ignore[override]
+        """Whether a level is meant."""
+        return self.level is not None
+
+    @property
     def variant(self) -> str:
         """The shape, or the one level; a straight line is the plain form."""
         if self.level is not None:
@@ -120,7 +127,7 @@ class MissingInput(OverColumn):
         if self.center is None:
             prepared.center = float(np.mean(values))
         if self.shape == "categorical" and self.levels is None:
-            trouble = trouble_with_levels(values, self.column)
+            trouble = trouble_with_levels(context, self.column)
             if trouble:
                 raise ValueError(f"A categorical cause has no use for this column: {trouble}.")
             found, counts = np.unique(values, return_counts=True)
@@ -213,19 +220,25 @@ class MissingInput(OverColumn):
         return text
 
 
-def trouble_with_levels(values: FloatArray, column: str) -> str | None:
+def trouble_with_levels(context: Context, column: str) -> str | None:
     """Return why a column cannot be taken as levels, None if it can."""
-    _, counts = np.unique(values, return_counts=True)
-    if not 2 <= len(counts) <= _MOST_LEVELS:
-        return f"{column} has {len(counts)} distinct values, 2 to {_MOST_LEVELS} can be levels"
+    _, counts = np.unique(context.X[column], return_counts=True)
+    most = _MOST_LABELS if column in context.labels else _MOST_LEVELS
+    if not 2 <= len(counts) <= most:
+        return f"{column} has {len(counts)} distinct values, 2 to {most} can be levels"
     if counts.min() < _ROWS_PER_LEVEL:
         return f"a level of {column} has {counts.min()} rows, {_ROWS_PER_LEVEL} are needed for each"
     return None
 
 
+def _categories(context: Context) -> Iterator[Cause]:
+    for column in (*context.extras, *context.labels):
+        yield MissingInput(column, shape="categorical")
+
+
 def _at_levels(context: Context) -> Iterator[Cause]:
-    for column in context.extras:
-        if trouble_with_levels(context.X[column], column) is None:
+    for column in (*context.extras, *context.labels):
+        if trouble_with_levels(context, column) is None:
             for level in np.unique(context.X[column]):
                 yield MissingInput(column, shape="categorical", level=float(level))
 
@@ -241,16 +254,18 @@ def _trouble_with_categories(cause: Cause, context: Context) -> str | None:
     (column,) = cause.reads
     if len(np.unique(context.X[column])) == 2:
         return f"{column} has 2 distinct values: a straight line over it says the same"
-    return trouble_with_levels(context.X[column], column)
+    return trouble_with_levels(context, column)
 
 
 def _lacking(context: Context) -> list[tuple[None, str]]:
-    return [] if context.extras else [(None, "no measured column beside the inputs")]
+    return (
+        [] if context.extras or context.labels else [(None, "no measured column beside the inputs")]
+    )
 
 
 def _without_levels(context: Context) -> Iterator[tuple[str, str]]:
-    for column in context.extras:
-        trouble = trouble_with_levels(context.X[column], column)
+    for column in (*context.extras, *context.labels):
+        trouble = trouble_with_levels(context, column)
         if trouble:
             yield column, f"level: {trouble}"
 
@@ -285,14 +300,14 @@ register(
     Form(
         "missing-input: categorical",
         MissingInput,
-        over_extras(lambda column: MissingInput(column, shape="categorical")),
+        _categories,
         meaning="{output} is higher or lower by an amount of its own for each value of {target}, "
         "which the simulation ignores",
         trouble=_trouble_with_categories,
         call='`..., shape="categorical"`',
         formula="eta + deviation of the row's level, mean zero over the rows",
         estimates="one deviation a level",
-        left_out="fewer than 3 or more than 6 levels, or one with fewer than 3 rows",
+        left_out="fewer than 3 or more than 6 levels (20 of labels), or one with fewer than 3 rows",
     )
 )
 register(
@@ -305,7 +320,7 @@ register(
         call='`..., shape="categorical", level=3`',
         formula="eta, + amplitude where x = 3",
         estimates="amplitude",
-        left_out="fewer than 2 or more than 6 levels, or one with fewer than 3 rows",
+        left_out="fewer than 2 or more than 6 levels (20 of labels), or one with fewer than 3 rows",
     )
 )
 register(

@@ -116,7 +116,7 @@ class Offset(Cause):
 def _at_levels(context: Context) -> Iterator[Cause]:
     # sensors side by side, or the standards of a calibration
     for column in context.inputs:
-        if trouble_with_levels(context.X[column], column) is None:
+        if trouble_with_levels(context, column) is None:
             for level in np.unique(context.X[column]):
                 yield Offset(column, float(level))
 

@@ -28,6 +28,7 @@ from hybridsurrogate.inference.conditional.principal_components import main_dire
 from hybridsurrogate.inference.conjugate.sufficient_statistics import ROUNDING
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.inference.model.prior_density import prior_of_unknowns
+from hybridsurrogate.inference.sampling.hierarchical import standardised
 from hybridsurrogate.inference.sampling.modes import Gaussian, find_modes
 from hybridsurrogate.inference.sampling.proposals import (
     mixture_log_density,
@@ -120,7 +121,19 @@ def _by_proposals(
     def at_centre(u: FloatArray) -> FloatArray:
         return _log_density(problem, u, centre)[:, 0]
 
-    modes = find_modes(at_centre, first_step[np.argsort(-at_centre(first_step[:200]))[:2]])
+    starts = first_step[np.argsort(-at_centre(first_step[:200]))[:2]]
+    coordinates = standardised(problem.model, at_centre, starts)
+    if coordinates is not None:
+        first_step, starts = coordinates.of(first_step), coordinates.of(starts)
+
+    def plain(points: FloatArray) -> tuple[FloatArray, FloatArray | float]:
+        return (points, 0.0) if coordinates is None else coordinates.points(points)
+
+    def at_centre_of(points: FloatArray) -> FloatArray:
+        u, log_volume = plain(points)
+        return at_centre(u) + log_volume
+
+    modes = find_modes(at_centre_of, starts)
     n, sigma = len(first_step), _noise_of(first_step)
     spread = Gaussian(first_step[0], np.eye(first_step.shape[1]), modes[0].log_mass)
     first = moment_match(first_step, np.full(n, 1 / n), spread)
@@ -128,9 +141,10 @@ def _by_proposals(
     some = np.linspace(0, len(problem.c) - 1, min(25, len(problem.c))).astype(int)
     for round_ in range(SETTINGS.conditional_rounds):
         points = mixture_points(components, SETTINGS.conditional_proposals, random_state)
-        log_proposal = mixture_log_density(components, points)
-        given = main_directions(problem, points[:, :-1], sigma)
-        log_weight = _log_density(given, points, given.draws) - log_proposal[:, None]
+        u, log_volume = plain(points)
+        log_proposal = mixture_log_density(components, points) - log_volume
+        given = main_directions(problem, u[:, :-1], sigma)
+        log_weight = _log_density(given, u, given.draws) - log_proposal[:, None]
         share = node_shares(log_weight)
         effective = float(np.median(1 / np.sum(share**2, axis=0)))
         khat = float(np.median([level_smooth(log_weight[:, s])[1] for s in some]))
@@ -138,10 +152,14 @@ def _by_proposals(
         if enough or round_ == SETTINGS.conditional_rounds - 1:
             break
         components = [moment_match(points, share.mean(axis=1), first), modes[0]]
-    drawn = OwnDraws(points[one_node_each(share, random_state)], khat, effective)
-    if not enough:
-        best = points[np.argmax(log_weight + log_proposal[:, None], axis=0)]
-        own = own_draws(problem, np.stack([best, first_step]), random_state)
+    drawn = OwnDraws(u[one_node_each(share, random_state)], khat, effective)
+    # proposals of its own for each draw take a Hessian each: in many dimensions, or coordinates
+    # that suit the shared ones, only where these are doubtful
+    many = coordinates is not None or first_step.shape[1] > SETTINGS.many_dimensions
+    doubtful = khat > KHAT_LIMIT or effective < SETTINGS.least_effective
+    if doubtful if many else not enough:
+        best = u[np.argmax(log_weight + log_proposal[:, None], axis=0)]
+        own = own_draws(problem, np.stack([best, plain(first_step)[0]]), random_state)
         drawn = own if own.khat < max(khat, KHAT_LIMIT) else drawn
     return _drawn(problem, *drawn, "importance", random_state)
 

@@ -169,8 +169,7 @@ def columns_at_nodes(model: MeasuredModel, X: FloatArray, grid: Grid, z: FloatAr
         curves = np.swapaxes(model.added_by(last, X, block), 1, 2)
         rms = _rms(curves)
         if process:
-            # the basis of a process is one object: its prior variance per row, not per column
-            rms = np.broadcast_to(np.sqrt(np.sum(rms**2, axis=1, keepdims=True)), rms.shape)
+            rms = _of_one_process(rms)
         return curves / rms[:, :, None], rms
 
     numbers = len(X) * len(model.effects[-1].coefficients) if model.effects else 0
@@ -180,6 +179,11 @@ def columns_at_nodes(model: MeasuredModel, X: FloatArray, grid: Grid, z: FloatAr
     low = rms < least
     own[low] *= (rms[low] / least)[:, None]
     return Columns(earlier, np.swapaxes(own, 1, 2), np.maximum(rms, least))
+
+
+def _of_one_process(rms: FloatArray) -> FloatArray:
+    """Return the size of all columns together: prior variance per row, not per column."""
+    return np.broadcast_to(np.sqrt(np.sum(rms**2, axis=1, keepdims=True)), rms.shape)
 
 
 def _rms(curves: FloatArray) -> FloatArray:
@@ -285,6 +289,8 @@ def linearise(
     T, M, d = len(grid.points), len(around.mean), len(grid.fixed)
     G, curves = np.swapaxes(around.slopes[:, :d], 1, 2), around.slopes[:, d:]
     rms = _rms(curves)
+    if len(grid.sizes) and model.effects[-1].is_process:
+        rms = _of_one_process(rms)
     curves /= rms[:, :, None]
     H = np.broadcast_to(np.swapaxes(curves, 1, 2), (T, len(X), len(grid.sizes)))
     rms = np.broadcast_to(rms, (T, len(grid.sizes)))

@@ -87,6 +87,11 @@ class SamplingSettings:
         Nodes, and their rows, that are asked for these directions.
     conditional_proposals, conditional_rounds : int
         Proposals of a parameter in each round, and rounds.
+    many_dimensions : int
+        Beyond, each coefficient draw has proposals of its own only where shared ones are doubtful:
+        with 13 unknowns they take 100 s, shared ones 2 s.
+    least_effective : float
+        Step 2 is doubtful with fewer effective proposals, or accepted moves, a draw.
     newton_steps, newton_tolerance : int, float
         To the inner mode, which shapes proposals only: a thousandth of a nat is near enough.
     width_steps, width_rounds : int
@@ -153,6 +158,8 @@ class SamplingSettings:
     direction_rows: int = 20_000
     conditional_proposals: int = 3000
     conditional_rounds: int = 4
+    many_dimensions: int = 10
+    least_effective: float = 10.0
     newton_steps: int = 60
     newton_tolerance: float = 1e-3
     width_steps: int = 4

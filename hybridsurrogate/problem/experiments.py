@@ -1,0 +1,126 @@
+"""Which experiment a measured row is of, and which parameters differ between them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
+from hybridsurrogate.simulation.arrays import is_numeric
+from hybridsurrogate.simulation.simulator import SimulationData, Simulator
+
+# shared: the same in all experiments, as every parameter that is not mentioned
+_WAYS = ("shared", "own", "spread")
+# the number of an experiment that is none of those with labels
+_NONE = -1.0
+
+
+@dataclass(frozen=True)
+class Experiments:
+    """What a fit knows of the experiments that its rows are of.
+
+    Attributes
+    ----------
+    column : str
+    labels : tuple of str or None
+        Names that stand in the column, in order; None where it holds numbers.
+    by : mapping of parameter to {"own", "spread"}
+        What differs between experiments, and how.
+    """
+
+    column: str
+    labels: tuple[str, ...] | None
+    by: Mapping[str, str]
+
+    def numbered(self, table: Any) -> Any:
+        """Return a table with names of experiments numbered; one that is not known is -1."""
+        if self.labels is None or not _has_names(table, self.column):
+            return table
+        position = {label: float(k) for k, label in enumerate(self.labels)}
+        numbers = [position.get(str(value), _NONE) for value in table[self.column]]
+        return table.assign(**{self.column: np.array(numbers)})
+
+    def effects(self) -> tuple[Cause, ...]:
+        """Return what gives each experiment its own value of the parameters that differ."""
+        levels = None if self.labels is None else tuple(map(float, range(len(self.labels))))
+        return tuple(
+            ParameterByExperiment(name, self.column, how, levels=levels, labels=self.labels)
+            for name, how in self.by.items()
+        )
+
+
+def experiments_of(
+    tables: Sequence[Any], column: str | None, by: Mapping[str, str] | None
+) -> Experiments | None:
+    """Return what the measured tables of a fit tell of experiments; None without a column."""
+    if column is None:
+        return None
+    differing = {name: how for name, how in (by or {}).items() if how != "shared"}
+    names = [table[column].astype(str) for table in tables if _has_names(table, column)]
+    labels = tuple(sorted(set().union(*map(set, names)))) if names else None
+    return Experiments(column, labels, differing)
+
+
+def check_experiments(
+    column: object, by: object, simulation: SimulationData | Simulator | None
+) -> None:
+    """Raise ValueError or TypeError for settings of experiments that mean nothing."""
+    if column is not None and not isinstance(column, str):
+        raise TypeError(f"experiment must be the name of a measured column, got {column!r}.")
+    if by is None:
+        return
+    if not isinstance(by, Mapping):
+        raise TypeError(
+            "by_experiment must say of parameters how they differ, such as {'rate': 'spread'}, "
+            f"got {by!r}."
+        )
+    parameters = () if simulation is None else simulation.parameter_names
+    for name, how in by.items():
+        if name not in parameters:
+            raise ValueError(
+                f"by_experiment: {name!r} is not a parameter of the simulation; these are: "
+                f"{list(parameters)}."
+            )
+        if how not in _WAYS:
+            raise ValueError(f"by_experiment[{name!r}] must be one of {_WAYS}, got {how!r}.")
+        if column is None:
+            raise ValueError(
+                "by_experiment needs experiment, the name of the measured column that says which "
+                "experiment a row is of."
+            )
+
+
+def check_column(
+    experiments: Experiments, columns: Sequence[str], values: NDArray[Any], inputs: Sequence[str]
+) -> None:
+    """Raise ValueError where the column of experiments is missing, an input or always the same."""
+    name = experiments.column
+    if name in inputs:
+        raise ValueError(
+            f"experiment={name!r} is an input of the simulation: it must be a column of labels "
+            "that the simulation ignores."
+        )
+    if name not in columns:
+        raise ValueError(
+            f"experiment={name!r} is none of the measured columns {list(columns)}. An array has "
+            "columns x0, x1 and so on; a DataFrame has names."
+        )
+    if experiments.by and len(np.unique(values[:, list(columns).index(name)])) < 2:
+        raise ValueError(
+            f"All rows are of one experiment, {name!r} is always the same: nothing can be told of "
+            "what differs between experiments. Leave out by_experiment."
+        )
+
+
+def _has_names(table: Any, column: str) -> bool:
+    return (
+        isinstance(table, pd.DataFrame)
+        and column in table.columns
+        and not is_numeric(table[column])
+    )
