@@ -135,6 +135,14 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NAME=MEAN,SD",
         help="normal prior of a parameter, cut off at the range of the runs; else uniform",
     )
+    own.add_argument("--experiment", metavar="COLUMN", help="says which experiment a row is of")
+    own.add_argument(
+        "--by-experiment",
+        action="append",
+        default=[],
+        metavar="NAME=HOW",
+        help="a parameter that differs between experiments: own, or spread around a mean",
+    )
     own.add_argument("--likelihood", default="normal", choices=tuple(LIKELIHOODS))
     own.add_argument(
         "--degree",
@@ -218,11 +226,22 @@ def _diagnose(given: argparse.Namespace) -> int:
         surrogate=_surrogate(given.degree, simulation, len(measured)),
         beta=given.beta,
         likelihood=given.likelihood,
+        experiment=given.experiment,
+        by_experiment=dict(map(_differing, given.by_experiment)) or None,
         random_state=given.seed,
     )
     y = measured[given.output].to_numpy(dtype=float)
     y = y[:, 0] if len(given.output) == 1 else y
-    return _finish(model, with_levels(measured.drop(columns=given.output)), y, None, given)
+    labels = [given.experiment] if given.experiment in measured else []
+    X = with_levels(measured.drop(columns=[*given.output, *labels]))
+    return _finish(model, X.assign(**{name: measured[name] for name in labels}), y, None, given)
+
+
+def _differing(text: str) -> tuple[str, str]:
+    name, _, how = text.partition("=")
+    if not how:
+        raise ValueError(f"--by-experiment {text}: write NAME=HOW, such as {name}=spread.")
+    return name, how
 
 
 def _warn_of_unnamed(runs: pd.DataFrame, named: set[str]) -> None:

@@ -70,6 +70,8 @@ class Context:
         What differs between them.
     experiment : str or None
         The column that says which experiment a row is of, where one was declared.
+    experiment_labels : tuple of str or None
+        Names of the experiments, which the column numbers from zero. None: it is as it was given.
     by_experiment : tuple of str
         Parameters that are known to differ between these.
 
@@ -99,6 +101,7 @@ class Context:
     outputs: tuple[str, ...] = ()
     of_outputs: tuple[OfOutput, ...] = ()
     experiment: str | None = None
+    experiment_labels: tuple[str, ...] | None = None
     by_experiment: tuple[str, ...] = ()
 
     def begins_at_zero(self, column: str) -> bool:
@@ -151,11 +154,7 @@ class Context:
 
         The simulation ignores them, and they are no axis.
         """
-        return tuple(
-            name
-            for name in tuple(self.X)[self.n_inputs :]
-            if name == self.experiment or _counts_experiments(self.X[name])
-        )
+        return label_columns(self.X, self.n_inputs, self.experiment)
 
     def column(self, name: str) -> FloatArray:
         """Return a measured column; raise ValueError when there is none of that name."""
@@ -164,6 +163,12 @@ class Context:
                 f"There is no measured column {name!r}; the columns are {list(self.X)}."
             )
         return np.asarray(self.X[name])
+
+
+def label_columns(X: Rows, n_inputs: int, experiment: str | None) -> tuple[str, ...]:
+    """Return the columns beyond the inputs that label experiments: `Context.labels`."""
+    extras = list(X)[n_inputs:]
+    return tuple(name for name in extras if name == experiment or _counts_experiments(X[name]))
 
 
 def _counts_experiments(values: FloatArray) -> bool:

@@ -176,7 +176,7 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
             weights=rows.weights,
             run_weights=np.concatenate(powers) if powers else None,
             stacking=data.stacking,
-            experiment=self.experiment,
+            experiments=data.experiments,
         )
 
     def _further_tables(self) -> Sequence[Any]:

@@ -212,7 +212,7 @@ class PowerScaledSurrogate(SurrogateEstimator):
             weights=rows.weights,
             run_weights=run_weights,
             stacking=data.stacking,
-            experiment=self.experiment,
+            experiments=data.experiments,
         )
 
     def _learned_effects(self, data: CheckedData) -> tuple[Cause, ...]:

@@ -133,7 +133,7 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
                 measured_only=source == "measured",
                 weights=rows.weights,
                 stacking=data.stacking,
-                experiment=self.experiment,
+                experiments=data.experiments,
             )
             powers = (1.0, 0.0)
             fit = fit_problem(problem, powers, self.sampler, int(self.n_draws), random)

@@ -11,6 +11,7 @@ from hybridsurrogate.effects.context import Context, OfOutput
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.problem.experiments import Experiments
 from hybridsurrogate.problem.stacking import Stacking
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.basis import Basis
@@ -34,8 +35,7 @@ def make_context(
     location: float,
     far: Mismatch | None = None,
     outputs: Mapping[str, OfOutput] | None = None,
-    experiment: str | None = None,
-    by_experiment: tuple[str, ...] = (),
+    experiments: Experiments | None = None,
 ) -> Context:
     """Return what causes may know about the measured rows."""
     far = far or Mismatch()
@@ -61,8 +61,9 @@ def make_context(
         scales_noise=likelihood.scales_noise,
         outputs=tuple(outputs or ()),
         of_outputs=tuple((outputs or {}).values()),
-        experiment=experiment,
-        by_experiment=by_experiment,
+        experiment=experiments.column if experiments else None,
+        experiment_labels=experiments.labels if experiments else None,
+        by_experiment=tuple(experiments.by) if experiments else (),
     )
 
 

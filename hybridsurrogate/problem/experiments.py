@@ -48,9 +48,8 @@ class Experiments:
 
     def effects(self) -> tuple[Cause, ...]:
         """Return what gives each experiment its own value of the parameters that differ."""
-        levels = None if self.labels is None else tuple(map(float, range(len(self.labels))))
         return tuple(
-            ParameterByExperiment(name, self.column, how, levels=levels, labels=self.labels)
+            ParameterByExperiment(name, self.column, how, labels=self.labels)
             for name, how in self.by.items()
         )
 

@@ -24,6 +24,7 @@ from hybridsurrogate.inference.model.working_point import WorkingPoint
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.problem.context import make_context, mismatch, of_each_output
+from hybridsurrogate.problem.experiments import Experiments
 from hybridsurrogate.problem.stacking import Stacking
 from hybridsurrogate.problem.transformed_simulation import TransformedSimulation
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
@@ -161,13 +162,13 @@ def make_problem(
     weights: FloatArray | None = None,
     run_weights: FloatArray | None = None,
     stacking: Stacking | None = None,
-    experiment: str | None = None,
+    experiments: Experiments | None = None,
 ) -> Problem:
     """Wire surrogate, causes and priors; compute the statistics of the simulation runs once.
 
     With ``measured_only`` the simulation lends its input ranges and nothing else. Weights are
     powers of the likelihoods of single rows and runs. Of several outputs the rows are stacked, and
-    the noise of each is a part of the model. ``experiment`` is the column of labels.
+    the noise of each is a part of the model. ``experiments`` tells which column has their labels.
     """
     weights = np.ones(len(y)) if weights is None else weights
     eta = likelihood.working(y)
@@ -230,7 +231,7 @@ def make_problem(
         far = mismatch(plain, X, told, eta, weights)
         each = of_each_output(plain, X, told, eta, weights, stacking, likelihood)
         context = make_context(
-            world, columns, n_inputs, X, scale, likelihood, basis, location, far, each, experiment
+            world, columns, n_inputs, X, scale, likelihood, basis, location, far, each, experiments
         )
         effects = tuple(prepared_for(effect, context) for effect in effects)
     model = plain.with_effects(effects)

@@ -141,10 +141,12 @@ def _of_output(result: Search, cause: Cause | None, output: int) -> Discrepancy:
     return Discrepancy(grid, column, unit * mean, unit * low, unit * high, unit * left)
 
 
-def shares_of_thirds(X: FloatArray, delta: FloatArray, columns: Sequence[str]) -> list[Third]:
+def shares_of_thirds(
+    X: FloatArray, delta: FloatArray, columns: Sequence[str], labels: Sequence[str] = ()
+) -> list[Third]:
     """Return which part of a discrepancy lies in each third of each column's measured range.
 
-    Of a column with a few values: at each of them.
+    Of a column with a few values, or of labels: at each of them.
 
     Parameters
     ----------
@@ -154,6 +156,8 @@ def shares_of_thirds(X: FloatArray, delta: FloatArray, columns: Sequence[str]) -
         The discrepancy there.
     columns : sequence of str
         Names of the columns of X; columns with a single value have no thirds.
+    labels : sequence of str
+        Those that label experiments.
 
     Examples
     --------
@@ -170,7 +174,7 @@ def shares_of_thirds(X: FloatArray, delta: FloatArray, columns: Sequence[str]) -
         if np.ptp(values) == 0:
             continue
         levels = np.unique(values)
-        if len(levels) <= _FEW_LEVELS:
+        if len(levels) <= _FEW_LEVELS or name in labels:
             ends, part = np.repeat(levels, 2), np.searchsorted(levels, values)
         else:
             ends = np.repeat(np.linspace(levels[0], levels[-1], 4), 2)[1:-1]

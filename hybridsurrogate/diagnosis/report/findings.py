@@ -22,6 +22,9 @@ from hybridsurrogate.effects.registry import meaning_of
 if TYPE_CHECKING:
     from hybridsurrogate.diagnosis.answers.finding import CauseFinding
 
+# estimates that a sentence holds
+_MOST_TOLD = 4
+
 
 def title_of(view: View) -> str:
     """Return what the report is about."""
@@ -151,13 +154,22 @@ def chance(view: View) -> str:
     )
 
 
+def _numbered(view: View) -> list[str]:
+    """Say which number stands for which experiment, where these had names."""
+    experiments = view.diagnosis.estimator_.experiments_
+    if experiments is None or experiments.labels is None:
+        return []
+    names = digits.listing([f"{k} stands for {name}" for k, name in enumerate(experiments.labels)])
+    return [f"In {experiments.column} {names}."]
+
+
 def where(view: View) -> list[str]:
     """Say in which part of the measured range the simulation is wrong, and by how much."""
     band = view.band
     values = band.grid[:, view.columns.index(band.column)]
     scale = f"log {view.output}" if view.log_scale else view.output
     stretches = band.stretches(values)
-    out = []
+    out = _numbered(view)
     if not view.extended:
         out.append(
             "Nowhere that the data could show. The picture's band is pointwise: it leaves zero in "
@@ -306,11 +318,14 @@ def _why_adequate(view: View) -> list[str]:
 
 
 def _with_estimates(view: View, finding: CauseFinding, cause: Cause) -> str:
-    parts = [f"{name} {digits.interval(*values)}" for name, values in finding.estimates.items()]
+    told = dict(list(finding.estimates.items())[:_MOST_TOLD])
+    parts = [f"{name} {digits.interval(*values)}" for name, values in told.items()]
     if not parts:
         return ""
+    if len(finding.estimates) > len(told):
+        parts.append(f"and {len(finding.estimates) - len(told)} numbers more in the table below")
     named: dict[str, list[str]] = {}
-    for name in finding.estimates:
+    for name in told:
         named.setdefault(unit_of(view, cause, name), []).append(name)
     in_units = [
         f"{digits.listing(names)} {unit if unit.startswith('a ') else f'in units of {unit}'}"

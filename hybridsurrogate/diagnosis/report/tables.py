@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 
@@ -11,6 +13,8 @@ from hybridsurrogate.diagnosis.answers.table import form_of
 from hybridsurrogate.diagnosis.report.view import View
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.in_output import InOutput
+from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
+from hybridsurrogate.priors import FloatArray
 
 Interval = tuple[float, float, float]
 
@@ -33,7 +37,7 @@ def thirds(view: View) -> list[Third]:
     """Return where the extension changes the predictions; nothing without an extension."""
     if not any(cause.changes_output for _, cause in view.findings) or not np.any(view.change):
         return []
-    found = shares_of_thirds(view.X, view.change, view.columns)
+    found = shares_of_thirds(view.X, view.change, view.columns, view.labels)
     # other columns than inputs and what a cause looks at have a share by accident
     matter = {*view.inputs, *(name for _, cause in view.findings for name in cause.reads)}
     return [third for third in found if third.column in matter]
@@ -66,10 +70,23 @@ def parameter_intervals(view: View) -> dict[str, dict[str, Interval]]:
             # of several outputs each has a noise of its own, and a table of its own
             if name in draws and (name in names or view.stacking is None):
                 out.setdefault(name, {})[word] = _interval(draws[name])
+        for name, values in _by_experiment(model).items():
+            out.setdefault(name, {})[word] = _interval(values)
         for output in view.outputs if view.stacking is not None else ():
             noise = view.of(output).noise_draws(model)
             out.setdefault(f"noise of {output}", {})[word] = _interval(noise)
     return out
+
+
+def _by_experiment(model: Any) -> dict[str, FloatArray]:
+    """Return draws of what was declared to differ between experiments."""
+    declared = model.by_experiment or {}
+    return {
+        f"{effect.parameter} {name}": values
+        for k, effect in enumerate(model.posterior_.model.effects)
+        if isinstance(effect, ParameterByExperiment) and effect.parameter in declared
+        for name, values in model.posterior_.estimates(k).items()
+    }
 
 
 def estimate_table(view: View) -> pd.DataFrame:
@@ -104,6 +121,8 @@ def unit_of(view: View, cause: Cause, name: str) -> str:
     if cause.kind == "interaction":
         column = " * ".join(cause.reads)
     target = cause.target or ""
+    if isinstance(cause, ParameterByExperiment):
+        return target
     output = f"log {view.output}" if view.log_scale else view.output
     moved = target if cause.kind == "parameter-drift" else output
     if name.startswith("level_"):

@@ -17,6 +17,7 @@ from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
 from hybridsurrogate.diagnosis.validation.beta_scan import has_weight, is_slow
 from hybridsurrogate.diagnosis.validation.gain import in_one_word
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.context import label_columns
 from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.effects.noise.output_noise import OutputNoise
 from hybridsurrogate.plotting import Prediction
@@ -68,6 +69,12 @@ class View:
     def inputs(self) -> tuple[str, ...]:
         """Names of the simulation's inputs."""
         return self.diagnosis.estimator_.simulation.input_names
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the columns that label experiments."""
+        rows = dict(zip(self.columns, self.X.T, strict=True))
+        return label_columns(rows, len(self.inputs), self.diagnosis.estimator_.experiment)
 
     @cached_property
     def _there(self) -> NDArray[np.bool_]:
@@ -145,7 +152,7 @@ class View:
     @property
     def weight_takes_minutes(self) -> bool:
         """Whether a fit takes so long that a few weights take minutes."""
-        return is_slow(self.diagnosis.estimator_)
+        return any(map(is_slow, self.diagnosis.beta_scans_.models))
 
     @property
     def cause(self) -> Cause | None:

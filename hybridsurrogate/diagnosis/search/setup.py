@@ -101,7 +101,7 @@ def prepare(
         X,
         y,
         stacking=fitted.stacking_,
-        experiment=fitted.experiment,
+        experiments=experiments,
     )
     problem = _at_spread_of(at_noise_of(problem, fitted.posterior_), fitted.posterior_)
     # a search over causes has no time to infer a surrogate's hyperparameters each time
@@ -121,8 +121,7 @@ def prepare(
         float(np.mean(problem.y)),
         mismatch(problem.model, *rows),
         of_each_output(problem.model, *rows, problem.stacking, likelihood),
-        fitted.experiment,
-        () if experiments is None else tuple(experiments.by),
+        experiments,
     )
     problem = replace(problem, reach=context.reach)
     usable, unusable = [], []

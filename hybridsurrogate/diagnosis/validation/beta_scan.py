@@ -17,6 +17,7 @@ from hybridsurrogate.diagnosis.validation.parallel import in_parallel
 from hybridsurrogate.estimators.beta_path import beta_path
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import HybridSurrogateWarning
+from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.scoring.scores import last_of_the_best, paired_difference
 
@@ -59,8 +60,8 @@ class BetaScans:
         return self.known[out_of_range]
 
     def _few(self, out_of_range: bool) -> pd.DataFrame | None:
-        before, _ = self.models
-        if not has_weight(before) or is_slow(before):
+        before = self.models[0]
+        if not has_weight(before) or any(is_slow(model) for model in self.models):
             return None
         assert before.simulation is not None
         folds = (
@@ -85,9 +86,10 @@ def has_weight(estimator: PowerScaledSurrogate) -> bool:
 
 
 def is_slow(estimator: PowerScaledSurrogate) -> bool:
-    """Tell whether a fit takes long, by hyperparameters or by many coefficients."""
+    """Tell whether a fit takes long, by hyperparameters, many coefficients or many unknowns."""
     model = estimator.posterior_.model
-    return bool(model.n_hyper) or len(model.basis.coefficient_mean) > _MANY_COEFFICIENTS
+    many = model.n_unknowns > SETTINGS.many_dimensions
+    return many or bool(model.n_hyper) or len(model.basis.coefficient_mean) > _MANY_COEFFICIENTS
 
 
 def scan_beta(

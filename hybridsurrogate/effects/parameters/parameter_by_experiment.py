@@ -44,7 +44,7 @@ class ParameterByExperiment(Cause):
     prior : frozen scipy.stats distribution or None, default=None
         Of the parameter. None: as in the simulation.
     levels : tuple of float or None, default=None
-        Values of the column. None: those of the measured rows.
+        Values of the column. None: those of the measured rows, or 0, 1, ... of labels.
     labels : tuple of str or None, default=None
         What to call them. None: as they are.
 
@@ -116,7 +116,9 @@ class ParameterByExperiment(Cause):
         if spread is None:
             spread = frozen(stats.halfcauchy, scale=prior_sd(prior))
         levels = self.levels
-        if levels is None:
+        if levels is None and self.labels is not None:
+            levels = tuple(map(float, range(len(self.labels))))
+        elif levels is None:
             levels = tuple(np.unique(context.column(self.column)).tolist())
         return self.filled(prior=prior, spread=spread, levels=levels)
 
@@ -201,9 +203,11 @@ class ParameterByExperiment(Cause):
 
 def _between_experiments(context: Context) -> Iterator[Cause]:
     for column in context.labels:
+        declared = column == context.experiment
         for parameter in context.parameters:
-            if column != context.experiment or parameter not in context.by_experiment:
-                yield ParameterByExperiment(parameter, column)
+            if not declared or parameter not in context.by_experiment:
+                labels = context.experiment_labels if declared else None
+                yield ParameterByExperiment(parameter, column, labels=labels)
 
 
 def _lacking(context: Context) -> Iterator[tuple[str | None, str]]:

@@ -1,0 +1,115 @@
+"""Measurements of several batches, and a parameter that is not the same in all of them."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from batches import DECAY, batches
+from experiments import main
+
+import hybridsurrogate as hs
+from hybridsurrogate.cli import main as command_line
+
+
+def test_the_page_runs_as_it_stands(capsys):
+    page = Path(__file__).resolve().parents[2] / "docs" / "experiments.md"
+    blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    exec(compile("\n".join(blocks), str(page), "exec"), {"__name__": "page"})
+    assert "named parameter-by-experiment rate" in capsys.readouterr().out
+
+
+def diagnosed(X, y, simulation=DECAY, cv=None, **options):
+    model = hs.PowerScaledSurrogate(
+        simulation, **{"surrogate": hs.ExactSurrogate(), "random_state": 0} | options
+    )
+    return hs.DiscrepancyDiagnosis(model, cv=cv, n_replicates=50, random_state=0).fit(X, y)
+
+
+def numbered(X):
+    """Batches as somebody numbers them who has heard nothing of ``experiment``."""
+    return X.assign(batch=X.batch.str[1:].astype(int) + 1)
+
+
+def test_a_rate_that_differs_is_named_without_being_told():
+    X, y, rates = batches(0, n=8)
+    diagnosis = diagnosed(numbered(X), y, cv=3)
+    assert diagnosis.verdict_ == "named"
+    best = diagnosis.best_cause_
+    assert (best.kind, best.target) == ("parameter-by-experiment", "rate")
+    low, high = np.quantile(
+        diagnosis.extended_estimator_.posterior_.estimates(0)["spread"], [0.01, 0.99]
+    )
+    assert low < rates.std(ddof=1) < high
+    assert diagnosis.gain_.elpd_after > diagnosis.gain_.elpd_before + 0.3
+    text = str(diagnosis.report())
+    assert "differs between the experiments of batch" in text
+
+
+def test_nothing_is_wrong_once_it_is_declared():
+    X, y, _ = batches(1, n=6)
+    told = {"experiment": "batch", "by_experiment": {"rate": "spread"}}
+    diagnosis = diagnosed(X, y, cv=2, **told)
+    assert diagnosis.verdict_ == "adequate"
+    kinds = set(zip(diagnosis.causes_.kind, diagnosis.causes_.target, strict=True))
+    assert ("parameter-by-experiment", "level") in kinds
+    assert ("parameter-by-experiment", "rate") not in kinds
+    assert "rate" in str(diagnosis.report())
+    assert diagnosis.predict(X.head(2).assign(batch="another")).shape == (2,)
+
+
+def test_what_else_is_wrong_is_found_beside_it():
+    X, y, _ = batches(2, n=6)
+    y = y + 0.2 * (X.x > 2)
+    told = {"experiment": "batch", "by_experiment": {"rate": "spread"}}
+    diagnosis = diagnosed(X, y, **told)
+    assert diagnosis.best_cause_.kind == "step"
+    assert diagnosis.extended_estimator_.by_experiment == {"rate": "spread"}
+
+
+@pytest.mark.parametrize("what", ["output", "noise"])
+def test_one_batch_is_off(what):
+    X, y, _ = batches(3, spread=0.0, n=8)
+    bad = (X.batch == "b2").to_numpy()
+    rng = np.random.default_rng(1)
+    y = y + (0.15 if what == "output" else 0.2 * rng.standard_normal(len(y))) * bad
+    diagnosis = diagnosed(X, y, experiment="batch")
+    first = diagnosis.causes_.iloc[0]
+    assert first.kind == {"output": "missing-input", "noise": "noise"}[what]
+    assert "level 2" in first.form
+
+
+def test_labels_are_no_axis():
+    X, y, _ = batches(4, spread=0.0, n=6)
+    causes = diagnosed(numbered(X), y).causes_
+    over = causes[(causes.target == "batch") & ~causes.form.str.contains("level|categorical")]
+    assert over[over.note == ""].empty
+    # a quantity that happens to be whole is one, if it does not count experiments
+    dose = np.tile([0.0, 5.0, 10.0], len(y) // 3)
+    causes = diagnosed(X[["x"]].assign(dose=dose), y).causes_
+    assert (causes.target == "dose").any()
+
+
+def test_the_study_keeps_its_rows(tmp_path, capsys):
+    few = ["--cases", "1", "--nulls", "0", "--intervals", "1", "--rows", str(tmp_path / "r.csv")]
+    main(few)
+    first = capsys.readouterr().out
+    main(few)
+    assert capsys.readouterr().out == first
+    assert "| size 2 | 1 | 100 % | 0 % | 100 % |" in first
+
+
+def test_the_command_line_knows_experiments(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    X, y, _ = batches(0, n=5)
+    X.assign(y=y).to_csv("measured.csv", index=False)
+    runs = DECAY.run(40, random_state=0, along=20)
+    frame = runs.to_frame()
+    frame.to_csv("runs.csv", index=False)
+    settings = ["--simulation", "runs.csv", "--inputs", "x", "--parameters", "rate", "level"]
+    settings += ["--prior", "rate=0.5,0.3", "--prior", "level=3,1", "--output", "y"]
+    settings += ["--experiment", "batch"]
+    assert command_line(["diagnose", "measured.csv", *settings, "--by-experiment", "rate"]) == 2
+    assert "write NAME=HOW" in capsys.readouterr().err
+    assert command_line(["diagnose", "measured.csv", *settings]) == 0
+    assert "parameter-by-experiment in rate" in capsys.readouterr().out
