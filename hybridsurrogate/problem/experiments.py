@@ -39,7 +39,10 @@ class Experiments:
     by: Mapping[str, str]
 
     def numbered(self, table: Any) -> Any:
-        """Return a table with names of experiments numbered; one that is not known is -1."""
+        """Return a table with names of experiments numbered; one that is not known is -1.
+
+        A column of numbers is numbered already.
+        """
         if self.labels is None or not _has_names(table, self.column):
             return table
         position = {label: float(k) for k, label in enumerate(self.labels)}
