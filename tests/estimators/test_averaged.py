@@ -124,9 +124,10 @@ def test_estimators_must_share_simulation_and_likelihood(case):
     for other in (
         candidates(make_log_sin(random_state=0)),
         candidates(case, likelihood=hs.StudentT()),
+        candidates(case, experiment="x"),
     ):
         model = hs.AveragedSurrogate([candidates(case)[0], other[1]], WEIGHTS)
-        with pytest.raises(ValueError, match="the same simulation object and the same likelihood"):
+        with pytest.raises(ValueError, match="the same simulation object, the same likelihood"):
             model.fit(case.X, case.y)
 
 
