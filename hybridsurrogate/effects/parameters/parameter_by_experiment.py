@@ -51,7 +51,8 @@ class ParameterByExperiment(Cause):
     Examples
     --------
     >>> import numpy as np, hybridsurrogate as hs
-    >>> rates = hs.ParameterByExperiment("rate", "batch", levels=(1.0, 2.0))
+    >>> from scipy.stats import norm
+    >>> rates = hs.ParameterByExperiment("rate", "batch", prior=norm(4, 1), levels=(1.0, 2.0))
     >>> theta = {"spread": 0.5, "batch = 1": -1.0, "batch = 2": 2.0, "another batch": 0.0}
     >>> theta = {name: np.full(3, value) for name, value in theta.items()}
     >>> rows = {"batch": np.array([1.0, 2.0, 7.0])}
