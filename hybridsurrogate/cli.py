@@ -111,6 +111,17 @@ def main(argv: Sequence[str] | None = None) -> int:
             return 2
 
 
+def _add_experiments(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--experiment", metavar="COLUMN", help="says which experiment a row is of")
+    command.add_argument(
+        "--by-experiment",
+        action="append",
+        default=[],
+        metavar="NAME=HOW",
+        help="a parameter that differs between experiments: own, or spread around a mean",
+    )
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="hybridsurrogate", description="Find out what a simulation gets wrong."
@@ -135,14 +146,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NAME=MEAN,SD",
         help="normal prior of a parameter, cut off at the range of the runs; else uniform",
     )
-    own.add_argument("--experiment", metavar="COLUMN", help="says which experiment a row is of")
-    own.add_argument(
-        "--by-experiment",
-        action="append",
-        default=[],
-        metavar="NAME=HOW",
-        help="a parameter that differs between experiments: own, or spread around a mean",
-    )
+    _add_experiments(own)
     own.add_argument("--likelihood", default="normal", choices=tuple(LIKELIHOODS))
     own.add_argument(
         "--degree",

@@ -70,25 +70,24 @@ def test_the_whole_catalogue():
         *("interaction", "step: before", "missing-input", "missing-input: quadratic"),
         *("missing-input: categorical", "missing-input: with offset", "interaction: from zero"),
         *("noise", "noise: mean", "noise: tails", "noise: autocorrelation", "unexplained"),
+        # batches 1 to 4 are labels
+        "parameter-by-experiment: over batch",
     }
     # a continuous column has no levels, and this simulation has no dynamics
     assert {(s.kind, s.target) for s in skipped} == {
         ("missing-input", "wind"),
-        # four batches are too few for either
-        ("step", "batch"),
-        ("periodic", "batch"),
         ("missing-term", None),
     }
     assert {s.reason.partition(":")[0] for s in skipped} == {
         "categorical",
         "level",
         "inside the dynamics",
-        "batch has 4 distinct values, 6 are needed",
-        "batch has 4 distinct values, 8 are needed",
     }
-    assert [cause.level for cause in levels] == [1, 2, 3, 4]
+    assert sorted((cause.kind, cause.level) for cause in levels) == [
+        (kind, level) for kind in ("missing-input", "noise") for level in (1, 2, 3, 4)
+    ]
     assert [cause.target for cause in causes if cause.kind == "interaction"] == 2 * ["t * dose"]
-    assert len(drifts) == 2 * 2 * 4 + 2 * 2
+    assert len(drifts) == 2 * 2 * 4 + 2
 
 
 def test_what_is_left_out_comes_with_a_reason():
@@ -140,8 +139,10 @@ def test_a_jump_and_a_wave_along_an_extra_column():
     causes, skipped = catalogue(Context(frame, 1, {}, {}, 1.0))
     weighed = {(cause.kind, cause.target) for cause in causes}
     assert {("step", "day"), ("periodic", "day"), ("step", "t"), ("periodic", "t")} <= weighed
-    assert ("step", "batch") not in weighed
-    assert ("step", "batch") in {(one.kind, one.target) for one in skipped}
+    # three batches, numbered from zero, are labels
+    everything = weighed | {(one.kind, one.target) for one in skipped}
+    assert not {("step", "batch"), ("periodic", "batch")} & everything
+    assert ("missing-input", "batch") in weighed
 
 
 def test_a_cause_of_ones_own_replaces_the_built_in_one():
