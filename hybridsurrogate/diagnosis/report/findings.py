@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from hybridsurrogate.diagnosis.answers.finding import CauseFinding
 
 # estimates that a sentence holds
-_MOST_TOLD = 4
+_MOST_TOLD = 6
 
 
 def title_of(view: View) -> str:
@@ -323,7 +323,7 @@ def _with_estimates(view: View, finding: CauseFinding, cause: Cause) -> str:
     if not parts:
         return ""
     if len(finding.estimates) > len(told):
-        parts.append(f"and {len(finding.estimates) - len(told)} numbers more in the table below")
+        parts.append(f"and {len(finding.estimates) - len(told)} more in the table below")
     named: dict[str, list[str]] = {}
     for name in told:
         named.setdefault(unit_of(view, cause, name), []).append(name)
