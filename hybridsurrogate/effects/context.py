@@ -144,9 +144,15 @@ class Context:
         return tuple(self.X)[: self.n_inputs]
 
     @property
+    def ignored(self) -> tuple[str, ...]:
+        """Names of the measured columns that the simulation ignores: extras and labels."""
+        return tuple(self.X)[self.n_inputs :]
+
+    @property
     def extras(self) -> tuple[str, ...]:
         """Names of the measured quantities that the simulation ignores."""
-        return tuple(name for name in tuple(self.X)[self.n_inputs :] if name not in self.labels)
+        labels = self.labels
+        return tuple(name for name in self.ignored if name not in labels)
 
     @property
     def labels(self) -> tuple[str, ...]:

@@ -232,12 +232,12 @@ def trouble_with_levels(context: Context, column: str) -> str | None:
 
 
 def _categories(context: Context) -> Iterator[Cause]:
-    for column in (*context.extras, *context.labels):
+    for column in context.ignored:
         yield MissingInput(column, shape="categorical")
 
 
 def _at_levels(context: Context) -> Iterator[Cause]:
-    for column in (*context.extras, *context.labels):
+    for column in context.ignored:
         if trouble_with_levels(context, column) is None:
             for level in np.unique(context.X[column]):
                 yield MissingInput(column, shape="categorical", level=float(level))
@@ -258,13 +258,11 @@ def _trouble_with_categories(cause: Cause, context: Context) -> str | None:
 
 
 def _lacking(context: Context) -> list[tuple[None, str]]:
-    return (
-        [] if context.extras or context.labels else [(None, "no measured column beside the inputs")]
-    )
+    return [] if context.ignored else [(None, "no measured column beside the inputs")]
 
 
 def _without_levels(context: Context) -> Iterator[tuple[str, str]]:
-    for column in (*context.extras, *context.labels):
+    for column in context.ignored:
         trouble = trouble_with_levels(context, column)
         if trouble:
             yield column, f"level: {trouble}"

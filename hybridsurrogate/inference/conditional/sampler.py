@@ -153,9 +153,11 @@ def _by_proposals(
             break
         components = [moment_match(points, share.mean(axis=1), first), modes[0]]
     drawn = OwnDraws(u[one_node_each(share, random_state)], khat, effective)
-    # proposals of its own for each draw take a Hessian each
-    many = coordinates is not None or first_step.shape[1] > SETTINGS.many_dimensions
-    if not enough and not many:
+    # proposals of its own for each draw take a Hessian each: in many dimensions only where shared
+    # ones are doubtful, and never in a hierarchy, whose ridges they do not follow
+    doubtful = khat > KHAT_LIMIT or effective < SETTINGS.least_effective
+    wanted = doubtful if first_step.shape[1] > SETTINGS.many_dimensions else not enough
+    if wanted and coordinates is None:
         best = u[np.argmax(log_weight + log_proposal[:, None], axis=0)]
         own = own_draws(problem, np.stack([best, plain(first_step)[0]]), random_state)
         drawn = own if own.khat < max(khat, KHAT_LIMIT) else drawn
