@@ -49,6 +49,7 @@ def test_a_column_that_is_not_there(cause):
         (hs.MissingInput("wind", level=2), "level=2 needs shape='categorical'"),
         (hs.MissingInput("wind", shape="categorical"), "wind has 100 distinct values, 2 to 6"),
         (hs.MissingInput("batch", shape="categorical", level=9), "'batch' is never 9"),
+        (hs.BuildUp("wind"), r"'wind' does not begin near zero.*BuildUp\('wind', origin="),
         (hs.Offset("batch"), "an offset at one level needs both"),
         (hs.Offset("batch", level=9), "'batch' is never 9"),
     ],
@@ -67,6 +68,7 @@ def test_the_whole_catalogue():
     assert rest == {
         *("offset", "gain", "wrong-constant", "trend", "trend: quadratic", "periodic"),
         *("periodic: overtone", "step", "ramp", "bump", "decay", "saturation", "delay"),
+        *("episode", "trend: since the start", "build-up", "limit", "limit: below", "response"),
         *("interaction", "step: before", "missing-input", "missing-input: quadratic"),
         *("missing-input: categorical", "missing-input: with offset", "interaction: from zero"),
         *("noise", "noise: mean", "noise: tails", "noise: autocorrelation", "unexplained"),

@@ -42,6 +42,12 @@ LATER_FORMS = (
     "noise: mean",
     "noise: tails",
     "noise: autocorrelation",
+    "trend: since the start",
+    "episode",
+    "episode: factor",
+    "build-up",
+    "limit",
+    "response",
 )
 FORMS = (*KINDS, *LATER_FORMS)
 

@@ -107,6 +107,15 @@ def _added_later(
             return height - height * reach / (reach + beyond)
 
         return filled, truth
+    if kind == "trend: since the start":
+        # right at the first measurement, and off by more and more since: a sensor set once
+        slope = height / span
+        truth |= {"slope": slope}
+        return lambda X: slope * (X[:, j] - first), truth
+    if kind == "episode":
+        begin, end = _episode(low, span, rng)
+        truth |= {"begin": begin, "end": end, "amplitude": height}
+        return lambda X: np.where((begin < X[:, j]) & (X[:, j] <= end), height, 0.0), truth
     if kind == "interaction":
         measured = setting.X[:, :2]
         middle = (measured.min(axis=0) + measured.max(axis=0)) / 2
@@ -115,6 +124,57 @@ def _added_later(
         truth = {"target": names, "slope": slope}
         return lambda X: slope * np.prod(X[:, :2] - middle, axis=1), truth
     raise ValueError(f"Unknown kind {kind!r}.")
+
+
+def _episode(low: float, span: float, rng: np.random.Generator) -> tuple[float, float]:
+    """Draw where something begins, and where it ends, inside what is measured."""
+    length = span * between(rng, 0.1, 0.5)
+    begin = rng.uniform(low + 0.1 * span, low + 0.9 * span - length)
+    return begin, begin + length
+
+
+def _changed_output(kind: str, setting: Setting, rng: np.random.Generator) -> Effect | None:
+    """Draw what becomes of the simulated output itself before it is measured."""
+    j = int(rng.integers(len(setting.low)))
+    low, span = setting.low[j], setting.span[j]
+    output = run(setting, setting.X)
+    numbers: dict[str, Any] = {"target": ""}
+    if kind == "episode: factor":
+        begin, end = _episode(low, span, rng)
+        factor = 1 + _sign(rng) * between(rng, 0.05, 0.5)
+        numbers = {"target": setting.simulator.input_names[j]}
+        numbers |= {"begin": begin, "end": end, "factor": factor}
+
+        def change(X: Array, y: Array) -> Array:
+            return np.where((begin < X[:, j]) & (X[:, j] <= end), factor * y, y)
+
+    elif kind == "build-up":
+        # nothing is there at zero, as before a dose is taken up
+        numbers = {"target": setting.simulator.input_names[j], "scale": between(rng, 0.05, 0.4)}
+        numbers["scale"] *= span
+
+        def change(X: Array, y: Array) -> Array:
+            return y - y * np.exp(-X[:, j] / numbers["scale"])
+
+    elif kind == "limit":
+        # an overflow, or a reading that ends there: so much of the measured rows is beyond
+        share, above = rng.uniform(0.1, 0.4), rng.uniform() < 0.5
+        limit = float(np.quantile(output, 1 - share if above else share))
+        numbers |= {"limit": limit}
+
+        def change(X: Array, y: Array) -> Array:
+            return np.minimum(y, limit) if above else np.maximum(y, limit)
+
+    else:
+        # a sensor that is right at both ends of what it meets, and not between
+        top, bottom = output.max(), output.min()
+        bend = _sign(rng) * between(rng, 0.1, 0.8) / (top - bottom)
+        numbers |= {"curvature": bend}
+
+        def change(X: Array, y: Array) -> Array:
+            return y + bend * (y - bottom) * (y - top)
+
+    return lambda X: change(X, run(setting, X)), numbers
 
 
 def _draw_delay(setting: Setting, rng: np.random.Generator) -> Effect | None:
@@ -208,6 +268,8 @@ def draw_effect(kind: str, setting: Setting, rng: np.random.Generator) -> Effect
         return _draw_delay(setting, rng)
     if kind == "noise":
         return _draw_noise(setting, rng)
+    if kind in ("episode: factor", "build-up", "limit", "response"):
+        return _changed_output(kind, setting, rng)
     if kind == "interaction" and len(setting.low) < 2:
         return None
     curve, truth = _added(kind, setting, rng)

@@ -2,8 +2,9 @@
 
 registry (what a file registers), base (the four methods of a cause), context (what it may know of
 the data), in_output (a cause in one of several outputs), over_column, sized, picture, notation;
-then rooms by what a cause changes: output, parameters, inputs, dynamics, noise. Imports of today's
-causes below serve type checkers and editors: a new file needs none.
+then rooms by what a cause changes: output (added to it), response (made of it), parameters, inputs,
+dynamics, noise. Imports of today's causes below serve type checkers and editors: a new file needs
+none.
 """
 
 from typing import TYPE_CHECKING
@@ -25,6 +26,7 @@ if TYPE_CHECKING:  # the files are loaded below, room by room
     from hybridsurrogate.effects.output.bump import Bump
     from hybridsurrogate.effects.output.decay import Decay
     from hybridsurrogate.effects.output.discrepancy_process import GaussianProcessDiscrepancy
+    from hybridsurrogate.effects.output.episode import Episode
     from hybridsurrogate.effects.output.interaction import Interaction
     from hybridsurrogate.effects.output.missing_input import MissingInput
     from hybridsurrogate.effects.output.offset import Offset
@@ -32,14 +34,18 @@ if TYPE_CHECKING:  # the files are loaded below, room by room
     from hybridsurrogate.effects.output.ramp import Ramp
     from hybridsurrogate.effects.output.saturation import Saturation
     from hybridsurrogate.effects.output.step import Step
-    from hybridsurrogate.effects.output.trend import Trend
-    from hybridsurrogate.effects.parameters.gain import Gain
+    from hybridsurrogate.effects.output.trend import Trend, TrendSinceStart
     from hybridsurrogate.effects.parameters.parameter_drift import ParameterDrift
     from hybridsurrogate.effects.parameters.wrong_constant import WrongConstant
+    from hybridsurrogate.effects.response.build_up import BuildUp
+    from hybridsurrogate.effects.response.gain import Gain
+    from hybridsurrogate.effects.response.limit import Limit
+    from hybridsurrogate.effects.response.sensor_response import SensorResponse
 
 __all__ = [
     "SIMULATED",
     "Autocorrelation",
+    "BuildUp",
     "Bump",
     "Cause",
     "Context",
@@ -48,10 +54,12 @@ __all__ = [
     "DynamicDelay",
     "DynamicDrift",
     "DynamicTerm",
+    "Episode",
     "Gain",
     "GaussianProcessDiscrepancy",
     "InOutput",
     "Interaction",
+    "Limit",
     "MissingInput",
     "Noise",
     "NoiseOfMean",
@@ -62,8 +70,10 @@ __all__ = [
     "Ramp",
     "Remainder",
     "Saturation",
+    "SensorResponse",
     "Step",
     "Trend",
+    "TrendSinceStart",
     "WrongConstant",
 ]
 

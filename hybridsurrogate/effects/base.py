@@ -1,8 +1,9 @@
-"""The four-method interface of a cause: how the simulation meets the measurements.
+"""The interface of a cause: how the simulation meets the measurements.
 
 For measured rows the simulation's output eta becomes
 ``gain * eta(inputs) + columns @ a`` with noise scale ``noise * sigma``; a cause rewrites any of the
-four, and each is the identity by default.
+four, and each is the identity by default. What is no factor but follows the output itself, such as
+a limit, overrides ``response`` instead of ``gain``.
 """
 
 from __future__ import annotations
@@ -129,6 +130,30 @@ class Cause(BaseEstimator):
         ndarray of shape (n,), or float
         """
         return 1.0
+
+    def response(
+        self, simulated: FloatArray, X: Rows, theta: Rows
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """Return what becomes of the simulated output, and the slope of the one over the other.
+
+        By default the output times its gain. The slope carries an emulator's error over: around
+        what the runs say the coefficients stay conditionally Gaussian.
+
+        Parameters
+        ----------
+        simulated : ndarray of shape (n,)
+            On the scale of eta.
+        X, theta : dict of name to ndarray of shape (n,)
+
+        Returns
+        -------
+        values, slopes : ndarray of shape (n,)
+            None: the output stays what it is.
+        """
+        gain = np.asarray(self.gain(X, theta))
+        if not gain.ndim and gain == 1.0:
+            return None
+        return gain * simulated, np.broadcast_to(gain, simulated.shape)
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray | None:
         """Return the added columns, one for each name in ``coefficients``.
@@ -278,7 +303,12 @@ class Cause(BaseEstimator):
     @property
     def touches_simulation(self) -> bool:
         """Whether the cause changes the simulation's output itself and does not only add to it."""
-        return self.moves_inputs or type(self).gain is not Cause.gain
+        return self.moves_inputs or self.bends or type(self).gain is not Cause.gain
+
+    @property
+    def bends(self) -> bool:
+        """Whether what it makes of the simulated output is another thing than a factor on it."""
+        return type(self).response is not Cause.response
 
     @property
     def factorises(self) -> bool:

@@ -74,6 +74,8 @@ class Context:
         Names of the experiments, which the column numbers from zero. None: it is as it was given.
     by_experiment : tuple of str
         Parameters that are known to differ between these.
+    unit : float
+        What one on the scale of eta is in the user's units: of one of several outputs.
 
     Examples
     --------
@@ -103,6 +105,7 @@ class Context:
     experiment: str | None = None
     experiment_labels: tuple[str, ...] | None = None
     by_experiment: tuple[str, ...] = ()
+    unit: float = 1.0
 
     def begins_at_zero(self, column: str) -> bool:
         """Tell whether a column ends near zero, and is never on the other side of it.

@@ -136,6 +136,16 @@ class InOutput(Cause):
         gain = np.asarray(self.cause.gain(X, theta))
         return np.where(self._here(X) > 0, gain, 1.0) if gain.ndim or gain != 1.0 else 1.0
 
+    def response(
+        self, simulated: FloatArray, X: Rows, theta: Rows
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """Return what the cause makes of its output, the others as they are."""
+        changed = self.cause.response(simulated, X, theta)
+        if changed is None:
+            return None
+        here = self._here(X) > 0
+        return np.where(here, changed[0], simulated), np.where(here, changed[1], 1.0)
+
     def columns(self, X: Rows, theta: Rows) -> FloatArray | None:
         """Return the cause's columns at rows of its output, 0 at others."""
         columns = self.cause.columns(X, theta)
@@ -195,6 +205,11 @@ class InOutput(Cause):
         return self.cause.touches_simulation
 
     @property
+    def bends(self) -> bool:
+        """As the cause."""
+        return self.cause.bends
+
+    @property
     def factorises(self) -> bool:
         """As the cause."""
         return self.cause.factorises
@@ -234,6 +249,7 @@ def of_output(context: Context, position: int) -> Context:
         location=own.location,
         distance=own.distance,
         ratio=own.ratio,
+        unit=own.scale,
     )
 
 

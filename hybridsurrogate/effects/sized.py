@@ -93,6 +93,12 @@ class Sized(Cause):
         """Return that of the cause."""
         return self.cause.gain(X, self._own(theta))
 
+    def response(
+        self, simulated: FloatArray, X: Rows, theta: Rows
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """Return what the cause makes of the output."""
+        return self.cause.response(simulated, X, self._own(theta))
+
     def noise(self, X: Rows, theta: Rows) -> FloatArray | float:
         """Return that of the cause."""
         return self.cause.noise(X, self._own(theta))
@@ -132,6 +138,11 @@ class Sized(Cause):
     def touches_simulation(self) -> bool:
         """As the cause."""
         return self.cause.touches_simulation
+
+    @property
+    def bends(self) -> bool:
+        """As the cause."""
+        return self.cause.bends
 
     @property
     def touches_noise(self) -> bool:

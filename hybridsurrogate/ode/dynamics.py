@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.modification import Modification, Numbers
 
-FORMS = ("constant", "proportional", "seasonal")
+FORMS = ("constant", "proportional", "seasonal", "power", "saturating", "product")
 
 
 @dataclass(frozen=True)
@@ -91,13 +91,25 @@ class MissingTerm(Modification):
     Parameters
     ----------
     state : str
-    form : {"constant", "proportional", "seasonal"}
-        The term is `rate`, or `rate` times the state, or a forcing from outside:
-        sine sin(a) + cosine cos(a) with a = 2 pi (t - center) / period.
+    form : {"constant", "proportional", "seasonal", "power", "saturating", "product"}
+        What the term is, x being the state:
+
+        - constant: rate;
+        - proportional: rate x;
+        - seasonal: a forcing from outside, sine sin(a) + cosine cos(a) with
+          a = 2 pi (t - center) / period;
+        - power: rate size (|x| / size)^exponent, with the sign of x: crowding with exponent 2, the
+          outflow of a tank with 1/2;
+        - saturating: rate x / (half + |x|), the law of Michaelis and Menten (1913);
+        - product: rate x times another state, as where two species meet.
     prefix : str or None, default=None
         What the full names of the numbers begin with; None: state and form.
     center : float, default=0.0
         Of the seasonal form.
+    size : float, default=1.0
+        Of the power: a typical size of the state.
+    other : str or None, default=None
+        The other state of a product.
 
     Examples
     --------
@@ -110,20 +122,27 @@ class MissingTerm(Modification):
     form: str
     prefix: str | None = None
     center: float = 0.0
+    size: float = 1.0
+    other: str | None = None
 
     def __post_init__(self) -> None:
         if self.form not in FORMS:
             raise ValueError(f"form must be one of {list(FORMS)}, got {self.form!r}.")
+        if (self.form == "product") != (self.other is not None):
+            raise ValueError(
+                "A product needs the name of the other state, other forms have none: got "
+                f"form={self.form!r}, other={self.other!r}."
+            )
 
     @property
     def label(self) -> str:
         """The prefix, or state and form."""
-        return self.prefix or f"{self.state}_{self.form}"
+        return self.prefix or "_".join(filter(None, (self.state, self.form, self.other)))
 
     @property
     def neutral(self) -> dict[str, float]:
-        """A rate of zero; or sine and cosine of zero, then a period."""
-        return dict.fromkeys(self.sizes, 0.0) | ({"period": 1.0} if self._is_seasonal else {})
+        """A rate of zero, or sine and cosine; then period, exponent or half."""
+        return dict.fromkeys(self.sizes, 0.0) | _FURTHER_NUMBERS.get(self.form, {})
 
     @property
     def sizes(self) -> tuple[str, ...]:
@@ -136,21 +155,40 @@ class MissingTerm(Modification):
 
     def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
         """Raise ValueError where there is no such state."""
-        _check_state(self.state, states)
+        for name in filter(None, (self.state, self.other)):
+            _check_state(name, states)
 
     def drives(self, t: FloatArray, numbers: Numbers, step: float) -> dict[str, FloatArray]:
         """Return the term, where it does not follow the state."""
-        if self.form == "proportional":
-            return {}
         if self._is_seasonal:
             return {self.state: _course("periodic", t, self.center, numbers, step)}
-        return {self.state: np.broadcast_to(numbers["rate"], (len(t), len(numbers["rate"])))}
+        if self.form == "constant":
+            return {self.state: np.broadcast_to(numbers["rate"], (len(t), len(numbers["rate"])))}
+        return {}
 
     def terms(self, state: Mapping[str, FloatArray], numbers: Numbers) -> dict[str, FloatArray]:
         """Return the term, where it follows the state."""
-        if self.form != "proportional":
+        x = state[self.state]
+        if self.form == "proportional":
+            term = x
+        elif self.form == "power":
+            share = np.abs(x) / self.size
+            term = self.size * np.copysign(share ** numbers["exponent"], x)
+        elif self.form == "saturating":
+            term = x / (numbers["half"] + np.abs(x))
+        elif self.other is not None:
+            term = x * state[self.other]
+        else:
             return {}
-        return {self.state: numbers["rate"] * state[self.state]}
+        return {self.state: numbers["rate"] * term}
+
+
+# beside the sizes
+_FURTHER_NUMBERS = {
+    "seasonal": {"period": 1.0},
+    "power": {"exponent": 1.0},
+    "saturating": {"half": 1.0},
+}
 
 
 @dataclass(frozen=True)

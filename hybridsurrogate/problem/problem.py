@@ -242,7 +242,7 @@ def make_problem(
         raise ValueError(f"A cause asks for {error}; there are {there}.") from error
     if any(effect.has_outliers for effect in effects):
         _check_outliers(likelihood)
-    if any(effect.follows_mean for effect in effects):
+    if any(effect.follows_mean or effect.bends for effect in effects):
         model = replace(model, reference=_reference(basis, domain, run_weights))
     kept, run_statistics = None, None
     if runs is not None and run_eta is not None and trained and not basis.holds_runs:

@@ -162,6 +162,32 @@ CASES = {
         {"slope": 0.1},
     ),
     "noise": (hs.Noise("t"), plain, {"slope": 0.2, "ratio": np.exp(0.2 * 12)}),
+    "trend since the start": (
+        hs.TrendSinceStart("t"),
+        lambda r: plain(r) + 0.2 * r.t,
+        {"slope": 0.2},
+    ),
+    "episode": (
+        hs.Episode("t"),
+        lambda r: plain(r) + 0.7 * ((r.t > 3.03) & (r.t < 6.97)),
+        {"amplitude": 0.7},
+    ),
+    "build-up": (
+        hs.BuildUp("t"),
+        lambda r: plain(r) * (1 - np.exp(-r.t / 1.5)),
+        {"scale": 1.5},
+    ),
+    "limit": (hs.Limit(), lambda r: np.minimum(plain(r), 14.5), {"limit": 14.5}),
+    "limit, below": (
+        hs.Limit(below=True),
+        lambda r: np.maximum(plain(r), 10.5),
+        {"limit": 10.5},
+    ),
+    "response": (
+        hs.SensorResponse(),
+        lambda r: 1.0 + 0.7 * plain(r) + 0.03 * plain(r) ** 2,
+        {"curvature": 0.03},
+    ),
 }
 
 

@@ -107,6 +107,9 @@ CHANGES = [
     MissingTerm("i", "constant"),
     MissingTerm("s", "proportional"),
     MissingTerm("i", "seasonal", center=30.0),
+    MissingTerm("i", "power", size=0.1),
+    MissingTerm("i", "saturating"),
+    MissingTerm("i", "product", other="s"),
     DelayedState("i"),
 ]
 
@@ -157,15 +160,28 @@ def test_changing_parameter_agrees_with_scipy(shape, numbers):
     np.testing.assert_allclose(values, expected, rtol=1e-4)
 
 
-@pytest.mark.parametrize("form", ["constant", "proportional"])
-def test_missing_term_agrees_with_scipy(form):
+@pytest.mark.parametrize(
+    ("term", "numbers", "own"),
+    [
+        (MissingTerm("i", "constant"), [1e-3], lambda s, i: 1e-3),
+        (MissingTerm("i", "proportional"), [1e-3], lambda s, i: 1e-3 * i),
+        (
+            MissingTerm("i", "power", size=0.1),
+            [-0.1, 1.7],
+            lambda s, i: -0.1 * 0.1 * (i / 0.1) ** 1.7,
+        ),
+        (MissingTerm("i", "saturating"), [-0.02, 0.15], lambda s, i: -0.02 * i / (0.15 + i)),
+        (MissingTerm("i", "product", other="s"), [-0.1], lambda s, i: -0.1 * i * s),
+    ],
+    ids=lambda value: value.form if isinstance(value, MissingTerm) else "",
+)
+def test_missing_term_agrees_with_scipy(term, numbers, own):
     t = np.linspace(0, 60, 30)
-    changed = make_epidemic().modified([MissingTerm("i", form)])
-    values = changed(t, np.tile([CONTACT, RECOVERY, 1e-3], (30, 1)))
+    changed = make_epidemic().modified([term])
+    values = changed(t, np.tile([CONTACT, RECOVERY, *numbers], (30, 1)))
 
     def slope(s, state):
-        own = 1e-3 * (1 if form == "constant" else state[1])
-        return sir(s, state, CONTACT, RECOVERY) + np.array([0, own])
+        return sir(s, state, CONTACT, RECOVERY) + np.array([0, own(*state)])
 
     np.testing.assert_allclose(values, reference(slope, [0.999, 0.001], t)[1], rtol=1e-5)
 
@@ -294,6 +310,10 @@ def test_wrong_names():
         TimeVaryingParameter("rate", "jump")
     with pytest.raises(ValueError, match="form must be"):
         MissingTerm("n", "square")
+    with pytest.raises(ValueError, match="product needs the name of the other state"):
+        MissingTerm("n", "product")
+    with pytest.raises(ValueError, match="There is no state 'm'"):
+        make_decay().modified([MissingTerm("n", "product", other="m")])
 
 
 def test_causes_inside_the_dynamics_need_an_exact_ode():

@@ -28,6 +28,8 @@ class ExtendedFunction:
     ):
         self.simulator, self.cause, self.likelihood = simulator, cause, likelihood
         self.theta_names, self.coefficient_names = theta_names, coefficient_names
+        # a cause in one of several outputs knows it in units of its standard deviation
+        self.unit = (isinstance(cause, InOutput) and cause.scale) or 1.0
         self.__name__ = f"{simulator.name}_with_{cause.kind.replace('-', '_')}"
 
     def __call__(self, **values: FloatArray) -> FloatArray:
@@ -47,7 +49,8 @@ class ExtendedFunction:
         inputs = np.column_stack([run_X[name] for name in simulator.input_names])
         points = np.column_stack([run_omega[name] for name in parameters]) if parameters else None
         eta = self.likelihood.link(simulator(simulator.held(inputs), points))
-        eta = self.cause.gain(X, theta) * eta
+        changed = self.cause.response(eta / self.unit, X, theta)
+        eta = eta if changed is None else self.unit * changed[0]
         columns = self.cause.columns(X, theta)
         if columns is not None:
             coefficients = [rows[public] for public in self.coefficient_names.values()]

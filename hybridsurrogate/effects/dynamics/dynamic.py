@@ -57,9 +57,13 @@ class Dynamic(Cause):
         return {name: given.get(name, defaults[name]) for name in change.neutral}
 
     def size_of(self, context: Context, state: str) -> float:
-        """Return the typical size of a state, or raise ValueError where there is none."""
+        """Return the typical size of a state, or raise ValueError where there is none.
+
+        That of the simulation, in so far as measured outputs are as large as simulated ones: what
+        grows without the crowding that it lacks is simulated many times too large.
+        """
         if not context.states:
             raise ValueError(NEEDS_ODE.format(f"{type(self).__name__}({state!r})"))
         if state not in context.states:
             raise ValueError(f"There is no state {state!r}; the states are {list(context.states)}.")
-        return context.states[state]
+        return context.states[state] * context.ratio

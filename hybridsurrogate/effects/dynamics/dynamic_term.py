@@ -15,6 +15,9 @@ from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.ode.dynamics import MissingTerm
 from hybridsurrogate.priors import Prior, frozen
 
+# exponents or halves that a search begins with
+_NODES = 5
+
 
 class DynamicTerm(Dynamic):
     """A term missing from the slope of a state of an `OdeSimulator`.
@@ -22,15 +25,27 @@ class DynamicTerm(Dynamic):
     Parameters
     ----------
     state : str
-    form : {"constant", "proportional", "seasonal"}
-        The term is ``rate``, ``rate`` times the state, or a forcing from outside:
-        ``sine sin(a) + cosine cos(a)`` with ``a = 2 pi (t - center) / period``.
+    form : {"constant", "proportional", "seasonal", "power", "saturating", "product"}
+        What the term is, x being the state:
+
+        - constant: ``rate``;
+        - proportional: ``rate x``;
+        - seasonal: a forcing from outside, ``sine sin(a) + cosine cos(a)`` with
+          ``a = 2 pi (t - center) / period``;
+        - power: ``rate size (|x| / size)^exponent`` with the sign of x: crowding, or the outflow
+          of a tank;
+        - saturating: ``rate x / (half + |x|)`` (Michaelis and Menten 1913);
+        - product: ``rate x`` times another state.
     prefix : str or None, default=None
         As in `DynamicDrift`.
     priors : dict of name to prior, optional
         Of the numbers below, where the defaults do not fit.
     center : float or None, default=None
         Time at which the seasonal forcing has phase zero. None: the middle of the measured rows.
+    size : float or None, default=None
+        Typical size of the state. None: as below.
+    other : str or None, default=None
+        The other state of a product.
 
     Notes
     -----
@@ -38,8 +53,10 @@ class DynamicTerm(Dynamic):
     the medians of the parameters' priors:
 
     - rate: Student-t with 3 degrees of freedom around zero, whose scale is one over the span of the
-      measured times, times the typical size of the state where the form is constant: over the
-      measured rows the state gains about as much as it holds, or much less or more;
+      measured times, times the typical size of the state where the form is constant or saturating,
+      and over that of the other state of a product: over the measured rows the state gains about
+      as much as it holds, or much less or more;
+    - exponent: uniform from 1/4 to 3; half: log-uniform from a tenth to ten times the typical size;
     - period: log-uniform between the shortest that the rows resolve and twice the span;
     - sine, cosine: Student-t with 3 degrees of freedom around zero, whose scale makes the state
       swing by half its typical size at the median period.
@@ -69,12 +86,16 @@ class DynamicTerm(Dynamic):
         prefix: str | None = None,
         priors: Mapping[str, Prior] | None = None,
         center: float | None = None,
+        size: float | None = None,
+        other: str | None = None,
     ):
         self.state = state
         self.form = form
         self.prefix = prefix
         self.priors = priors
         self.center = center
+        self.size = size
+        self.other = other
 
     @property
     def target(self) -> str:  # type: ignore[override]
@@ -83,45 +104,58 @@ class DynamicTerm(Dynamic):
 
     @property
     def variant(self) -> str:
-        """Whether the term is constant, proportional to the state, or seasonal."""
-        return self.form
+        """The form of the term, and the other state of a product."""
+        return f"{self.form} with {self.other}" if self.other else self.form
 
     @property
     def name(self) -> str:
         """The kind, the state, and the form of the term."""
-        return f"{self.kind}({self.state}, {self.form})"
+        return f"{self.kind}({self.state}, {self.variant})"
 
     @property
     def modification(self) -> MissingTerm:
         """The change of the right-hand side."""
-        return MissingTerm(self.state, self.form, self.prefix, self.center or 0.0)
+        return MissingTerm(
+            self.state, self.form, self.prefix, self.center or 0.0, self.size or 1.0, self.other
+        )
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the priors from the measured times and the size of the state."""
         change = self.modification
         size = self.size_of(context, self.state)
+        size = size if self.size is None else self.size
         times = context.column(context.inputs[0])
         span, _ = span_and_spacing(times)
         period = (self.priors or {}).get("period", period_prior(times))
         swing = np.pi * size / float(period.median())
-        rate = 1 / span * (1.0 if self.form == "proportional" else size)
+        rate = 1 / span * (size if self.form in ("constant", "saturating") else 1.0)
+        if self.other is not None:
+            rate /= self.size_of(context, self.other)
         defaults = {
             "rate": frozen(stats.t, 3, scale=rate),
             "sine": frozen(stats.t, 3, scale=swing),
             "cosine": frozen(stats.t, 3, scale=swing),
             "period": period,
+            "exponent": frozen(stats.uniform, loc=0.25, scale=2.75),
+            "half": frozen(stats.loguniform, 0.1 * size, 10 * size),
         }
         center = float(times.min() + times.max()) / 2 if change.form == "seasonal" else 0.0
         return self.filled(
             prefix=self.prefix or self.free_prefix(context, change),
             priors=self.all_priors(defaults),
             center=center if self.center is None else self.center,
+            size=size,
         )
 
     def grid(self) -> dict[str, FloatArray]:
-        """Return periods evenly spaced in frequency."""
-        periods = {k: prior for k, prior in self.parameters.items() if k == "period"}
-        return {name: period_nodes(prior) for name, prior in periods.items()}
+        """Return periods evenly spaced in frequency; or a few exponents, or halves."""
+        found = {}
+        for name, prior in self.parameters.items():
+            if name == "period":
+                found[name] = period_nodes(prior)
+            elif name in ("exponent", "half"):
+                found[name] = np.asarray(prior.ppf((np.arange(_NODES) + 0.5) / _NODES))
+        return found
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the rate, or period and amplitude."""
@@ -137,7 +171,13 @@ class DynamicTerm(Dynamic):
                 f"simulation with a forcing of {values['amplitude']:.4g} and period "
                 f"{values['period']:.4g} in the slope of {self.state}"
             )
-        term = f"{values['rate']:+.4g}" + ("" if self.form == "constant" else f" {self.state}")
+        term = f"{values['rate']:+.4g}"
+        if self.form == "power":
+            term += f" * {self.size:.4g} ({self.state} / {self.size:.4g})^{values['exponent']:.3g}"
+        elif self.form == "saturating":
+            term += f" {self.state} / ({values['half']:.4g} + {self.state})"
+        elif self.form != "constant":
+            term += " ".join(["", self.state, *([self.other] if self.other else [])])
         return f"simulation with {term} in the slope of {self.state}"
 
     def latex(self, values: Mapping[str, float]) -> str:
@@ -148,8 +188,25 @@ class DynamicTerm(Dynamic):
             angle = rf"\frac{{2 \pi \, t}}{{{number(values['period'])}}}"
             term = rf"+ {number(values['amplitude'])} \sin\left({angle} + \varphi\right)"
         else:
-            term = signed(values["rate"]) + ("" if self.form == "constant" else rf" \, {state}")
+            term = signed(values["rate"])
+            if self.form == "power":
+                size = number(self.size or 1.0)
+                share = rf"\left(\frac{{{state}}}{{{size}}}\right)"
+                term += rf" \cdot {size} {share}^{{{number(values['exponent'], 3)}}}"
+            elif self.form == "saturating":
+                term += rf" \, \frac{{{state}}}{{{number(values['half'])} + {state}}}"
+            elif self.form != "constant":
+                term += rf" \, {state}" + (rf" \, {word(self.other)}" if self.other else "")
         return rf"{SIMULATION}, \quad {slope} \to {slope} {term}"
+
+
+def _of_pairs(context: Context) -> Iterator[Cause]:
+    return (
+        DynamicTerm(state, "product", other=other)
+        for state in context.states
+        for other in context.states
+        if other != state
+    )
 
 
 def _of_states(form: str) -> Callable[[Context], Iterator[Cause]]:
@@ -200,5 +257,48 @@ register(
         "uniform, 2 spacings to 2 spans",
         estimates="period, amplitude",
         left_out="the same",
+    )
+)
+register(
+    Form(
+        "missing-term: power",
+        DynamicTerm,
+        _of_states("power"),
+        meaning="{target} gains or loses something that grows with a power of it, as by crowding, "
+        "and its equation leaves that out",
+        call='`..., form="power"`',
+        formula="slope of the state + rate size (state / size)^exponent",
+        priors="rate: Student-t, one over the span; exponent: uniform, 1/4 to 3",
+        estimates="rate, exponent",
+        left_out="the same",
+    )
+)
+register(
+    Form(
+        "missing-term: saturating",
+        DynamicTerm,
+        _of_states("saturating"),
+        meaning="{target} gains or loses something in proportion to it as long as it is small, and "
+        "a constant where it is large, and its equation leaves that out",
+        call='`..., form="saturating"`',
+        formula="slope of the state + rate state / (half + state)",
+        priors="rate: Student-t, typical state over the span; half: log-uniform, a tenth to ten "
+        "times the typical state",
+        estimates="rate, half",
+        left_out="the same",
+    )
+)
+register(
+    Form(
+        "missing-term: product",
+        DynamicTerm,
+        _of_pairs,
+        meaning="{target} gains or loses something where it meets another state, and its equation "
+        "leaves that out",
+        call='`..., form="product", other=state`',
+        formula="slope of the state + rate state other",
+        priors="rate: Student-t, one over the span and the other's typical size",
+        estimates="rate",
+        left_out="the same; one state",
     )
 )

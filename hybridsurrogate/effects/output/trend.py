@@ -8,7 +8,7 @@ import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed
-from hybridsurrogate.effects.over_column import OverColumn
+from hybridsurrogate.effects.over_column import FromOrigin, OverColumn, span_and_spacing
 from hybridsurrogate.effects.registry import Form, over_inputs, register
 
 
@@ -107,6 +107,71 @@ class Trend(OverColumn):
         return text
 
 
+class TrendSinceStart(FromOrigin):
+    """A straight line that is zero where the measurements begin: a sensor set once, then adrift.
+
+    ``simulation + slope max(x - origin, 0)``, the slope in units of the output per unit of the
+    column.
+
+    Parameters
+    ----------
+    column : str
+        Any measured column.
+    origin : float or None, default=None
+        Where the simulation is right. None: at the first of the measured rows.
+    span : float or None, default=None
+        How far the measured rows reach.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> line = hs.TrendSinceStart("t", origin=2.0, span=10.0)
+    >>> line.columns({"t": np.array([2.0, 7.0])}, {}).ravel().tolist()
+    [0.0, 0.5]
+    """
+
+    kind = "trend"
+    coefficients = ("slope",)
+
+    def __init__(self, column: str, origin: float | None = None, span: float | None = None):
+        super().__init__(column, origin)
+        self.span = span
+
+    @property
+    def variant(self) -> str:
+        """What tells it from a trend with a level of its own."""
+        return "since the start"
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in where the measured rows begin, and how far they reach."""
+        span, _ = span_and_spacing(context.column(self.column))
+        return super().prepare(context).filled(span=span if self.span is None else self.span)
+
+    def columns(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return the distance from the start, in spans of the measured rows."""
+        assert self.span is not None
+        return (self.distance(X) / self.span)[:, None]
+
+    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return the slope per unit of the column."""
+        assert self.span is not None
+        return {"slope": coefficients["slope"] / self.span}
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        assert self.origin is not None
+        assert self.span is not None
+        digits = digits_at(self.origin, self.span)
+        return f"simulation {plus(values['slope'])} ({self.column} {plus(-self.origin, digits)})"
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        assert self.origin is not None
+        assert self.span is not None
+        distance = minus(self.column, self.origin, digits_at(self.origin, self.span))
+        return rf"{SIMULATION} {signed(values['slope'])} {distance}"
+
+
 register(
     Form(
         "trend",
@@ -133,5 +198,19 @@ register(
         formula="... + curvature (x - center)²",
         estimates="slope, level, curvature",
         left_out="fewer than 4 distinct values",
+    )
+)
+register(
+    Form(
+        "trend: since the start",
+        TrendSinceStart,
+        over_inputs(TrendSinceStart),
+        meaning="the gap between measured and simulated {output} is nothing at the first {column} "
+        "and grows steadily from there",
+        least_distinct=3,
+        call="`TrendSinceStart(x)`",
+        formula="eta + slope (x - first)",
+        estimates="slope",
+        left_out="x has fewer than 3 distinct values",
     )
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, reduce
+from functools import cached_property
 
 import numpy as np
 
@@ -115,11 +115,16 @@ class CausesOnRows:
             points = np.stack([omega[k] for k in (*self.parameters, *self.constants)]).T
         return inputs, points
 
-    def _gain(self, rows: Rows, theta: Sequence[Rows]) -> FloatArray | None:
-        """Return the factor on the simulation, None where no cause has one."""
-        gains = [np.asarray(e.gain(rows, own)) for e, own in zip(self.effects, theta, strict=True)]
-        gains = [gain for gain in gains if gain.ndim or gain != 1.0]
-        return np.asarray(reduce(np.multiply, gains)) if gains else None
+    def _response(
+        self, simulated: FloatArray, rows: Rows, theta: Sequence[Rows]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return what causes make of the simulated output (J n,), and its slope over that."""
+        slope = np.ones_like(simulated)
+        for effect, own in zip(self.effects, theta, strict=True):
+            changed = effect.response(simulated, rows, own)
+            if changed is not None:
+                simulated, slope = changed[0], slope * changed[1]
+        return simulated, slope
 
     def _omega(self, values: FloatArray) -> FloatArray:
         constants = np.tile(list(self.constants.values()), (len(values), 1))

@@ -148,10 +148,8 @@ class MeasuredModel(CausesOnRows):
             return *self._unmoved(X, values, c), np.ones((len(values), 1))
         rows, omega, theta = self.rows(X, values)
         known, features = self._moved(X, values, c, rows, omega, theta, moves)
-        gain = self._gain(rows, theta)
-        if gain is not None:
-            gain = np.broadcast_to(gain, known.size).reshape(known.shape)
-            known, features = known * gain, features * gain[..., None]
+        if self._responds:
+            known, features = self._responded(known, features, rows, theta)
         if any(effect.follows_mean for effect in self.effects):
             output = known if c is not None else known + features @ self._reference
             rows = {**rows, SIMULATED: output.ravel()}
@@ -193,6 +191,26 @@ class MeasuredModel(CausesOnRows):
             known, features = known + features @ c, features[:, :0]
         return known.reshape(J, n), features.reshape(J, n, features.shape[1])
 
+    def _responded(
+        self, known: FloatArray, features: FloatArray, rows: Rows, theta: Sequence[Rows]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return known and features of what causes make of the simulated output.
+
+        To first order around what the reference says, where there are features.
+        """
+        shape, of_features = known.shape, features.shape[2]
+        output = known + features @ self._reference if of_features else known
+        values, slope = self._response(output.ravel(), rows, theta)
+        values, slope = values.reshape(shape), slope.reshape(shape)
+        if not of_features:
+            return values, features
+        return values + slope * (known - output), slope[..., None] * features
+
+    @property
+    def _responds(self) -> bool:
+        """Whether a cause makes something else of the simulated output."""
+        return any(e.bends or type(e).gain is not Cause.gain for e in self.effects)
+
     def places(self, X: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return inputs and parameters (J n, ...) at which the simulation is asked for."""
         return self._places(*self.rows(X, values))
@@ -205,12 +223,17 @@ class MeasuredModel(CausesOnRows):
         if self.basis.is_simulation:
             return np.empty((len(X), 0))
         inputs, points = self.places(X, values)
-        rows, _, theta = self.rows(X, values)
+        rows, omega, theta = self.rows(X, values)
         U = np.hstack(
             [self.basis.features(inputs, points) @ factor, self.basis.error(inputs, points)]
         )
-        gain = self._gain(rows, theta)
-        return U if gain is None else U * np.broadcast_to(gain, len(U))[:, None]
+        if not self._responds:
+            return U
+        output = np.zeros(len(X))  # a factor is its own slope
+        if any(effect.bends for effect in self.effects):
+            known, features = self._moved(X, values, None, rows, omega, theta, 1)
+            output = (known + features @ self._reference)[0]
+        return U * self._response(output, rows, theta)[1][:, None]
 
     @property
     def factorises(self) -> bool:

@@ -1,0 +1,113 @@
+"""Something that begins at one place of a column and ends at another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy import stats
+
+from hybridsurrogate.effects.base import FloatArray, Rows
+from hybridsurrogate.effects.notation import SIMULATION, digits_at, number, plus, signed, word
+from hybridsurrogate.effects.over_column import Located
+from hybridsurrogate.effects.registry import Form, over_inputs, register
+from hybridsurrogate.priors import Prior, frozen
+
+
+class Episode(Located):
+    """An added level between two unknown places: an instrument that read otherwise for some years.
+
+    ``simulation``, and ``+ amplitude`` for location <= x < end. The amplitude is in units of the
+    output, location and end in those of the column. The location is uniform over the measured rows;
+    given it the length is log-uniform, from the distance of neighbouring rows (at most a twentieth
+    of the span) to the distance of the last row, and ``share`` is how far along that way it is. So
+    an episode ends before the last row: one that does not is a `Step`.
+
+    Parameters
+    ----------
+    column : str
+        Any measured column.
+    location : frozen scipy.stats distribution or None, default=None
+        Prior of the place where it begins; bounded.
+    center, span, spacing : float or None, default=None
+        Middle and span of the measured rows, and the distance of neighbours.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> episode = hs.Episode("t", center=5.0, span=10.0, spacing=0.5)
+    >>> theta = {"location": np.array([2.0]), "share": np.array([0.5])}
+    >>> {name: float(values[0]) for name, values in episode.estimates(theta, {}).items()}
+    {'location': 2.0, 'end': 4.0}
+    >>> episode.columns({"t": np.array([1.0, 2.0, 3.9, 4.0])}, theta).ravel().tolist()
+    [0.0, 1.0, 1.0, 0.0]
+    """
+
+    kind = "episode"
+    coefficients = ("amplitude",)
+
+    @property
+    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
+        """The priors of the location and of the length's share."""
+        return {"location": self.location, "share": frozen(stats.uniform)}
+
+    def grid(self) -> dict[str, FloatArray]:
+        """Return locations and shares of lengths."""
+        return {"location": self.locations(80), "share": (np.arange(10) + 0.5) / 10}
+
+    def end(self, theta: Rows) -> FloatArray:
+        """Return where it ends."""
+        assert self.center is not None
+        assert self.span is not None
+        assert self.spacing is not None
+        shortest = min(self.spacing, 0.05 * self.span)
+        longest = np.maximum(self.center + 0.5 * self.span - theta["location"], shortest)
+        return theta["location"] + shortest * (longest / shortest) ** theta["share"]
+
+    def columns(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return 1 within the episode, 0 elsewhere."""
+        x = X[self.column]
+        return ((x >= theta["location"]) & (x < self.end(theta))).astype(float)[:, None]
+
+    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return where it begins and ends, and the amplitude."""
+        begin = np.asarray(theta["location"])
+        return {"location": begin, "end": self.end(theta), **coefficients}
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        begin, end = self._ends(values)
+        return (
+            f"simulation {plus(values['amplitude'])} from {self.column} = {begin[0]:.{begin[1]}g} "
+            f"to {end[0]:.{end[1]}g}"
+        )
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        begin, end = self._ends(values)
+        within = rf"{number(*begin)} \leq {word(self.column)} < {number(*end)}"
+        return rf"{SIMULATION} {signed(values['amplitude'])} \, \mathbf{{1}}_{{{within}}}"
+
+    def _ends(self, values: Mapping[str, float]) -> tuple[tuple[float, int], tuple[float, int]]:
+        assert self.span is not None
+        begin, end = values["location"], values["end"]
+        return (begin, digits_at(begin, self.span, 6)), (end, digits_at(end, self.span, 6))
+
+
+register(
+    Form(
+        "episode",
+        Episode,
+        over_inputs(Episode),
+        meaning="between two places of {column} {output} has another level, and the simulation "
+        "has not",
+        least_distinct=8,
+        like=("step", "bump"),
+        call="`Episode(x)`",
+        formula="eta, + amplitude from location to end",
+        priors="location: uniform over the rows; length: log-uniform, a spacing (at most a "
+        "twentieth of the span) to the distance of the last row",
+        estimates="location, end, amplitude",
+        left_out="fewer than 8 distinct values",
+    )
+)

@@ -1,0 +1,1 @@
+"""Causes that make something else of the simulated output itself."""

@@ -1,0 +1,122 @@
+"""A process that feeds in what the simulation has from the start."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy import stats
+
+from hybridsurrogate.effects.base import Context, FloatArray, Rows
+from hybridsurrogate.effects.notation import SIMULATION, minus, number, plus
+from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
+from hybridsurrogate.effects.registry import Form, over_inputs, register
+from hybridsurrogate.priors import Prior, frozen
+
+
+class BuildUp(FromOrigin):
+    """Nothing at first, then more and more of what is simulated: absorption of a dose, a warm-up.
+
+    ``simulation (1 - exp(-(x - origin) / scale))``; where the simulation is an exponential decay,
+    that is the course of a substance that is taken up and removed, each in proportion to what is
+    there (Bateman 1910, Proceedings of the Cambridge Philosophical Society 15:423). The scale is in
+    units of the column; its prior is log-uniform from a tenth of the distance of neighbouring rows
+    to half the measured span.
+
+    Parameters
+    ----------
+    column : str
+        An input of the simulation.
+    origin : float or None, default=None
+        Where it begins. None: zero, from which the measurements begin at no more than a quarter of
+        their span.
+    scale : frozen scipy.stats distribution or None, default=None
+        Prior of the scale.
+
+    Raises
+    ------
+    ValueError
+        When prepared without an origin for a column that does not begin near zero.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> taken_up = hs.BuildUp("t", origin=0.0)
+    >>> taken_up.gain({"t": np.array([0.0, 1.0, 9.0])}, {"scale": 1.0}).round(2).tolist()
+    [0.0, 0.63, 1.0]
+    """
+
+    kind = "build-up"
+
+    def __init__(self, column: str, origin: float | None = None, scale: Prior | None = None):
+        super().__init__(column, origin)
+        self.scale = scale
+
+    @property
+    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
+        """The prior of the scale."""
+        return {"scale": self.scale}
+
+    def prepare(self, context: Context) -> BuildUp:
+        """Fill in the prior from the measured rows."""
+        values = context.column(self.column)
+        if self.origin is None and not _begins_at_zero(context, self.column):
+            raise ValueError(
+                f"{self.column!r} does not begin near zero: say where the build-up begins, as in "
+                f"BuildUp({self.column!r}, origin={values.min():.4g})."
+            )
+        span, spacing = span_and_spacing(values)
+        return self.filled(
+            origin=self.origin or 0.0,
+            scale=self.scale or frozen(stats.loguniform, 0.1 * spacing, 0.5 * span),
+        )
+
+    def grid(self) -> dict[str, FloatArray]:
+        """Return scales, evenly spaced on a logarithmic scale."""
+        assert self.scale is not None
+        return {"scale": np.asarray(self.scale.ppf((np.arange(20) + 0.5) / 20))}
+
+    def gain(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return the share that is there."""
+        return -np.expm1(-self.distance(X) / theta["scale"])
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        assert self.origin is not None
+        place = f"({self.column} {plus(-self.origin)})" if self.origin else self.column
+        return f"simulation * (1 - exp(-{place} / {values['scale']:.4g}))"
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        assert self.origin is not None
+        power = rf"-\frac{{{minus(self.column, self.origin)}}}{{{number(values['scale'])}}}"
+        return rf"{SIMULATION} \left(1 - e^{{{power}}}\right)"
+
+
+def _begins_at_zero(context: Context, column: str) -> bool:
+    return bool(context.X[column].min() >= 0) and context.begins_at_zero(column)
+
+
+def _trouble(cause: BuildUp, context: Context) -> str | None:
+    if cause.origin is None and not _begins_at_zero(context, cause.column):
+        return f"{cause.column} does not begin near zero"
+    return None
+
+
+register(
+    Form(
+        "build-up",
+        BuildUp,
+        over_inputs(BuildUp),
+        meaning="what the simulation has from the start builds up over {column}, as where a dose "
+        "is taken up or an instrument warms up",
+        least_distinct=6,
+        trouble=_trouble,
+        like=("decay", "saturation"),
+        call="`BuildUp(x)`",
+        formula="eta (1 - exp(-x / scale))",
+        priors="scale: log-uniform, a tenth of a spacing to half the span",
+        estimates="scale",
+        left_out="fewer than 6 distinct values; x does not begin near zero",
+    )
+)

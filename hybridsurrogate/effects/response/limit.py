@@ -1,0 +1,142 @@
+"""A limit that the measured output does not pass."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy import stats
+
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.notation import SIMULATION, number
+from hybridsurrogate.effects.registry import Form, register
+from hybridsurrogate.priors import Prior, frozen
+
+# the prior of a limit reaches so many standard deviations of the output beyond its mean
+_REACH = 2.5
+
+
+class Limit(Cause):
+    """What the simulation says beyond a limit is not reached: an overflow, or the end of a scale.
+
+    ``min(simulation, limit)``, or with ``below=True`` ``max(simulation, limit)``, as in censored
+    regression (Tobin 1958, Econometrica 26:24), but with noise on what is read at the limit. The
+    limit is in units of the output. On its scale, the logarithm where the likelihood takes it, the
+    prior is uniform over 2.5 standard deviations of the measured output to either side of its mean.
+
+    Parameters
+    ----------
+    below : bool, default=False
+        Whether nothing is below the limit, as under a detection limit, instead of above.
+    limit : frozen scipy.stats distribution or None, default=None
+        Prior of the limit, on the scale of eta; bounded.
+    log_scale : bool or None, default=None
+        Whether eta is the logarithm of the output.
+    unit : float or None, default=None
+        What one on the scale of eta is in the user's units.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> values, slopes = hs.Limit().response(np.array([1.0, 5.0]), {}, {"limit": 3.0})
+    >>> values.tolist(), slopes.tolist()
+    ([1.0, 3.0], [1.0, 0.0])
+    """
+
+    kind = "limit"
+
+    def __init__(
+        self,
+        below: bool = False,
+        limit: Prior | None = None,
+        log_scale: bool | None = None,
+        unit: float | None = None,
+    ):
+        self.below = below
+        self.limit = limit
+        self.log_scale = log_scale
+        self.unit = unit
+
+    @property
+    def variant(self) -> str:
+        """On which side nothing is, where it is not the usual one."""
+        return "below" if self.below else ""
+
+    @property
+    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
+        """The prior of the limit."""
+        return {"limit": self.limit}
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in the prior from where the output is."""
+        reach = _REACH * context.scale
+        return self.filled(
+            limit=self.limit
+            or frozen(stats.uniform, loc=context.location - reach, scale=2 * reach),
+            log_scale=context.log_scale if self.log_scale is None else self.log_scale,
+            unit=context.unit if self.unit is None else self.unit,
+        )
+
+    def grid(self) -> dict[str, FloatArray]:
+        """Return limits, ten for each standard deviation of the output."""
+        assert self.limit is not None
+        return {"limit": np.asarray(self.limit.ppf((np.arange(50) + 0.5) / 50))}
+
+    def response(
+        self, simulated: FloatArray, X: Rows, theta: Rows
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the output as far as the limit, with slope one there and zero beyond."""
+        beyond = simulated < theta["limit"] if self.below else simulated > theta["limit"]
+        return np.where(beyond, theta["limit"], simulated), np.where(beyond, 0.0, 1.0)
+
+    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return the limit in units of the output."""
+        assert self.unit is not None
+        limit = self.unit * np.asarray(theta["limit"])
+        return {"limit": np.exp(limit) if self.log_scale else limit}
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        return f"simulation, but never {self._side} {values['limit']:.4g}"
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        end = "max" if self.below else "min"
+        return rf"\{end}\left({SIMULATION}, {number(values['limit'])}\right)"
+
+    @property
+    def _side(self) -> str:
+        return "below" if self.below else "above"
+
+
+register(
+    Form(
+        "limit",
+        Limit,
+        lambda context: [Limit()],
+        meaning="measured {output} stays at a limit where the simulation goes beyond, as where "
+        "something overflows or a sensor is at the end of its scale",
+        least_rows=8,
+        like=("saturation", "response"),
+        call="`Limit()`",
+        formula="min(eta, limit)",
+        priors="limit: uniform, 2.5 sd of the output to either side of its mean",
+        estimates="limit",
+        left_out="fewer than 8 rows",
+    )
+)
+register(
+    Form(
+        "limit: below",
+        Limit,
+        lambda context: [Limit(below=True)],
+        meaning="measured {output} stays at a limit where the simulation goes below, as at the "
+        "least that a sensor can read",
+        least_rows=8,
+        call="`Limit(below=True)`",
+        formula="max(eta, limit)",
+        priors="the same",
+        estimates="limit",
+        left_out="the same",
+    )
+)
