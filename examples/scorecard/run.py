@@ -43,6 +43,11 @@ NUMBERS = {
     "missing-input": {"slope": "slope"},
     "interaction": {"slope": "slope"},
     "delay": {"lag": "lag"},
+    "trend: since the start": {"slope": "slope"},
+    "episode": {"begin": "location", "end": "end", "amplitude": "amplitude"},
+    "build-up": {"scale": "scale"},
+    "limit": {"limit": "limit"},
+    "response": {"curvature": "curvature"},
     "noise": {"ratio": "ratio"},
     "noise: tails": {"share": "share"},
     "noise: autocorrelation": {"length": "length"},
@@ -53,6 +58,7 @@ _OTHER_WORDS = {
     "trend: quadratic": {"level"},
     "periodic": {"peak"},
     "noise": {"slope"},
+    "response": {"level", "gain"},
     "noise: autocorrelation": {"amplitude"},
 }
 _DRAWS = 200
