@@ -106,6 +106,13 @@ class SensorResponse(Cause):
         )
 
 
+def _trouble(cause: Cause, context: Context) -> str | None:
+    """Return what is wrong where outputs are far off: of another sign or unit, and not bent."""
+    if context.sd_of_shift is not None:
+        return "the measured outputs lie far from the simulated ones"
+    return None
+
+
 register(
     Form(
         "response",
@@ -114,11 +121,12 @@ register(
         meaning="measured {output} is a bent function of simulated {output}, as of a sensor that "
         "is not linear",
         least_rows=8,
+        trouble=_trouble,
         like=("gain", "limit"),
         call="`SensorResponse()`",
         formula="level + gain eta + curvature eta²",
         priors="of the change over 3 sd of the output: level, slope and curvature standard normal",
         estimates="level, gain, curvature",
-        left_out="fewer than 8 rows",
+        left_out="fewer than 8 rows; measured outputs far from simulated ones",
     )
 )
