@@ -108,7 +108,7 @@ class SensorResponse(Cause):
 
 def _trouble(cause: Cause, context: Context) -> str | None:
     """Return what is wrong where outputs are far off: of another sign or unit, and not bent."""
-    if context.sd_of_shift is not None:
+    if abs(context.distance) > 2 * context.scale:
         return "the measured outputs lie far from the simulated ones"
     return None
 
