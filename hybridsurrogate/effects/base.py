@@ -303,7 +303,12 @@ class Cause(BaseEstimator):
     @property
     def touches_simulation(self) -> bool:
         """Whether the cause changes the simulation's output itself and does not only add to it."""
-        return self.moves_inputs or self.bends or type(self).gain is not Cause.gain
+        return self.moves_inputs or self.responds
+
+    @property
+    def responds(self) -> bool:
+        """Whether it makes something else of the simulated output: a factor on it, or more."""
+        return self.bends or type(self).gain is not Cause.gain
 
     @property
     def bends(self) -> bool:

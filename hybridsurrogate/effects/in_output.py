@@ -205,6 +205,11 @@ class InOutput(Cause):
         return self.cause.touches_simulation
 
     @property
+    def responds(self) -> bool:
+        """As the cause."""
+        return self.cause.responds
+
+    @property
     def bends(self) -> bool:
         """As the cause."""
         return self.cause.bends

@@ -34,13 +34,14 @@ def plot_cause(cause: Cause, context: Context, ax: Axes | None = None) -> Axes:
     ax = ax or Figure(figsize=(4.5, 2.8), layout="constrained").subplots()
     column = next((name for name in cause.reads if name in context.X), context.inputs[0])
     values = np.asarray(context.X[column])
-    if cause.follows_mean:
+    if cause.follows_mean or cause.bends:
         column, values = SIMULATED, context.location + context.scale * np.array([-2.0, 2.0])
     if cause.has_outliers:
         column, values = "deviation, in sd of the other rows", np.array([-_FAR, _FAR])
     x = np.linspace(values.min(), values.max(), 300)
     # a column of levels is only known at its levels
-    x = np.unique(values) if len(np.unique(values)) <= _MOST_LEVELS else x
+    if column in context.X and len(np.unique(values)) <= _MOST_LEVELS:
+        x = np.unique(values)
     rows = {name: np.full(len(x), np.median(v)) for name, v in context.X.items()} | {column: x}
     for other in cause.reads[1:]:
         # a product is zero at the middle of the other column: draw it at the upper end
@@ -78,6 +79,10 @@ def _shape(
         return "added to the simulation", columns @ weight
     if cause.touches_noise:
         return "factor on the noise", np.broadcast_to(cause.noise(rows, theta), n)
+    if cause.bends:
+        changed = cause.response(rows[SIMULATED], rows, theta)
+        assert changed is not None
+        return "measured output", changed[0]
     gain = np.asarray(cause.gain(rows, theta))
     if gain.ndim or gain != 1.0:
         return "factor on the simulation", np.broadcast_to(gain, n)

@@ -140,6 +140,11 @@ class Sized(Cause):
         return self.cause.touches_simulation
 
     @property
+    def responds(self) -> bool:
+        """As the cause."""
+        return self.cause.responds
+
+    @property
     def bends(self) -> bool:
         """As the cause."""
         return self.cause.bends

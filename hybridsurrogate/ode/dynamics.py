@@ -168,18 +168,11 @@ class MissingTerm(Modification):
 
     def terms(self, state: Mapping[str, FloatArray], numbers: Numbers) -> dict[str, FloatArray]:
         """Return the term, where it follows the state."""
-        x = state[self.state]
-        if self.form == "proportional":
-            term = x
-        elif self.form == "power":
-            share = np.abs(x) / self.size
-            term = self.size * np.copysign(share ** numbers["exponent"], x)
-        elif self.form == "saturating":
-            term = x / (numbers["half"] + np.abs(x))
-        elif self.other is not None:
-            term = x * state[self.other]
-        else:
+        shape = _OF_STATE.get(self.form)
+        if shape is None:
             return {}
+        x = state[self.state]
+        term = shape(x, state[self.other or self.state], numbers, self.size)
         return {self.state: numbers["rate"] * term}
 
 
@@ -188,6 +181,15 @@ _FURTHER_NUMBERS = {
     "seasonal": {"period": 1.0},
     "power": {"exponent": 1.0},
     "saturating": {"half": 1.0},
+}
+# of the state, another one, the numbers, and the size
+_OF_STATE: dict[str, Callable[[FloatArray, FloatArray, Numbers, float], FloatArray]] = {
+    "proportional": lambda x, *_: x,
+    "power": lambda x, _, numbers, size: np.copysign(
+        size * np.abs(x / size) ** numbers["exponent"], x
+    ),
+    "saturating": lambda x, _, numbers, size: x / (numbers["half"] + np.abs(x)),
+    "product": lambda x, other, *_: x * other,
 }
 
 

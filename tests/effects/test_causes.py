@@ -132,12 +132,16 @@ def draws_of(cause, n_draws):
 
 
 def everything(cause, rows, theta):
-    """Return all that the four methods give for rows and theta, each (n,) or (n, q)."""
+    """Return all that the methods give for rows and theta, each (n,) or (n, q)."""
     n = len(rows["t"])
     omega = {"height": np.full(n, 3.0), "rate": np.full(n, 0.5), "floor": np.full(n, 10.0)}
     run_rows, run_omega = cause.inputs(rows, omega, theta)
     parts = {f"run {name}": np.broadcast_to(v, n) for name, v in {**run_rows, **run_omega}.items()}
     parts["gain"] = np.broadcast_to(cause.gain(rows, theta), n)
+    parts["simulated"] = 10.0 + 4.0 * np.sin(rows["t"])
+    changed = cause.response(parts["simulated"], rows, theta)
+    changed = (parts["simulated"], np.ones(n)) if changed is None else changed
+    parts["response"], parts["response slope"] = changed
     parts["noise"] = np.broadcast_to(cause.noise(rows, theta), n)
     if cause.coefficients:
         parts["columns"] = cause.columns(rows, theta)
@@ -161,21 +165,27 @@ def test_all_rows_of_all_draws_in_one_call(name):
 @pytest.mark.parametrize("name", CASES)
 def test_neutral_values_change_nothing(name):
     cause, n = prepared(name), len(FRAME)
-    if cause.kind in ("limit", "build-up"):  # they change nothing at an end of their prior only
-        return
     rows = {column: FRAME[column].to_numpy() for column in FRAME}
     middle = {k: np.full(n, prior.median()) for k, prior in cause.parameters.items()}
     neutral = {k: np.full(n, v) for k, v in cause.start().items()}
     if cause.kind == "noise":
         neutral = {"slope": np.zeros(n)}
+    # these change nothing at an end of their prior only
+    ends = {"limit": {"limit": np.full(n, -1e9 if cause.variant else 1e9)}}
+    ends["build-up"] = {"scale": np.full(n, 1e-9)}
+    neutral |= ends.get(cause.kind, {})
+    if cause.kind == "build-up":
+        rows["t"] = rows["t"] + 1e-6  # at zero there is nothing yet
     parts = everything(cause, rows, {**middle, **neutral})
     for column, values in rows.items():
         np.testing.assert_array_equal(parts[f"run {column}"], values)
     for parameter, value in {"height": 3.0, "rate": 0.5, "floor": 10.0}.items():
         np.testing.assert_allclose(parts[f"run {parameter}"], value)
     np.testing.assert_array_equal(parts["gain"], 1)
+    np.testing.assert_allclose(parts["response"], parts["simulated"], rtol=1e-14)
+    np.testing.assert_array_equal(parts["response slope"], 1)
     np.testing.assert_array_equal(parts["noise"], 1)
-    assert cause.coefficients or cause.start() or cause.kind == "noise"
+    assert cause.coefficients or cause.start() or cause.kind in ("noise", *ends)
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -189,8 +189,33 @@ def test_one_curve_by_two_terms_is_told_as_such():
     assert re.search("It has (3|4). % of the probability, its kind in all its forms 9", text)
     # of two that are equal either may come first; a power says the same with a number more
     one = r"missing-term of (speed|fallen) \(proportional\)"
-    assert re.search(f"The data tell the kind, but not which of these it is: {one},? ", text)
-    assert re.search(f"which of these it is: {one}(,| and) {one}", text)
+    told = "The data tell the kind, but not which of these it is"
+    assert re.search(rf"{told}: {one}, {one} and missing-term of \w+ \(power\)\.", text)
+    assert re.search(rf"Check {one}, {one} and missing-term of \w+ \(power\) where", text)
+
+
+def test_growth_that_slows_down_by_itself_is_crowding():
+    """Verhulst's logistic growth, simulated without its limit: ten times too large at the end."""
+    random = np.random.default_rng(71)
+    t, rate, most = np.sort(random.uniform(0.2, 12, 40)), 0.5, random.uniform(12, 40)
+    size = most / (1 + (most - 1) * np.exp(-rate * t))
+    simulator = hs.OdeSimulator(
+        lambda t, state, rate: rate * state,
+        initial_state=[1.0],
+        observe=lambda state: state[0],
+        inputs={"t": (0, 12)},
+        states=("size",),
+        parameters={"rate": hs.truncated_normal(0.5, 0.1, 0.1, 1)},
+    )
+    model = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate(), random_state=0)
+    curves = ("periodic", "bump", "episode", "step", "ramp", "decay", "saturation", "noise")
+    diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, exclude=curves, random_state=0)
+    diagnosis.fit(t[:, None], size + 0.02 * most * random.normal(size=40))
+    assert diagnosis.verdict_ == "named"
+    best = diagnosis.best_cause_
+    assert (best.kind, best.target) == ("missing-term", "size")
+    _, low, high = best.estimates["exponent"]
+    assert low < 2 < high
 
 
 def _growth(**settings):

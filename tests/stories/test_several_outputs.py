@@ -17,7 +17,7 @@ def test_the_page_runs_as_it_stands(capsys):
     for block in re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL):
         exec(block, names)
     said = capsys.readouterr().out
-    assert " trend outflow: t" in said
+    assert "named trend outflow: t" in said
     assert "By output" in said
     assert "'output':" in said
 

@@ -25,11 +25,11 @@ class ExtendedFunction:
         likelihood: Likelihood,
         theta_names: Mapping[str, str],
         coefficient_names: Mapping[str, str],
+        unit: float,
     ):
         self.simulator, self.cause, self.likelihood = simulator, cause, likelihood
         self.theta_names, self.coefficient_names = theta_names, coefficient_names
-        # a cause in one of several outputs knows it in units of its standard deviation
-        self.unit = (isinstance(cause, InOutput) and cause.scale) or 1.0
+        self.unit = unit  # of the output, in which the cause knows it
         self.__name__ = f"{simulator.name}_with_{cause.kind.replace('-', '_')}"
 
     def __call__(self, **values: FloatArray) -> FloatArray:
@@ -86,9 +86,9 @@ def extend_simulator(simulator: Simulator, cause: Cause, problem: Problem) -> Si
 
     theta_names = {name: public(name) for name in cause.parameters}
     coefficient_names = {name: public(name) for name in cause.coefficients}
-    sd = cause.coefficient_sd or problem.model.default_sd
-    if isinstance(cause, InOutput) and cause.scale is not None:
-        sd *= cause.scale
+    # a cause in one of several outputs knows it in units of its standard deviation
+    unit = (cause.scale if isinstance(cause, InOutput) else None) or 1.0
+    sd = unit * (cause.coefficient_sd or problem.model.default_sd)
     parameters = {
         **simulator.parameters,
         **{theta_names[name]: prior for name, prior in cause.parameters.items()},
@@ -100,7 +100,7 @@ def extend_simulator(simulator: Simulator, cause: Cause, problem: Problem) -> Si
             values = problem.X[:, problem.model.columns.index(name)]
             inputs[name] = (float(values.min()), float(values.max()))
     function = ExtendedFunction(
-        simulator, cause, problem.likelihood, theta_names, coefficient_names
+        simulator, cause, problem.likelihood, theta_names, coefficient_names, unit
     )
     return Simulator(
         function,

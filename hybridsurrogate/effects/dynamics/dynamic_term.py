@@ -15,8 +15,21 @@ from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.ode.dynamics import MissingTerm
 from hybridsurrogate.priors import Prior, frozen
 
-# exponents or halves that a search begins with
-_NODES = 5
+# what follows the rate
+_WORDS = {
+    "constant": "",
+    "proportional": " {x}",
+    "power": " * {size:.4g} ({x} / {size:.4g})^{exponent:.4g}",
+    "saturating": " {x} / ({half:.4g} + {x})",
+    "product": " {x} {other}",
+}
+_LATEX = {
+    "constant": "",
+    "proportional": r" \, {x}",
+    "power": r" \cdot {size} \left(\frac{{{x}}}{{{size}}}\right)^{{{exponent}}}",
+    "saturating": r" \, \frac{{{x}}}{{{half} + {x}}}",
+    "product": r" \, {x} \, {other}",
+}
 
 
 class DynamicTerm(Dynamic):
@@ -148,14 +161,10 @@ class DynamicTerm(Dynamic):
         )
 
     def grid(self) -> dict[str, FloatArray]:
-        """Return periods evenly spaced in frequency; or a few exponents, or halves."""
-        found = {}
-        for name, prior in self.parameters.items():
-            if name == "period":
-                found[name] = period_nodes(prior)
-            elif name in ("exponent", "half"):
-                found[name] = np.asarray(prior.ppf((np.arange(_NODES) + 0.5) / _NODES))
-        return found
+        """Return periods evenly spaced in frequency; else quantiles, of an exponent or a half."""
+        if self.form != "seasonal":
+            return super().grid()
+        return {"period": period_nodes(self.parameters["period"])}
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the rate, or period and amplitude."""
@@ -171,13 +180,8 @@ class DynamicTerm(Dynamic):
                 f"simulation with a forcing of {values['amplitude']:.4g} and period "
                 f"{values['period']:.4g} in the slope of {self.state}"
             )
-        term = f"{values['rate']:+.4g}"
-        if self.form == "power":
-            term += f" * {self.size:.4g} ({self.state} / {self.size:.4g})^{values['exponent']:.3g}"
-        elif self.form == "saturating":
-            term += f" {self.state} / ({values['half']:.4g} + {self.state})"
-        elif self.form != "constant":
-            term += " ".join(["", self.state, *([self.other] if self.other else [])])
+        named = {"x": self.state, "other": self.other, "size": self.size, **values}
+        term = f"{values['rate']:+.4g}" + _WORDS[self.form].format(**named)
         return f"simulation with {term} in the slope of {self.state}"
 
     def latex(self, values: Mapping[str, float]) -> str:
@@ -188,15 +192,9 @@ class DynamicTerm(Dynamic):
             angle = rf"\frac{{2 \pi \, t}}{{{number(values['period'])}}}"
             term = rf"+ {number(values['amplitude'])} \sin\left({angle} + \varphi\right)"
         else:
-            term = signed(values["rate"])
-            if self.form == "power":
-                size = number(self.size or 1.0)
-                share = rf"\left(\frac{{{state}}}{{{size}}}\right)"
-                term += rf" \cdot {size} {share}^{{{number(values['exponent'], 3)}}}"
-            elif self.form == "saturating":
-                term += rf" \, \frac{{{state}}}{{{number(values['half'])} + {state}}}"
-            elif self.form != "constant":
-                term += rf" \, {state}" + (rf" \, {word(self.other)}" if self.other else "")
+            named = {name: number(value) for name, value in values.items()}
+            named |= {"x": state, "other": word(self.other or ""), "size": number(self.size or 1.0)}
+            term = signed(values["rate"]) + _LATEX[self.form].format(**named)
         return rf"{SIMULATION}, \quad {slope} \to {slope} {term}"
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Context, FloatArray, Rows
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, minus, number, plus
 from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
 from hybridsurrogate.effects.registry import Form, over_inputs, register
@@ -57,7 +57,7 @@ class BuildUp(FromOrigin):
         """The prior of the scale."""
         return {"scale": self.scale}
 
-    def prepare(self, context: Context) -> BuildUp:
+    def prepare(self, context: Context) -> Cause:
         """Fill in the prior from the measured rows."""
         values = context.column(self.column)
         if self.origin is None and not _begins_at_zero(context, self.column):
@@ -97,10 +97,12 @@ def _begins_at_zero(context: Context, column: str) -> bool:
     return bool(context.X[column].min() >= 0) and context.begins_at_zero(column)
 
 
-def _trouble(cause: BuildUp, context: Context) -> str | None:
-    if cause.origin is None and not _begins_at_zero(context, cause.column):
-        return f"{cause.column} does not begin near zero"
-    return None
+def _trouble(cause: Cause, context: Context) -> str | None:
+    # one of the user's own, of this kind, says itself where it begins
+    if not isinstance(cause, BuildUp) or cause.origin is not None:
+        return None
+    begins = _begins_at_zero(context, cause.column)
+    return None if begins else f"{cause.column} does not begin near zero"
 
 
 register(

@@ -12,9 +12,6 @@ from hybridsurrogate.effects.notation import SIMULATION, number
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import Prior, frozen
 
-# the prior of a limit reaches so many standard deviations of the output beyond its mean
-_REACH = 2.5
-
 
 class Limit(Cause):
     """What the simulation says beyond a limit is not reached: an overflow, or the end of a scale.
@@ -22,14 +19,14 @@ class Limit(Cause):
     ``min(simulation, limit)``, or with ``below=True`` ``max(simulation, limit)``, as in censored
     regression (Tobin 1958, Econometrica 26:24), but with noise on what is read at the limit. The
     limit is in units of the output. On its scale, the logarithm where the likelihood takes it, the
-    prior is uniform over 2.5 standard deviations of the measured output to either side of its mean.
+    prior is normal, with mean and standard deviation of the measured output.
 
     Parameters
     ----------
     below : bool, default=False
         Whether nothing is below the limit, as under a detection limit, instead of above.
     limit : frozen scipy.stats distribution or None, default=None
-        Prior of the limit, on the scale of eta; bounded.
+        Prior of the limit, on the scale of eta.
     log_scale : bool or None, default=None
         Whether eta is the logarithm of the output.
     unit : float or None, default=None
@@ -69,16 +66,15 @@ class Limit(Cause):
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the prior from where the output is."""
-        reach = _REACH * context.scale
+        prior = frozen(stats.norm, loc=context.location, scale=context.scale)
         return self.filled(
-            limit=self.limit
-            or frozen(stats.uniform, loc=context.location - reach, scale=2 * reach),
+            limit=self.limit or prior,
             log_scale=context.log_scale if self.log_scale is None else self.log_scale,
             unit=context.unit if self.unit is None else self.unit,
         )
 
     def grid(self) -> dict[str, FloatArray]:
-        """Return limits, ten for each standard deviation of the output."""
+        """Return quantiles of the limit."""
         assert self.limit is not None
         return {"limit": np.asarray(self.limit.ppf((np.arange(50) + 0.5) / 50))}
 
@@ -120,7 +116,7 @@ register(
         like=("saturation", "response"),
         call="`Limit()`",
         formula="min(eta, limit)",
-        priors="limit: uniform, 2.5 sd of the output to either side of its mean",
+        priors="limit: normal, mean and sd of the measured output",
         estimates="limit",
         left_out="fewer than 8 rows",
     )

@@ -209,7 +209,7 @@ class MeasuredModel(CausesOnRows):
     @property
     def _responds(self) -> bool:
         """Whether a cause makes something else of the simulated output."""
-        return any(e.bends or type(e).gain is not Cause.gain for e in self.effects)
+        return any(effect.responds for effect in self.effects)
 
     def places(self, X: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return inputs and parameters (J n, ...) at which the simulation is asked for."""
@@ -222,18 +222,16 @@ class MeasuredModel(CausesOnRows):
         """
         if self.basis.is_simulation:
             return np.empty((len(X), 0))
-        inputs, points = self.places(X, values)
         rows, omega, theta = self.rows(X, values)
-        U = np.hstack(
-            [self.basis.features(inputs, points) @ factor, self.basis.error(inputs, points)]
-        )
-        if not self._responds:
-            return U
-        output = np.zeros(len(X))  # a factor is its own slope
+        inputs, points = self._places(rows, omega, theta)
+        output = np.zeros(len(X))  # the slope of a factor is the same everywhere
         if any(effect.bends for effect in self.effects):
-            known, features = self._moved(X, values, None, rows, omega, theta, 1)
-            output = (known + features @ self._reference)[0]
-        return U * self._response(output, rows, theta)[1][:, None]
+            known, many = self._moved(X, values, None, rows, omega, theta, 1)
+            features, output = many[0], (known + many @ self._reference)[0]
+        else:
+            features = self.basis.features(inputs, points)
+        U = np.hstack([features @ factor, self.basis.error(inputs, points)])
+        return U * self._response(output, rows, theta)[1][:, None] if self._responds else U
 
     @property
     def factorises(self) -> bool:

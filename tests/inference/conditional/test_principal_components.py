@@ -70,7 +70,8 @@ def test_what_gains_nothing_is_left_as_it_is():
     # their features factorise
     problem = given(hs.PolynomialChaos(7))
     assert main_directions(problem, z, SIGMA) is problem
-    # noise follows the output of one particular draw
-    problem = given(hs.Kriging(), (hs.NoiseOfMean(),))
-    z = np.zeros((3, problem.model.n_unknowns))
-    assert main_directions(problem, z, SIGMA) is problem
+    # noise, or what is made of the output, follows that of one particular draw
+    for effect in (hs.NoiseOfMean(), hs.SensorResponse()):
+        problem = given(hs.Kriging(), (effect,))
+        z = np.zeros((3, problem.model.n_unknowns))
+        assert main_directions(problem, z, SIGMA) is problem
