@@ -115,7 +115,7 @@ def _outside() -> str:
     """Say what the probabilities suppose."""
     return (
         "All this supposes that what is at fault is in the catalogue: of 224 blind cases whose "
-        "cause had been taken out of it, 25 % got another name with more than 90 % of the "
+        "cause had been taken out of it, 26 % got another name with more than 90 % of the "
         "probability."
     )
 
