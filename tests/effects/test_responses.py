@@ -155,3 +155,13 @@ def test_a_build_up_of_ones_own_says_itself_where_it_begins():
             return 1 - np.exp(-X["t"] / theta["scale"])
 
     assert any(isinstance(cause, WarmUp) for cause in catalogue(context_of(), [WarmUp()])[0])
+
+
+def test_a_build_up_of_a_logarithmic_output_is_the_same_factor():
+    """The logarithm of the share is added, as with a gain, so that units do not matter."""
+    taken_up = hs.BuildUp("t", log_scale=True).prepare(context_of())
+    rows, theta = {"t": np.array([0.5, 2.0, 8.0])}, {"scale": np.full(3, 1.5)}
+    simulated = np.array([3.0, 20.0, 7.0])
+    values, slopes = taken_up.response(np.log(simulated), rows, theta)
+    np.testing.assert_allclose(np.exp(values), simulated * (1 - np.exp(-rows["t"] / 1.5)))
+    np.testing.assert_array_equal(slopes, 1.0)

@@ -108,7 +108,7 @@ def test_counts_beside_runs_of_expected_counts_agree_with_the_simulation_itself(
         {"first": uniform(10, 20), "rate": uniform(0.05, 0.4)},
     )
     t = np.linspace(0.2, 9.8, 30)
-    counts = np.random.default_rng(0).poisson(20 * np.exp(-0.1 * t) * np.where(t > 5, 2.0, 1.0))
+    counts = np.random.default_rng(0).poisson(20 * np.exp(-0.1 * t) * np.where(t > 5, 3.0, 1.0))
     found = []
     for simulation, surrogate in (
         (simulator, hs.ExactSurrogate()),

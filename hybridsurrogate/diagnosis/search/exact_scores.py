@@ -121,7 +121,7 @@ def _log_evidence(result: Search, w: Candidate) -> float:
     basis = model.basis.with_features
     assert basis is not None
     exact = Problem(
-        replace(model, basis=basis, has_row_noise=False),
+        replace(model, basis=basis, has_row_noise=False, reference=None),
         problem.X[:, : len(model.columns)],
         problem.likelihood.working(problem.observed),
         problem.weights,

@@ -32,6 +32,8 @@ class BuildUp(FromOrigin):
         their span.
     scale : frozen scipy.stats distribution or None, default=None
         Prior of the scale.
+    log_scale : bool or None, default=None
+        Whether the output is logarithmic, so that the logarithm of the share is added.
 
     Raises
     ------
@@ -48,9 +50,16 @@ class BuildUp(FromOrigin):
 
     kind = "build-up"
 
-    def __init__(self, column: str, origin: float | None = None, scale: Prior | None = None):
+    def __init__(
+        self,
+        column: str,
+        origin: float | None = None,
+        scale: Prior | None = None,
+        log_scale: bool | None = None,
+    ):
         super().__init__(column, origin)
         self.scale = scale
+        self.log_scale = log_scale
 
     @property
     def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
@@ -69,6 +78,7 @@ class BuildUp(FromOrigin):
         return self.filled(
             origin=self.origin or 0.0,
             scale=self.scale or frozen(stats.loguniform, 0.1 * spacing, 0.5 * span),
+            log_scale=context.log_scale if self.log_scale is None else self.log_scale,
         )
 
     def grid(self) -> dict[str, FloatArray]:
@@ -79,6 +89,20 @@ class BuildUp(FromOrigin):
     def gain(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the share that is there."""
         return -np.expm1(-self.distance(X) / theta["scale"])
+
+    def response(
+        self, simulated: FloatArray, X: Rows, theta: Rows
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """Return the output times the share, or plus its logarithm."""
+        if not self.log_scale:
+            return super().response(simulated, X, theta)
+        share = np.maximum(self.gain(X, theta), np.finfo(float).tiny)
+        return simulated + np.log(share), np.ones_like(simulated)
+
+    @property
+    def bends(self) -> bool:
+        """Not at all: either is a straight line over the simulated output."""
+        return False
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
