@@ -13,6 +13,13 @@ def tests(session):
 
 
 @nox.session
+def slow(session):
+    """Run the whole stories and the rates over many seeds."""
+    session.install(".[test]")
+    session.run("python", "-m", "pytest", "-n", "auto", "-m", "slow", *session.posargs)
+
+
+@nox.session
 def style(session):
     """Check style and types."""
     session.install("-e", ".[test]")

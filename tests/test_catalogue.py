@@ -168,6 +168,7 @@ def oven(minutes, ambient, rate):
     return ambient + (90 - ambient) * np.exp(-rate * minutes)
 
 
+@pytest.mark.slow
 def test_an_input_of_few_values_may_be_off():
     """The thermometer of the room reads four degrees too little; nearly a saturation in time."""
     simulator = hs.Simulator(

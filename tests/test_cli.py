@@ -72,6 +72,7 @@ def test_the_list_of_demonstrations(capsys):
     ]
 
 
+@pytest.mark.slow
 def test_a_demonstration_prints_its_verdict_and_writes_a_report(capsys, tmp_path):
     assert main(["demo", "nile", "--report", str(tmp_path / "report.html")]) == 0
     out = capsys.readouterr().out
@@ -79,6 +80,7 @@ def test_a_demonstration_prints_its_verdict_and_writes_a_report(capsys, tmp_path
     assert (tmp_path / "report.html").exists()
 
 
+@pytest.mark.slow
 def test_files_of_ones_own(files, capsys):
     numbers = files / "numbers.json"
     more = ("--prior", "speed=2,0.5", "--exclude", "delay", "noise", "--json", str(numbers))
@@ -140,6 +142,7 @@ def test_spaces_after_commas_belong_to_no_name(files, capsys):
     assert "max_causes == 0" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", ["hybridsurrogate", "hybridsurrogate.cli"])
 def test_the_command_as_a_module(module):
     run = subprocess.run(
@@ -172,6 +175,7 @@ def test_a_folder_that_is_not_there_is_told_before_anything_is_computed(
     assert "a folder: name a file in it" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_report_that_fails_to_be_written_leaves_the_text(files, capsys, monkeypatch):
     def full(*_):
         raise OSError("No space left on device")
@@ -194,6 +198,7 @@ class Terminal(io.StringIO):
         return True
 
 
+@pytest.mark.slow
 def test_a_terminal_is_told_what_is_being_done(files, capsys, monkeypatch):
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
@@ -215,6 +220,7 @@ def test_an_unknown_demonstration(capsys):
     assert "invalid choice: 'moon'" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_names_are_levels_and_other_text_is_left_out_with_a_word(files, capsys):
     measured = pd.read_csv(files / "measured.csv").drop(columns="wind")
     rng = np.random.default_rng(1)
@@ -244,6 +250,7 @@ def test_a_cell_that_is_no_number_is_found(files, capsys, column):
     assert "in row 5 of the data" in error
 
 
+@pytest.mark.slow
 def test_an_empty_column_and_a_failed_run_are_left_out(files, capsys):
     for name in ("measured.csv", "runs.csv"):
         lines = (files / name).read_text().splitlines()
@@ -271,6 +278,7 @@ def test_files_are_written_where_the_text_is_cut_off(files):
     assert (files / "report.html").exists()
 
 
+@pytest.mark.slow
 def test_a_warning_is_printed_once(files, capsys):
     measured = pd.read_csv(files / "measured.csv")
     measured["day"] = [f"2026-11-{k + 1:02d}" for k in range(len(measured))]

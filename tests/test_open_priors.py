@@ -36,6 +36,7 @@ def diagnosed(y, *causes, function=decay, parameters=PARAMETERS):
     return diagnosis.fit(T[:, None], y + noise)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "prior", [stats.norm(12, 1), stats.lognorm(0.2, scale=12), stats.halfnorm(scale=15)]
 )

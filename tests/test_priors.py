@@ -154,6 +154,7 @@ def test_each_quantile_is_asked_for_once():
     assert Counted.asked <= 2001  # the nodes of the table
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("prior", [stats.vonmises(4), stats.invgauss(1e-9)])
 def test_priors_that_scipy_inverts(prior):
     z = np.array([-2.0, 0.0, 1.0])

@@ -43,6 +43,7 @@ def test_a_fit_has_one_thread(simulation, measured, monkeypatch):
     assert seen == [{1}]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("two_threads")
 def test_a_diagnosis_has_one_thread(simulator, measured, monkeypatch):
     searches = noted(monkeypatch, diagnosis_module, "forward_search")

@@ -53,6 +53,7 @@ def periodic(simulator):
     return hs.DiscrepancyDiagnosis(exact(simulator), random_state=0).fit(X, y)
 
 
+@pytest.mark.slow
 def test_a_column_of_outputs_is_flattened(simulator):
     X, y = measure(lambda t: 2 * np.sin(2 * np.pi * t / 3.1))
     column = y[:, None]
@@ -230,6 +231,7 @@ class Leak(hs.Cause):
         return (1 - np.exp(-theta["rate"] * X["t"] ** 2))[:, None]
 
 
+@pytest.mark.slow
 def test_kinds_that_cannot_be_the_cause(simulator):
     X, y = measure(lambda t: 0.25 * t)
     whole = hs.DiscrepancyDiagnosis(exact(simulator), cv=None, random_state=0).fit(X, y)
@@ -275,6 +277,7 @@ def test_clone_and_parameters(simulator):
     assert clone(diagnosis).set_params(estimator__beta=0.2).estimator.beta == 0.2
 
 
+@pytest.mark.slow
 def test_an_emulators_own_error_is_not_blamed_on_the_simulation():
     # a kink that a cubic polynomial cannot follow, and nothing wrong with the simulation
     def kinked(x, level):
@@ -302,6 +305,7 @@ def test_an_emulators_own_error_is_not_blamed_on_the_simulation():
     assert report.to_dict()["emulator"] == diagnosis.emulator_check_._asdict()
 
 
+@pytest.mark.slow
 def test_a_simulation_that_is_run_has_no_emulator_to_check(simulator):
     X, y = measure(lambda t: 0 * t)
     diagnosis = hs.DiscrepancyDiagnosis(exact(simulator), cv=None, random_state=0).fit(X, y)
@@ -347,6 +351,7 @@ def test_an_estimator_with_effects_is_refused(simulator):
         hs.DiscrepancyDiagnosis(model).fit(X, y)
 
 
+@pytest.mark.slow
 def test_two_causes_are_found_one_after_the_other(simulator):
     n, spurious = 60, 0
     for seed in range(2):

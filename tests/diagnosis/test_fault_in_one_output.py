@@ -50,12 +50,14 @@ def leading(diagnosis):
     return wrong.iloc[0][["kind", "target"]].tolist()
 
 
+@pytest.mark.slow
 def test_nothing_is_found_where_nothing_is_hidden():
     verdicts = [fitted(*measured(seed)).verdict_ for seed in range(5)]
     # of 5 with a chance of at most 5 % each, 2 or more have one of 2.3 %
     assert verdicts.count("adequate") >= 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("output", [0, 1])
 def test_a_step_in_one_output_is_found_there(output):
     found = 0
@@ -68,6 +70,7 @@ def test_a_step_in_one_output_is_found_there(output):
     assert found >= 2
 
 
+@pytest.mark.slow
 def test_a_parameter_that_changes_is_one_cause_in_all_outputs():
     X, Y = measured(0, k=lambda t: 0.25 * (1 + 0.5 * (t > 5)))
     diagnosis = fitted(X, Y)
@@ -78,6 +81,7 @@ def test_a_parameter_that_changes_is_one_cause_in_all_outputs():
     assert extended.outputs == ("h", "q")
 
 
+@pytest.mark.slow
 def test_the_evidence_is_that_of_the_output_alone():
     """Outputs that share nothing: what is wrong with one is weighed as if it were alone."""
     priors = {"a": norm(1, 1), "b": norm(1, 1)}
@@ -118,6 +122,7 @@ def biased():
     return X, Y, fitted(X, Y, cv=3)
 
 
+@pytest.mark.slow
 def test_each_output_has_its_own_in_the_report(biased):
     _, Y, diagnosis = biased
     assert diagnosis.verdict_ == "named"
@@ -163,6 +168,7 @@ def test_estimates_and_the_extended_simulation_have_the_units_of_the_output(bias
     np.testing.assert_allclose(told[there], expected[there], rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_gain_and_next_measurement_know_the_outputs(biased):
     X, Y, diagnosis = biased
     assert diagnosis.gain_.n_rows == np.isfinite(Y).sum()
@@ -176,6 +182,7 @@ def test_gain_and_next_measurement_know_the_outputs(biased):
     assert "On the rows held back" in text
 
 
+@pytest.mark.slow
 def test_runs_that_are_curves_of_several_outputs():
     X, Y = measured(2)
     Y[:, 0] += 4 * NOISE[0] * (X[:, 0] > 5)
@@ -191,6 +198,7 @@ def test_runs_that_are_curves_of_several_outputs():
     assert further.y.shape == (33 * 25, 2)
 
 
+@pytest.mark.slow
 def test_counts_of_several_outputs():
     random = np.random.default_rng(0)
     t = np.sort(random.uniform(0, 10, N))
@@ -210,6 +218,7 @@ def test_counts_of_several_outputs():
     assert "output heard" in str(diagnosis.report())
 
 
+@pytest.mark.slow
 def test_a_cause_of_ones_own_is_weighed_in_each_output():
     class Wobble(hs.Cause):
         kind = "wobble"
@@ -239,6 +248,7 @@ def test_two_causes_in_two_outputs():
     assert found == {("step", "h: t"), ("periodic", "q: t")}
 
 
+@pytest.mark.slow
 def test_a_frame_with_a_column_that_the_simulation_ignores():
     X, Y = measured(5)
     frame = pd.DataFrame({"batch": np.arange(N) % 2, "t": X[:, 0]})
@@ -255,6 +265,7 @@ def test_an_output_with_few_values_is_refused():
         DIAGNOSIS.fit(X, Y)
 
 
+@pytest.mark.slow
 def test_warnings_are_those_of_one_output():
     X, Y = measured(7)
     twice = np.vstack([X, X]), np.vstack([Y, Y])

@@ -32,6 +32,7 @@ def diagnosis(simulation, cv=None):
     return hs.DiscrepancyDiagnosis(model, cv=cv, n_replicates=19, random_state=0)
 
 
+@pytest.mark.slow
 def test_a_step_is_named_with_a_few_runs_more():
     simulation = SIMULATOR.run(30, along=100, random_state=0)
     asked = diagnosis(simulation)
@@ -47,6 +48,7 @@ def test_a_step_is_named_with_a_few_runs_more():
     assert not hasattr(asked, "refinement_")
 
 
+@pytest.mark.slow
 def test_a_budget_ends_it_with_a_warning_and_the_last_round_has_folds():
     simulation = SIMULATOR.run(24, along=50, random_state=0)
     with pytest.warns(hs.DiagnosisWarning, match=r"budget of 2 further runs ended .* open_below"):
@@ -57,6 +59,7 @@ def test_a_budget_ends_it_with_a_warning_and_the_last_round_has_folds():
     assert found.gain_ is not None
 
 
+@pytest.mark.slow
 def test_runs_that_fail_are_counted_and_the_others_used():
     def failing(t, a, k, w):
         return np.where(w > 0.99, np.nan, oscillation(t, a, k, w))

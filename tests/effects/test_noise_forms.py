@@ -157,6 +157,7 @@ def recovery(name, n_seeds, n=24):
     return np.atleast_2d(np.array(inside).T)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["mean", "tails", "autocorrelation"])
 @pytest.mark.filterwarnings("ignore::hybridsurrogate.exceptions.SamplingWarning")
 def test_intervals_cover_numbers_drawn_from_their_priors(name):
@@ -226,6 +227,7 @@ def test_outliers_need_a_normal_likelihood():
         fitted(hs.Outliers(), t[:, None], 1 + 2 * t, likelihood="student-t")
 
 
+@pytest.mark.slow
 def test_new_rows_are_predicted_from_their_neighbours():
     rng = np.random.default_rng(3)
     t = np.linspace(0, 10, 60)

@@ -61,6 +61,7 @@ def diagnosed(hidden, seed):
     return diagnosis.fit(pd.DataFrame({"t": T, "z": column}), y)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("hidden", "kind", "target"),
     [
@@ -117,6 +118,7 @@ def beam(x, load, stiffness):
     return load * x**2 * (3 - x) / stiffness
 
 
+@pytest.mark.slow
 def test_a_product_from_zero():
     simulator = hs.Simulator(
         beam, {"x": (0, 1), "load": (0, 10)}, {"stiffness": hs.truncated_normal(4, 0.5, 2, 6)}

@@ -185,6 +185,7 @@ def copied(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("story", [STORY, FIT], ids=["a cause", "a likelihood and a surrogate"])
 def test_a_new_thing_is_one_file(copied, story):
     done = subprocess.run(

@@ -111,6 +111,7 @@ def test_two_inputs_have_two_ends_each_and_one_that_was_not_varied_none():
     assert spread[0] < 0.2 < spread[1]
 
 
+@pytest.mark.slow
 def test_a_diagnosis_whose_true_cause_is_missing_from_the_catalogue_is_less_sure():
     """A wave that is not searched for: what is named goes wrong beyond the data, and is told."""
     random = np.random.default_rng(2)

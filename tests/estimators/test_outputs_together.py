@@ -166,6 +166,7 @@ def test_columns_go_by_name(data):
     assert rmse(piped, t, frame) == pytest.approx(rmse(named, t, Y))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("surrogate", "n_runs", "along"),
     [(hs.PolynomialChaos(6), 150, None), (hs.PolynomialChaos(6), 40, 12), (hs.Kriging(), 40, 12)],
@@ -179,6 +180,7 @@ def test_runs_of_several_outputs_train_a_surrogate_of_each(data, surrogate, n_ru
     assert np.all(np.sqrt(np.mean((told - exact().fit(X, Y).predict(X)) ** 2, axis=0)) < noise)
 
 
+@pytest.mark.slow
 def test_every_estimator_takes_several_outputs(data):
     X, Y = data
     runs = SIMULATOR.run(60, random_state=0)
@@ -222,6 +224,7 @@ def test_a_grid_search_over_beta(data):
     assert np.isfinite(search.cv_results_["mean_test_score"]).all()
 
 
+@pytest.mark.slow
 def test_scores_paths_and_indices_know_the_outputs(data):
     X, Y = data
     model = exact().fit(X, Y)

@@ -176,6 +176,7 @@ def test_leave_one_out_of_a_conjugate_posterior(alpha):
         assert np.abs(naive - exact).max() > 0.05
 
 
+@pytest.mark.slow
 def test_leave_one_out_is_a_fit_without_the_row(case):
     model = power_scaled(case, beta=0.5, n_draws=4000).fit(case.X, case.y)
     loo = model.loo()
@@ -258,6 +259,7 @@ def test_stacking_chooses_beta(case):
 # ------------------------------------------------------------------------------- along the path
 
 
+@pytest.mark.slow
 def test_path_agrees_with_fits(case):
     betas = np.linspace(0, 1, 21)
     model = power_scaled(case, surrogate=hs.PolynomialChaos(degree=5))
@@ -326,6 +328,7 @@ def test_choice_of_beta(case, cv):
 # ------------------------------------------------------------------------- Kennedy and O'Hagan
 
 
+@pytest.mark.slow
 @needs_reference
 def test_kennedy_ohagan_against_stan():
     data = ReferenceCase("case1")

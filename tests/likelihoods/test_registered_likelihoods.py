@@ -96,6 +96,7 @@ def test_draws_are_possible_and_on_the_scale_of_eta(likelihood):
     np.testing.assert_allclose(likelihood.inverse(likelihood.link(output)), output)
 
 
+@pytest.mark.slow
 @each
 def test_mean_and_variance_are_those_of_the_draws(likelihood):
     y = drawn(likelihood)
@@ -109,6 +110,7 @@ def test_mean_and_variance_are_those_of_the_draws(likelihood):
     )
 
 
+@pytest.mark.slow
 @each
 def test_the_density_is_that_of_the_draws(likelihood):
     """The score has mean zero, and its mean square is the information (Bartlett's identities)."""
@@ -144,6 +146,7 @@ def test_a_prior_of_the_noise(likelihood):
     assert np.isfinite(prior.ppf(0.5))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("likelihood", "distribution"), ALONE.values(), ids=[*ALONE])
 def test_a_density_alone_is_enough(likelihood, distribution):
     """Mean, variance and draws are those of scipy."""
@@ -157,6 +160,7 @@ def test_a_density_alone_is_enough(likelihood, distribution):
         assert stats.kstest(u[:, *index], "uniform").pvalue > 1e-3
 
 
+@pytest.mark.slow
 def test_a_fit_by_a_density_alone(simulation, measured):
     X, y = measured
     models = [

@@ -45,6 +45,7 @@ def test_solutions_are_as_exact_as_measurements_ask_for(periods):
     np.testing.assert_allclose(found, np.cos(rate * t), atol=3e-4)
 
 
+@pytest.mark.slow
 def test_what_the_solver_leaves_out_is_not_named():
     """With 10 steps a period 8 % of the size are lost: a gain was named, p = 0.005."""
     simulator, rate = oscillator(40)

@@ -35,6 +35,7 @@ def test_the_last_number_that_is_printed():
     np.testing.assert_array_equal(simulator(t, rate), np.exp(-rate * t))
 
 
+@pytest.mark.slow
 def test_curves_from_an_input_file_to_a_csv_file():
     simulator = hs.CommandSimulator(
         python(WRITES), T, RATE, output="level", files=SETTINGS, read="out.csv", returns="curve"
@@ -103,6 +104,7 @@ def test_what_cannot_run_is_refused_at_once(command, files, said):
         hs.CommandSimulator(command, T, RATE, files=files)
 
 
+@pytest.mark.slow
 def test_a_finished_program_leaves_nothing_behind(tmp_path, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     code = (

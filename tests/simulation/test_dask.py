@@ -33,6 +33,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGKILL to lose a worker by")
 def test_a_worker_that_is_killed_changes_nothing(tmp_path):
     pytest.importorskip("distributed", reason="dask is an extra: pip install hybridsurrogate[dask]")

@@ -57,6 +57,7 @@ def test_what_is_stored_is_not_run_again(tmp_path, returns, along):
     assert kept["seconds"].ge(0).all()
 
 
+@pytest.mark.slow
 def test_a_kill_loses_only_the_run_in_flight(tmp_path):
     """Killed at random moments, gone on with: the same runs as without a kill."""
     store, out = tmp_path / "runs", tmp_path / "out.csv"
@@ -181,6 +182,7 @@ def test_a_run_that_takes_too_long_is_stopped_and_counted():
         hs.Simulator(hanging, {"t": (0, 10)}, RATE).run(16, timeout=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", ["loky", "threading", "multiprocessing"])
 def test_every_backend_of_joblib_gives_the_same_runs(tmp_path, backend):
     simulator = hs.Simulator(np_decay, {"t": (0, 10)}, RATE, returns="curve")

@@ -101,6 +101,7 @@ def through_runs(case, n_runs, degree, seed):
         return hs.DiscrepancyDiagnosis(model, **settings).fit(case.X, case.y)
 
 
+@pytest.mark.slow
 def test_more_terms_than_runs_are_not_blamed_on_the_simulation():
     # both have five dimensions, so that a polynomial of degree four has 126 terms
     cases = [(make_case("none", 0.0, seed), seed) for seed in range(940, 980)]
@@ -110,6 +111,7 @@ def test_more_terms_than_runs_are_not_blamed_on_the_simulation():
     assert sum(verdict != "adequate" for verdict in verdicts) <= 1
 
 
+@pytest.mark.slow
 def test_effects_are_found_through_runs_alone():
     kinds = {"step": 950, "periodic": 951, "offset": 953, "missing-input": 954}
     named = [

@@ -203,6 +203,7 @@ def agrees(case, scale, first):
     return here[0] == "refused" if scale.is_lost else here[:2] == first[:2], here
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("case", "scale"),
     [
@@ -252,6 +253,7 @@ def test_runs_that_are_all_the_same_for_their_digits_are_lost_are_told():
         diagnose(bump_of_kriging, Scale(1e18, 1e-9))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", [0.0, 1e6, 1e7])
 def test_a_wide_prior_of_the_level_hides_nothing(level):
     """It sets the level, as far from its prior's centre as the level is from zero."""

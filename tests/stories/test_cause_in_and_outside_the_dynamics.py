@@ -26,6 +26,7 @@ def emptying(source):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_a_missing_source_and_a_sensor_that_was_moved(seed):
     rng = np.random.default_rng(seed)

@@ -35,6 +35,7 @@ def diagnosed(hidden, seed):
     return hs.DiscrepancyDiagnosis(model, cv=None, random_state=seed).fit(frame, y)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("hidden", HIDDEN)
 def test_what_happens_from_day_to_day(hidden, seed):
@@ -54,6 +55,7 @@ def test_what_happens_from_day_to_day(hidden, seed):
     assert best.estimates["amplitude"][0] == pytest.approx(size, abs=0.32)
 
 
+@pytest.mark.slow
 def test_both_at_once():
     """A weekly wave and a jump, one beside the other, over the same ignored column."""
     rng = np.random.default_rng(7)

@@ -66,6 +66,7 @@ def failed(frames, claims):
 # ------------------------------------------------------------------------- the paper's claims
 
 
+@pytest.mark.slow
 def test_case_1(scans_1):
     claims = of("1", [*paper.at_the_ends(), *paper.of_case_1(), *paper.of_ratios()])
     assert len(claims) >= 20
@@ -82,20 +83,24 @@ def test_the_best_mixture_of_case_1_is_flat(scans_1):
     assert mean.max() - mean[[0.0, 1.0]].max() > 0.1
 
 
+@pytest.mark.slow
 def test_case_1_2(scans_1_2):
     frames = [at_betas(scans_1_2, TENTHS)]
     assert not failed(frames, of("1.2", paper.of_case_1_2()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["30 runs", "50 runs"])
 def test_ratios(name):
     assert not failed(scanned(name, TENTHS[1:]), of(name, paper.of_ratios()))
 
 
+@pytest.mark.slow
 def test_case_2_1():
     assert not failed(scanned("2.1", FINER), of("2.1", paper.of_case_2()))
 
 
+@pytest.mark.slow
 def test_case_2_2():
     shared_path("data", "italy_covid19_wave1.csv")
     frames = scanned("2.2", (0.2, 0.45, 1.0), 100)
@@ -105,6 +110,7 @@ def test_case_2_2():
 # --------------------------------------------------------------------------- extended models
 
 
+@pytest.mark.slow
 def test_kennedy_ohagan_and_the_extension_of_case_1(scans_1):
     betas = (0.0, 0.05, 0.1, 0.3, 0.5, 0.6, 0.7, 0.8, 1.0)
     # theirs with the Gaussian process is slow, so both claims about it share a test
@@ -115,6 +121,7 @@ def test_kennedy_ohagan_and_the_extension_of_case_1(scans_1):
     assert not failed(frames, of("1", of_extensions()))
 
 
+@pytest.mark.slow
 def test_extension_of_case_1_2_is_best(scans_1_2):
     betas = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 1.0)
     frames = [at_betas(scans_1_2, betas), *extended("1.2")]
@@ -134,6 +141,7 @@ def test_the_epidemics_wrong_constant_is_not_in_its_data():
     assert np.min(np.sum(own - other, axis=1)) < 0.3
 
 
+@pytest.mark.slow
 def test_an_open_recovery_rate_covers_the_true_one():
     inside = []
     for seed in SEEDS:

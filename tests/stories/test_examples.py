@@ -71,6 +71,7 @@ def test_pages_are_for_the_gallery():
         assert re.findall(r"# %%\n# (.+)\n# -+\n", text)[-1] == "What the diagnosis says", name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["plot_case_1", "plot_case_1_2", "plot_runs_and_rows", "plot_kennedy_ohagan"]
 )
@@ -85,6 +86,7 @@ def test_pages_of_case_1(page, name):
     assert (rivals["saved"] > 2 * rivals["its error"]).all()
 
 
+@pytest.mark.slow
 def test_page_of_the_epidemic(page):
     printed = page("plot_epidemic.py")
     assert "before the peak:" in printed
@@ -100,6 +102,7 @@ def test_page_of_sensitivity(page):
     assert "cos(2 pi (x - " in printed
 
 
+@pytest.mark.slow
 def test_page_of_italy(page):
     folder = shared_path("data", "italy_covid19_wave1.csv").parent
     printed = page("plot_italy.py", str(folder))
@@ -125,6 +128,7 @@ def test_the_page_of_italy_says_that_its_data_are_missing_and_goes_on(page, monk
     assert f"save it as {tmp_path}" in printed
 
 
+@pytest.mark.slow
 def test_right_choices_win():
     scores = [
         (line.split("ELPD")[0].strip(), float(line.split("ELPD")[1].split("(")[0]))
@@ -138,6 +142,7 @@ def test_right_choices_win():
     assert found["Poisson"] > found["normal"] + 0.1
 
 
+@pytest.mark.slow
 def test_table_of_combinations():
     rows = [
         [cell.strip() for cell in line.strip("|").split("|")]
@@ -155,6 +160,7 @@ def test_table_of_combinations():
         assert found[(*counts, "negative binomial")] > found[(*counts, "Poisson")] + 1
 
 
+@pytest.mark.slow
 def test_measured_data():
     shared_path("data", "nile_flow.csv")
     shared_path("data", "flu_boarding_school_1978.csv")

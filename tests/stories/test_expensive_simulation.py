@@ -21,6 +21,7 @@ def design(ranges, n, seed):
     return qmc.scale(qmc.LatinHypercube(len(ranges), seed=seed).random(n), *np.transpose(ranges))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_step_beside_an_oscillation_that_80_runs_tell(seed):
     ranges = [(1, 3), (0.05, 0.3), (0.5, 1.5)]
@@ -74,6 +75,7 @@ def tank(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_a_tank_without_a_leak_is_adequate_by_the_command_line(tank, capsys):
     table = pd.DataFrame({"t": MEASURED, "h": measured_level()})
     table.to_csv(tank / "measured.csv", index=False)
@@ -87,6 +89,7 @@ def test_a_tank_without_a_leak_is_adequate_by_the_command_line(tank, capsys):
     assert "leave the simulation open" not in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_page_goes_from_slow_runs_to_a_verdict(tmp_path, monkeypatch):
     page = Path(__file__).resolve().parents[2] / "docs" / "expensive_simulations.md"
     code = "\n".join(re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.S))
@@ -101,6 +104,7 @@ def test_the_page_goes_from_slow_runs_to_a_verdict(tmp_path, monkeypatch):
     assert len(pd.read_csv(tmp_path / "runs" / "runs.csv")) == 24 * 60
 
 
+@pytest.mark.slow
 def test_counts_beside_runs_of_expected_counts_agree_with_the_simulation_itself():
     simulator = hs.Simulator(
         lambda t, first, rate: first * np.exp(-rate * t),

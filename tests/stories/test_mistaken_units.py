@@ -38,6 +38,7 @@ def diagnose(function, change, seed, runs=False, cv=None):
 
 
 # it was named outliers, or noise that grows with the mean, with a probability of one
+@pytest.mark.slow
 @pytest.mark.parametrize("amount", [273.15, 1000, 1e5])
 @pytest.mark.parametrize("function", [temperature, pressure])
 def test_an_offset_far_beyond_the_spread_is_named(function, amount):
@@ -49,6 +50,7 @@ def test_an_offset_far_beyond_the_spread_is_named(function, amount):
         assert low - 0.5 < amount < high + 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [1e-3, 1e-2, 60, 1000])
 @pytest.mark.parametrize("function", [temperature, pressure])
 def test_a_factor_of_another_order_is_named(function, factor):
@@ -60,6 +62,7 @@ def test_a_factor_of_another_order_is_named(function, factor):
         assert 0.99 * low < factor < 1.01 * high
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:The measured outputs:hybridsurrogate.ExtrapolationWarning")
 @pytest.mark.parametrize(
     ("change", "kind"), [(lambda y: y + 273.15, "offset"), (lambda y: 1000 * y, "gain")]
@@ -69,6 +72,7 @@ def test_mistaken_units_are_named_from_runs_alone(change, kind):
     assert (d.verdict_, d.best_cause_.kind) == ("named", kind)
 
 
+@pytest.mark.slow
 def test_the_extended_simulation_is_proved_in_the_folds():
     d = diagnose(temperature, lambda y: 1000 * y, 0, cv=5)
     assert set(d.gain_.kinds) == {"gain"}
@@ -107,6 +111,7 @@ def test_outputs_too_far_for_doubles_are_told(sampler):
         model.fit(X, y + np.random.default_rng(0).standard_normal(40))
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:The measured outputs:hybridsurrogate.ExtrapolationWarning")
 @pytest.mark.parametrize("runs", [False, True])
 def test_another_sign_is_told(runs):

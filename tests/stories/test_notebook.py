@@ -66,6 +66,7 @@ def no_fit(monkeypatch):
     CALLS.clear()
 
 
+@pytest.mark.slow
 def test_showing_a_diagnosis_fits_and_runs_nothing(exact, emulated, request):
     request.getfixturevalue("no_fit")
     for diagnosis in (exact, emulated):
@@ -76,6 +77,7 @@ def test_showing_a_diagnosis_fits_and_runs_nothing(exact, emulated, request):
     assert not CALLS
 
 
+@pytest.mark.slow
 def test_showing_an_estimator_fits_and_runs_nothing(data, request):
     runs = data.simulator.run(40, random_state=0)
     settings = {"surrogate": hs.PolynomialChaos(2), "n_draws": 100, "random_state": 0}
@@ -115,6 +117,7 @@ def test_a_former_attribute_names_its_method(exact, name, method):
         exact.x_  # noqa: B018
 
 
+@pytest.mark.slow
 def test_methods_compute_once(emulated, monkeypatch):
     scan, beyond = emulated.beta_scan(), emulated.beta_scan(out_of_range=True)
     average = emulated.averaged_estimator()
@@ -136,6 +139,7 @@ def test_data_or_weights_of_ones_own_are_scanned_within_the_range(emulated, data
         emulated.beta_scan(data.X, data.y, out_of_range=True)
 
 
+@pytest.mark.slow
 def test_a_report_scans_beta_when_it_is_asked_to(data, monkeypatch):
     diagnosis = diagnosed(data, data.simulator.run(40, random_state=0), hs.PolynomialChaos(2))
     with monkeypatch.context() as patched:

@@ -16,6 +16,7 @@ from hybridsurrogate.diagnosis.validation.refit import extended_simulator
 from hybridsurrogate.ode.dynamics import DelayedState, MissingTerm, TimeVaryingParameter
 
 
+@pytest.mark.slow
 def test_estimator_finds_a_hidden_fall_of_the_contact_rate():
     model = hs.PowerScaledSurrogate(
         make_epidemic(max_step=0.5),
@@ -50,6 +51,7 @@ def diagnosed():
     return hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(t, y)
 
 
+@pytest.mark.slow
 def test_diagnosis_names_the_hidden_fall(diagnosed):
     assert diagnosed.verdict_ == "named"
     found = diagnosed.best_cause_
@@ -60,6 +62,7 @@ def test_diagnosis_names_the_hidden_fall(diagnosed):
     assert {"missing-term", "wrong-constant"} <= set(diagnosed.causes_["kind"])
 
 
+@pytest.mark.slow
 def test_extended_simulator_is_an_ode_with_the_cause_in_it(diagnosed):
     simulator = diagnosed.extended_simulator_
     assert isinstance(simulator, hs.OdeSimulator)
@@ -145,6 +148,7 @@ def test_an_initial_state_does_not_drift_in_time():
     }
 
 
+@pytest.mark.slow
 def test_catalogue_says_why_the_dynamics_are_not_weighed():
     t, y = hidden_fall(n=12)
     model = hs.PowerScaledSurrogate(
@@ -162,6 +166,7 @@ def test_catalogue_says_why_the_dynamics_are_not_weighed():
     assert "needs an OdeSimulator" in notes["missing-term"]
 
 
+@pytest.mark.slow
 def test_one_curve_by_two_terms_is_told_as_such():
     """A fall at constant acceleration: a loss of speed and one of the path are the same curve."""
     drag, t = 0.25, np.linspace(0.05, 2, 25)
@@ -241,6 +246,7 @@ def _tank():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("simulator", "change", "numbers", "noise", "form", "estimates"),
     [
@@ -285,6 +291,7 @@ def test_diagnosis_finds_what_the_right_hand_side_lacks(
     assert np.mean(inside) >= 0.5
 
 
+@pytest.mark.slow
 def test_a_delay_inside_the_dynamics_is_skipped_where_the_solver_forgets():
     t = np.linspace(0.5, 20, 12)
     model = hs.PowerScaledSurrogate(
@@ -297,6 +304,7 @@ def test_a_delay_inside_the_dynamics_is_skipped_where_the_solver_forgets():
     assert reasons == {"inside the dynamics: needs an OdeSimulator with method='rk4'"}
 
 
+@pytest.mark.slow
 def test_a_term_that_lets_solutions_run_away_is_weighed():
     # of a growth that overshoots; any loss beyond its start drives it to minus infinity
     simulator = _growth(max_step=0.2)

@@ -34,6 +34,7 @@ def diagnose(amplitude, seed):
     return hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(ROWS, y)
 
 
+@pytest.mark.slow
 def test_the_sensor_that_is_off_is_named():
     found = [diagnose(-0.6, seed) for seed in range(10, 15)]
     at_sensor_0 = [
@@ -79,6 +80,7 @@ def enzyme(substrate, inhibitor, fastest, half, inhibition):
     return fastest * substrate / (half * (1 + inhibitor / inhibition) + substrate)
 
 
+@pytest.mark.slow
 def test_an_offset_of_all_rows_is_as_probable_where_an_input_has_few_values():
     priors = {
         "fastest": hs.truncated_normal(100, 15, 50, 160),

@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pytest
 
 import hybridsurrogate as hs
 from hybridsurrogate.cli import main
 
 
+@pytest.mark.slow
 def test_the_page_runs_as_it_stands(capsys):
     page = Path(__file__).resolve().parents[2] / "docs" / "several_outputs.md"
     names: dict = {}
@@ -22,6 +24,7 @@ def test_the_page_runs_as_it_stands(capsys):
     assert "'output':" in said
 
 
+@pytest.mark.slow
 def test_the_command_line_takes_several_outputs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     random = np.random.default_rng(1)

@@ -50,6 +50,7 @@ def test_the_extension_beats_every_weight_on_the_whole_range(story):
     assert rmse(extended.sample_predictive_mean(X), mu) < 0.75 * best
 
 
+@pytest.mark.slow
 def test_the_gain_is_reported(story, tmp_path):
     case, _, diagnosis = story
     assert diagnosis.gain_.elpd_difference > 0
@@ -59,6 +60,7 @@ def test_the_gain_is_reported(story, tmp_path):
     assert (tmp_path / "report.html").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_the_seasons_of_mauna_loa():
     co2 = load_mauna_loa_co2()
     model = hs.PowerScaledSurrogate(

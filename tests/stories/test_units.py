@@ -39,6 +39,7 @@ def in_units(runs, unit):
 CAUSE = hs.MissingInput("batch", shape="categorical", level=2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("surrogate", [hs.Kriging(), hs.PolynomialChaos()], ids=repr)
 def test_a_fit_with_a_cause_in_other_units_of_the_output(batches, surrogate):
     runs, X, y = batches
@@ -112,6 +113,7 @@ def search_of(rng, unit, likelihood, exponent):
     return hs.DiscrepancyDiagnosis(model, **settings).fit(t[:, None], y), y
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("likelihood", ["normal", "lognormal"])
 def test_a_diagnosis_in_other_units_of_the_output(likelihood):
     found = [
@@ -125,6 +127,7 @@ def test_a_diagnosis_in_other_units_of_the_output(likelihood):
     assert told[2] == pytest.approx(told[0], abs=0.01)
 
 
+@pytest.mark.slow
 def test_noise_that_follows_the_output_is_told_in_full():
     """The factor between a large and a small output belongs to the exponent and the data."""
     named = 0

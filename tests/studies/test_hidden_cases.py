@@ -158,6 +158,7 @@ def test_by_hand_tries_every_kind_at_every_target():
     assert targets.count(("parameter-drift", "rate")) == 2  # along either input
 
 
+@pytest.mark.slow
 def test_rates_have_a_row_for_each_case():
     rows = by_hand_rates(sizes=(4,), n_seeds=1, n_null=1)
     assert sorted(row["truth"] for row in rows[4]) == sorted(EFFECTS)

@@ -261,6 +261,7 @@ def test_truths_outside_the_catalogue_have_a_page_of_their_own(tmp_path, monkeyp
     assert "Whatever is named is wrong" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_case_outside_is_diagnosed_without_its_kind():
     found = run.score(Task("step", 4.0, 40, 0, outside=True))
     assert found["trouble"] == ""
@@ -365,6 +366,7 @@ def slice_(diagnosed, monkeypatch):
     return table(*[run.score(Task(kind, 4.0, 40, 700)) for kind in KINDS])
 
 
+@pytest.mark.slow
 def test_effects_of_four_times_the_noise_are_found(slice_):
     assert not tables.failures(slice_).size
     assert slice_["detected"].all()

@@ -48,6 +48,7 @@ class Line(Surrogate):
         return hs.PolynomialChaos(2)
 
 
+@pytest.mark.slow
 def test_surrogate_of_the_users_own_with_a_likelihood_of_the_users_own(simulation, measured):
     X, y = measured
     model = hs.PowerScaledSurrogate(
@@ -72,6 +73,7 @@ def test_parametric_surrogate_finds_its_constants(simulation, measured):
     assert draws["gravity"].mean() == pytest.approx(9.3, abs=0.4)
 
 
+@pytest.mark.slow
 def test_a_formula_that_meets_runs_and_data_exactly_is_fitted():
     def cooling(X, omega, c):
         return c["height"] * omega[:, 0] * np.exp(-c["speed"] * omega[:, 1] * X[:, 0])

@@ -86,6 +86,7 @@ def error_at(new, runs, surrogate):
     return np.sqrt(np.mean((told - new.y) ** 2))
 
 
+@pytest.mark.slow
 def test_new_runs_are_met_better_than_by_the_polynomial():
     better_by = []
     for simulator in SIMULATIONS.values():
@@ -170,6 +171,7 @@ def test_a_trend_that_is_not_linear_is_refused(simulator, trend, error):
 
 # the place of a step has no slope to climb: one case says that its step 2 rests on fewer than ten
 # proposals a draw, and counts like the others
+@pytest.mark.slow
 @pytest.mark.filterwarnings(
     "ignore:The posterior draws are doubtful:hybridsurrogate.SamplingWarning"
 )

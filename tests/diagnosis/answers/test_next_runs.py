@@ -48,6 +48,7 @@ def test_the_first_run_takes_most_and_the_next_what_is_left():
     assert len(_settling(covariance, 9)) == 3
 
 
+@pytest.mark.slow
 def test_runs_that_are_curves_are_asked_for_by_their_parameters(curves):
     asked = curves.next_runs(4)
     assert list(asked.columns) == ["rate", "wave"]
@@ -56,6 +57,7 @@ def test_runs_that_are_curves_are_asked_for_by_their_parameters(curves):
     assert (asked - [0.3, 1.5]).abs().median().max() < 0.3
 
 
+@pytest.mark.slow
 def test_those_runs_settle_more_than_as_many_of_a_design(curves):
     simulation = curves.estimator_.simulation
     design = pd.DataFrame(
@@ -68,6 +70,7 @@ def test_those_runs_settle_more_than_as_many_of_a_design(curves):
     assert left[0] < 0.5 * left[1]
 
 
+@pytest.mark.slow
 def test_single_outputs_are_asked_for_with_their_inputs():
     simulation = SIMULATOR.run(60, random_state=0)
     found = diagnosed(simulation)

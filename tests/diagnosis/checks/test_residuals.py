@@ -34,6 +34,7 @@ def checked(y, cause=None):
     return check_residuals(found, found.candidates[-1])
 
 
+@pytest.mark.slow
 def test_the_chance_is_uniform_where_the_model_is_right():
     chances = [
         checked(2 * T + 0.3 * np.random.default_rng(seed).standard_normal(60)).p_value
@@ -65,6 +66,7 @@ def diagnosed(hidden, seed, **options):
     return diagnosis.fit(T[:, None], y)
 
 
+@pytest.mark.slow
 def test_a_cause_that_leaves_structure_is_the_nearest_one():
     """A saw, which no kind draws: a wave is nearest."""
     found = diagnosed(lambda t: 1.2 * (t % 2.5 - 1.25), 0)
@@ -80,6 +82,7 @@ def test_a_cause_that_leaves_structure_is_the_nearest_one():
     assert told["residual_check"]["p_value"] <= 0.05
 
 
+@pytest.mark.slow
 def test_a_cause_that_leaves_noise_is_named():
     verdicts = [diagnosed(lambda t: 2.0 * (t > 5), seed).verdict_ for seed in range(4)]
     assert verdicts.count("named") >= 3
@@ -96,6 +99,7 @@ def test_nothing_found_and_outliers_have_no_check():
     assert check_residuals(found.search_, heavy) is None
 
 
+@pytest.mark.slow
 def test_a_parameter_at_the_end_of_its_prior_is_said():
     bounded = hs.Simulator(line, {"t": (0, 12)}, {"a": stats.uniform(1, 0.8)})
     y = 2 * T + 0.05 * np.random.default_rng(0).standard_normal(60)

@@ -208,6 +208,7 @@ def sound_level(distance, humidity, temperature, power, absorption):
     return power - 11 - 20 * np.log10(distance) - absorption * distance * drier
 
 
+@pytest.mark.slow
 def test_a_steep_end_is_met_within_the_error():
     inputs = {"distance": (1, 60), "humidity": (20, 90), "temperature": (0, 35)}
     parameters = {"power": stats.norm(90, 3), "absorption": stats.norm(0.05, 0.015)}

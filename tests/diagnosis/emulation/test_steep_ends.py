@@ -158,12 +158,14 @@ def test_a_few_runs_weigh_by_hand():
     assert local.at(np.array([[0.1]]))[0] == pytest.approx(np.sqrt(expected))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STEEP)
 def test_a_steep_end_is_not_blamed_on_the_simulation(name):
     verdicts = [without_a_fault(name, seed).verdict_ for seed in range(4)]
     assert verdicts.count("adequate") >= 3  # alarms of 5 % make two in four once in 70 times
 
 
+@pytest.mark.slow
 def test_rows_beyond_all_runs_are_counted():
     runs, X, y = problem("decay", 0, ends=0)
     assert runs.X.min() > 0
@@ -176,6 +178,7 @@ def test_rows_beyond_all_runs_are_counted():
     assert without_a_fault("decay", 0).emulator_check_.beyond == {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STEEP)
 def test_what_is_wrong_there_is_found_all_the_same(name):
     for seed in range(2):

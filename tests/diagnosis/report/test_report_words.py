@@ -169,6 +169,7 @@ def test_forms_of_a_kind_have_words_of_their_own():
     )
 
 
+@pytest.mark.slow
 def test_where_under_a_log_normal_likelihood():
     """In squares of the raw output it would be wherever the output is large."""
     t = np.linspace(0.2, 12, 60)

@@ -49,6 +49,7 @@ def yearly():
     return year, counts.astype(float), diagnosed(RATE, year, counts.astype(float), "poisson", cv=2)
 
 
+@pytest.mark.slow
 def test_yearly_counts_name_the_year_in_which_their_rate_fell(yearly):
     found = yearly[2]
     assert found.p_value_ < 0.05
@@ -60,6 +61,7 @@ def test_yearly_counts_name_the_year_in_which_their_rate_fell(yearly):
     assert found.gain_.elpd_difference > 0
 
 
+@pytest.mark.slow
 def test_report_of_counts_speaks_of_their_likelihood(yearly):
     text = str(yearly[2].report())
     assert "Under the Poisson likelihood the cause acts on log accidents" in text
@@ -75,6 +77,7 @@ def test_extended_simulation_of_counts_falls(yearly):
     assert after / before == pytest.approx(0.55)
 
 
+@pytest.mark.slow
 def test_counts_at_a_steady_rate_are_adequate():
     year = np.arange(1960, 2000.0)
     alarms = 0
@@ -85,6 +88,7 @@ def test_counts_at_a_steady_rate_are_adequate():
     assert alarms <= 2
 
 
+@pytest.mark.slow
 def test_outliers_in_student_t_data_raise_no_alarm():
     t, rng = np.linspace(0, 40, 60), np.random.default_rng(3)
     y = 22 * np.exp(-0.03 * t) + 0.7 * rng.standard_t(4, 60)
@@ -100,6 +104,7 @@ def laplace(scale=1.0):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["student-t", "own"])
 def test_a_step_is_found_under_heavy_tails(name):
     t, rng = np.linspace(0, 40, 60), np.random.default_rng(3)
@@ -115,6 +120,7 @@ def test_a_step_is_found_under_heavy_tails(name):
     assert high > 19.66
 
 
+@pytest.mark.slow
 def test_successes_name_what_makes_them_fewer():
     t, rng = np.linspace(0, 40, 60), np.random.default_rng(3)
     share = np.where(t > 20, 0.25, 0.6)
@@ -212,6 +218,7 @@ def test_a_fit_tells_its_evidence_and_the_error(likelihood):
     assert abs(told.log_evidence - expected) < 4 * told.log_evidence_error
 
 
+@pytest.mark.slow
 def test_two_causes_of_counts_are_both_named():
     t, rng = np.linspace(0, 40, 80), np.random.default_rng(3)
     rate = 40 * np.exp(-0.03 * t + 0.3 * np.sin(2 * np.pi * t / 7)) * np.where(t > 20, 0.6, 1)

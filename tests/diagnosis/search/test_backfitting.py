@@ -43,6 +43,7 @@ def both():
     return diagnosed(decay, 2)
 
 
+@pytest.mark.slow
 def test_a_cause_is_weighed_beside_the_other(both):
     """Alone the jump is beaten by a smooth curve, which draws the wave as well."""
     assert [found.kind for found in both.found_causes_] == ["step", "periodic"]
@@ -67,6 +68,7 @@ def test_the_report_tells_of_it(both):
     assert "Ambiguous" not in told
 
 
+@pytest.mark.slow
 def test_a_cause_gives_way_to_one_that_is_better_beside_the_other():
     """A trend was taken for a ramp as long as the other column was not known."""
     case = make_several("trend+missing-input", 2.0, 2144293775, 80)

@@ -38,6 +38,7 @@ def diagnose(rate, seed, **settings):
     return diagnosis_of(WAVE, 5.3 * np.cos(rate * ROWS), seed, **settings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [1.55, 1.62, 1.8, 2.0])
 def test_a_rate_that_is_off_by_many_periods_is_found(rate):
     """Up to seven standard deviations of phase away, where a climb from the assumed rate ends."""
@@ -49,6 +50,7 @@ def test_a_rate_that_is_off_by_many_periods_is_found(rate):
         assert mean == pytest.approx(rate, abs=0.005)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("shift", "form", "name", "value"),
     [
@@ -70,6 +72,7 @@ def test_a_rate_that_drifts_by_many_periods_is_found(shift, form, name, value):
         assert diagnosis.best_cause_.estimates[name][0] == pytest.approx(value, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_rate_that_swings_through_many_radians_is_found():
     """By 12 rad, beyond what the rows resolve."""
     right = 0
@@ -93,6 +96,7 @@ def test_evidence_tells_what_tangents_do_not_see():
     assert "searched by tangents" in str(diagnosis.report())
 
 
+@pytest.mark.slow
 def test_nothing_is_found_where_nothing_is_wrong():
     found = [diagnose(1.5, 100 + seed).verdict_ for seed in range(10)]
     # of 10 a rate of 0.05 leaves more than 3 with a probability of 0.001
@@ -111,6 +115,7 @@ def test_the_bound_is_the_ratio_of_the_evidence():
     assert np.log(evidence_bound(found)) == pytest.approx(-against, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_fits_of_an_oscillation_do_not_stop_at_another_frequency():
     """Over 35 periods, with phase and damping: 2 of 160 fits had ten times the noise."""
     priors = {

@@ -91,6 +91,7 @@ def test_an_interrupt_in_the_folds_keeps_everything_but_the_gain(monkeypatch):
     assert "Verdict" in str(diagnosis.report())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.3, 0.35, 0.4, 0.5, 0.7, 0.9])
 def test_an_interrupt_at_any_moment_leaves_what_belongs_together(share):
     """Whatever is there afterwards is about all rows, and about one search.

@@ -20,6 +20,7 @@ T = np.linspace(0, 40, 30)
 NOISE = 0.1 * np.random.default_rng(0).standard_normal(30)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("simulation", "surrogate"),
     [
@@ -39,6 +40,7 @@ def test_a_step_is_found_and_nothing_where_nothing_is(simulation, surrogate, hid
     assert "Verdict" in str(diagnosis.report())
 
 
+@pytest.mark.slow
 def test_the_command_line_without_parameters(tmp_path, capsys):
     pd.DataFrame({"t": RUNS.X[:, 0], "y": RUNS.y}).to_csv(tmp_path / "runs.csv", index=False)
     pd.DataFrame({"t": T, "y": line(T) + 0.5 + NOISE}).to_csv(tmp_path / "data.csv", index=False)

@@ -3,6 +3,7 @@
 import pickle
 
 import numpy as np
+import pytest
 from pandas.testing import assert_frame_equal
 from scipy.stats import norm
 from sklearn.base import clone
@@ -18,6 +19,7 @@ def line(t, level, slope):
     return level + slope * t
 
 
+@pytest.mark.slow
 def test_trust_rises_once_the_fault_is_named():
     simulator = hs.Simulator(line, {"t": (0, 14)}, {"level": norm(0, 3), "slope": norm(1, 0.5)})
     rng = np.random.default_rng(0)
@@ -48,6 +50,7 @@ def test_trust_rises_once_the_fault_is_named():
     assert_frame_equal(scan, shared, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_gain_says_by_how_much_the_simulation_is_worth_more():
     # case study 1 of the paper: the simulation lacks a wave, its best weight is small without it
     case = make_log_sin(random_state=0)

@@ -134,6 +134,7 @@ def test_a_fold_is_fitted_from_the_whole_where_priors_follow_the_rows(simulator)
     np.testing.assert_allclose(near.posterior_.values.std(axis=0), sd, rtol=6 / np.sqrt(n))
 
 
+@pytest.mark.slow
 def test_a_second_search_in_a_fold_starts_where_that_on_all_rows_ended(simulator, monkeypatch):
     rng = np.random.default_rng(0)
     t = np.sort(rng.uniform(0, 14, 80))
@@ -248,6 +249,7 @@ def test_a_wave_pays_off_beyond_the_measured_rows_too(simulator):
     assert beyond.rmse_after < 0.5 * beyond.rmse_before
 
 
+@pytest.mark.slow
 def test_folds_in_processes_of_their_own_tell_the_same():
     # a function that only this process knows and counts, rows by name, a cause beside the catalogue
     runs = []
@@ -281,6 +283,7 @@ def test_folds_in_processes_of_their_own_tell_the_same():
     assert calls[1] < 0.7 * calls[0]
 
 
+@pytest.mark.slow
 def test_a_simulation_that_stays_in_its_process_is_diagnosed_there():
     lock = threading.Lock()
 

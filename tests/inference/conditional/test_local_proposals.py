@@ -22,6 +22,7 @@ def temperature(t, start, rate, ambient=20.0):
     return ambient + start * np.exp(-rate * t)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("n_parameters", "effects"),
     [(2, ()), (3, ()), (2, (hs.Gain(),)), (2, (hs.Trend("t"),))],

@@ -236,6 +236,7 @@ def test_beta_one_ignores_the_measured_data_in_step_one(drifting):
     assert np.abs(models[0].predict(X) - models[1].predict(X)).max() > 0.1
 
 
+@pytest.mark.slow
 def test_samplers_agree(drifting):
     runs, X, y = drifting
     importance, ensemble = (
@@ -268,6 +269,7 @@ def cooling(t, rate):
     return 80 * np.exp(-rate * t)
 
 
+@pytest.mark.slow
 def test_coefficients_of_causes_recover_a_line():
     simulator = hs.Simulator(
         cooling,

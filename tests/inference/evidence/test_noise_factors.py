@@ -119,6 +119,7 @@ def test_noise_that_grows_is_told_from_noise_that_does_not():
     assert quiet["noise"].log_evidence < quiet["none"].log_evidence + 0.5
 
 
+@pytest.mark.slow
 def test_a_diagnosis_names_growing_noise_where_it_is_weighed():
     rng = np.random.default_rng(2)
     growing = np.exp(0.3 * (FRAME.t.to_numpy() - 6))

@@ -131,6 +131,7 @@ def test_nothing_is_named_where_nothing_is_wrong():
     assert np.mean(test.replicates > 1) < 0.1
 
 
+@pytest.mark.slow
 def test_a_diagnosis_names_outliers_and_predicts_without_them():
     rng = np.random.default_rng(0)
     frame = pd.DataFrame({"t": np.linspace(0, 10, 50)})

@@ -30,6 +30,7 @@ SWITCH = hs.Simulator(
 )
 
 
+@pytest.mark.slow
 def test_a_simulation_whose_parameter_is_the_place_of_a_jump():
     """Its output has no slope in that parameter; nothing is hidden."""
     alarms = 0
@@ -46,6 +47,7 @@ def test_a_simulation_whose_parameter_is_the_place_of_a_jump():
     assert alarms <= 2
 
 
+@pytest.mark.slow
 def test_a_step_that_was_found_is_not_found_again():
     rng = np.random.default_rng(1)
     t = np.sort(rng.uniform(0, 10, 50))
@@ -80,6 +82,7 @@ def test_a_plain_wave_in_precise_data_is_no_overtone(noise):
     assert best.estimates["period"][0] == pytest.approx(np.pi, abs=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [2, 5])
 def test_two_causes_of_one_curve_are_equal_in_precise_data(seed):
     """Late by a lag and larger by a factor are the same for an exponential."""
@@ -93,6 +96,7 @@ def test_two_causes_of_one_curve_are_equal_in_precise_data(seed):
     assert told["gain"] == pytest.approx(told["delay"], abs=3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize(("form", "row", "noise"), [("step", 22, 1e-2), ("drift", 12, 1e-3)])
 def test_a_jump_between_two_rows_close_together(form, row, noise, seed):

@@ -78,6 +78,7 @@ def student_t(y, eta, sigma):
     return np.log(0.375 / sigma) - 2.5 * np.log1p(((y - eta) / sigma) ** 2 / 4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("likelihood", "density", "make", "degree"),
     [
@@ -113,6 +114,7 @@ def test_posterior_is_that_of_a_random_walk(likelihood, density, make, degree):
     np.testing.assert_allclose(ours.std(axis=0), theirs.std(axis=0), rtol=0.10)
 
 
+@pytest.mark.slow
 def test_full_ensemble_agrees_with_importance_draws(simulation):
     rng = np.random.default_rng(4)
     t = np.linspace(0.2, 3.8, 30)
@@ -144,6 +146,7 @@ def test_full_ensemble_agrees_with_importance_draws(simulation):
     np.testing.assert_allclose(one.std(axis=0), other.std(axis=0), rtol=0.10)
 
 
+@pytest.mark.slow
 def test_a_likelihood_without_scale_reports_none(measured):
     X, y = measured
     model = hs.PowerScaledSurrogate(
@@ -159,6 +162,7 @@ def test_a_likelihood_without_scale_reports_none(measured):
     np.testing.assert_allclose(high[::40], few[1], atol=2)
 
 
+@pytest.mark.slow
 def test_custom_normal_is_the_normal(simulation, measured):
     own = hs.CustomLikelihood(
         lambda y, eta, sigma: stats.norm.logpdf(y, eta, sigma),
@@ -217,6 +221,7 @@ def test_bad_values_and_functions(likelihood, spoil, match, measured):
         hs.PowerScaledSurrogate(likelihood=likelihood).fit(X, spoil(np.round(y)))
 
 
+@pytest.mark.slow
 def test_diagnosis_of_runs_takes_heavy_tails(simulation, measured):
     """Nothing is wrong; an emulator stands for the simulation, so that screening alone decides."""
     model = hs.PowerScaledSurrogate(

@@ -76,6 +76,7 @@ def diagnosis_of(function, y):
     return diagnosis.fit(T[:, None], y)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("function", "vectorized", "is_rough"),
     [
@@ -99,6 +100,7 @@ def test_slopes_are_taken_over_steps_that_jumps_do_not_rule(function, vectorized
     assert step >= 1e-2 if is_rough else step == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "function", [rounded(0), rounded(1), looked_up, with_its_own_random_numbers]
 )
@@ -118,6 +120,7 @@ def test_a_bump_on_a_rough_simulation_is_found_where_it_is(function):
     assert np.sum(right) >= 2
 
 
+@pytest.mark.slow
 def test_nothing_is_named_where_a_rough_simulation_is_right():
     function = rounded(0)
     verdicts = []

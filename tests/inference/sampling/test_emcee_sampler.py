@@ -48,6 +48,7 @@ def test_unconverged_run_warns(simulation, measured):
     assert model.diagnostics_.sampler == "emcee"
 
 
+@pytest.mark.slow
 def test_stopped_run_goes_on_with_the_same_result(tmp_path):
     pytest.importorskip("h5py")
     unbroken = run(hs.EnsembleSampler(tol=100))
