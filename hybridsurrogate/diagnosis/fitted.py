@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from numbers import Integral
 from typing import Any, NoReturn
 
@@ -9,10 +10,17 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, RegressorMixin
-from sklearn.utils import check_scalar
+from sklearn.utils import check_consistent_length, check_scalar
 from sklearn.utils.validation import check_is_fitted
 
+from hybridsurrogate.diagnosis.answers.experimental_design import (
+    batch,
+    costs_of,
+    places_between,
+    table_of,
+)
 from hybridsurrogate.diagnosis.answers.model_averaging import averaged_over
+from hybridsurrogate.diagnosis.answers.monitor import Monitor, joined, monitored
 from hybridsurrogate.diagnosis.answers.next_runs import next_runs
 from hybridsurrogate.diagnosis.answers.result import DiagnosisResult
 from hybridsurrogate.diagnosis.search.evidence import Search
@@ -41,6 +49,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
     search_: Search
     _rows: tuple[ArrayLike, ArrayLike]
     _average: AveragedSurrogate | None
+    _new: tuple[Any, FloatArray]
 
     def __getattr__(self, name: str) -> NoReturn:
         # a notebook asks for the value of every attribute that there is: none may take a fit
@@ -114,6 +123,116 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         models = self.estimator_, self.extended_estimator_
         names = [*simulation.input_names, *simulation.parameter_ranges]
         return next_runs(self.search_, [m.posterior_ for m in models], int(n), names)
+
+    def next_measurements(
+        self,
+        n: int = 5,
+        places: ArrayLike | None = None,
+        cost: ArrayLike | Callable[[pd.DataFrame], ArrayLike] | None = None,
+    ) -> pd.DataFrame:
+        """Return where to take n further measurements together, to tell the rivals apart.
+
+        Each in turn is the place that tells most about which rival is true for its cost, given
+        those before it, whatever these may give. Beyond the measured range every rival may lack as
+        much again as it was found to change (`Remainder`), so that what it foresees there counts
+        for less.
+
+        Parameters
+        ----------
+        n : int, default=5
+            Measurements; a place may be measured more than once.
+        places : array-like of shape (m, n_columns), default=None
+            Where a measurement is possible, with the columns of the measured data. None: at up to
+            400 places within the ranges that were simulated.
+        cost : array-like of shape (m,) or callable, default=None
+            Of one measurement at each place, of several outputs of each output in turn; a callable
+            takes the table of places and returns their costs. None: all cost the same.
+
+        Returns
+        -------
+        pandas.DataFrame of n rows
+            In the order in which they were chosen: the measured columns, of several outputs which
+            "output", "information" (expected further reduction of the uncertainty about which rival
+            is true, in bits, to about 0.02) and "cost".
+
+        Raises
+        ------
+        ValueError
+            For costs that are not positive and finite, or not one for each place.
+
+        Examples
+        --------
+        >>> import hybridsurrogate as hs
+        >>> from hybridsurrogate.datasets import make_log_sin
+        >>> case = make_log_sin(random_state=0)
+        >>> model = hs.PowerScaledSurrogate(
+        ...     case.simulator, surrogate=hs.ExactSurrogate(), random_state=0)
+        >>> diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0)
+        >>> following = diagnosis.fit(case.X, case.y).next_measurements(3)
+        >>> list(following)
+        ['x', 'information', 'cost']
+        """
+        check_is_fitted(self)
+        check_scalar(n, "n", Integral, min_val=1)
+        found, fitted = self.result_.asked, self.estimator_
+        if places is None:
+            rows = places_between(found, fitted.simulation_.input_ranges)
+        else:
+            rows = fitted.checked_rows(places)
+        table = table_of(found, rows, fitted.experiments_)
+        costs = costs_of(table, cost)
+        chosen, bits = zip(*batch(found, rows, int(n), costs), strict=True)
+        table = table.iloc[list(chosen)].reset_index(drop=True)
+        return table.assign(information=bits, cost=costs[list(chosen)])
+
+    def update(self, X: ArrayLike, y: ArrayLike) -> Monitor:
+        """Say whether the extension still holds, as measurements come in.
+
+        A test that may be looked at after every measurement: a right extension ever raises an alarm
+        with probability ``false_alarm_rate`` at most. It looks for a shift, or a wider spread, that
+        begins at some measurement and lasts. Nothing is fitted anew but the extension's numbers;
+        after an alarm diagnose again, with the new measurements.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_columns)
+            New rows, in the order in which they were measured, after those of earlier calls.
+        y : array-like of shape (n,), or (n, n_outputs) of several outputs
+
+        Returns
+        -------
+        Monitor
+            Of all new measurements since ``fit``; also ``monitor_``.
+
+        Examples
+        --------
+        >>> import hybridsurrogate as hs
+        >>> from hybridsurrogate.datasets import make_log_sin
+        >>> case = make_log_sin(random_state=0)
+        >>> model = hs.PowerScaledSurrogate(
+        ...     case.simulator, surrogate=hs.ExactSurrogate(), random_state=0)
+        >>> diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0)
+        >>> now = diagnosis.fit(case.X, case.y).update(case.X_in[:20], case.y_in[:20] + 5.0)
+        >>> now.holds
+        False
+        """
+        check_is_fitted(self)
+        y, labels = self.measured_outputs(y), self.estimator_.experiment
+        X = complete_table(X, labels=labels)
+        check_consistent_length(X, y)
+        self.extended_estimator_.checked_rows(X)
+        known_X, known_y = complete_table(self._rows[0], labels=labels), self._rows[1]
+        if hasattr(self, "monitor_"):
+            X, y = joined(self._new[0], X), np.concatenate([self._new[1], y])
+        self._new = joined(known_X[:0], X), y
+        self.monitor_ = monitored(
+            self.extended_estimator_,
+            self.search_,
+            (known_X, self.measured_outputs(known_y)),
+            self._new,
+            self.result_.false_alarm_rate,
+        )
+        return self.monitor_
 
     def beta_scan(
         self,

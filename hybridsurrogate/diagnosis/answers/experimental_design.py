@@ -1,32 +1,39 @@
-"""Where one more measurement would best tell the rivals apart, and how much it would tell."""
+"""Where further measurements would best tell the rivals apart, and how much they would tell."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
 from scipy import special
+from scipy.stats import qmc
 
-from hybridsurrogate.diagnosis.search.evidence import Candidate, Search, kind_of
-from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
-from hybridsurrogate.inference.evidence.linearised import linearise
-from hybridsurrogate.inference.evidence.marginal_likelihood import scan
+from hybridsurrogate.diagnosis.answers.foreseen import (
+    Component,
+    Foreseen,
+    components_of,
+    foreseen,
+    is_smooth,
+)
+from hybridsurrogate.diagnosis.search.evidence import Search
 from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.problem.experiments import Experiments
 from hybridsurrogate.simulation.outputs import OUTPUT
 
-# rivals that matter to the answer, and nodes of each (a period, a location) that matter to it
-_MOST_RIVALS, _LEAST_PROBABLE = 6, 0.003
-_MOST_NODES, _LEAST_NODE = 4, 0.05
 # values of the new measurement under each component: Gauss and Legendre's nodes of its cumulative
-# probability, which serve narrow rivals beside wide ones as well as rivals that are alike
-_NODES, _SHARES = np.polynomial.legendre.leggauss(24)
-_VALUES, _SHARES = special.ndtri((_NODES + 1) / 2), _SHARES / 2
+# probability, which serve narrow rivals beside wide ones as well as rivals that are alike; fewer
+# where each component is there at three amplitudes of a remainder
+_VALUES, _VALUES_BEYOND = 24, 8
 # an input with so few values, whole numbers in a row, counts things
 _MOST_NUMBERED = 6
 _N_PLACES, _SWEEPS, _AS_GOOD = 60, 2, 0.98
+# places of a batch to choose from where none are given, and simulated batches: expected
+# information is told to about 0.02 bits
+_MOST_PLACES, _BATCHES = 400, 500
 
 
 @dataclass(frozen=True)
@@ -48,15 +55,6 @@ class NextMeasurement:
     uncertainty: float
 
 
-class _Component(NamedTuple):
-    """One rival at one node of its grid."""
-
-    rival: int
-    candidate: Candidate
-    node: int | None
-    weight: float
-
-
 def next_measurement(result: Search, ranges: Mapping[str, tuple[float, float]]) -> NextMeasurement:
     """Return where one more measurement is expected to tell most about which rival is true.
 
@@ -71,7 +69,7 @@ def next_measurement(result: Search, ranges: Mapping[str, tuple[float, float]]) 
     """
     problem = result.problem
     columns = problem.model.columns
-    components = _components(result)
+    components = components_of(result)
     point = np.median(problem.X, axis=0)
     if problem.stacking is not None:
         point[problem.stacking.at] = 0.0
@@ -107,6 +105,174 @@ def _values_of(
     return known[np.linspace(0, len(known) - 1, min(len(known), _N_PLACES)).round().astype(int)]
 
 
+def places_between(result: Search, ranges: Mapping[str, tuple[float, float]]) -> FloatArray:
+    """Return places to choose a batch from, (m, n_columns): a grid, thinned where it is large.
+
+    Parameters
+    ----------
+    result : Search
+    ranges : dict of str to (low, high)
+        As for `next_measurement`.
+    """
+    problem = result.problem
+    axes = [
+        _values_of(c, x, ranges) for c, x in zip(problem.model.columns, problem.X.T, strict=False)
+    ]
+    n = np.array([len(axis) for axis in axes])
+    if np.prod(n.astype(float)) <= _MOST_PLACES:
+        return np.stack([axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")], axis=1)
+    chosen = (qmc.Sobol(len(axes), rng=0).random(_MOST_PLACES) * n).astype(int)
+    return np.stack([axis[k] for axis, k in zip(axes, chosen.T, strict=True)], axis=1)
+
+
+def table_of(result: Search, rows: FloatArray, experiments: Experiments | None) -> pd.DataFrame:
+    """Return rows (m, n_columns) as a table, outputs and experiments by name."""
+    table = pd.DataFrame(rows, columns=list(result.problem.model.columns))
+    names: dict[str, tuple[str, ...]] = {}
+    if result.problem.stacking is not None:
+        names[OUTPUT] = result.problem.stacking.names
+    if experiments is not None and experiments.labels is not None:
+        names[experiments.column] = experiments.labels
+    for column, labels in names.items():
+        table[column] = np.array(labels, dtype=object)[table[column].astype(int)]
+    return table.rename(columns={OUTPUT: "output"})
+
+
+def costs_of(
+    places: pd.DataFrame, cost: ArrayLike | Callable[[pd.DataFrame], ArrayLike] | None
+) -> FloatArray:
+    """Return the cost of a measurement at each place, (m,).
+
+    Raises
+    ------
+    ValueError
+        For costs that are not positive and finite, or not one for each place.
+    """
+    if cost is None:
+        return np.ones(len(places))
+    costs = np.asarray(cost(places) if callable(cost) else cost, dtype=float)
+    if costs.shape != (len(places),):
+        raise ValueError(
+            f"cost must give one number for each of the {len(places)} places, got shape "
+            f"{costs.shape}. Pass a function of the table of places, or places and cost together."
+        )
+    if not np.all(np.isfinite(costs) & (costs > 0)):
+        raise ValueError("Costs must be positive and finite: leave out places that are no choice.")
+    return costs
+
+
+def batch(result: Search, places: FloatArray, n: int, cost: FloatArray) -> list[tuple[int, float]]:
+    """Return where to take n measurements together: positions among places, and bits of each.
+
+    Each in turn tells most about which rival is true for its cost, given those before it, on
+    average over what these may give. By the chain rule of mutual information the bits add up to
+    what the batch tells, and the batch tells at least 63 % of what the best one of n would, where
+    the rivals' values are independent given the rival (Krause and Guestrin 2005, UAI 21:324). A
+    place may be measured more than once.
+
+    Parameters
+    ----------
+    result : Search
+    places : ndarray of shape (m, n_columns)
+    n : int
+    cost : ndarray of shape (m,)
+        Of one measurement there.
+    """
+    components = components_of(result)
+    known = foreseen(result, components, places)
+    valid = np.isfinite(known.mean).all(axis=0) & np.isfinite(known.total_variance).all(axis=0)
+    # a smooth curve foresees nothing where measurements end: see information_at
+    blind = is_smooth(components, known.rival)[:, None] & ~_between_measured(result, places)
+    random = np.random.RandomState(0)
+    # batches are simulated under each component in proportion to its weight
+    true = np.searchsorted(np.cumsum(known.weight), (np.arange(_BATCHES) + 0.5) / _BATCHES)
+    true = np.minimum(true, len(known.weight) - 1)
+    mean = np.repeat(known.mean[None], _BATCHES, axis=0)
+    odds = np.repeat(np.log(known.weight)[None], _BATCHES, axis=0)
+    one_hot = known.rival[:, None] == np.unique(known.rival)
+    chosen = []
+    for _ in range(n):
+        noise = random.standard_normal(_BATCHES)
+        other = _seen(odds, np.any(blind, axis=1), true, random)
+        before = _entropy(odds, one_hot).mean()
+        bits = np.zeros(len(places))
+        for k in np.flatnonzero(valid).tolist():
+            source = np.where(blind[true, k], other, true)
+            y = _value(known, mean, source, k, noise)
+            after = odds + _log_density(known, mean, y, k, blind[:, k], odds)
+            bits[k] = max(before - _entropy(after, one_hot).mean(), 0.0)
+        best = int(np.argmax(bits / cost))
+        chosen.append((best, float(bits[best])))
+        source = np.where(blind[true, best], other, true)
+        y = _value(known, mean, source, best, noise)
+        odds = odds + _log_density(known, mean, y, best, blind[:, best], odds)
+        known, mean = _conditioned(known, mean, y, best, blind[:, best])
+    return chosen
+
+
+def _seen(
+    odds: FloatArray,
+    blind: NDArray[Any],
+    true: NDArray[np.intp],
+    random: np.random.RandomState,
+) -> NDArray[np.intp]:
+    """Return for each batch a component that foresees something, in proportion to its weight."""
+    if not blind.any() or blind.all():
+        return true
+    weight = special.softmax(np.where(blind, -np.inf, odds), axis=1)
+    below = np.cumsum(weight, axis=1) < random.uniform(size=(len(odds), 1))
+    return np.minimum(below.sum(axis=1), np.flatnonzero(~blind)[-1])
+
+
+def _value(
+    known: Foreseen, mean: FloatArray, source: NDArray[np.intp], k: int, noise: FloatArray
+) -> FloatArray:
+    sd = np.sqrt(known.at(np.array([k])).total_variance[:, 0])
+    return np.asarray(mean[np.arange(len(source)), source, k] + sd[source] * noise)
+
+
+def _log_density(
+    known: Foreseen,
+    mean: FloatArray,
+    y: FloatArray,
+    k: int,
+    blind: NDArray[np.bool_],
+    odds: FloatArray,
+) -> FloatArray:
+    """Return the log density of values y (N,) at place k under each component, (N, C)."""
+    variance = known.at(np.array([k])).total_variance[:, 0]
+    out = -0.5 * (y[:, None] - mean[:, :, k]) ** 2 / variance - 0.5 * np.log(variance)
+    if blind.any() and not blind.all():
+        share = np.where(blind, -np.inf, odds)
+        share = share - special.logsumexp(share, axis=1, keepdims=True)
+        out = np.where(blind, special.logsumexp(share + out, axis=1, keepdims=True), out)
+    return np.zeros_like(out) if blind.all() else out
+
+
+def _conditioned(
+    known: Foreseen, mean: FloatArray, y: FloatArray, k: int, blind: NDArray[np.bool_]
+) -> tuple[Foreseen, FloatArray]:
+    """Return what is foreseen once y (N,) was measured at place k: moments of a normal.
+
+    The loadings become L (I - c v v'), with v those of place k, s their square and the variance
+    together, and c = (1 - sqrt(1 - v'v / s)) / v'v, so that L L' loses L v v' L' / s.
+    """
+    v = np.where(blind[:, None], 0.0, known.loadings[:, k])
+    square = np.sum(v**2, axis=1)
+    total = square + known.variance[:, k]
+    along = np.einsum("cmk,ck->cm", known.loadings, v)
+    mean = mean + (along / total[:, None]) * (y[:, None] - mean[:, :, k])[:, :, None]
+    c = (1 - np.sqrt(1 - square / total)) / np.where(square > 0, square, 1.0)
+    loadings = known.loadings - c[:, None, None] * along[:, :, None] * v[:, None, :]
+    return known._replace(loadings=loadings), mean
+
+
+def _entropy(odds: FloatArray, one_hot: NDArray[np.bool_]) -> FloatArray:
+    """Return the entropy (N,) of rivals in bits, given log weights (N, C) of their components."""
+    shares = special.softmax(odds, axis=1) @ one_hot
+    return np.asarray(special.entr(shares).sum(axis=1) / np.log(2))
+
+
 def information_at(result: Search, grid: FloatArray) -> FloatArray:
     """Return how much a measurement at each row is expected to tell about the rivals, in bits.
 
@@ -124,55 +290,39 @@ def information_at(result: Search, grid: FloatArray) -> FloatArray:
     -------
     ndarray of shape (m,)
     """
-    return _information(result, _components(result), grid)
+    return _information(result, components_of(result), grid)
 
 
-def _components(result: Search) -> list[_Component]:
-    order = np.argsort(-result.probability, kind="stable")[:_MOST_RIVALS]
-    matters = (np.arange(len(order)) < 2) | (result.probability[order] > _LEAST_PROBABLE)
-    # against overwhelming evidence a rival's probability is too small for a number
-    matters &= result.probability[order] > 0
-    order = order[matters]
-    total = float(result.probability[order].sum())
-    out = []
-    for rival, k in enumerate(order):
-        w = result.candidates[k]
-        for node, share in _nodes(result, w):
-            out.append(_Component(rival, w, node, share * float(result.probability[k]) / total))
+def _information(result: Search, components: list[Component], grid: FloatArray) -> FloatArray:
+    """Return the mutual information of rival and value at each row, (m,)."""
+    out = np.zeros(len(grid))
+    inside = _between_measured(result, grid)
+    # beyond the measured range each rival has several amplitudes of what else may be lacking
+    for where in (inside, ~inside):
+        if where.any():
+            out[where] = _of_rows(result, components, grid[where], bool(inside[where].all()))
     return out
 
 
-def _nodes(result: Search, w: Candidate) -> list[tuple[int | None, float]]:
-    """Return the nodes that hold most of the evidence for a cause, with their shares."""
-    if not len(w.grid.nodes):
-        return [(None, 1.0)]
-    problem = result.problem
-    parts = linearise(w.model, problem.X, result.emulator, w.grid, w.mode.z)
-    log_evidence = scan(parts, problem.y[None], w.sigma, result.noise, result.sizes)[0]
-    share = special.softmax(log_evidence)
-    order = np.argsort(-share)[:_MOST_NODES]
-    order = order[share[order] >= _LEAST_NODE * share[order[0]]]
-    return [(int(node), float(share[node] / share[order].sum())) for node in order]
-
-
-def _information(result: Search, components: list[_Component], grid: FloatArray) -> FloatArray:
-    smooth = np.array([kind_of(c.candidate) == "unexplained" for c in components])
-    weight = np.array([c.weight for c in components])
-    rival = np.array([c.rival for c in components])
-    predictions = [predict_locally(result, c.candidate, grid, c.node) for c in components]
-    means, variances = map(np.array, zip(*predictions, strict=True))
+def _of_rows(
+    result: Search, components: list[Component], grid: FloatArray, inside: bool
+) -> FloatArray:
+    known = foreseen(result, components, grid)
+    smooth = is_smooth(components, known.rival)
+    share = 1.0
+    if smooth.any() and not inside:
+        if smooth.all():
+            return np.zeros(len(grid))
+        share = float(known.weight[~smooth].sum())
+        known = known.of(~smooth)
     # a simulation may fail at a place, and a measurement there would tell nothing
-    valid = np.isfinite(means).all(axis=0) & np.isfinite(variances).all(axis=0)
+    valid = np.isfinite(known.mean).all(axis=0) & np.isfinite(known.total_variance).all(axis=0)
     out = np.zeros(len(grid))
-    inside = _between_measured(result, grid) if smooth.any() else np.ones(len(grid), dtype=bool)
-    if (where := valid & inside).any():
-        out[where] = _mutual(means[:, where], variances[:, where], weight, rival)
-    others = weight[~smooth]
-    if (where := valid & ~inside).any() and len(others):
-        known = np.ix_(~smooth, where)
-        share = others.sum()
-        bits = _mutual(means[known], variances[known], others / share, rival[~smooth])
-        out[where] = share * bits
+    if valid.any():
+        rows = known.at(valid)
+        n_values = _VALUES if inside else _VALUES_BEYOND
+        bits = _mutual(rows.mean, rows.total_variance, rows.weight, rows.rival, n_values)
+        out[valid] = share * bits
     return out
 
 
@@ -182,15 +332,20 @@ def _between_measured(result: Search, grid: FloatArray) -> NDArray[np.bool_]:
 
 
 def _mutual(
-    means: FloatArray, variances: FloatArray, weight: FloatArray, rival: FloatArray
+    means: FloatArray,
+    variances: FloatArray,
+    weight: FloatArray,
+    rival: NDArray[np.intp],
+    n_values: int = _VALUES,
 ) -> FloatArray:
     """Return the mutual information of rival and value, in bits, (m,).
 
     Components (C, m) are normal. At values of each the log density under its rival is compared
     with that under all of them.
     """
+    nodes, shares = np.polynomial.legendre.leggauss(n_values)
     sd = np.sqrt(variances)
-    y = means[:, None] + _VALUES[:, None] * sd[:, None]  # (C, Q, m)
+    y = means[:, None] + special.ndtri((nodes + 1) / 2)[:, None] * sd[:, None]  # (C, Q, m)
     # densities of component c's points under component b, (C, B, Q, m)
     z = (y[:, None] - means[None, :, None]) / sd[None, :, None]
     log_density = -0.5 * z**2 - np.log(sd)[None, :, None]
@@ -199,5 +354,5 @@ def _mutual(
     same = rival[:, None] == rival
     own = special.logsumexp(log_density, axis=1, b=same[:, :, None, None].astype(float))
     prior = np.log(same @ weight)[:, None, None]
-    gained = np.einsum("cqm,q->cm", own - prior - total, _SHARES)
+    gained = np.einsum("cqm,q->cm", own - prior - total, shares / 2)
     return np.maximum(weight @ gained, 0.0) / np.log(2)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hybridsurrogate.cholesky import nudged_cholesky
 from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
 from hybridsurrogate.inference.evidence.linearised import Linearised, linearise
 from hybridsurrogate.priors import FloatArray
@@ -84,8 +85,25 @@ def predict_locally(
 
     Given what is not a size, such as a period, at one node of its grid; None: the best one.
     """
+    mean, loadings, variance = predict_jointly(result, w, X, node)
+    return mean, variance + np.sum(loadings**2, axis=1)
+
+
+def predict_jointly(
+    result: Search, w: Candidate, X: FloatArray, node: int | None = None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return new noisy eta at rows X (n, n_columns), which share what is not known of the cause.
+
+    Returns
+    -------
+    mean : ndarray of shape (n,)
+    loadings : ndarray of shape (n, k)
+        Loadings times their transpose is the covariance of the noise-free values.
+    variance : ndarray of shape (n,)
+        Of the noise.
+    """
     noisy_path = w.cause is not None and w.cause.is_process and not w.cause.changes_output
     measured, rows = measured_and_other(result, w, X, node)
     local = local_posterior(result, w, measured, w.sigma if noisy_path else float(result.sizes[-1]))
-    variance = np.einsum("nk,kl,nl->n", rows.design, local.covariance, rows.design)
-    return rows.offset + rows.design @ local.mean, variance + (w.sigma * rows.noise) ** 2
+    loadings = rows.design @ nudged_cholesky(local.covariance[None])[0]
+    return rows.offset + rows.design @ local.mean, loadings, (w.sigma * rows.noise) ** 2

@@ -4,16 +4,20 @@ import numpy as np
 import pytest
 from hidden_effects.cases import make_case
 from scipy.special import entr
-from scipy.stats import norm
+from scipy.stats import loguniform, norm
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.answers.experimental_design import (
+    _conditioned,
     _mutual,
+    batch,
     information_at,
     next_measurement,
 )
+from hybridsurrogate.diagnosis.answers.foreseen import Foreseen, components_of, foreseen
 from hybridsurrogate.diagnosis.answers.table import form_of
 from hybridsurrogate.diagnosis.search.evidence import search
+from hybridsurrogate.diagnosis.search.local_prediction import predict_jointly
 from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
 
 HALF = np.array([0.5, 0.5])
@@ -69,12 +73,14 @@ def test_the_place_tells_more_than_a_random_one():
     for seed, kind in enumerate(("trend", "gain", "parameter-drift", "offset") * 2):
         case = make_case(kind, 1.5, 40 + seed, simulation=("cooling", "uptake")[seed % 2])
         found = found_in(case.simulator, case.X, case.y)
-        told = next_measurement(found, case.simulator.input_ranges)
-        # what would be measured is known at the measured rows and at a hundred beyond them
-        rows, mu = np.vstack([case.X, case.X_out]), np.r_[case.truth["mu"], case.mu_out]
+        # within the measured range: beyond it a rival may lack more than the search supposes
+        ((name, _),) = case.simulator.input_ranges.items()
+        low, high = float(case.X[:, 0].min()), float(case.X[:, 0].max())
+        told = next_measurement(found, {name: (low, high)})
+        # what would be measured is known at the measured rows
+        rows, mu = case.X, case.truth["mu"]
         rng = np.random.default_rng(seed)
         y = mu + case.truth["noise_sd"] * rng.standard_normal(len(mu))
-        ((name, (low, high)),) = case.simulator.input_ranges.items()
         before = entropy(found)
 
         def reduction(x, case=case, rows=rows, y=y, before=before):
@@ -116,3 +122,109 @@ def test_a_rival_whose_probability_is_no_number_any_more():
     told = next_measurement(found, simulator.input_ranges)
     assert told.information == 0
     assert 0 <= told.place["t"] <= 1
+
+
+@pytest.fixture(scope="module")
+def step():
+    """A line that jumps, which other causes come near."""
+    simulator = hs.Simulator(
+        lambda t, level: level + 2 * t,
+        inputs={"t": (0, 3.0)},
+        parameters={"level": norm(0, 1)},
+    )
+    rng = np.random.default_rng(0)
+    t = np.linspace(0, 1, 30)
+    y = 0.3 + 2 * t + 0.6 * (t > 0.5) + 0.2 * rng.standard_normal(30)
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), n_draws=100, random_state=0
+    )
+    return hs.DiscrepancyDiagnosis(model, cv=None, n_replicates=39, random_state=0).fit(
+        t[:, None], y
+    )
+
+
+def test_a_batch_begins_where_one_measurement_would_be(step):
+    told = step.next_measurements(4)
+    assert list(told) == ["t", "information", "cost"]
+    assert len(told) == 4
+    # 500 simulated batches against quadrature
+    assert told["information"][0] == pytest.approx(step.next_information_, abs=0.05)
+    assert np.all(told["information"] >= 0)
+    # nothing is told twice: no more than there is to tell
+    uncertain = entr(step.result_.asked.probability).sum() / np.log(2)
+    assert told["information"].sum() <= uncertain + 0.02
+
+
+def test_a_dear_place_gives_way_to_one_nearly_as_good(step):
+    free = step.next_measurements(1)
+    dear = float(free["t"][0])
+    priced = step.next_measurements(3, cost=lambda table: 1 + 99 * (abs(table["t"] - dear) < 0.2))
+    assert np.all(np.abs(priced["t"] - dear) >= 0.2)
+    assert (priced["cost"] == 1).all()
+    # a currency is no matter
+    same = step.next_measurements(3, cost=lambda table: np.full(len(table), 7.0))
+    assert same["t"].tolist() == step.next_measurements(3)["t"].tolist()
+
+
+def test_places_of_ones_own_and_costs_that_are_none(step):
+    told = step.next_measurements(2, places=[[0.2], [0.52], [0.9]], cost=[1, 2, 1])
+    assert set(told["t"]) <= {0.2, 0.52, 0.9}
+    with pytest.raises(ValueError, match="one number for each of the 3 places"):
+        step.next_measurements(2, places=[[0.2], [0.52], [0.9]], cost=[1, 2])
+    with pytest.raises(ValueError, match="positive and finite"):
+        step.next_measurements(2, places=[[0.2], [0.52]], cost=[0, 2])
+    with pytest.raises(ValueError, match="n == 0"):
+        step.next_measurements(0)
+
+
+def test_conditioning_is_that_of_a_normal():
+    rng = np.random.default_rng(0)
+    L, variance = rng.standard_normal((2, 5, 3)), rng.uniform(0.1, 1, (2, 5))
+    mean = rng.standard_normal((2, 5))
+    known = Foreseen(mean, L, variance, HALF, np.arange(2))
+    y = np.array([0.7, -1.2])
+    after, moved = _conditioned(
+        known, np.repeat(mean[None], 2, axis=0), y, 1, np.zeros(2, dtype=bool)
+    )
+    for c in range(2):
+        full = L[c] @ L[c].T
+        gain = full[:, 1] / (full[1, 1] + variance[c, 1])
+        expected = full - np.outer(gain, full[1])
+        np.testing.assert_allclose(after.loadings[c] @ after.loadings[c].T, expected, atol=1e-12)
+        for k in range(2):
+            np.testing.assert_allclose(moved[k, c], mean[c] + gain * (y[k] - mean[c, 1]))
+
+
+@pytest.mark.filterwarnings("ignore::hybridsurrogate.HybridSurrogateWarning")
+def test_a_batch_tells_what_it_promises():
+    saved, promised = [], []
+    for seed, kind in enumerate(("trend", "gain", "parameter-drift", "offset") * 3):
+        case = make_case(kind, 1.5, 70 + seed, simulation=("cooling", "uptake")[seed % 2])
+        found = found_in(case.simulator, case.X, case.y)
+        told = batch(found, case.X, 3, np.ones(len(case.X)))
+        rng = np.random.default_rng(seed)
+        at = [k for k, _ in told]
+        y = case.truth["mu"][at] + case.truth["noise_sd"] * rng.standard_normal(3)
+        after = found_in(case.simulator, np.vstack([case.X, case.X[at]]), np.append(case.y, y))
+        saved.append(entropy(found) - entropy(after))
+        promised.append(sum(bits for _, bits in told))
+    error = np.std(np.subtract(saved, promised), ddof=1) / np.sqrt(len(saved))
+    assert abs(np.mean(saved) - np.mean(promised)) < 3 * error
+
+
+def test_beyond_the_measured_range_a_rival_may_lack_more():
+    case = make_case("trend", 4.0, 3, simulation="cooling")
+    found = found_in(case.simulator, case.X, case.y, ("trend",))
+    components = components_of(found)
+    low, high = float(case.X[:, 0].min()), float(case.X[:, 0].max())
+    far = np.array([[high + (high - low)]])
+    known = foreseen(found, components, far)
+    (trend,) = (c for c in components if c.candidate.cause is not None)
+    own = known.rival == trend.rival
+    plain = np.sum(predict_jointly(found, trend.candidate, far)[1] ** 2)
+    lacking = np.sum(known.loadings[own, 0] ** 2, axis=1) - plain
+    # Remainder: log-uniform from a hundredth of the change to twice, at a distance of one range
+    drawn = trend.size[0] * loguniform(0.01, 2).rvs(100_000, random_state=0)
+    weight = known.weight[own] / known.weight[own].sum()
+    # by three nodes
+    assert weight @ lacking == pytest.approx(np.mean(drawn**2), rel=0.1)

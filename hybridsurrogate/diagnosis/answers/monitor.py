@@ -1,0 +1,225 @@
+"""Whether an extension stays right as measurements come in: a test that may stop at any time.
+
+Each new measurement has its quantile under what the extension foresees given all before it. While
+the extension is right these are independent and uniform (Rosenblatt 1952, Annals of Mathematical
+Statistics 23:470), whatever its parameters. Against it stands a change that begins at some
+measurement: a shift, or a wider spread. The ratio of the two is a martingale while nothing has
+changed, and so exceeds 1 / a with probability a at most, at any time (Ville's inequality; Ramdas,
+Gruenwald, Vovk and Shafer 2023, Statistical Science 38:576).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy import special
+from sklearn.base import clone
+
+from hybridsurrogate.blocks import blocks
+from hybridsurrogate.diagnosis.answers.experimental_design import table_of
+from hybridsurrogate.diagnosis.search.evidence import Search
+from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.likelihoods import TransformedNormal
+from hybridsurrogate.posterior import Posterior
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.simulation.arrays import as_numbers
+
+# prior standard deviations of a shift, and factors of a wider spread, in those of the prediction
+_SHIFTS, _SPREADS = (1.0, 3.0), (2.0, 4.0)
+# the draws are made anew, with the measurements so far, where they are worth fewer
+_LEAST_DRAWS, _LEAST_SHARE = 100.0, 0.25
+# values of each draw, for the quantile under a likelihood that is not normal
+_VALUES = 20
+# rows at a time, so that memory stays bounded
+_MOST_ROWS = 2000
+
+
+@dataclass(frozen=True)
+class Monitor:
+    """What new measurements say of an extension.
+
+    Attributes
+    ----------
+    table : pandas.DataFrame
+        One row a new measurement, in their order: the columns of X, of several outputs "output",
+        "y", "deviation" (standard normal while the extension is right, given all measurements
+        before) and "e_value" (odds that something changed, against nothing). It ends with the
+        measurement that raised the alarm.
+    alarm_at : int or None
+        Position of the new measurement at which the evidence that something changed passed
+        one over the rate of false alarms.
+    since : int or None
+        Position of the new measurement from which it most probably changed.
+    false_alarm_rate : float
+        The probability that a right extension ever raises an alarm is at most this.
+    """
+
+    table: pd.DataFrame
+    alarm_at: int | None
+    since: int | None
+    false_alarm_rate: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether the extension counts as right so far."""
+        return self.alarm_at is None
+
+    def __str__(self) -> str:
+        n, odds = len(self.table), float(self.table["e_value"].iloc[-1])
+        if self.alarm_at is None or self.since is None:
+            return (
+                f"The extension holds over {n} new measurements: the odds that something changed "
+                f"are {odds:.3g} to one, where {1 / self.false_alarm_rate:g} to one would be an "
+                "alarm."
+            )
+        late = self.table["deviation"].iloc[self.since :]
+        return (
+            f"The extension no longer holds: at new measurement {self.alarm_at} (counted from 0) "
+            f"the odds that something changed are {odds:.3g} to one. It most probably began at "
+            f"measurement {self.since}; from there measurements lie {late.mean():+.2g} standard "
+            "deviations from what is foreseen on average, with a spread of "
+            f"{late.std(ddof=0):.2g}. Fit the diagnosis again with them."
+        )
+
+
+def monitored(
+    estimator: PowerScaledSurrogate,
+    found: Search,
+    known: tuple[Any, FloatArray],
+    new: tuple[Any, FloatArray],
+    false_alarm_rate: float,
+) -> Monitor:
+    """Return what new measurements say of a fitted estimator.
+
+    Parameters
+    ----------
+    estimator : PowerScaledSurrogate
+    found : Search
+        Of the diagnosis.
+    known : X and y
+        Measured data that the estimator was fitted to.
+    new : X and y
+        Further ones, in the order in which they came.
+    false_alarm_rate : float
+    """
+    X, y = new
+    parts: list[FloatArray] = []
+    first, model, limit = 0, estimator, np.log(1 / false_alarm_rate)
+    while True:
+        told, n_rows = _deviations(model, X[first : first + _MOST_ROWS], y[first:])
+        parts.append(told)
+        first += n_rows
+        odds, began = log_odds(np.concatenate(parts))
+        if first >= len(y) or np.any(odds >= limit):
+            break
+        so_far = joined(known[0], X[:first]), np.concatenate([known[1], y[:first]])
+        model = clone(estimator).fit(*so_far)
+    passed = np.flatnonzero(odds >= limit)
+    end = int(passed[0]) + 1 if len(passed) else len(odds)
+    table = table_of(found, estimator.checked_rows(X), estimator.experiments_)
+    table = table.assign(y=np.ravel(y))[np.isfinite(np.ravel(y))].iloc[:end]
+    table = table.assign(deviation=np.concatenate(parts)[:end], e_value=np.exp(odds[:end]))
+    if not len(passed):
+        return Monitor(table.reset_index(drop=True), None, None, false_alarm_rate)
+    return Monitor(table.reset_index(drop=True), end - 1, int(began[end - 1]), false_alarm_rate)
+
+
+def joined(first: Any, second: Any) -> Any:
+    """Return the rows of two tables, one after the other, in the form of the first."""
+    if not isinstance(first, pd.DataFrame):
+        return np.concatenate([as_numbers(first, "X"), as_numbers(second, "X")])
+    if not isinstance(second, pd.DataFrame):
+        second = pd.DataFrame(as_numbers(second, "X"), columns=first.columns)
+    return pd.concat([first, second], ignore_index=True)
+
+
+def _deviations(model: PowerScaledSurrogate, X: Any, y: FloatArray) -> tuple[FloatArray, int]:
+    """Return the deviation of each measurement, and the rows after which the draws are used up.
+
+    Draws count as much as the measurements before say, by importance sampling.
+    """
+    rows, values = model.checked_rows(X), y[: len(X)]
+    width = 1
+    if model.stacking_ is not None:
+        width, values = len(model.stacking_.names), model.stacking_.values(values)
+    there = np.flatnonzero(np.isfinite(values))
+    posterior, values = model.posterior_, values[there]
+    eta, sigma = posterior.eta(rows[there])
+    posterior.likelihood.check(values, "new")
+    log_density = posterior.likelihood.log_density(values, eta, sigma)
+    log_weight = np.cumsum(np.pad(log_density[:, :-1], ((0, 0), (1, 0))), axis=1)
+    weight = special.softmax(log_weight, axis=0)
+    worth = 1 / np.sum(weight**2, axis=0)
+    least = min(_LEAST_DRAWS, _LEAST_SHARE * posterior.n_draws)
+    # a whole row of outputs at a time, and the first row in any case
+    spent = there[worth < least] // width
+    spent = spent[spent > 0]
+    n_rows = int(spent[0]) if len(spent) else len(X)
+    used = there // width < n_rows
+    below = _below(posterior, values[used], eta[:, used], sigma[:, used])
+    share = np.sum(weight[:, used] * below, axis=0)
+    tiny = 1e-9
+    return np.asarray(special.ndtri(np.clip(share, tiny, 1 - tiny))), n_rows
+
+
+def _below(posterior: Posterior, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+    """Return the probability of less than y under each draw, (S, n); of counts half of that of y.
+
+    Counts as large as y have their probability split by chance, which leaves quantiles uniform.
+    """
+    likelihood = posterior.likelihood
+    if isinstance(likelihood, TransformedNormal):
+        return np.asarray(special.ndtr((likelihood.working(y) - eta) / sigma))
+    random = np.random.RandomState(0)
+    split = random.uniform(size=len(y))
+    total = np.zeros(eta.shape)
+    for _ in range(_VALUES):
+        drawn = likelihood.sample(eta, sigma, random)
+        total += (drawn < y) + split * (drawn == y)
+    # never quite none or all
+    return (total + 0.5) / (_VALUES + 1)
+
+
+def log_odds(z: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Return the log odds of a change against none after each deviation, and where it began.
+
+    With prior probability 1 / (k (k + 1)) it begins at the k-th; from there the deviations are
+    shifted, by a normal of one of two widths, or wider, by one of two factors.
+
+    Parameters
+    ----------
+    z : ndarray of shape (n,)
+
+    Returns
+    -------
+    odds : ndarray of shape (n,)
+    began : ndarray of int of shape (n,)
+        The most probable beginning.
+    """
+    n = len(z)
+    total, squares = (np.concatenate([[0.0], np.cumsum(part)]) for part in (z, z**2))
+    k = np.arange(1, n + 1)
+    prior = -np.log(k) - np.log(k + 1)
+    odds, began = np.empty(n), np.empty(n, dtype=np.intp)
+    for some in blocks(n, n * (len(_SHIFTS) + len(_SPREADS))):
+        t = k[some][:, None]
+        count = t - k + 1
+        possible = count > 0
+        count = np.maximum(count, 0)
+        moved, square = total[t] - total[k - 1], squares[t] - squares[k - 1]
+        ways = [
+            -0.5 * np.log1p(count * s**2) + 0.5 * s**2 * moved**2 / (1 + count * s**2)
+            for s in _SHIFTS
+        ]
+        ways += [0.5 * square * (1 - s**-2) - count * np.log(s) for s in _SPREADS]
+        ratio = special.logsumexp(ways, axis=0) - np.log(len(ways))
+        terms = np.where(possible, prior + ratio, -np.inf)
+        # it may begin later: the rest of the prior
+        later = -np.log(t[:, 0] + 1)
+        odds[some] = np.logaddexp(special.logsumexp(terms, axis=1), later)
+        began[some] = np.argmax(terms, axis=1)
+    return odds, began

@@ -1,0 +1,190 @@
+"""Whether an extension stays right as measurements come in."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import norm, poisson
+
+import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.answers.monitor import log_odds
+
+N = 50
+
+
+def line(t, level, slope):
+    return level + slope * t
+
+
+def simulator():
+    return hs.Simulator(
+        line,
+        inputs={"t": (0, 40)},
+        parameters={"level": norm(0, 2), "slope": norm(1, 0.5)},
+    )
+
+
+def measured(n, seed, wave=1.5, noise=0.3):
+    """A line with a wave that the simulation lacks."""
+    t = np.linspace(0, 10 * n / N, n)
+    rng = np.random.default_rng(seed)
+    return t, 0.5 + t + wave * np.sin(2 * np.pi * t / 3) + noise * rng.standard_normal(n)
+
+
+def diagnosed(X, y, **settings):
+    model = hs.PowerScaledSurrogate(
+        simulator(), surrogate=hs.ExactSurrogate(), random_state=0, **settings
+    )
+    return hs.DiscrepancyDiagnosis(model, cv=None, n_replicates=39, random_state=0).fit(X, y)
+
+
+@pytest.fixture(scope="module")
+def wave():
+    t, y = measured(N, 0)
+    found = diagnosed(pd.DataFrame({"t": t}), y)
+    assert found.best_cause_.kind == "periodic"
+    return found
+
+
+def following(seed, n=60, shift=0.0, since=None):
+    t, y = measured(N + n, seed)
+    t, y = t[N:], y[N:]
+    if since is not None:
+        y[since:] += shift
+    return pd.DataFrame({"t": t}), y
+
+
+def test_the_odds_are_those_of_every_beginning_and_change():
+    z = np.random.default_rng(0).standard_normal(7)
+    odds, began = log_odds(z)
+
+    def density(x, mean_sd, spread):
+        # the shift is common to all of them
+        return norm(0, spread).pdf(x) if not mean_sd else None
+
+    for t in range(1, 8):
+        terms = []
+        for k in range(1, t + 1):
+            seen = z[k - 1 : t]
+            ways = []
+            for s in (1.0, 3.0):
+                cov = np.eye(len(seen)) + s**2
+                det = np.log(np.linalg.det(cov))
+                quad = seen @ np.linalg.solve(cov, seen)
+                ways.append(np.exp(-0.5 * (quad - seen @ seen) - 0.5 * det))
+            for s in (2.0, 4.0):
+                ways.append(np.prod(density(seen, 0, s) / norm.pdf(seen)))
+            terms.append(np.mean(ways) / (k * (k + 1)))
+        assert odds[t - 1] == pytest.approx(np.log(sum(terms) + 1 / (t + 1)))
+        assert began[t - 1] == np.argmax(terms)
+
+
+def test_nothing_that_changes_raises_few_alarms_at_any_time():
+    rng = np.random.default_rng(0)
+    alarms = [np.any(log_odds(rng.standard_normal(200))[0] >= np.log(20)) for _ in range(300)]
+    # Ville: at most 5 %, plus two standard errors of 300 series
+    assert np.mean(alarms) <= 0.05 + 2 * np.sqrt(0.05 * 0.95 / 300)
+
+
+def test_a_right_extension_holds_and_one_call_is_as_many(wave):
+    X, y = following(1)
+    for some in (slice(0, 7), slice(7, 30), slice(30, 60)):
+        told = wave.update(X[some], y[some])
+    assert told.holds
+    assert told.since is None
+    assert wave.monitor_ is told
+    assert list(told.table) == ["t", "y", "deviation", "e_value"]
+    assert len(told.table) == 60
+    assert "holds over 60 new measurements" in str(told)
+    t, first = measured(N, 0)
+    again = diagnosed(pd.DataFrame({"t": t}), first).update(X, y)
+    pd.testing.assert_frame_equal(again.table, told.table)
+
+
+def test_deviations_are_standard_normal_while_the_extension_is_right():
+    z = []
+    for seed in range(5):
+        t, y = measured(N, seed)
+        found = diagnosed(t[:, None], y)
+        X, new = following(seed)
+        z.append(found.update(X.to_numpy(), new).table["deviation"])
+    z = np.concatenate(z)
+    n = len(z)
+    assert abs(z.mean()) < 3 / np.sqrt(n)
+    assert abs(np.mean(z**2) - 1) < 3 * np.sqrt(2 / n)
+    # independent of the one before
+    assert abs(np.mean(z[1:] * z[:-1])) < 3 / np.sqrt(n)
+
+
+@pytest.mark.parametrize("seed", [2, 3, 4])
+def test_a_sensor_that_moved_is_told_soon_and_since_when(wave, seed):
+    t, y = measured(N, 0)
+    found = diagnosed(pd.DataFrame({"t": t}), y)
+    X, new = following(seed, shift=0.9, since=25)  # three standard deviations of the noise
+    told = found.update(X, new)
+    assert not told.holds
+    assert 25 <= told.alarm_at <= 40
+    assert abs(told.since - 25) <= 2
+    assert len(told.table) == told.alarm_at + 1
+    assert "no longer holds" in str(told)
+    # what comes after an alarm does not take it back
+    assert found.update(*following(seed + 50)).alarm_at == told.alarm_at
+
+
+def test_a_calibrated_simulation_is_watched_too():
+    t, y = measured(N, 5, wave=0.0)
+    found = diagnosed(t[:, None], y)
+    assert found.verdict_ == "adequate"
+    X, new = measured(N + 60, 6, wave=0.0)
+    assert found.update(X[N:, None], new[N:]).holds
+    bent = found.update(X[N:, None], new[N:] + 0.1 * (X[N:] - 10) ** 2)
+    assert not bent.holds
+
+
+def test_counts():
+    rate = hs.Simulator(
+        lambda t, level: level + 0 * t, inputs={"t": (0, 100)}, parameters={"level": norm(2, 1)}
+    )
+    model = hs.PowerScaledSurrogate(
+        rate, surrogate=hs.ExactSurrogate(), likelihood="poisson", random_state=0
+    )
+    t = np.arange(100.0)
+    y = poisson.rvs(8.0, size=100, random_state=0).astype(float)
+    found = hs.DiscrepancyDiagnosis(model, cv=None, n_replicates=39, random_state=0)
+    found.fit(t[:40, None], y[:40])
+    assert found.update(t[40:70, None], y[40:70]).holds
+    assert not found.update(t[70:, None], 2 * y[70:]).holds
+
+
+def test_several_outputs():
+    def two(t, level):
+        return level + t, level - t
+
+    simulation = hs.Simulator(
+        two, inputs={"t": (0, 40)}, parameters={"level": norm(0, 2)}, output=("a", "b")
+    )
+    rng = np.random.default_rng(0)
+    t = np.linspace(0, 20, 60)
+    Y = np.stack([1 + t, 1 - t], axis=1) + 0.3 * rng.standard_normal((60, 2))
+    Y[45, 0] = np.nan
+    model = hs.PowerScaledSurrogate(simulation, surrogate=hs.ExactSurrogate(), random_state=0)
+    found = hs.DiscrepancyDiagnosis(model, cv=None, n_replicates=39, random_state=0)
+    told = found.fit(t[:30, None], Y[:30]).update(t[30:50, None], Y[30:50])
+    assert told.holds
+    assert told.table["output"].value_counts().to_dict() == {"a": 19, "b": 20}
+    shifted = found.update(t[50:, None], Y[50:] + np.array([0, 1.5]))
+    assert not shifted.holds
+    assert shifted.since >= 37
+
+
+def test_bad_rows(wave):
+    X, y = following(7)
+    t, first = measured(N, 0)
+    found = diagnosed(pd.DataFrame({"t": t}), first)
+    with pytest.raises(ValueError, match="inconsistent numbers of samples"):
+        found.update(X, y[:-1])
+    with pytest.raises(ValueError, match="NaN"):
+        found.update(X, np.where(y > y.mean(), np.nan, y))
+    assert not hasattr(found, "monitor_")
+    assert found.update(X, y).holds
+    found.fit(pd.DataFrame({"t": t}), first)
+    assert not hasattr(found, "monitor_")
