@@ -20,7 +20,7 @@ import numpy as np
 
 from hybridsurrogate.simulation.simulator import Simulator
 
-from . import noises
+from . import mechanisms, noises
 from .curves import Setting, between, draw_effect, run
 from .fits import fit_kind
 from .forms import KINDS as EFFECT_KINDS
@@ -149,7 +149,7 @@ def make_case(
     Parameters
     ----------
     kind : str
-        One of ``FORMS``: the word before a colon is the kind.
+        One of ``FORMS`` or of ``mechanisms.FORMS``: the word before a colon is the kind.
     size : float
         Of the effect after what the parameters absorb, in noise standard deviations; without
         meaning for "none", whose noise is 1 to 10 % of the output range. For "noise" the factor
@@ -173,7 +173,7 @@ def make_case(
     InfeasibleError
         If no draw is admissible.
     """
-    rng = np.random.default_rng([FORMS.index(kind), seed])
+    rng = np.random.default_rng([(*FORMS, *mechanisms.FORMS).index(kind), seed])
     for _ in range(_MOST_REDRAWS):
         name = str(rng.choice(list(SIMULATIONS)))
         setting = draw_setting(SIMULATIONS[simulation or name], n_rows, rng)

@@ -10,6 +10,7 @@ import numpy as np
 
 from hybridsurrogate.simulation.simulator import Simulator
 
+from . import mechanisms
 from .simulations import Array
 
 
@@ -272,8 +273,36 @@ def draw_effect(kind: str, setting: Setting, rng: np.random.Generator) -> Effect
         return _changed_output(kind, setting, rng)
     if kind == "interaction" and len(setting.low) < 2:
         return None
+    if kind in mechanisms.FORMS:
+        return _foreign(kind.removeprefix("foreign: "), setting, rng)
     curve, truth = _added(kind, setting, rng)
     return lambda X: run(setting, X) + curve(X), truth
+
+
+def _foreign(name: str, setting: Setting, rng: np.random.Generator) -> Effect:
+    """Draw a mechanism that no cause of the catalogue draws."""
+    height = _sign(rng) * between(rng, 0.03, 0.4) * setting.output_range
+    if name == "square_of_missing":
+        # in deviations, as the missing input itself
+        middle = float(np.mean(setting.X[:, -1] ** 2))
+        curve = lambda X: height * (X[:, -1] ** 2 - middle)  # noqa: E731
+        return lambda X: run(setting, X) + curve(X), {"target": "extra"}
+    # what is added lies along any input, what happens to the output along the first
+    j = int(rng.integers(len(setting.low))) if name in mechanisms.CURVES else 0
+    low, span = setting.low[j], setting.span[j]
+    numbers = {"target": setting.simulator.input_names[j]}
+    if name in mechanisms.CURVES:
+        added = mechanisms.CURVES[name](rng)
+        return lambda X: run(setting, X) + height * added((X[:, j] - low) / span), numbers
+    change = mechanisms.CHANGES[name](rng)
+    output = run(setting, setting.X)
+    bottom, unit = output.min(), np.ptp(output)
+
+    def truth(X: Array) -> Array:
+        shares = (run(setting, X) - bottom) / unit
+        return bottom + unit * change(shares, (X[:, j] - low) / span)
+
+    return truth, numbers
 
 
 def _draw_drift(setting: Setting, rng: np.random.Generator) -> Effect | None:

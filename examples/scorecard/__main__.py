@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+from hidden_effects import mechanisms
 from hidden_effects.cases import FORMS
 from hidden_effects.several import PAIR_NAMES, TRIPLE_NAMES
 
@@ -31,6 +32,9 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument(
         "--outside", action="store_true", help="take the true kind out of the catalogue"
     )
+    made.add_argument(
+        "--mechanisms", action="store_true", help="hide what no kind of the catalogue draws"
+    )
     made.add_argument("--jobs", type=int, default=1)
     made.add_argument("--out", type=Path, default=Path("scorecard.csv"), help="is carried on")
     made.add_argument("--from-csv", type=Path, help="only print the tables of this file")
@@ -42,6 +46,8 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run what was asked for."""
     given = parser().parse_args(arguments)
+    if given.mechanisms:
+        given.outside, given.kinds = True, list(mechanisms.FORMS)
     source = given.from_csv
     if source is None:
         source = given.out
@@ -70,7 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(f"{source} holds no results.")
         return
     if given.outside:
-        text = outside.page_of(table)
+        text = outside.page_of(table, given.mechanisms)
         print(text)
         if given.page:
             given.page.write_text(text, encoding="utf-8")

@@ -91,6 +91,7 @@ class Result:
     on_target: bool = False
     leader: str = ""  # most probable kind, given that something is wrong
     leader_share: float = float("nan")
+    right: float = float("nan")  # probability that the leader is right, others counted
     credible: str = ""  # the 90 % set, with bars between
     distance: float = float("nan")  # of what was found instead: see likeness
     several: str = ""  # every accepted kind, with bars between
@@ -155,10 +156,10 @@ def _diagnose(case: Case, task: Task) -> hs.DiscrepancyDiagnosis:
         n_draws=_DRAWS,
         random_state=task.seed,
     )
-    n_causes = 1 + task.kind.count("+")
+    n_causes, kind = 1 + task.kind.count("+"), task.kind.partition(":")[0]
     diagnosis = hs.DiscrepancyDiagnosis(
         model,
-        exclude=(task.kind.partition(":")[0],) if task.outside else (),
+        exclude=(kind,) if task.outside and kind != "foreign" else (),
         cv=None,
         max_causes=n_causes,
         random_state=task.seed,
@@ -191,6 +192,7 @@ def _judge(case: Case, diagnosis: hs.DiscrepancyDiagnosis, task: Task) -> Result
         on_target=on_target,
         leader=leader,
         leader_share=shares[leader] / total if total else float("nan"),
+        right=float("nan") if (right := diagnosis.probability_right_) is None else right,
         credible="|".join(diagnosis.indistinguishable_),
         distance=distance(case, diagnosis),
         several="|".join(found.kind for found in diagnosis.found_causes_),

@@ -38,6 +38,7 @@ _NUMBERS = (
     "p_value",
     "p_none",
     "leader_share",
+    "right",
     "distance",
     "ratio",
     "left_open",
@@ -55,6 +56,7 @@ def read(path: Path) -> pd.DataFrame:
     # files from before runs could be curves
     for name in ("places", "further"):
         table[name] = table.get(name, "0")
+    table["right"] = table.get("right", "nan")
     table["outside"] = table.get("outside", "False") == "True"
     for name in _NUMBERS:
         table[name] = pd.to_numeric(table[name], errors="coerce")

@@ -28,6 +28,7 @@ from hybridsurrogate.diagnosis.checks.data import (
 )
 from hybridsurrogate.diagnosis.checks.emulator import check_emulator
 from hybridsurrogate.diagnosis.checks.identifiability import confounded, confounding, sentences
+from hybridsurrogate.diagnosis.checks.outside import probability_right
 from hybridsurrogate.diagnosis.checks.parameters import (
     check_each_output,
     check_rows,
@@ -38,7 +39,12 @@ from hybridsurrogate.diagnosis.checks.residuals import check_residuals, leaves_s
 from hybridsurrogate.diagnosis.checks.roughness import warn_if_rough
 from hybridsurrogate.diagnosis.fitted import FittedDiagnosis
 from hybridsurrogate.diagnosis.search.backfitting import backfitted
-from hybridsurrogate.diagnosis.search.evidence import credible_kinds, verdict_on
+from hybridsurrogate.diagnosis.search.evidence import (
+    credible_kinds,
+    kind_of,
+    kind_shares,
+    verdict_on,
+)
 from hybridsurrogate.diagnosis.search.forward_selection import Step, forward_search, searches
 from hybridsurrogate.diagnosis.search.local_fit import InterruptedSearch
 from hybridsurrogate.diagnosis.search.setup import Prepared, prepare, trained_emulator
@@ -100,6 +106,10 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     verdict_ : {"adequate", "named", "nearest", "ambiguous", "unexplained"}
         "nearest": a cause of the catalogue that has most of the probability, but leaves structure
         behind; what is at fault may be something else that it stands for.
+    probability_right_ : float or None
+        That the leading cause is the right one, where causes that the catalogue does not hold
+        count as well, as many as measured data sets have: what to bet on its name. None where no
+        cause has a name. ``best_cause_.probability`` supposes that the catalogue holds the cause.
     residual_check_ : ResidualCheck or None
         Whether noise alone leaves residuals like those of the extended model: it does in 95 % of
         the cases in which the cause is right. None where nothing was found, and beside noise that
@@ -292,6 +302,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             self.residual_check_ = check_residuals(step.given_others, step.chosen)
             if self.verdict_ == "named" and leaves_structure(step, self.residual_check_):
                 self.verdict_ = "nearest"
+        self.probability_right_ = self._probability_right(steps[0])
         ranges = self.estimator_.simulation_.input_ranges
         places = [next_measurement(step.given_others, ranges) for step in steps]
         most = max(range(len(steps)), key=lambda k: places[k].information)
@@ -305,6 +316,15 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self.next_measurement_ = places[most].place
         self.next_information_ = places[most].information
         return steps
+
+    def _probability_right(self, first: Step) -> float | None:
+        if self.verdict_ in ("adequate", "unexplained"):
+            return None
+        found, chosen = first.given_others, first.chosen
+        place = [w is chosen for w in found.candidates]
+        remainder = float(found.remainder[place.index(True)]) if any(place) else 0.0
+        share = kind_shares(found)[kind_of(chosen)]
+        return probability_right(share, remainder, self.verdict_ == "nearest")
 
     def _extend(self, steps: Sequence[Step], X: ArrayLike, y: ArrayLike) -> None:
         causes, problem = accepted(steps), self.search_.problem

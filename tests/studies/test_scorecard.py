@@ -8,10 +8,14 @@ from dataclasses import asdict, replace
 import numpy as np
 import pandas as pd
 import pytest
+from hidden_effects import mechanisms
+from hidden_effects.cases import make_case
 from hidden_effects.fits import fit_kind
 from scorecard import beyond, likeness, page, plots, run, tables
 from scorecard.__main__ import main
 from scorecard.run import Result, Task
+
+from hybridsurrogate.effects.registry import kinds
 
 
 def row(
@@ -247,6 +251,7 @@ def test_truths_outside_the_catalogue_have_a_page_of_their_own(tmp_path, monkeyp
         asked.append(task)
         verdict, share = ("named", 0.95) if task.seed % 2 else ("nearest", 0.99)
         told = {"verdict": verdict, "leader_share": share, "elpd_named": -2.0, "inside_named": 0.5}
+        told["right"] = 0.92 if task.seed % 4 == 1 else 0.7
         return row(found="trend", **asdict(task), **told)
 
     monkeypatch.setattr(run, "score", score)
@@ -257,8 +262,36 @@ def test_truths_outside_the_catalogue_have_a_page_of_their_own(tmp_path, monkeyp
     assert run.done(path) == set(asked)
     line = next(line for line in page.read_text().splitlines() if line.startswith("| all"))
     cells = [cell.strip() for cell in line.strip("|").split("|")]
-    assert cells[1:5] == ["4", "50%", "50%", "50%"]
+    assert cells[1:6] == ["4", "50%", "25%", "76%", "50%"]
     assert "Whatever is named is wrong" in capsys.readouterr().out
+
+
+def test_mechanisms_have_a_page_of_their_own(tmp_path, monkeypatch, capsys):
+    asked = []
+
+    def score(task):
+        asked.append(task)
+        return row(found="trend", **asdict(task), elpd_named=-2.0, inside_named=0.5, right=0.6)
+
+    monkeypatch.setattr(run, "score", score)
+    path, page = tmp_path / "foreign.csv", tmp_path / "foreign.md"
+    few = ["--sizes", "2", "--seeds", "1", "--nulls", "0", "--pairs", "0"]
+    main(["--mechanisms", *few, "--out", str(path), "--page", str(page)])
+    assert [task.kind for task in asked] == list(mechanisms.FORMS)
+    assert len(asked) >= 12
+    assert "| dead time |" in page.read_text()
+    assert "of no kind of the catalogue" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("form", mechanisms.FORMS)
+def test_a_mechanism_is_hidden_whole(form):
+    case = make_case(form, 2.0, 0)
+    left, noise = case.truth["left"], case.truth["noise_sd"]
+    # its size is what the parameters leave of it, in noise
+    assert np.sqrt(np.mean(left**2)) / noise == pytest.approx(2.0)
+    assert np.isfinite(case.mu_out).all()
+    # and no kind of the catalogue goes by its name
+    assert case.truth["kind"] not in kinds()
 
 
 @pytest.mark.slow

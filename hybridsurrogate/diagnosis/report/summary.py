@@ -34,6 +34,7 @@ def summary(
         "schema_version": SCHEMA_VERSION,
         "title": title,
         "verdict": diagnosis.verdict_,
+        "probability_right": diagnosis.probability_right_,
         "p_value": diagnosis.p_value_,
         "false_alarm_rate": diagnosis.result_.false_alarm_rate,
         "n_replicates": diagnosis.result_.n_replicates,
