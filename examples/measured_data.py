@@ -133,6 +133,15 @@ def judge(data: DataSet, cause, models: tuple, train, test) -> str:
     return f"{'yes' if max(shares) < SAME_CURVE else 'no'}, {told}"
 
 
+def named(diagnosis) -> str:
+    """Return the leading cause, its probability, and that where others count, too."""
+    best, right = diagnosis.best_cause_, diagnosis.probability_right_
+    if best.kind == "none":
+        return "none"
+    others = "" if right is None else f" ({right:.2f})"
+    return f"{label(best)}, {best.probability:.2f}{others}"
+
+
 def row(data: DataSet, frame: Frame, fast: bool) -> list[str]:
     """Return one line of the table."""
     start = time.perf_counter()
@@ -164,7 +173,7 @@ def row(data: DataSet, frame: Frame, fast: bool) -> list[str]:
         f"{len(train[1])} / {len(test[1])}{thinned}",
         data.cause,
         diagnosis.verdict_,
-        f"{label(best)}, {best.probability:.2f}" if best.kind != "none" else "none",
+        named(diagnosis),
         right,
         other,
         f"{diagnosis.p_value_:.3f}",
@@ -258,7 +267,8 @@ documented cause fitted by least squares. "Right" says whether the leading cause
 one, whatever the verdict is. One of another name counts where its curve is less than 5 % of what
 the simulation misses apart from that of the documented cause, on the training rows and on those
 held out (both shares are given); "among rivals": it is not right, but the documented kind is among
-those that cannot be told apart. The score is the mean log density of a held-out row, of the plain
+those that cannot be told apart. A probability in brackets counts causes that the catalogue does not
+hold as well (`probability_right_`). The score is the mean log density of a held-out row, of the plain
 simulation, of the extension and of the average over causes; then how many of these rows the 90 %
 interval of each holds.
 

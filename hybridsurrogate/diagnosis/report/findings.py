@@ -122,8 +122,9 @@ def _outside(view: View) -> list[str]:
     return [
         "All this supposes that what is at fault is in the catalogue. Of "
         f"{DOCUMENTED} measured data sets with a documented cause {NOT_HELD} had one that it does "
-        f"not hold. Where such causes count, this one is right with {digits.probability(right)} of "
-        f"the probability, by {N_CASES} blind cases with and without their kind in the catalogue."
+        f"not hold. Where such causes count, this one is right with a probability of "
+        f"{digits.probability(right)}, by {N_CASES} blind cases with and without their kind in the "
+        "catalogue."
     ]
 
 

@@ -1,0 +1,47 @@
+"""How sure a name is where causes that the catalogue does not hold count as well."""
+
+import numpy as np
+import pytest
+from hidden_effects.cases import make_case
+
+import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.checks.outside import probability_right
+
+
+def test_a_surer_search_is_a_surer_name_and_never_surer_than_the_search():
+    shares = np.r_[0.0, np.linspace(0.05, 0.95, 19), 0.999, 1.0]
+    told = [probability_right(share, 0.05, False) for share in shares]
+    assert np.all(np.diff(told) >= 0)
+    assert np.all(told <= shares)
+    # what a smooth curve beside it, or its residuals, say against it
+    assert probability_right(0.99, 0.5, False) < probability_right(0.99, 0.02, False)
+    assert probability_right(0.99, 0.05, True) < probability_right(0.99, 0.05, False)
+    assert 0 < probability_right(1.0, 0.0, False) < 1
+
+
+def diagnosed(kind, size, seed=0):
+    case = make_case(kind, size, seed, simulation="cooling")
+    model = hs.PowerScaledSurrogate(
+        case.simulator, surrogate=hs.ExactSurrogate(), n_draws=200, random_state=0
+    )
+    return hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(case.X, case.y)
+
+
+@pytest.mark.filterwarnings("ignore::hybridsurrogate.HybridSurrogateWarning")
+def test_it_is_told_with_the_name():
+    found = diagnosed("periodic", 4.0)
+    assert found.verdict_ == "named"
+    right = found.probability_right_
+    assert 0 < right <= found.best_cause_.probability
+    report = found.report()
+    assert report.to_dict()["probability_right"] == pytest.approx(right)
+    text = " ".join(str(report).split())
+    assert "7 had one that it does not hold" in text
+    assert f"is right with a probability of {100 * right:.0f} %" in text
+
+
+@pytest.mark.filterwarnings("ignore::hybridsurrogate.HybridSurrogateWarning")
+def test_nothing_found_has_no_name_to_be_sure_of():
+    found = diagnosed("none", 0.0)
+    assert found.verdict_ == "adequate"
+    assert found.probability_right_ is None
