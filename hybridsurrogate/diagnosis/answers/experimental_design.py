@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import special
 from scipy.stats import qmc
 
+from hybridsurrogate.blocks import LARGE_BLOCK, blocks
 from hybridsurrogate.diagnosis.answers.foreseen import (
     Component,
     Foreseen,
@@ -318,11 +319,12 @@ def _of_rows(
     # a simulation may fail at a place, and a measurement there would tell nothing
     valid = np.isfinite(known.mean).all(axis=0) & np.isfinite(known.total_variance).all(axis=0)
     out = np.zeros(len(grid))
-    if valid.any():
-        rows = known.at(valid)
-        n_values = _VALUES if inside else _VALUES_BEYOND
+    n_values = _VALUES if inside else _VALUES_BEYOND
+    where = np.flatnonzero(valid)
+    for some in blocks(len(where), len(known.weight) ** 2 * n_values, LARGE_BLOCK):
+        rows = known.at(where[some])
         bits = _mutual(rows.mean, rows.total_variance, rows.weight, rows.rival, n_values)
-        out[valid] = share * bits
+        out[where[some]] = share * bits
     return out
 
 

@@ -84,7 +84,8 @@ def next_step(view: View) -> list[str]:
         f"One more measurement would best tell the explanations apart at {place}: there "
         f"'{label_of(first)}' expects {view.output} = {digits.number(here)}, "
         f"'{label_of(others[0])}' {digits.number(there)}, with noise of "
-        f"{noise_of(view, after=True)}. It would tell {bits} on average, {scale}."
+        f"{noise_of(view, after=True)}. It would tell {bits} on average, {scale}. For several "
+        "together, and places that cost more than others, ask next_measurements(n, cost=...)."
     )
     return out
 
