@@ -268,9 +268,9 @@ one, whatever the verdict is. One of another name counts where its curve is less
 the simulation misses apart from that of the documented cause, on the training rows and on those
 held out (both shares are given); "among rivals": it is not right, but the documented kind is among
 those that cannot be told apart. A probability in brackets counts causes that the catalogue does not
-hold as well (`probability_right_`). The score is the mean log density of a held-out row, of the plain
-simulation, of the extension and of the average over causes; then how many of these rows the 90 %
-interval of each holds.
+hold as well (`probability_right_`). The score is the mean log density of a held-out row, of the
+plain simulation, of the extension and of the average over causes; then how many of these rows the
+90 % interval of each holds.
 
 Where the catalogue has no cause of the documented form, that formula was weighed beside it as the
 scientist's own cause, with a prior of the field (`examples/measured_mechanisms.py`). "Without own

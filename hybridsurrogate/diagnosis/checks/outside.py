@@ -16,10 +16,10 @@ import math
 NOT_HELD, DOCUMENTED = 7, 16
 # blind cases of `python -m examples.scorecard` (sizes 2 and 4, 40 and 100 rows, seeds 510000 to
 # 510007, half of them --outside) that the regression describes, and its coefficients: of one, of
-# the log odds within the catalogue, of the log probability of a remainder, and of leaving structure.
-# In tenfold cross-validation the remainder gains 0.059 (standard error 0.011) in the mean log score,
-# and structure 0.008 (0.005) beside it; the residuals' p-value, the rows and the evidence against a
-# smooth curve gain no more than their standard error
+# the log odds within the catalogue, of the log probability of a remainder, and of leaving
+# structure. In tenfold cross-validation the remainder gains 0.059 (standard error 0.011) in the
+# mean log score, and structure 0.008 (0.005) beside it; the residuals' p-value, the rows and the
+# evidence against a smooth curve gain no more than their standard error
 N_CASES = 896
 _ONE, _ODDS, _REMAINDER, _STRUCTURE = -3.26, 0.262, -0.796, -1.13
 # log odds and log probabilities beyond these are all the same: no case was surer
