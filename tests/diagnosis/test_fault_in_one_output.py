@@ -175,6 +175,8 @@ def test_gain_and_next_measurement_know_the_outputs(biased):
     assert diagnosis.gain_.elpd_difference > 0
     assert diagnosis.next_measurement_["output"] in ("h", "q")
     assert set(diagnosis.next_measurement_) == {"t", "output"}
+    batch = diagnosis.next_measurements(2, places=[[1.0], [2.0]], cost=[1, 1e6, 1e6, 1e6])
+    assert batch[["t", "output"]].iloc[0].tolist() == [1.0, "h"]
     assert diagnosis.gain_on(X, Y).elpd_difference > 0
     assert diagnosis.predict(X).shape == Y.shape
     assert diagnosis.averaged_estimator().predict(X).shape == Y.shape

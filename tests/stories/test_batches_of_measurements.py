@@ -56,6 +56,11 @@ def test_nothing_is_wrong_once_it_is_declared():
     assert ("parameter-by-experiment", "rate") not in kinds
     assert "rate" in str(diagnosis.report())
     assert diagnosis.predict(X.head(2).assign(batch="another")).shape == (2,)
+    # batches go by their names, in what to measure next and in what is measured since
+    assert set(diagnosis.next_measurements(2)["batch"]) <= set(X["batch"])
+    since = diagnosis.update(X.iloc[::9], y[::9])
+    assert since.holds
+    assert since.table["batch"].tolist() == X["batch"].iloc[::9].tolist()
 
 
 def test_what_else_is_wrong_is_found_beside_it():
