@@ -72,7 +72,7 @@ def _factor_of(setting: Setting, curve: Callable[[Array], Array], left_first: Ar
     return factor if abs(left(factor) / rms(left_first) - 1) <= 0.05 else float("nan")
 
 
-def make_several(name: str, size: float, seed: int, n_rows: int = 80) -> Case:
+def make_several(name: str, size: float, seed: int, n_rows: int = 80, smaller: float = 1.0) -> Case:
     """Make one data set with two or three hidden effects.
 
     Parameters
@@ -83,6 +83,8 @@ def make_several(name: str, size: float, seed: int, n_rows: int = 80) -> Case:
         Of each effect alone, after what the parameters absorb, in noise standard deviations.
     seed : int
     n_rows : int
+    smaller : float, default=1.0
+        Size of each effect after the first, in shares of the first.
 
     Returns
     -------
@@ -111,6 +113,7 @@ def make_several(name: str, size: float, seed: int, n_rows: int = 80) -> Case:
         added = [
             f * (curve(setting.X) - base) for f, curve in zip(factors, curves[1:], strict=True)
         ]
+        factors = [smaller * factor for factor in factors]
         if not all(
             np.isfinite(f)
             and feasible(noise_sd, left_over(setting.simulator, setting.X, base + a), a, setting)

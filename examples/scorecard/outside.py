@@ -56,4 +56,5 @@ def _cells(cases: pd.DataFrame) -> list[str]:
     scores = [f"{cases[WORDS[model][0]].clip(-20).mean():.2f}" for model in MODELS]
     held = [f"{cases[WORDS[model][1]].mean():.0%}" for model in MODELS]
     told = [f"{sure[0]:.0%}", f"{sure[1]:.0%}", f"{cases['right'].mean():.0%}"]
-    return [str(len(cases)), *told, *verdicts, *scores, *held]
+    cells = [str(len(cases)), *told, *verdicts, *scores, *held]
+    return ["-" if cell.startswith("nan") else cell for cell in cells]

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.cholesky import nudged_cholesky
 from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
 from hybridsurrogate.inference.evidence.linearised import Linearised, linearise
 from hybridsurrogate.priors import FloatArray
@@ -105,5 +104,7 @@ def predict_jointly(
     noisy_path = w.cause is not None and w.cause.is_process and not w.cause.changes_output
     measured, rows = measured_and_other(result, w, X, node)
     local = local_posterior(result, w, measured, w.sigma if noisy_path else float(result.sizes[-1]))
-    loadings = rows.design @ nudged_cholesky(local.covariance[None])[0]
+    # a root that exists where rounding has left a variance a little below zero, too
+    variances, directions = np.linalg.eigh((local.covariance + local.covariance.T) / 2)
+    loadings = rows.design @ (directions * np.sqrt(np.maximum(variances, 0.0)))
     return rows.offset + rows.design @ local.mean, loadings, (w.sigma * rows.noise) ** 2

@@ -212,6 +212,21 @@ def test_a_batch_tells_what_it_promises():
     assert abs(np.mean(saved) - np.mean(promised)) < 3 * error
 
 
+def test_what_is_foreseen_jointly_is_what_each_row_foresees_where_a_matrix_is_nearly_singular():
+    case = make_case("trend", 4.0, 3, simulation="cooling")
+    found = found_in(case.simulator, case.X, case.y, ("trend",))
+    (w,) = (w for w in found.candidates if w.cause is not None)
+    # as precise as data can be: the covariance of the coefficients has lost its digits
+    w = w._replace(sigma=1e-9 * w.sigma)
+    mean, loadings, variance = predict_jointly(found, w, case.X_out)
+    alone = [predict_jointly(found, w, row[None]) for row in case.X_out[:3]]
+    assert np.isfinite(loadings).all()
+    assert (variance > 0).all()
+    for k, (one, its, _) in enumerate(alone):
+        assert one[0] == pytest.approx(mean[k])
+        assert np.sum(its**2) == pytest.approx(np.sum(loadings[k] ** 2), rel=1e-3, abs=1e-12)
+
+
 def test_beyond_the_measured_range_a_rival_may_lack_more():
     case = make_case("trend", 4.0, 3, simulation="cooling")
     found = found_in(case.simulator, case.X, case.y, ("trend",))
