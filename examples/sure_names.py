@@ -31,7 +31,7 @@ from hybridsurrogate.diagnosis.search.evidence import kind_of, kind_shares
 # measles, italy, whiffle-ball, carriage (docs/measured_data.md)
 FURTHER = 5
 SIZES, ROWS, SMALLER = (2.0, 4.0), (40, 100), 0.4
-FEATURES = ("odds", "remainder", "structure")
+FEATURES = ("odds", "structure")
 
 
 def cases(first: int, seeds: int) -> Iterator[dict[str, Any]]:
@@ -70,11 +70,9 @@ def diagnosed(task: dict[str, Any]) -> dict[str, Any]:
     ).fit(case.X, case.y)
     first = diagnosis.result_.steps[0]
     found, chosen = first.given_others, first.chosen
-    place = [w is chosen for w in found.candidates]
     return {
         "verdict": diagnosis.verdict_,
         "share": kind_shares(found).get(kind_of(chosen), float("nan")),
-        "remainder": float(found.remainder[place.index(True)]) if any(place) else 0.0,
         "right": diagnosis.best_cause_.kind in true,
         "told": diagnosis.probability_right_,
     }
@@ -116,7 +114,6 @@ def described(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "odds": np.log(share / (1 - share)),
-            "remainder": np.log(table["remainder"].clip(1e-3, 1)),
             "structure": (table["verdict"] == "nearest").astype(float),
         }
     )

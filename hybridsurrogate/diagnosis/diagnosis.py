@@ -320,11 +320,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     def _probability_right(self, first: Step) -> float | None:
         if self.verdict_ in ("adequate", "unexplained"):
             return None
-        found, chosen = first.given_others, first.chosen
-        place = [w is chosen for w in found.candidates]
-        remainder = float(found.remainder[place.index(True)]) if any(place) else 0.0
-        share = kind_shares(found)[kind_of(chosen)]
-        return probability_right(share, remainder, self.verdict_ == "nearest")
+        share = kind_shares(first.given_others)[kind_of(first.chosen)]
+        return probability_right(share, self.verdict_ == "nearest")
 
     def _extend(self, steps: Sequence[Step], X: ArrayLike, y: ArrayLike) -> None:
         causes, problem = accepted(steps), self.search_.problem

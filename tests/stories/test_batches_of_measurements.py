@@ -31,6 +31,7 @@ def numbered(X):
     return X.assign(batch=X.batch.str[1:].astype(int) + 1)
 
 
+@pytest.mark.slow
 def test_a_rate_that_differs_is_named_without_being_told():
     X, y, rates = batches(0, n=8)
     diagnosis = diagnosed(numbered(X), y, cv=3)
@@ -63,6 +64,7 @@ def test_nothing_is_wrong_once_it_is_declared():
     assert since.table["batch"].tolist() == X["batch"].iloc[::9].tolist()
 
 
+@pytest.mark.slow
 def test_what_else_is_wrong_is_found_beside_it():
     X, y, _ = batches(2, n=6)
     y = y + 0.2 * (X.x > 2)
@@ -72,6 +74,7 @@ def test_what_else_is_wrong_is_found_beside_it():
     assert diagnosis.extended_estimator_.by_experiment == {"rate": "spread"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["output", "noise"])
 def test_one_batch_is_off(what):
     X, y, _ = batches(3, spread=0.0, n=8)

@@ -100,6 +100,7 @@ def test_a_right_extension_holds_and_one_call_is_as_many(wave):
     pd.testing.assert_frame_equal(again.table, told.table)
 
 
+@pytest.mark.slow
 def test_deviations_are_standard_normal_while_the_extension_is_right():
     z = []
     for seed in range(5):
