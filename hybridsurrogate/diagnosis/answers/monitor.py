@@ -36,6 +36,8 @@ _LEAST_DRAWS, _LEAST_SHARE = 100.0, 0.25
 _VALUES = 20
 # rows at a time, so that memory stays bounded
 _MOST_ROWS = 2000
+# log density of what cannot be
+_IMPOSSIBLE = -1e8
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,8 @@ class Monitor:
         return self.alarm_at is None
 
     def __str__(self) -> str:
-        n, odds = len(self.table), float(self.table["e_value"].iloc[-1])
+        # rows of several outputs of which none was measured say nothing
+        n, odds = len(self.table), float(self.table["e_value"].iloc[-1]) if len(self.table) else 1.0
         if self.alarm_at is None or self.since is None:
             return (
                 f"The extension holds over {n} new measurements: the odds that something changed "
@@ -151,7 +154,10 @@ def _deviations(model: PowerScaledSurrogate, X: Any, y: FloatArray) -> tuple[Flo
     eta, sigma = posterior.eta(rows[there])
     posterior.likelihood.check(values, "new")
     log_density = posterior.likelihood.log_density(values, eta, sigma)
-    log_weight = np.cumsum(np.pad(log_density[:, :-1], ((0, 0), (1, 0))), axis=1)
+    # what no draw holds possible tells the draws apart no more
+    log_density = np.maximum(log_density, _IMPOSSIBLE)
+    log_weight = np.zeros_like(log_density)
+    log_weight[:, 1:] = np.cumsum(log_density[:, :-1], axis=1)
     weight = special.softmax(log_weight, axis=0)
     worth = 1 / np.sum(weight**2, axis=0)
     least = min(_LEAST_DRAWS, _LEAST_SHARE * posterior.n_draws)
