@@ -320,8 +320,10 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     def _probability_right(self, first: Step) -> float | None:
         if self.verdict_ in ("adequate", "unexplained"):
             return None
-        share = kind_shares(first.given_others)[kind_of(first.chosen)]
-        return probability_right(share, self.verdict_ == "nearest")
+        found = first.given_others
+        share = kind_shares(found)[kind_of(first.chosen)]
+        wrong = 1 - float(found.probability[0])
+        return wrong * probability_right(share, self.verdict_ == "nearest")
 
     def _extend(self, steps: Sequence[Step], X: ArrayLike, y: ArrayLike) -> None:
         causes, problem = accepted(steps), self.search_.problem

@@ -144,6 +144,7 @@ def test_each_output_has_its_own_in_the_report(biased):
     assert summary["parameters"]["noise of q"]["after"][0] == pytest.approx(NOISE[1], rel=0.4)
 
 
+@pytest.mark.slow
 def test_estimates_and_the_extended_simulation_have_the_units_of_the_output(biased):
     X, Y, diagnosis = biased
     mean, low, high = diagnosis.best_cause_.estimates["amplitude"]

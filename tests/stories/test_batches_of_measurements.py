@@ -98,6 +98,7 @@ def test_labels_are_no_axis():
     assert (causes.target == "dose").any()
 
 
+@pytest.mark.slow
 def test_the_study_keeps_its_rows(tmp_path, capsys):
     few = ["--cases", "1", "--nulls", "0", "--intervals", "1", "--rows", str(tmp_path / "r.csv")]
     main(few)
@@ -107,6 +108,7 @@ def test_the_study_keeps_its_rows(tmp_path, capsys):
     assert "| size 2 | 1 | 100 % | 0 % | 100 % |" in first
 
 
+@pytest.mark.slow
 def test_the_command_line_knows_experiments(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     X, y, _ = batches(0, n=5)

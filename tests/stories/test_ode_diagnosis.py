@@ -199,6 +199,7 @@ def test_one_curve_by_two_terms_is_told_as_such():
     assert re.search(rf"Check {one}, {one} and missing-term of \w+ \(power\) where", text)
 
 
+@pytest.mark.slow
 def test_growth_that_slows_down_by_itself_is_crowding():
     """Verhulst's logistic growth, simulated without its limit: ten times too large at the end."""
     random = np.random.default_rng(71)

@@ -409,6 +409,7 @@ def test_effects_of_four_times_the_noise_are_found(slice_):
     assert slice_["seconds"].notna().all()
 
 
+@pytest.mark.slow
 def test_estimates_are_compared_with_the_truth(slice_):
     coverage = tables.interval_coverage(slice_)
     # six numbers at 90 % where all forms were found: below 60 % has probability 0.02

@@ -26,7 +26,7 @@ _SUREST = 9.2
 
 
 def probability_right(share: float, leaves_structure: bool) -> float:
-    """Return the probability that the leading cause is the right one.
+    """Return the probability that the leading cause is right, given that something is wrong.
 
     Parameters
     ----------

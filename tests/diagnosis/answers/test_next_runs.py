@@ -88,6 +88,7 @@ def test_a_simulation_that_is_run_itself_needs_none():
         diagnosed(SIMULATOR, hs.ExactSurrogate()).next_runs(3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [0, 2.5])
 def test_a_number_that_is_none_is_refused(curves, n):
     with pytest.raises((ValueError, TypeError), match=r"n "):

@@ -68,6 +68,7 @@ def test_report_of_counts_speaks_of_their_likelihood(yearly):
     assert "log-normal" not in text
 
 
+@pytest.mark.slow
 def test_extended_simulation_of_counts_falls(yearly):
     simulator = yearly[2].extended_simulator_
     before, after = simulator(

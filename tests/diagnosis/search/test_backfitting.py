@@ -61,6 +61,7 @@ def test_a_cause_is_weighed_beside_the_other(both):
         assert evidence[kind] == pytest.approx(direct[kind], abs=3), kind
 
 
+@pytest.mark.slow
 def test_the_report_tells_of_it(both):
     told = " ".join(str(both.report()).split())
     assert "Beside periodic in t it has 99" in told
