@@ -66,12 +66,14 @@ def run(seed: int, exact: bool) -> tuple[str, bool, dict[tuple[str, float], list
         case.simulation, surrogate=hs.PolynomialChaos(5, norm(0, 5)), **settings
     ).fit(case.X, case.y)
     extended = diagnosis.extended_estimator_
+    averaged = getattr(extended, "estimators_", [extended])
     for beta in map(float, BETAS):
         fitted = polynomial.set_params(beta=beta).fit(case.X, case.y)
         table["power scaled", beta] = scores(fitted, case)
         table["predictive weighted", beta] = scores(at_weight(mixed, beta), case)
         if not exact:
-            extended.set_params(beta=beta).fit(case.X, case.y)
+            for one in averaged:
+                one.set_params(beta=beta).fit(case.X, case.y)
         if not exact or beta == BETAS[0]:
             table["extended", beta] = scores(extended, case)
     return diagnosis.best_cause_.kind, bool(low <= PERIOD <= high), table

@@ -103,7 +103,7 @@ if data is not None:
     models |= {"Kennedy-O'Hagan": theirs, "without the cause": diagnosis.estimator_}
     found = diagnosis.extended_estimator_
     learned = [effect for effect in found.effects if effect.is_learned]
-    formula = clone(found).set_params(effects=learned).fit(t[train], y[train])
+    formula = clone(diagnosis.estimator_).set_params(effects=learned).fit(t[train], y[train])
     models |= {"with a remainder, too": found, "with the cause": formula}
     print(compare(models, test).to_string())
     if not FAST:

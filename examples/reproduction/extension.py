@@ -53,9 +53,11 @@ def extend(name: str, seed: int, n_draws: int = 1000, **settings: Any) -> pd.Dat
         diagnosis = hs.DiscrepancyDiagnosis(
             asking(case, seed, n_draws), cv=None, random_state=seed, **settings
         ).fit(case.X, case.y)
-        rows = list(of_rows(case, pointwise(diagnosis.extended_estimator_, case)))
+        after = diagnosis.extended_estimator_
+        named = getattr(after, "estimators_", [after])[0]
+        rows = list(of_rows(case, pointwise(named, case)))
         rows += list(of_diagnosis(diagnosis, hidden.cause))
-        mixed = list(of_rows(case, pointwise(diagnosis.averaged_estimator(), case)))
+        mixed = list(of_rows(case, pointwise(after, case)))
         if hidden.estimate:
             given = asking(case, seed, n_draws, effects=(hidden.cause,)).fit(case.X, case.y)
             draws = given.posterior_.estimates(0)[hidden.estimate]

@@ -17,12 +17,8 @@ MODELS = ("plain", "named", "averaged")
 WORDS = {model: (f"elpd_{model}", f"inside_{model}") for model in MODELS}
 
 
-def foreseen(
-    case: Case, diagnosis: hs.DiscrepancyDiagnosis, seed: int, emulated: bool = False
-) -> dict[str, float]:
+def foreseen(case: Case, diagnosis: hs.DiscrepancyDiagnosis, seed: int) -> dict[str, float]:
     """Return log density a row and coverage of the plain, the named and the averaged model.
-
-    Not of the averaged one of an emulated simulation, whose many fits take minutes.
 
     The measurements out of range are made here: the truth and noise of the case's size. None where
     the hidden effect is in the noise or there is none.
@@ -35,12 +31,12 @@ def foreseen(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", hs.HybridSurrogateWarning)
         warnings.simplefilter("ignore", RuntimeWarning)
+        after = diagnosis.extended_estimator_
         models: dict[str, Any] = {
             "plain": diagnosis.estimator_,
-            "named": diagnosis.extended_estimator_,
+            "named": getattr(after, "estimators_", [after])[0],
+            "averaged": after,
         }
-        if not emulated:
-            models["averaged"] = diagnosis.averaged_estimator()
         for name, model in models.items():
             score, inside = WORDS[name]
             out[score] = model.score(case.X_out, y)

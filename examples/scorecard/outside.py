@@ -12,7 +12,8 @@ _COLUMNS = """`sure`: named with more than 90 % of the probability within the ca
 something is wrong; `sure all the same`: named, and with more than 90 % where causes outside the
 catalogue count (`probability_right_`), then what that is on average. The score is the mean log
 density of a measurement beyond the measured range, then the share of these that the 90 % interval
-holds: of the simulation as it is, of the extension and of the average over causes.
+holds: of the simulation as it is, of the leading cause alone and of the average over the causes
+(`extended_estimator_`).
 """
 
 INTRODUCTION = f"""# Truths that are not in the catalogue

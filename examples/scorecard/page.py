@@ -84,9 +84,8 @@ def sections(table: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
         "Beyond the measured range",
         "Log predictive density a row (ELPD) and share of rows in 90 % intervals, of new "
         "measurements out of range: for the simulation as it is, extended by the cause that was "
-        "named, and (where the simulation is run) averaged over the causes by their probabilities "
-        "(`averaged_estimator()`). "
-        "Effects in the noise are left out.",
+        "named alone, and averaged over the causes by their probabilities, as "
+        "`extended_estimator_` does. Effects in the noise are left out.",
         beyond(tables.single(table)),
     )
     yield (

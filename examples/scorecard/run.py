@@ -127,7 +127,7 @@ def score(task: Task) -> dict[str, Any]:
         result = replace(
             _judge(case, diagnosis, task),
             seconds=round(seconds, 3),
-            **foreseen(case, diagnosis, task.seed, task.runs > 0),
+            **foreseen(case, diagnosis, task.seed),
         )
     except Exception as error:  # a diagnosis that fails is a result, and the others go on
         share = case.truth["noise_sd"] / np.ptp(case.truth["mu"])

@@ -63,6 +63,7 @@ from hybridsurrogate.diagnosis.validation.refit import (
 )
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.in_output import InOutput
+from hybridsurrogate.estimators.averaged import leading
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import ConfoundingWarning, DiagnosisWarning
 from hybridsurrogate.priors import FloatArray
@@ -135,9 +136,12 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     discrepancies_ : dict of output to Discrepancy
         The parameters of the simulation were estimated beside each of them alone: where another
         output is at fault they are off, and so is the curve.
-    extended_estimator_ : PowerScaledSurrogate
-        Fitted, with the cause as an effect; ``predict`` and ``score`` are its. The estimator
-        before where the verdict is "adequate".
+    extended_estimator_ : AveragedSurrogate or PowerScaledSurrogate
+        Fitted; ``predict`` and ``score`` are its. The average over the causes, "none"
+        included, that have 5 % of the probability or more, weighed by it (of several causes found
+        each in turn gives way to others); each extension keeps a `Remainder` beyond the measured
+        range. Its first estimator, ``estimators_[0]``, has the causes that were found, and
+        ``posterior_`` is that one's. The estimator before where the verdict is "adequate".
     extended_simulator_ : Simulator or None
         The simulation with the cause in it; None when there are only runs, or nothing to add.
     confounded_ : pandas.DataFrame
@@ -328,11 +332,10 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     def _extend(self, steps: Sequence[Step], X: ArrayLike, y: ArrayLike) -> None:
         causes, problem = accepted(steps), self.search_.problem
         self._rows = deepcopy((X, y))
-        self.extended_estimator_ = extended(self.estimator_, causes, X, y)
-        models = self.estimator_, self.extended_estimator_
-        self.beta_scans_ = BetaScans(models, *self._rows, self.n_jobs)
-        self._average = None
-        posterior = self.extended_estimator_.posterior_
+        self.extended_estimator_ = extended(self.estimator_, steps, X, y)
+        found = leading(self.extended_estimator_)
+        self.beta_scans_ = BetaScans((self.estimator_, found), *self._rows, self.n_jobs)
+        posterior = found.posterior_
         self.at_prior_end_ = at_prior_ends(posterior)
         self.found_causes_ = [finding_of(step, k, posterior) for k, step in enumerate(steps)]
         self.best_cause_ = self.found_causes_[0]
@@ -346,9 +349,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self.discrepancy_ = self.discrepancies_[
             first.output if isinstance(first, InOutput) else outputs[0]
         ]
-        self.confounded_ = confounding(
-            self.estimator_, self.extended_estimator_, self.estimator_.single_rows_[0]
-        )
+        self.confounded_ = confounding(self.estimator_, found, self.estimator_.single_rows_[0])
         for sentence in sentences(confounded(self.confounded_)):
             warnings.warn(sentence, ConfoundingWarning, stacklevel=3)
 

@@ -19,23 +19,21 @@ from hybridsurrogate.diagnosis.answers.experimental_design import (
     places_between,
     table_of,
 )
-from hybridsurrogate.diagnosis.answers.model_averaging import averaged_over
 from hybridsurrogate.diagnosis.answers.monitor import Monitor, joined, monitored
 from hybridsurrogate.diagnosis.answers.next_runs import next_runs
 from hybridsurrogate.diagnosis.answers.result import DiagnosisResult
 from hybridsurrogate.diagnosis.search.evidence import Search
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans, scan_beta, scan_folds
 from hybridsurrogate.diagnosis.validation.gain import Gain, gain_from, pointwise
-from hybridsurrogate.diagnosis.validation.refit import accepted
-from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.arrays import complete_table
 
-# attributes of earlier versions that took a fit, and the methods in their place
-_METHODS = {
-    "averaged_estimator_": "averaged_estimator()",
-    "beta_scan_": "beta_scan()",
-    "beta_scan_out_of_range_": "beta_scan(out_of_range=True)",
+# names of earlier versions, and what stands in their place
+_FORMER = {
+    "averaged_estimator_": "extended_estimator_ is the average",
+    "averaged_estimator": "extended_estimator_ is the average",
+    "beta_scan_": "it takes fits, and so is a method, beta_scan()",
+    "beta_scan_out_of_range_": "it takes fits, and so is a method, beta_scan(out_of_range=True)",
 }
 
 
@@ -48,53 +46,27 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
     result_: DiagnosisResult
     search_: Search
     _rows: tuple[ArrayLike, ArrayLike]
-    _average: AveragedSurrogate | None
     _new: tuple[Any, FloatArray]
 
     def __getattr__(self, name: str) -> NoReturn:
         # a notebook asks for the value of every attribute that there is: none may take a fit
         text = f"{type(self).__name__!r} object has no attribute {name!r}"
-        if name in _METHODS:
-            text += f": it takes a fit, and so is a method, {_METHODS[name]}"
+        if name in _FORMER:
+            text += f": {_FORMER[name]}"
         raise AttributeError(text, name=name, obj=self)
 
-    def averaged_estimator(self) -> AveragedSurrogate:
-        """Return the average over the causes, fitted when it is first asked for.
-
-        Returns
-        -------
-        AveragedSurrogate
-            Extensions by each of the fewest causes, "none" included, that have 95 % of the
-            probability together, weighed by their probabilities: predictions that do not bet on
-            one name, which matters beyond the data. Of several accepted causes the last one is
-            averaged over.
-        """
-        check_is_fitted(self)
-        if self._average is None:
-            *earlier, last = self.result_.steps
-            self._average = averaged_over(
-                last.given_others,
-                self.estimator_,
-                self.extended_estimator_,
-                accepted(earlier),
-                *self._rows,
-            )
-        return self._average
-
-    def gain_on(self, X_test: ArrayLike, y_test: ArrayLike, averaged: bool = False) -> Gain:
+    def gain_on(self, X_test: ArrayLike, y_test: ArrayLike) -> Gain:
         """Return the gain on a test set, from the fitted models before and after.
 
         Parameters
         ----------
         X_test : array-like of shape (n, n_columns)
         y_test : array-like of shape (n,)
-        averaged : bool, default=False
-            The model after is ``averaged_estimator()`` instead of ``extended_estimator_``.
         """
         check_is_fitted(self)
         y = self.measured_outputs(y_test, "y_test")
-        after = self.averaged_estimator() if averaged else self.extended_estimator_
-        return gain_from(pointwise(self.estimator_, X_test, y), pointwise(after, X_test, y))
+        before, after = self.estimator_, self.extended_estimator_
+        return gain_from(pointwise(before, X_test, y), pointwise(after, X_test, y))
 
     def next_runs(self, n: int = 10) -> pd.DataFrame:
         """Return the runs that would settle most of what the known ones leave open.

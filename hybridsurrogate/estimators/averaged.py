@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special
 from sklearn.base import clone
+from sklearn.utils.validation import check_is_fitted
 
+from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import SamplingWarning
 from hybridsurrogate.inference.loo import PointwiseLoo
 from hybridsurrogate.likelihoods import as_likelihood
-from hybridsurrogate.posterior import Posterior
+from hybridsurrogate.posterior import Diagnostics, Posterior
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 
@@ -45,6 +47,8 @@ class AveragedSurrogate(SurrogateEstimator):
     estimators_ : list of PowerScaledSurrogate
         Fitted.
     weights_ : ndarray of shape (n_estimators,)
+    posterior_, diagnostics_, effects
+        Of the first estimator: draws of models that differ have no average.
 
     Warns
     -----
@@ -109,16 +113,80 @@ class AveragedSurrogate(SurrogateEstimator):
             For no estimators, other simulations or likelihoods, or weights that do not fit.
         """
         weights = self._checked_weights()
-        weights = weights / weights.sum()
-        likelihood = self.estimators[0]._check_parameters()[1]
-        data = self._check_fit_data(X, y, likelihood, sample_weight)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SamplingWarning)
             fitted = [clone(one).fit(X, y, sample_weight) for one in self.estimators]
-        self._warn(weights, fitted)
-        self._store(data)
-        self.estimators_, self.weights_ = fitted, weights
+        self._keep(fitted, weights)
+        self._warn(self.weights_, fitted)
         return self
+
+    @classmethod
+    def of_fitted(
+        cls,
+        estimators: Sequence[PowerScaledSurrogate],
+        weights: Sequence[float],
+        random_state: Any = None,
+    ) -> AveragedSurrogate:
+        """Return the average over estimators that are fitted, to the same rows.
+
+        Doubtful draws are not warned of again.
+
+        Parameters
+        ----------
+        estimators : sequence of PowerScaledSurrogate
+        weights : sequence of float
+        random_state : int, RandomState or None, default=None
+
+        Raises
+        ------
+        TypeError, ValueError
+            As by ``fit``, and for estimators that were fitted to other rows.
+
+        Examples
+        --------
+        >>> import hybridsurrogate as hs
+        >>> from hybridsurrogate.datasets import make_log_sin
+        >>> case = make_log_sin(random_state=0)
+        >>> fitted = [
+        ...     hs.PowerScaledSurrogate(case.simulation, beta=beta, random_state=0)
+        ...     .fit(case.X, case.y) for beta in (0.3, 0.7)]
+        >>> hs.AveragedSurrogate.of_fitted(fitted, [0.5, 0.5]).predict(case.X_in).shape
+        (100,)
+        """
+        average = cls([clone(one) for one in estimators], weights, random_state)
+        checked = average._checked_weights()
+        for one in estimators:
+            check_is_fitted(one)
+            for mine, first in zip(one.measured_, estimators[0].measured_, strict=True):
+                if not np.array_equal(mine, first, equal_nan=True):
+                    raise ValueError("All estimators must be fitted to the same measured rows.")
+        return average._keep(list(estimators), checked)
+
+    def _keep(self, fitted: list[PowerScaledSurrogate], weights: FloatArray) -> AveragedSurrogate:
+        self._store_as(fitted[0])
+        self.estimators_, self.weights_ = fitted, weights / weights.sum()
+        return self
+
+    @property
+    def posterior_(self) -> Posterior:
+        """Draws of the first estimator, which are not averaged."""
+        return self._fitted_first().posterior_
+
+    @property
+    def diagnostics_(self) -> Diagnostics:
+        """How the draws of the first estimator came about."""
+        return self._fitted_first().diagnostics_
+
+    @property
+    def effects(self) -> tuple[Cause, ...]:
+        """The effects of the first estimator."""
+        return tuple(self._fitted_first().effects)
+
+    def _fitted_first(self) -> PowerScaledSurrogate:
+        # before a fit these are attributes that are not there yet, as everywhere
+        if "estimators_" not in vars(self):
+            raise AttributeError("This AveragedSurrogate is not fitted yet.")
+        return self.estimators_[0]
 
     @staticmethod
     def _warn(weights: FloatArray, fitted: Sequence[PowerScaledSurrogate]) -> None:
@@ -179,3 +247,14 @@ class AveragedSurrogate(SurrogateEstimator):
         )
         khat = np.max([part.khat for part in parts], axis=0)
         return PointwiseLoo(log_density, khat, np.any([part.failed for part in parts], axis=0))
+
+
+def leading(estimator: PowerScaledSurrogate | AveragedSurrogate) -> PowerScaledSurrogate:
+    """Return the first of the estimators that are averaged, or the only one.
+
+    Parameters
+    ----------
+    estimator : PowerScaledSurrogate or AveragedSurrogate
+        Fitted.
+    """
+    return estimator.estimators_[0] if isinstance(estimator, AveragedSurrogate) else estimator

@@ -62,6 +62,12 @@ from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
 from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
 
+# what a fit keeps of the measured data
+_STORED = (
+    "measured_", "single_rows_", "_sample_weight", "simulation_", "stacking_", "experiments_",
+    "_columns", "column_order_", "_rows",
+)  # fmt: skip
+
 SAMPLERS = ("auto", "importance", "emcee")
 
 
@@ -284,6 +290,14 @@ class SurrogateEstimator(RegressorMixin, BaseEstimator):
             self.feature_names_in_ = data.names
         elif hasattr(self, "feature_names_in_"):
             del self.feature_names_in_
+
+    def _store_as(self, fitted: SurrogateEstimator) -> None:
+        """Store the measured data of another estimator, which was fitted to them."""
+        for name in ("n_features_in_", "feature_names_in_", *_STORED):
+            if hasattr(fitted, name):
+                setattr(self, name, getattr(fitted, name))
+            elif hasattr(self, name):
+                delattr(self, name)
 
     def checked_rows(self, X: ArrayLike) -> FloatArray:
         """Return rows as the fitted model reads them: the simulation's inputs first.

@@ -180,7 +180,6 @@ def test_gain_and_next_measurement_know_the_outputs(biased):
     assert batch[["t", "output"]].iloc[0].tolist() == [1.0, "h"]
     assert diagnosis.gain_on(X, Y).elpd_difference > 0
     assert diagnosis.predict(X).shape == Y.shape
-    assert diagnosis.averaged_estimator().predict(X).shape == Y.shape
     text = str(diagnosis.report(test=(X, Y)))
     assert "On the rows held back" in text
 

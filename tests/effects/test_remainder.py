@@ -132,7 +132,7 @@ def test_a_diagnosis_whose_true_cause_is_missing_from_the_catalogue_is_less_sure
         ).fit(t[:, None], y)
         later = np.linspace(10.5, 16, 20)
         held = later[:, None], truth(later) + 0.2 * random.standard_normal(20)
-        extended = diagnosis.extended_estimator_
+        extended = diagnosis.extended_estimator_.estimators_[0]
         learned = [effect for effect in extended.effects if effect.is_learned]
         bare = clone(extended).set_params(effects=learned).fit(t[:, None], y)
         better.append(extended.score(*held) - bare.score(*held))

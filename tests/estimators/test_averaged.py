@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from agreement import assert_same_numbers
 from scipy import special
+from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
 
 import hybridsurrogate as hs
 from hybridsurrogate.datasets import make_log_sin
@@ -73,6 +75,28 @@ def test_leave_one_out_density_is_that_of_the_mixture(fitted):
     each = [part.loo().pointwise for part in parts]
     expected = special.logsumexp(each, axis=0, b=np.array([[0.75], [0.25]]))
     np.testing.assert_allclose(model.loo().pointwise, expected)
+
+
+def test_estimators_that_are_fitted_need_no_further_fit(case, fitted, monkeypatch):
+    model, parts = fitted
+    monkeypatch.setattr(hs.PowerScaledSurrogate, "fit", None)
+    average = hs.AveragedSurrogate.of_fitted(parts, WEIGHTS, random_state=0)
+    assert average.estimators_ == parts
+    assert_same_numbers(average.predict(case.X_out), model.predict(case.X_out))
+    assert average.score(case.X, case.y) == pytest.approx(model.score(case.X, case.y))
+    for name in ("posterior_", "diagnostics_"):
+        assert getattr(average, name) is getattr(parts[0], name)
+    assert average.effects == tuple(parts[0].effects)
+    assert not hasattr(clone(average), "posterior_")
+
+
+def test_estimators_of_other_rows_are_not_averaged(case, fitted):
+    first, second = fitted[1]
+    other = clone(second).fit(case.X[:-1], case.y[:-1])
+    with pytest.raises(ValueError, match="the same measured rows"):
+        hs.AveragedSurrogate.of_fitted([first, other], WEIGHTS)
+    with pytest.raises(NotFittedError):
+        hs.AveragedSurrogate.of_fitted([first, clone(second)], WEIGHTS)
 
 
 def test_an_explanation_without_weight_has_no_say(case, fitted):

@@ -1,6 +1,7 @@
 """What a fit found stands until the next fit."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
@@ -44,18 +45,18 @@ def test_arrays_changed_after_fit_change_nothing(fitted, measured):
     np.testing.assert_array_equal(model.loo().pointwise, pointwise)
 
 
-def test_arrays_changed_after_a_diagnosis_do_not_reach_its_average():
+def test_arrays_changed_after_a_diagnosis_do_not_reach_it():
     rng = np.random.default_rng(0)
     line = hs.Simulator(lambda t: 2 * t, inputs={"t": (0, 10)})
     X = np.linspace(0, 10, 25)[:, None]
     y = 2 * X[:, 0] + 1 + 0.1 * rng.standard_normal(25)
     model = hs.PowerScaledSurrogate(line, hs.ExactSurrogate(), n_draws=100, random_state=0)
     diagnosis = hs.DiscrepancyDiagnosis(model, n_replicates=20, cv=None, random_state=0).fit(X, y)
-    expected = diagnosis.extended_estimator_.predict(X)
-    kept = X.copy()
+    new, more = np.linspace(0, 10, 5)[:, None], np.linspace(1, 21, 5)
+    expected, kept = clone(diagnosis).fit(X, y).update(new, more).table, new.copy()
     y += 100
     X += 5
-    np.testing.assert_allclose(diagnosis.averaged_estimator().predict(kept), expected, atol=1.0)
+    pd.testing.assert_frame_equal(diagnosis.update(kept, more).table, expected)
 
 
 class Failing(hs.PolynomialChaos):

@@ -8,7 +8,6 @@ import pytest
 from scipy.stats import norm
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis import fitted as answers
 from hybridsurrogate.diagnosis.validation import beta_scan as trust
 from hybridsurrogate.diagnosis.validation.gain import best_beta
 
@@ -31,7 +30,7 @@ def data():
 
 
 def diagnosed(data, simulation, surrogate):
-    model = hs.PowerScaledSurrogate(simulation, surrogate=surrogate, n_draws=100, random_state=0)
+    model = hs.PowerScaledSurrogate(simulation, surrogate=surrogate, n_draws=200, random_state=0)
     diagnosis = hs.DiscrepancyDiagnosis(model, cv=2, n_replicates=20, random_state=0)
     return diagnosis.fit(data.X, data.y)
 
@@ -62,7 +61,6 @@ def no_fit(monkeypatch):
     ):
         monkeypatch.setattr(estimator, "fit", refuse)
     monkeypatch.setattr(trust, "beta_path", refuse)
-    monkeypatch.setattr(answers, "averaged_over", refuse)
     CALLS.clear()
 
 
@@ -102,7 +100,8 @@ def test_showing_an_estimator_fits_and_runs_nothing(data, request):
 @pytest.mark.parametrize(
     ("name", "method"),
     [
-        ("averaged_estimator_", "averaged_estimator()"),
+        ("averaged_estimator_", "extended_estimator_"),
+        ("averaged_estimator", "extended_estimator_"),
         ("beta_scan_", "beta_scan()"),
         ("beta_scan_out_of_range_", "beta_scan(out_of_range=True)"),
     ],
@@ -120,13 +119,10 @@ def test_a_former_attribute_names_its_method(exact, name, method):
 @pytest.mark.slow
 def test_methods_compute_once(emulated, monkeypatch):
     scan, beyond = emulated.beta_scan(), emulated.beta_scan(out_of_range=True)
-    average = emulated.averaged_estimator()
     assert len(scan) == len(beyond) == 5
     monkeypatch.setattr(trust, "beta_path", None)
-    monkeypatch.setattr(answers, "averaged_over", None)
     assert emulated.beta_scan() is scan
     assert emulated.beta_scan(out_of_range=True) is beyond
-    assert emulated.averaged_estimator() is average
     assert emulated.gain_.best_beta_after() == best_beta(scan, "after")
     assert emulated.gain_out_of_range_.best_beta_before() == best_beta(beyond, "before")
 

@@ -10,6 +10,7 @@ Gruenwald, Vovk and Shafer 2023, Statistical Science 38:576).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,9 +23,9 @@ from sklearn.base import clone
 from hybridsurrogate.blocks import blocks
 from hybridsurrogate.diagnosis.answers.experimental_design import table_of
 from hybridsurrogate.diagnosis.search.evidence import Search
+from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
-from hybridsurrogate.likelihoods import TransformedNormal
-from hybridsurrogate.posterior import Posterior
+from hybridsurrogate.likelihoods import Likelihood, TransformedNormal
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.arrays import as_numbers
 
@@ -32,6 +33,8 @@ from hybridsurrogate.simulation.arrays import as_numbers
 _SHIFTS, _SPREADS = (1.0, 3.0), (2.0, 4.0)
 # the draws are made anew, with the measurements so far, where they are worth fewer
 _LEAST_DRAWS, _LEAST_SHARE = 100.0, 0.25
+# what is averaged with less weight is not fitted anew
+_LEAST_WEIGHT = 1e-3
 # values of each draw, for the quantile under a likelihood that is not normal
 _VALUES = 20
 # rows at a time, so that memory stays bounded
@@ -90,7 +93,7 @@ class Monitor:
 
 
 def monitored(
-    estimator: PowerScaledSurrogate,
+    estimator: PowerScaledSurrogate | AveragedSurrogate,
     found: Search,
     known: tuple[Any, FloatArray],
     new: tuple[Any, FloatArray],
@@ -100,7 +103,8 @@ def monitored(
 
     Parameters
     ----------
-    estimator : PowerScaledSurrogate
+    estimator : PowerScaledSurrogate or AveragedSurrogate
+        Fitted. The weights of what is averaged follow the new measurements.
     found : Search
         Of the diagnosis.
     known : X and y
@@ -111,16 +115,18 @@ def monitored(
     """
     X, y = new
     parts: list[FloatArray] = []
-    first, model, limit = 0, estimator, np.log(1 / false_alarm_rate)
+    first, limit = 0, np.log(1 / false_alarm_rate)
+    models, shares = _averaged(estimator)
     while True:
-        told, n_rows = _deviations(model, X[first : first + _MOST_ROWS], y[first:])
+        told, n_rows, shares = _deviations(models, shares, X[first : first + _MOST_ROWS], y[first:])
         parts.append(told)
         first += n_rows
         odds, began = log_odds(np.concatenate(parts))
         if first >= len(y) or np.any(odds >= limit):
             break
         so_far = joined(known[0], X[:first]), np.concatenate([known[1], y[:first]])
-        model = clone(estimator).fit(*so_far)
+        kept = np.flatnonzero(shares > _LEAST_WEIGHT)
+        models, shares = [clone(models[k]).fit(*so_far) for k in kept], shares[kept]
     passed = np.flatnonzero(odds >= limit)
     end = int(passed[0]) + 1 if len(passed) else len(odds)
     table = table_of(found, estimator.checked_rows(X), estimator.experiments_)
@@ -140,44 +146,60 @@ def joined(first: Any, second: Any) -> Any:
     return pd.concat([first, second], ignore_index=True)
 
 
-def _deviations(model: PowerScaledSurrogate, X: Any, y: FloatArray) -> tuple[FloatArray, int]:
+def _averaged(
+    estimator: PowerScaledSurrogate | AveragedSurrogate,
+) -> tuple[list[PowerScaledSurrogate], FloatArray]:
+    if isinstance(estimator, AveragedSurrogate):
+        return estimator.estimators_, estimator.weights_
+    return [estimator], np.ones(1)
+
+
+def _deviations(
+    models: Sequence[PowerScaledSurrogate], shares: FloatArray, X: Any, y: FloatArray
+) -> tuple[FloatArray, int, FloatArray]:
     """Return the deviation of each measurement, and the rows after which the draws are used up.
 
-    Draws count as much as the measurements before say, by importance sampling.
+    And the share of each model by then. Draws count as much as the measurements before say, by
+    importance sampling.
     """
+    model = models[0]
     rows, values = model.checked_rows(X), y[: len(X)]
     width = 1
     if model.stacking_ is not None:
         width, values = len(model.stacking_.names), model.stacking_.values(values)
     there = np.flatnonzero(np.isfinite(values))
-    posterior, values = model.posterior_, values[there]
-    eta, sigma = posterior.eta(rows[there])
-    posterior.likelihood.check(values, "new")
-    log_density = posterior.likelihood.log_density(values, eta, sigma)
+    likelihood, values = model.posterior_.likelihood, values[there]
+    likelihood.check(values, "new")
+    told = [one.posterior_.eta(rows[there]) for one in models]
+    eta, sigma = (np.concatenate(parts) for parts in zip(*told, strict=True))
+    counts = [len(part) for part, _ in told]
+    log_density = likelihood.log_density(values, eta, sigma)
     # what no draw holds possible tells the draws apart no more
     log_density = np.maximum(log_density, _IMPOSSIBLE)
-    log_weight = np.zeros_like(log_density)
-    log_weight[:, 1:] = np.cumsum(log_density[:, :-1], axis=1)
+    prior = np.repeat(np.log(shares / shares.sum()) - np.log(counts), counts)
+    log_weight = np.tile(prior[:, None], (1, len(there) + 1))
+    log_weight[:, 1:] += np.cumsum(log_density, axis=1)
     weight = special.softmax(log_weight, axis=0)
-    worth = 1 / np.sum(weight**2, axis=0)
-    least = min(_LEAST_DRAWS, _LEAST_SHARE * posterior.n_draws)
+    worth = 1 / np.sum(weight[:, :-1] ** 2, axis=0)
+    least = min(_LEAST_DRAWS, _LEAST_SHARE * counts[0])
     # a whole row of outputs at a time, and the first row in any case
     spent = there[worth < least] // width
     spent = spent[spent > 0]
     n_rows = int(spent[0]) if len(spent) else len(X)
     used = there // width < n_rows
-    below = _below(posterior, values[used], eta[:, used], sigma[:, used])
-    share = np.sum(weight[:, used] * below, axis=0)
+    below = _below(likelihood, values[used], eta[:, used], sigma[:, used])
+    share = np.sum(weight[:, :-1][:, used] * below, axis=0)
+    ends = np.cumsum([0, *counts[:-1]])
+    by_then = np.add.reduceat(weight[:, int(np.count_nonzero(used))], ends)
     tiny = 1e-9
-    return np.asarray(special.ndtri(np.clip(share, tiny, 1 - tiny))), n_rows
+    return np.asarray(special.ndtri(np.clip(share, tiny, 1 - tiny))), n_rows, by_then
 
 
-def _below(posterior: Posterior, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+def _below(likelihood: Likelihood, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
     """Return the probability of less than y under each draw, (S, n); of counts half of that of y.
 
     Counts as large as y have their probability split by chance, which leaves quantiles uniform.
     """
-    likelihood = posterior.likelihood
     if isinstance(likelihood, TransformedNormal):
         return np.asarray(special.ndtr((likelihood.working(y) - eta) / sigma))
     random = np.random.RandomState(0)

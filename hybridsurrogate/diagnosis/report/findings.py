@@ -12,7 +12,12 @@ from hybridsurrogate.diagnosis.checks.identifiability import confounded, sentenc
 from hybridsurrogate.diagnosis.checks.outside import DOCUMENTED, N_CASES, NOT_HELD
 from hybridsurrogate.diagnosis.checks.residuals import STRANGE
 from hybridsurrogate.diagnosis.report.tables import noise_of, thirds, unit_of
-from hybridsurrogate.diagnosis.report.view import View, label_of, label_of_cause
+from hybridsurrogate.diagnosis.report.view import (
+    View,
+    averaged,
+    label_of,
+    label_of_cause,
+)
 from hybridsurrogate.diagnosis.search.evidence import kind_shares
 from hybridsurrogate.effects import Remainder
 from hybridsurrogate.effects.base import Cause
@@ -273,12 +278,26 @@ def extension(view: View) -> list[str]:
         "Means, with 90 % intervals in brackets; the simulation's parameters were estimated anew "
         "beside the cause."
     )
+    out += _averaged(view)
     out += sentences(confounded(d.confounded_))
     out += _beyond(view)
     if d.extended_simulator_ is not None:
         names = digits.listing(list(d.extended_simulator_.parameter_names))
         out.append(f"extended_simulator_ runs the formula, with the parameters {names}.")
     return out
+
+
+def _averaged(view: View) -> list[str]:
+    """Say over what predictions are averaged."""
+    known = averaged(view)
+    if len(known) < 2:
+        return []
+    shares = [f"{label} {digits.probability(weight)}" for _, label, weight in known]
+    return [
+        "The numbers are those of the cause that leads. Predictions do not bet on it: "
+        f"extended_estimator_ averages over the {len(known)} explanations that have 5 % of the "
+        f"probability or more, with the weights {digits.listing(shares)}."
+    ]
 
 
 def _beyond(view: View) -> list[str]:

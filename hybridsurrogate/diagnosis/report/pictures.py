@@ -66,7 +66,7 @@ def picture_output(view: View) -> Picture:
     plotting.plot_measured(top, view.x, view.y)
     _log_axis(top, view, view.y)
     plotting.tidy(top, "", view.output)
-    left = view.working_residuals(model)
+    left = view.working_residuals(view.found)
     plotting.plot_residuals(bottom, view.x, left, colour, "what is left")
     log = "log " if view.log_scale else ""
     plotting.tidy(bottom, view.name, f"{log}measured - {log}predicted", False)
@@ -133,7 +133,7 @@ def picture_residuals(view: View) -> Picture:
     """Draw residuals before and after over the shown column, and their quantiles."""
     models = [("before", view.diagnosis.estimator_, BEFORE, "o")]
     if view.extended:
-        models.append(("after", view.diagnosis.extended_estimator_, AFTER, "s"))
+        models.append(("after", view.found, AFTER, "s"))
     n = len(models)
     axes = plotting.new_axes(2, n, width=7.0 if n > 1 else 4.5, height=5.4)
     log = "log " if view.log_scale else ""
@@ -246,7 +246,7 @@ def _draw_column(ax: Axes, view: View) -> None:
     residual = view.working_residuals(view.diagnosis.estimator_)
     ax.axhline(0, color=plotting.QUIET, lw=1)
     plotting.plot_measured(ax, view.x, residual, "measured - simulated")
-    moved = residual - view.working_residuals(view.diagnosis.extended_estimator_)
+    moved = residual - view.working_residuals(view.found)
     ax.plot(view.x, moved, "_", color=AFTER, ms=6, label="extended model - simulated")
 
 

@@ -125,14 +125,10 @@ def make_report(
     if test is not None:
         test = test[0], diagnosis.measured_outputs(test[1], "y_test")
     on_test = diagnosis.gain_on(*test) if test is not None else None
-    # where one cause is named its extension says nearly the same
-    unclear = diagnosis.verdict_ in ("ambiguous", "unexplained")
-    averaged = diagnosis.gain_on(*test, averaged=True) if test is not None and unclear else None
     measured = {
         "folds": diagnosis.gain_,
         "beyond": diagnosis.gain_out_of_range_,
         "held back": on_test,
-        "averaged": averaged,
     }
     known = {name: gain for name, gain in measured.items() if gain is not None}
     scans = diagnosis.beta_scans_
@@ -165,7 +161,7 @@ def make_report(
         ),
         Section(
             "What it gains",
-            tuple(scores.gains(view, on_test, averaged)),
+            tuple(scores.gains(view, on_test)),
             (pictures.picture_gain(known),) if known else (),
         ),
         Section(

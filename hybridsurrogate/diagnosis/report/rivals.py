@@ -102,16 +102,14 @@ def _advice(view: View) -> str:
     if verdict == "unexplained":
         return (
             "Within the measured range predict with extended_estimator_, whose smooth curve "
-            "corrects the simulation; beyond it the curve knows nothing, and averaged_estimator() "
-            "adds what causes with a name foresee there. Look for a mechanism with the shape of "
-            "the curve, and pass it as a cause of your own."
+            "corrects the simulation; beyond it the curve knows nothing. Look for a mechanism with "
+            "the shape of the curve, and pass it as a cause of your own."
         )
     if verdict == "ambiguous":
         return (
             "Do not act on the leading cause alone: check "
-            f"{digits.listing(list(d.indistinguishable_))} where the data come from. Predictions "
-            "of extended_estimator_ follow the leading one; averaged_estimator() weighs them all "
-            "by their probabilities, and is what to predict with beyond the data."
+            f"{digits.listing(list(d.indistinguishable_))} where the data come from. "
+            f"{_predict_with(view)}"
         )
     if verdict == "nearest":
         return (
@@ -160,7 +158,7 @@ def _alike(view: View) -> list[str]:
     if not others:
         return []
     parts = []
-    noise = view.noise(view.diagnosis.extended_estimator_)
+    noise = view.noise(view.found)
     working = found.problem.likelihood.working
     for other in others:
         gap = working(view.expected(found, first, view.X)) - working(

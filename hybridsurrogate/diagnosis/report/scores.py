@@ -6,7 +6,7 @@ import math
 
 from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.checks.emulator import MOST_MISSED, MOST_OPEN, advice
-from hybridsurrogate.diagnosis.report.view import View
+from hybridsurrogate.diagnosis.report.view import View, averaged
 from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, HALF, Gain
 from hybridsurrogate.posterior import KHAT_LIMIT
 
@@ -17,8 +17,8 @@ _EXPLAINED = (
 )
 
 
-def gains(view: View, on_test: Gain | None, averaged: Gain | None) -> list[str]:
-    """Say what the extension, and the average over rivals, gain on rows that were not seen."""
+def gains(view: View, on_test: Gain | None) -> list[str]:
+    """Say what the extension gains on rows that were not seen."""
     d = view.diagnosis
     if d.gain_ is None and (on_test is None or not view.extended):
         return [*_not_measured(), *([] if on_test is None else _same_model(on_test))]
@@ -33,8 +33,6 @@ def gains(view: View, on_test: Gain | None, averaged: Gain | None) -> list[str]:
             out += _gain(on_test, f"On the rows held back ({on_test.n_rows} rows)")
         else:
             out += _same_model(on_test)
-    if averaged is not None:
-        out += _averaged(view, averaged)
     return out
 
 
@@ -134,7 +132,7 @@ def draws(view: View) -> list[str]:
     """Say whether the numerical methods behind the numbers did their job."""
     models = [("before", view.diagnosis.estimator_)]
     if view.extended:
-        models.append(("after", view.diagnosis.extended_estimator_))
+        models.append(("after", view.found))
     out = emulator(view)
     for word, model in models:
         d = model.diagnostics_
@@ -151,7 +149,22 @@ def draws(view: View) -> list[str]:
             f"The model {word} the extension rests on {effective:.0f} effective draws by "
             f"{d.sampler} sampling{khat}. {trouble}"
         )
-    return out
+    return out + _averaged(view)
+
+
+def _averaged(view: View) -> list[str]:
+    """Say whether draws are doubtful of what the model after averages over, beside the first."""
+    doubtful = [
+        f"{label} (weight {digits.probability(weight)}): {'; '.join(one.diagnostics_.problems())}"
+        for one, label, weight in averaged(view)[1:]
+        if one.diagnostics_.problems()
+    ]
+    if not doubtful:
+        return []
+    return [
+        "Of the other explanations that it averages over, which have fewer draws, these are "
+        f"doubtful: {'. '.join(doubtful)}. What that may change is in proportion to their weights."
+    ]
 
 
 def _with_search(gain: Gain, best: str, rows: str) -> list[str]:
@@ -191,18 +204,6 @@ def _gain(gain: Gain, rows: str) -> list[str]:
         f"The root mean square error of the predicted mean is {digits.number(gain.rmse_before)} "
         f"before and {digits.number(gain.rmse_after)} after, {way}.",
         _coverage(gain),
-    ]
-
-
-def _averaged(view: View, gain: Gain) -> list[str]:
-    """Say what predictions are worth that do not bet on one name."""
-    n = len(view.diagnosis.averaged_estimator().weights_)
-    return [
-        f"Averaged over the {n} explanations that hold 95 % of the probability "
-        f"(averaged_estimator()), the score on these rows is "
-        f"{digits.score(gain.elpd_after, gain.standard_error)}, the root mean square error "
-        f"{digits.number(gain.rmse_after)}, and the {100 * COVERAGE_LEVEL:g} % interval holds "
-        f"{digits.percent(gain.coverage_after)} of them."
     ]
 
 

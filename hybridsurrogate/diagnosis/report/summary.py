@@ -12,11 +12,11 @@ import pandas as pd
 
 from hybridsurrogate.diagnosis.report.section import Section
 from hybridsurrogate.diagnosis.report.tables import parameter_intervals, thirds
-from hybridsurrogate.diagnosis.report.view import View
+from hybridsurrogate.diagnosis.report.view import View, averaged
 from hybridsurrogate.diagnosis.validation.gain import Gain, best_beta
 
 # raised whenever a key changes its meaning or goes away
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 
 def summary(
@@ -45,6 +45,7 @@ def summary(
         "best_cause": asdict(diagnosis.best_cause_),
         "found_causes": [asdict(finding) for finding in diagnosis.found_causes_],
         "indistinguishable": list(diagnosis.indistinguishable_),
+        "averaged": [{"causes": label, "weight": weight} for _, label, weight in averaged(view)],
         "causes": diagnosis.causes_.to_dict("records"),
         "parameters": parameter_intervals(view),
         "discrepancy": {
@@ -63,7 +64,6 @@ def summary(
         "gain": _of(gains["folds"]),
         "gain_out_of_range": _of(gains["beyond"]),
         "gain_on_test": _of(gains["held back"]),
-        "gain_on_test_averaged": _of(gains["averaged"]),
         "beta_scan": _records(within),
         "beta_scan_out_of_range": _records(beyond),
         "best_beta": _best(within),
@@ -80,7 +80,7 @@ def summary(
         else diagnosis.emulator_check_._asdict(),
         "draws": {
             "before": asdict(diagnosis.estimator_.diagnostics_),
-            "after": asdict(diagnosis.extended_estimator_.diagnostics_),
+            "after": asdict(view.found.diagnostics_),
         },
         "sections": [
             {

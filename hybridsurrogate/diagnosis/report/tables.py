@@ -62,7 +62,7 @@ def third_table(view: View) -> pd.DataFrame | None:
 def parameter_intervals(view: View) -> dict[str, dict[str, Interval]]:
     """Return mean and 90 % interval of parameters and noise, before and after the extension."""
     out: dict[str, dict[str, Interval]] = {}
-    models = (view.diagnosis.estimator_, view.diagnosis.extended_estimator_)
+    models = (view.diagnosis.estimator_, view.found)
     for word, model in zip(("before", "after"), models, strict=True):
         draws = model.posterior_.named()
         names = view.diagnosis.estimator_.simulation.parameter_names
@@ -161,15 +161,14 @@ def _interval(draws: np.ndarray) -> Interval:
 
 def noise_of(view: View, after: bool = False) -> str:
     """Return the size of the noise before or after the extension, with its unit."""
-    d = view.diagnosis
-    model = d.extended_estimator_ if after else d.estimator_
+    model = view.found if after else view.diagnosis.estimator_
     scale = f"log {view.output}" if view.log_scale else view.output
     return f"{digits.number(view.noise(model), 2)} in units of {scale}"
 
 
 def output_table(view: View) -> pd.DataFrame:
     """Return what is left of each of several outputs, and its noise."""
-    models = (view.diagnosis.estimator_, view.diagnosis.extended_estimator_)
+    models = (view.diagnosis.estimator_, view.found)
     rows = []
     for name in view.outputs:
         one = view.of(name)

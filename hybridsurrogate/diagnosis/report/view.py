@@ -20,6 +20,8 @@ from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.context import label_columns
 from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.effects.noise.output_noise import OutputNoise
+from hybridsurrogate.estimators.averaged import AveragedSurrogate, leading
+from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.plotting import Prediction
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.stacking import Stacking
@@ -145,6 +147,11 @@ class View:
         return self.diagnosis.extended_estimator_ is not self.diagnosis.estimator_
 
     @property
+    def found(self) -> PowerScaledSurrogate:
+        """The model with the causes that were found, first of those that are averaged."""
+        return leading(self.diagnosis.extended_estimator_)
+
+    @property
     def has_weight(self) -> bool:
         """Whether there is a surrogate for whose training runs and measurements compete."""
         return has_weight(self.diagnosis.estimator_)
@@ -157,7 +164,7 @@ class View:
     @property
     def cause(self) -> Cause | None:
         """The first cause in the extended model, prepared."""
-        return self.diagnosis.extended_estimator_.effects[0] if self.extended else None
+        return self.found.effects[0] if self.extended else None
 
     @property
     def search(self) -> Search:
@@ -169,7 +176,7 @@ class View:
         """Every accepted cause, what was found about it and the cause itself, in order."""
         if not self.extended:
             return []
-        effects = [e for e in self.diagnosis.extended_estimator_.effects if e.is_learned]
+        effects = [e for e in self.found.effects if e.is_learned]
         return list(zip(self.diagnosis.found_causes_, effects, strict=True))
 
     @property
@@ -204,11 +211,11 @@ class View:
 
     @cached_property
     def change(self) -> FloatArray:
-        """What the extension adds to the predictions at the measured rows, on the scale of eta.
+        """What the causes found add to the predictions at the measured rows, on the scale of eta.
 
         In units of an output of several decades it would be large where the output is.
         """
-        models = self.diagnosis.estimator_, self.diagnosis.extended_estimator_
+        models = self.diagnosis.estimator_, self.found
         before, after = (self.working_residuals(model) for model in models)
         return before - after
 
@@ -330,7 +337,7 @@ class View:
     @cached_property
     def _residuals(self) -> dict[int, tuple[FloatArray, FloatArray]]:
         """Residuals of either model on the scale of eta, and standardised, both from one eta."""
-        models = self.diagnosis.estimator_, self.diagnosis.extended_estimator_
+        models = self.diagnosis.estimator_, self.found
         rows, y = self.single(self.X), self.y / self.unit
         told = {id(model): _residuals_of(model, rows, y) for model in models}
         # what is divided by a scale is not on a logarithmic one
@@ -350,7 +357,7 @@ def view_of(diagnosis: DiscrepancyDiagnosis) -> View:
     views = [view.of(name) for name in view.outputs]
 
     def moved(one: View) -> float:
-        return float(np.mean(one.change**2)) / one.noise(diagnosis.extended_estimator_) ** 2
+        return float(np.mean(one.change**2)) / one.noise(view.found) ** 2
 
     return max(views, key=moved) if view.extended else view
 
@@ -397,6 +404,18 @@ def label_of(rival: Candidate) -> str:
     if rival.cause is None and rival.model.effects:
         return "nothing further is wrong"
     return label_of_cause(rival.cause)
+
+
+def averaged(view: View) -> list[tuple[PowerScaledSurrogate, str, float]]:
+    """Return what the extended model averages over: each model, its causes and its weight."""
+    after = view.diagnosis.extended_estimator_
+    if not isinstance(after, AveragedSurrogate):
+        return []
+    causes = [[e for e in one.effects if e.is_learned] for one in after.estimators_]
+    labels = [
+        " and ".join(map(label_of_cause, each)) if each else label_of_cause(None) for each in causes
+    ]
+    return list(zip(after.estimators_, labels, after.weights_.tolist(), strict=True))
 
 
 def _explained(x: FloatArray, curve: FloatArray) -> float:

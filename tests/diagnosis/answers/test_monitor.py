@@ -116,6 +116,31 @@ def test_deviations_are_standard_normal_while_the_extension_is_right():
     assert abs(np.mean(z[1:] * z[:-1])) < 3 / np.sqrt(n)
 
 
+def test_deviations_are_those_of_the_average_over_explanations():
+    t = np.linspace(0, 10, N)
+    y = 0.5 + t + 0.03 * t**2 + 0.3 * np.random.default_rng(4).standard_normal(N)
+    found = diagnosed(t[:, None], y)
+    average = found.extended_estimator_
+    assert len(average.estimators_) > 1
+    X, new = np.array([[11.0], [12.0]]), np.array([15.0, 17.0])
+    weights, below = [], []
+    for share, one in zip(average.weights_, average.estimators_, strict=True):
+        eta, sigma = one.posterior_.eta(X)
+        weights.append(np.full(len(eta), share / len(eta)))
+        below.append(norm(eta, sigma[:, None] if sigma.ndim == 1 else sigma).cdf(new))
+    weights, below = np.concatenate(weights), np.concatenate(below)
+    deviations = found.update(X, new).table["deviation"]
+    assert norm.cdf(deviations[0]) == pytest.approx(weights @ below[:, 0])
+    # the first measurement says which explanation, and which draw, foresaw it
+    told = []
+    for one in average.estimators_:
+        eta, sigma = one.posterior_.eta(X)
+        sigma = sigma[:, None] if sigma.ndim == 1 else sigma
+        told.append(norm(eta, sigma).pdf(new)[:, 0])
+    weights = weights * np.concatenate(told)
+    assert norm.cdf(deviations[1]) == pytest.approx(weights @ below[:, 1] / weights.sum())
+
+
 @pytest.mark.parametrize("seed", [2, 3, 4])
 def test_a_sensor_that_moved_is_told_soon_and_since_when(wave, seed):
     t, y = measured(N, 0)

@@ -71,29 +71,29 @@ def view_of(gain, beyond=None, kinds="step"):
 
 
 def test_the_words_for_a_gain():
-    text = " ".join(scores.gains(view_of(gain_of(0.512, 0.123)), None, None))
+    text = " ".join(scores.gains(view_of(gain_of(0.512, 0.123)), None))
     assert "-1.00 before, -0.49 after, difference +0.51 ± 0.12 (standard error)" in text
     assert "2 before and 1.5 after, 25 % less" in text
     assert "The 50 % interval holds 40 % before and 55 % after" in text
     assert "as it should be, within chance" in text
     assert "Higher is better" in text
     assert "Beyond the measured range the gain was not measured" in text
-    split = " ".join(scores.gains(view_of(gain_of(0.5, 0.1, 0.7, ("step", "bump"))), None, None))
+    split = " ".join(scores.gains(view_of(gain_of(0.5, 0.1, 0.7, ("step", "bump"))), None))
     assert "it chose: step 1, bump 1" in split
     assert "Of these 2 searches 1 chose step" in split
     assert "too few: the uncertainty stated is too small" in split
     pair = gain_of(0.5, 0.1, kinds=("periodic + step", "step"))
-    both = " ".join(scores.gains(view_of(pair, kinds="periodic + step"), None, None))
+    both = " ".join(scores.gains(view_of(pair, kinds="periodic + step"), None))
     assert "it chose: periodic + step 1, step 1" in both
     assert "Of these 2 searches 1 chose periodic + step" in both
-    wide = " ".join(scores.gains(view_of(None), gain_of(0.5, 0.1, 1.0, ()), None))
+    wide = " ".join(scores.gains(view_of(None), gain_of(0.5, 0.1, 1.0, ())))
     assert "On the rows held back (100 rows)" in wide
     assert "too many: the uncertainty stated is too large" in wide
 
 
 def test_the_words_for_a_gain_beyond_the_measured_range():
     beyond = gain_of(-0.5, 0.1, kinds=("none", "bump"))
-    text = " ".join(scores.gains(view_of(gain_of(0.5, 0.1), beyond), None, None))
+    text = " ".join(scores.gains(view_of(gain_of(0.5, 0.1), beyond), None))
     assert "the last 100 rows along t, in 2 parts, each foreseen from all rows before it" in text
     assert "predicts worse: do not use it for rows like these" in text
     assert "Of these 2 searches none chose step" in text
