@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.simulation.calendar import is_of_calendar
 
 Rows = Mapping[str, FloatArray]  # a name and its values in n rows
 
@@ -159,7 +160,7 @@ class Context:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Names of the columns that label experiments: the declared one, and counted integers.
+        """Names of the columns of labels: the declared one, counted integers, weekday and month.
 
         The simulation ignores them, and they are no axis.
         """
@@ -177,7 +178,11 @@ class Context:
 def label_columns(X: Rows, n_inputs: int, experiment: str | None) -> tuple[str, ...]:
     """Return the columns beyond the inputs that label experiments: `Context.labels`."""
     extras = list(X)[n_inputs:]
-    return tuple(name for name in extras if name == experiment or _counts_experiments(X[name]))
+    return tuple(
+        name
+        for name in extras
+        if name == experiment or is_of_calendar(name) or _counts_experiments(X[name])
+    )
 
 
 def _counts_experiments(values: FloatArray) -> bool:

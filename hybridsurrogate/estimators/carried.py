@@ -33,7 +33,7 @@ def carried(
     """Return the fit of a problem from proposals made for another, None where they do not serve.
 
     They do not where their k-hat exceeds 0.7 or fewer than 200 effective draws are left, after
-    moment matching.
+    moment matching. Of fewer proposals there are none.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def carried(
     n_proposals : int
         At most so many of them are used.
     """
-    if proposals is None:
+    if proposals is None or len(proposals.points) < _MIN_EFFECTIVE:
         return None
     powers = powers_used(problem, powers)
     target = make_target(problem, *powers)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from hybridsurrogate.exceptions import ExtrapolationWarning
 from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.simulation.calendar import MONTH
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 
 
@@ -32,6 +33,13 @@ def matched_columns(
     if names:
         missing = [name for name in wanted if name not in names]
         if missing:
+            dates = [name for name in missing if MONTH + name in names]
+            if dates:
+                raise ValueError(
+                    f"The simulation's inputs {dates} hold dates, not numbers: count them from a "
+                    "fixed day, (X[name] - pandas.Timestamp('2020-01-01')) / "
+                    "pandas.Timedelta('1D'), as the simulation does."
+                )
             raise ValueError(
                 f"The measured data lack the simulation's inputs {missing}; their columns are "
                 f"{names}. Rename the columns or pass an array with the inputs first."

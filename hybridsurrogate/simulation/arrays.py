@@ -15,6 +15,7 @@ from scipy import sparse
 from sklearn.utils import check_scalar, column_or_1d
 
 from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.simulation.calendar import dates_of, with_calendar
 
 # doubles end at 1e308, and sums of squares are formed of everything
 _LARGEST = 1e150
@@ -61,13 +62,16 @@ def as_table(values: Any, word: str = "X") -> Any:
 def complete_table(values: Any, word: str = "X", labels: str | None = None) -> Any:
     """As `as_table`; raise ValueError, with its name, for a column without a number in each row.
 
-    The column ``labels`` may hold names instead.
+    The column ``labels`` may hold names instead. In place of dates there are weekday and month.
     """
     table = as_table(values, word)
-    if isinstance(table, pd.DataFrame):
-        check_columns(table[[name for name in table.columns if name != labels or labels is None]])
-        check_complete(table)
-    return table
+    if not isinstance(table, pd.DataFrame):
+        return table
+    others = table[[name for name in table.columns if name != labels or labels is None]]
+    dates = dates_of(others)
+    check_columns(others.drop(columns=dates))
+    check_complete(table)
+    return with_calendar(table, dates) if dates else table
 
 
 def _frame_of(values: Any, word: str) -> pd.DataFrame | None:
@@ -155,9 +159,9 @@ def check_columns(frame: pd.DataFrame) -> None:
     if wrong:
         raise ValueError(
             f"The columns {wrong} hold no numbers. Number levels such as a batch, "
-            "X[name].map({'A': 0, 'B': 1}); count dates from a fixed day, "
-            "(X[name] - pandas.Timestamp('2020-01-01')) / pandas.Timedelta('1D'); or leave them "
-            "out."
+            "X[name].map({'A': 0, 'B': 1}); of dates written as text make dates, whose weekday and "
+            "month are weighed, pandas.to_datetime(X[name]), or an axis, "
+            "(dates - pandas.Timestamp('2020-01-01')) / pandas.Timedelta('1D'); or leave them out."
         )
 
 

@@ -133,9 +133,9 @@ def test_columns_that_the_simulation_needs(simulation, measured, estimator):
     [
         pd.Series(["A", "B"] * 10),
         pd.Series(["A", "B"] * 10, dtype="category"),
-        pd.Series(pd.date_range("2026-01-01", periods=20)),
+        pd.Series(pd.date_range("2026-01-01", periods=20).astype(str)),
     ],
-    ids=["text", "category", "dates"],
+    ids=["text", "category", "dates as text"],
 )
 @pytest.mark.parametrize("estimator", ESTIMATORS)
 def test_columns_that_hold_no_numbers(simulation, measured, column, estimator):

@@ -12,7 +12,7 @@ from hybridsurrogate.diagnosis.search.forward_selection import Step
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
-from hybridsurrogate.exceptions import HybridSurrogateWarning
+from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning
 
 # what is less probable is not averaged over: on cases outside the catalogue that costs 0.01 nats a
 # row beyond the data (standard error 0.01), and takes less than half of the fits
@@ -28,7 +28,8 @@ def averaged_over(
 ) -> AveragedSurrogate:
     """Return the average over what may be missing, by probability, the causes found first.
 
-    Each extension keeps a remainder beyond the measured range, as large as what it changes.
+    Each extension keeps a remainder beyond the measured range, as large as what it changes. Of what
+    cannot be fitted beside the first a `DiagnosisWarning` tells.
 
     Parameters
     ----------
@@ -39,13 +40,24 @@ def averaged_over(
     fitted : callable
         Returns the estimator fitted with causes as effects.
     """
-    sets, weights = explanations(steps)
-    models = [with_remainder(before, fitted(sets[0]))]
-    with warnings.catch_warnings():
-        # of the rows the first fit has warned; doubtful draws of the others are in the report
-        warnings.simplefilter("ignore", HybridSurrogateWarning)
-        for causes in sets[1:]:
-            models.append(with_remainder(before, fitted(causes)) if causes else before)
+    sets, shares = explanations(steps)
+    models, weights = [with_remainder(before, fitted(sets[0]))], shares[:1]
+    for causes, share in zip(sets[1:], shares[1:], strict=True):
+        try:
+            with warnings.catch_warnings():
+                # of the rows the first fit has warned; doubtful draws are in the report
+                warnings.simplefilter("ignore", HybridSurrogateWarning)
+                model = with_remainder(before, fitted(causes)) if causes else before
+        except ValueError as error:
+            warnings.warn(
+                f"{' and '.join(cause.name for cause in causes)}, with {100 * share:.0f} % of the "
+                f"probability, could not be fitted and is not averaged over: {error}",
+                DiagnosisWarning,
+                stacklevel=5,
+            )
+            continue
+        models.append(model)
+        weights.append(share)
     return AveragedSurrogate.of_fitted(models, weights, before.random_state)
 
 

@@ -11,6 +11,8 @@ from hybridsurrogate.exceptions import DiagnosisWarning
 
 # names in a column of text that are taken as levels
 _MOST_LEVELS = 6
+# ISO 8601: a day, and perhaps a time of it
+_DATE = r"\d{4}-\d\d-\d\d([T ].+)?"
 
 
 def numbers_of(column: pd.Series, file: str, finite: bool = True) -> pd.Series:
@@ -33,9 +35,13 @@ def numbers_of(column: pd.Series, file: str, finite: bool = True) -> pd.Series:
 
 
 def with_levels(measured: pd.DataFrame) -> pd.DataFrame:
-    """Return the columns of numbers, and those of a few names as levels 0, 1, 2, ..."""
+    """Return the columns of numbers, dates, and those of a few names as levels 0, 1, 2, ..."""
     out = measured.copy()
     for name in measured.columns.difference(measured.select_dtypes("number").columns, sort=False):
+        dates = _dates(measured[name])
+        if dates is not None:
+            out[name] = dates
+            continue
         known = sorted(measured[name].dropna().astype(str).unique())
         if measured[name].isna().any() or not 2 <= len(known) <= _MOST_LEVELS:
             warnings.warn(
@@ -51,3 +57,12 @@ def with_levels(measured: pd.DataFrame) -> pd.DataFrame:
         told = ", ".join(f"{level} is {code}" for level, code in codes.items())
         print(f"Levels of {name}: {told}.", flush=True)
     return out
+
+
+def _dates(column: pd.Series) -> pd.Series | None:
+    """Return a column of dates such as 2026-11-27 as dates; None for anything else."""
+    text = column.astype(str).str.strip()
+    if not text.str.fullmatch(_DATE).all():
+        return None
+    dates = pd.to_datetime(text, format="ISO8601", errors="coerce", utc=True)
+    return None if dates.isna().any() else dates

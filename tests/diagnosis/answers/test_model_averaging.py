@@ -4,9 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from sklearn.base import clone
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.answers.model_averaging import explanations
+from hybridsurrogate.diagnosis.answers.model_averaging import averaged_over, explanations
 
 WAVE, STEP, BUMP, TREND = hs.Periodic("t"), hs.Step("t"), hs.Bump("t"), hs.Trend("t")
 
@@ -53,6 +54,26 @@ def test_what_was_weighed_alone_says_nothing_of_a_pair():
     first = step_of(WAVE, (), wave=0.5, bump=0.5)
     second = step_of(STEP, (WAVE,), step=0.75, trend=0.25)
     assert explanations([first, second])[0] == [(WAVE, STEP), (WAVE, TREND)]
+
+
+def test_what_cannot_be_fitted_is_told_and_left_out():
+    simulator = hs.Simulator(
+        lambda t, a: a * t, {"t": (0, 10)}, {"a": hs.truncated_normal(1, 1, 0, 3)}
+    )
+    t, y = np.arange(10.0)[:, None], np.arange(10.0)
+    model = hs.PowerScaledSurrogate(simulator, hs.ExactSurrogate(), n_draws=50, random_state=0)
+    before = model.fit(t, y)
+
+    def fitted(causes):
+        if causes == (BUMP,):
+            raise ValueError("no start has a finite density")
+        return clone(before).set_params(effects=causes).fit(t, y)
+
+    step = step_of(TREND, (), trend=0.5, bump=0.3, step=0.18)
+    with pytest.warns(hs.DiagnosisWarning, match=r"bump\(t\), with 30 % .* no start has a finite"):
+        average = averaged_over([step], before, fitted)
+    assert [one.effects[0] for one in average.estimators_] == [TREND, STEP]
+    np.testing.assert_allclose(average.weights_, np.array([0.5, 0.18]) / 0.68)
 
 
 @pytest.mark.slow

@@ -105,6 +105,19 @@ def test_a_fold_is_fitted_from_the_proposals_of_the_whole(simulator):
     assert fitted_near(model, t[rows, None], 5 - 3 * y[rows], whole) is None
 
 
+@pytest.mark.parametrize("cause", [hs.Step("t"), hs.Ramp("t"), hs.Bump("t")])
+def test_proposals_that_a_fold_excludes_serve_nobody(simulator, cause):
+    # it begins later than all rows of the fold, whose prior of its place ends with them
+    t = np.linspace(0, 14, 60)
+    y = line(t, 1.0, 0.8) + 0.1 * np.random.default_rng(0).standard_normal(60)
+    y += 4 * np.exp(-5 * (t - 12) ** 2) if cause.kind == "bump" else 4 * np.maximum(t - 12, 0)
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), effects=[cause], n_draws=300, random_state=0
+    )
+    whole = clone(model).fit(t[:, None], y)
+    assert fitted_near(model, t[:30, None], y[:30], whole) is None
+
+
 def test_a_fold_is_fitted_from_the_whole_where_priors_follow_the_rows(simulator):
     # the prior of the period follows the rows, and the period is known to a fraction of it
     t = np.linspace(0, 14, 60)
