@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -88,6 +88,11 @@ class AveragedSurrogate(SurrogateEstimator):
     def experiment(self) -> str | None:  # type: ignore[override]
         """The column of experiments that the estimators share."""
         return self.estimators[0].experiment if self.estimators else None
+
+    @property
+    def by_experiment(self) -> Mapping[str, str] | None:  # type: ignore[override]
+        """What differs between experiments in the first estimator."""
+        return self.estimators[0].by_experiment if self.estimators else None
 
     def fit(
         self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None
