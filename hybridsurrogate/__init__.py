@@ -3,6 +3,7 @@
 from hybridsurrogate.diagnosis import CauseFinding, DiscrepancyDiagnosis, refine
 from hybridsurrogate.effects import (
     SIMULATED,
+    SLOPE,
     Autocorrelation,
     BuildUp,
     Bump,
@@ -16,6 +17,7 @@ from hybridsurrogate.effects import (
     Gain,
     GaussianProcessDiscrepancy,
     InOutput,
+    InputError,
     Interaction,
     Limit,
     MissingInput,
@@ -26,6 +28,7 @@ from hybridsurrogate.effects import (
     ParameterDrift,
     Periodic,
     Ramp,
+    RandomParameter,
     Remainder,
     Saturation,
     SensorResponse,
@@ -86,6 +89,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "SIMULATED",
+    "SLOPE",
     "Assumed",
     "Autocorrelation",
     "AveragedSurrogate",
@@ -115,6 +119,7 @@ __all__ = [
     "GaussianProcessDiscrepancy",
     "HybridSurrogateWarning",
     "InOutput",
+    "InputError",
     "Interaction",
     "KennedyOHaganSurrogate",
     "Kriging",
@@ -139,6 +144,7 @@ __all__ = [
     "PredictiveWeightedSurrogate",
     "PriorWarning",
     "Ramp",
+    "RandomParameter",
     "Remainder",
     "SamplingWarning",
     "Saturation",

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from hybridsurrogate.blocks import LARGE_BLOCK, blocks
 from hybridsurrogate.digits import number
+from hybridsurrogate.effects.base import NOISE_SD
 from hybridsurrogate.exceptions import FailedRunsWarning, SamplingWarning
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.inference.sampling.psis import KHAT_LIMIT
@@ -200,6 +201,8 @@ class Posterior:
             for k, (owner, name) in enumerate(self.model.theta_names)
             if owner == effect
         }
+        if self.model.effects[effect].follows_slope:
+            theta[NOISE_SD] = self.sigma
         coefficients = {
             name: self.effect_coefficients[:, k]
             for k, (owner, name) in enumerate(self.model.column_names)

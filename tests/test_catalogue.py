@@ -72,18 +72,21 @@ def test_the_whole_catalogue():
         *("interaction", "step: before", "missing-input", "missing-input: quadratic"),
         *("missing-input: categorical", "missing-input: with offset", "interaction: from zero"),
         *("noise", "noise: mean", "noise: tails", "noise: autocorrelation", "unexplained"),
+        *("input-error", "random-parameter"),
         # batches 1 to 4 are labels
         "parameter-by-experiment: over batch",
     }
-    # a continuous column has no levels, and this simulation has no dynamics
+    # a continuous column has no levels, this simulation has no dynamics, and its floor is added
     assert {(s.kind, s.target) for s in skipped} == {
         ("missing-input", "wind"),
         ("missing-term", None),
+        ("random-parameter", "floor"),
     }
     assert {s.reason.partition(":")[0] for s in skipped} == {
         "categorical",
         "level",
         "inside the dynamics",
+        "the simulation is as steep over floor everywhere",
     }
     assert sorted((cause.kind, cause.level) for cause in levels) == [
         (kind, level) for kind in ("missing-input", "noise") for level in (1, 2, 3, 4)

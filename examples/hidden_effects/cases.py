@@ -49,7 +49,10 @@ LATER_FORMS = (
     "limit",
     "response",
 )
-FORMS = (*KINDS, *LATER_FORMS)
+LATEST_FORMS = ("input-error", "random-parameter")
+FORMS = (*KINDS, *LATER_FORMS, *LATEST_FORMS)
+# the place of a form is part of the seed of its cases: what is new comes last
+_SEEDED = (*KINDS, *LATER_FORMS, *mechanisms.FORMS, *LATEST_FORMS)
 
 # noise in shares of the range of the simulation's output
 _NOISE_SHARES = (0.003, 0.3)
@@ -173,7 +176,7 @@ def make_case(
     InfeasibleError
         If no draw is admissible.
     """
-    rng = np.random.default_rng([(*FORMS, *mechanisms.FORMS).index(kind), seed])
+    rng = np.random.default_rng([_SEEDED.index(kind), seed])
     for _ in range(_MOST_REDRAWS):
         name = str(rng.choice(list(SIMULATIONS)))
         setting = draw_setting(SIMULATIONS[simulation or name], n_rows, rng)
@@ -183,7 +186,7 @@ def make_case(
         truth_at, numbers = effect
         mu, base = truth_at(setting.X), run(setting, setting.X)
         noise_shape = np.ones(n_rows)
-        if kind.partition(":")[0] in ("none", "noise"):
+        if kind.partition(":")[0] in ("none", *noises.KINDS):
             left, noise_sd = np.zeros(n_rows), between(rng, 0.01, 0.1) * setting.output_range
             if kind == "noise":
                 numbers["ratio"] = (1 + size) ** numbers.pop("sign")
@@ -206,6 +209,12 @@ def make_case(
         noise = noise_shape * rng.normal(size=n_rows)
         if kind in noises.FORMS:
             noise, told = noises.FORMS[kind](size, setting.X[:, 0], mu, rng)
+            truth |= told
+        elif kind in LATEST_FORMS:
+            drawn = noises.of_slope(kind, size, setting, noise_sd, rng)
+            if drawn is None:
+                continue
+            noise, told = drawn
             truth |= told
         y = mu + noise_sd * noise
         return Case(setting.simulator, setting.X, y, setting.X_out, truth_at(setting.X_out), truth)

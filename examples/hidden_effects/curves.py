@@ -247,7 +247,7 @@ def _draw_other_drift(shape: str, setting: Setting, rng: np.random.Generator) ->
 def draw_effect(kind: str, setting: Setting, rng: np.random.Generator) -> Effect | None:
     """Draw the noise-free truth as a function of X, and its numbers; None if out of bounds."""
     simulator, n_parameters = setting.simulator, len(setting.simulator.parameter_names)
-    if kind == "none" or kind.startswith("noise: "):
+    if kind in ("none", "input-error", "random-parameter") or kind.startswith("noise: "):
         # it is along the first input that noise is correlated
         along = simulator.input_names[0] if kind == "noise: autocorrelation" else ""
         return lambda X: run(setting, X), {"target": along}

@@ -75,6 +75,8 @@ def log_ratio(form: str, size: float, case: Case, noise: Array) -> Array:
 
 def shape(form: str, size: float, case: Case) -> Array:
     """Return the standard deviation of each row, in units of its root mean square."""
+    if "row_sd" in case.truth:
+        return np.asarray(case.truth["row_sd"])
     if form == "noise":
         column = case.simulator.input_names.index(case.truth["target"])
         return along(case.X[:, column], case.truth["ratio"])

@@ -6,6 +6,10 @@ ten but at least three, have 1 + 2 s times that of the other rows. Of autocorrel
 correlated part has s times the standard deviation of the independent part; it is an AR(1) process
 along the first input, over two to five spacings of the rows. The first and the last have root mean
 square one, the others' noise is as large as it would be without outliers.
+
+An input, or a parameter, that is another one in every row makes noise where the simulation is
+steep: so much that at the steepest row the standard deviation is, to first order, 1 + s times that
+of the noise without it. The simulation itself is run there, not its slope.
 """
 
 from __future__ import annotations
@@ -15,7 +19,14 @@ from typing import Any
 
 import numpy as np
 
+from .curves import Setting, run
 from .simulations import Array
+
+# kinds that are in the noise alone
+KINDS = ("noise", "input-error", "random-parameter")
+# of the steepest row, as shares of its slope: an even slope makes noise like any other
+_LEAST_SPREAD = 0.2
+_STEP = 1e-4
 
 Draw = tuple[Array, dict[str, Any]]
 
@@ -53,3 +64,33 @@ FORMS: dict[str, Callable[[float, Array, Array, np.random.Generator], Draw]] = {
     "noise: tails": outliers,
     "noise: autocorrelation": autocorrelated,
 }
+
+
+def of_slope(
+    kind: str, size: float, setting: Setting, noise_sd: float, rng: np.random.Generator
+) -> Draw | None:
+    """Draw which input or parameter is off, and noise; None where it is as steep everywhere."""
+    names = setting.simulator.input_names
+    if kind == "random-parameter":
+        names = setting.simulator.parameter_names
+    k = int(rng.integers(len(names)))
+    low, high = (setting.simulator.input_ranges | setting.simulator.parameter_ranges)[names[k]]
+
+    def moved(by: Array | float) -> Array:
+        X, omega = setting.X.copy(), np.tile(setting.omega, (len(setting.X), 1))
+        (omega if kind == "random-parameter" else X)[:, k] += by
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return run(setting, X, omega)
+
+    step = _STEP * (high - low)
+    slope = np.abs(moved(step) - moved(-step)) / (2 * step)
+    if not np.isfinite(slope).all() or np.ptp(slope) < _LEAST_SPREAD * slope.max():
+        return None
+    row_sd = np.sqrt(1 + ((1 + size) ** 2 - 1) * (slope / slope.max()) ** 2)
+    usual = np.sqrt(np.mean(row_sd**2))
+    spread = noise_sd / usual * np.sqrt((1 + size) ** 2 - 1) / slope.max()
+    off = (moved(spread * rng.normal(size=len(slope))) - moved(0.0)) / noise_sd
+    if not np.isfinite(off).all():
+        return None
+    told = {"target": names[k], "spread": spread, "row_sd": row_sd / usual}
+    return off + rng.normal(size=len(slope)) / usual, told

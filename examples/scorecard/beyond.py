@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from hidden_effects import noises
 from hidden_effects.cases import Case
 
 import hybridsurrogate as hs
@@ -23,7 +24,7 @@ def foreseen(case: Case, diagnosis: hs.DiscrepancyDiagnosis, seed: int) -> dict[
     The measurements out of range are made here: the truth and noise of the case's size. None where
     the hidden effect is in the noise or there is none.
     """
-    if case.truth["kind"] in ("none", "noise"):
+    if case.truth["kind"] in ("none", *noises.KINDS):
         return {}
     noise = np.random.default_rng(seed).standard_normal(len(case.mu_out))
     y = case.mu_out + case.truth["noise_sd"] * noise

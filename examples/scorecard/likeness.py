@@ -6,6 +6,7 @@ import warnings
 from dataclasses import replace
 
 import numpy as np
+from hidden_effects import noises
 from hidden_effects.cases import Case
 
 import hybridsurrogate as hs
@@ -44,7 +45,7 @@ def distance(case: Case, diagnosis: hs.DiscrepancyDiagnosis) -> float:
     named = [w for w in search.candidates if w.cause and w.cause.kind == found]
     mine = [w.cause for w in named if w.cause and w.cause.changes_output]
     # a curve of size zero would draw the truth of a case whose noise alone is strange
-    if not mine or found in _NAMELESS or hidden == "noise":
+    if not mine or found in _NAMELESS or hidden in noises.KINDS:
         return float("inf")
     near = [Fitted(*w[1:5]) for w in named if w.cause and w.cause.changes_output]
     problem = replace(search.problem, y=truth)

@@ -186,7 +186,8 @@ def _kinds_option(kinds: list[str]) -> list[str]:
 _HOW = """Effects are hidden in eight simulations and the diagnosis, which weighs its whole
 catalogue, has to find them. Size is the root mean square of what is left of the effect after the
 parameters have been fitted to the noise-free truth, in noise standard deviations. For `noise` the
-standard deviation at one end is 1 + size times that at the other; for its other forms see
+standard deviation at one end is 1 + size times that at the other; for its other forms, input errors
+and random parameters see
 `examples/hidden_effects/noises.py`. {simulated}
 
 How often the name is right is counted three times, each time with more counted as right:

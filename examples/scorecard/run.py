@@ -50,6 +50,8 @@ NUMBERS = {
     "response": {"curvature": "curvature"},
     "noise": {"ratio": "ratio"},
     "noise: tails": {"share": "share"},
+    "input-error": {"spread": "spread"},
+    "random-parameter": {"spread": "spread"},
     "noise: autocorrelation": {"length": "length"},
 }
 # what an estimate says beside these: together they tell which form of a kind was found
@@ -58,6 +60,8 @@ _OTHER_WORDS = {
     "trend: quadratic": {"level"},
     "periodic": {"peak"},
     "noise": {"slope"},
+    "input-error": {"ratio"},
+    "random-parameter": {"ratio"},
     "response": {"level", "gain"},
     "noise: autocorrelation": {"amplitude"},
 }

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from hidden_effects import noises
 from hidden_effects.cases import KINDS
 from hidden_effects.limits import best_power
 from numpy.typing import ArrayLike
@@ -23,7 +24,7 @@ EDGES = (0.0, 0.2, 0.4, 0.6, 0.75, 0.9, 0.99, 1.0)
 _NOISE_EDGES = (0.0, 0.01, 0.03, 0.1, np.inf)
 _NOISE_WORDS = ("below 1 %", "1 to 3 %", "3 to 10 %", "above 10 %")
 # forms of the kinds that leave no curve, so that there is nothing to gain out of range
-_NO_CURVE = ("none", "noise")
+_NO_CURVE = ("none", *noises.KINDS)
 # a chi-square: the data at hand speak for the truth by half of it, in nats, on average
 TOLD_APART = 1.0
 
@@ -136,7 +137,7 @@ def rates(table: pd.DataFrame, by: str | Sequence[str]) -> pd.DataFrame:
 def _by_forms(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Split cases into the nine kinds of the first test bed, and all that came after."""
     found = single(table)
-    first, noise = found["kind"].isin(KINDS), found["word"] == "noise"
+    first, noise = found["kind"].isin(KINDS), found["word"].isin(noises.KINDS)
     return {
         "all": found,
         "first kinds": found[first],
@@ -263,7 +264,7 @@ def noise_limits(table: pd.DataFrame) -> pd.DataFrame:
     For the number of rows that most cases have.
     """
     part = single(table)
-    part = part[part["word"] == "noise"]
+    part = part[part["word"].isin(noises.KINDS)]
     part = part[part["rows"].isin(part["rows"].mode()[:1])]
     if part.empty:
         return part

@@ -9,7 +9,7 @@ none.
 
 from typing import TYPE_CHECKING
 
-from hybridsurrogate.effects.base import SIMULATED, Cause, Context
+from hybridsurrogate.effects.base import SIMULATED, SLOPE, Cause, Context
 from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.effects.output.remainder import Remainder
 from hybridsurrogate.effects.registry import classes, load
@@ -20,9 +20,11 @@ if TYPE_CHECKING:  # the files are loaded below, room by room
     from hybridsurrogate.effects.dynamics.dynamic_term import DynamicTerm
     from hybridsurrogate.effects.inputs.delay import Delay
     from hybridsurrogate.effects.noise.autocorrelation import Autocorrelation
+    from hybridsurrogate.effects.noise.input_error import InputError
     from hybridsurrogate.effects.noise.noise import Noise
     from hybridsurrogate.effects.noise.noise_of_mean import NoiseOfMean
     from hybridsurrogate.effects.noise.outliers import Outliers
+    from hybridsurrogate.effects.noise.random_parameter import RandomParameter
     from hybridsurrogate.effects.output.bump import Bump
     from hybridsurrogate.effects.output.decay import Decay
     from hybridsurrogate.effects.output.discrepancy_process import GaussianProcessDiscrepancy
@@ -44,6 +46,7 @@ if TYPE_CHECKING:  # the files are loaded below, room by room
 
 __all__ = [
     "SIMULATED",
+    "SLOPE",
     "Autocorrelation",
     "BuildUp",
     "Bump",
@@ -58,6 +61,7 @@ __all__ = [
     "Gain",
     "GaussianProcessDiscrepancy",
     "InOutput",
+    "InputError",
     "Interaction",
     "Limit",
     "MissingInput",
@@ -68,6 +72,7 @@ __all__ = [
     "ParameterDrift",
     "Periodic",
     "Ramp",
+    "RandomParameter",
     "Remainder",
     "Saturation",
     "SensorResponse",

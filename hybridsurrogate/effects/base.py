@@ -21,6 +21,9 @@ from hybridsurrogate.simulation.modification import Modification
 
 # the name under which `Cause.noise` finds the simulation's output, where it asks for it
 SIMULATED = "simulated output"
+# those under which it finds the slope of that over `follows_slope`, and `estimates` the noise's sd
+SLOPE = "slope of the simulated output"
+NOISE_SD = "sd of the noise"
 
 
 class Cause(BaseEstimator):
@@ -51,6 +54,9 @@ class Cause(BaseEstimator):
         parameter of the simulation, the name of the spread, those of the deviations.
     follows_mean : bool
         Whether ``noise`` looks at the simulation's output: ``X[SIMULATED]``, on the scale of eta.
+    follows_slope : (str, float) or None
+        Over which input or parameter ``noise`` looks at the slope of that output, ``X[SLOPE]``, per
+        unit; and a usual change of it, in its unit. Only with one output.
 
     Notes
     -----
@@ -89,6 +95,7 @@ class Cause(BaseEstimator):
     is_learned: bool = True
     hierarchy: tuple[str, str, tuple[str, ...]] | None = None
     follows_mean: bool = False
+    follows_slope: tuple[str, float] | None = None
 
     def prepare(self, context: Context) -> Cause:
         """Return the cause with every default filled in from the context.
@@ -195,7 +202,7 @@ class Cause(BaseEstimator):
         Parameters
         ----------
         X, theta : dict of name to ndarray of shape (n,)
-            With ``follows_mean`` also ``X[SIMULATED]``.
+            With ``follows_mean`` also ``X[SIMULATED]``, with ``follows_slope`` ``X[SLOPE]``.
 
         Returns
         -------
@@ -250,6 +257,7 @@ class Cause(BaseEstimator):
         Parameters
         ----------
         theta, coefficients : dict of name to ndarray of shape (n_draws,)
+            With ``follows_slope`` also ``theta[NOISE_SD]``, on the scale of eta.
 
         Returns
         -------

@@ -75,6 +75,9 @@ class Context:
         Names of the experiments, which the column numbers from zero. None: it is as it was given.
     by_experiment : tuple of str
         Parameters that are known to differ between these.
+    slopes : dict of str to ndarray of shape (n,)
+        Slope of the simulation over each input, parameter and assumed constant at the measured
+        rows, on the scale of eta per unit of it. Empty with several outputs.
     unit : float
         What one on the scale of eta is in the user's units: of one of several outputs.
 
@@ -106,6 +109,7 @@ class Context:
     experiment: str | None = None
     experiment_labels: tuple[str, ...] | None = None
     by_experiment: tuple[str, ...] = ()
+    slopes: Mapping[str, FloatArray] = field(default_factory=dict)
     unit: float = 1.0
 
     def begins_at_zero(self, column: str) -> bool:
@@ -116,6 +120,26 @@ class Context:
         low, high = self.X[column].min(), self.X[column].max()
         ends = sorted(abs(end) for end in (low, high))
         return bool(low * high >= 0 and ends[0] <= 0.25 * (high - low))
+
+    def usual_change(self, quantity: str) -> float:
+        """Return a quarter of an input's span, or the prior sd of a parameter or a constant.
+
+        Raises
+        ------
+        ValueError
+            If the simulation has no such quantity.
+        """
+        if quantity in self.inputs:
+            return float(np.ptp(self.X[quantity])) / 4
+        priors = {**self.parameters, **{k: a.prior for k, a in self.assumed.items()}}
+        if quantity not in priors:
+            raise ValueError(
+                f"The simulation has no input or parameter {quantity!r}; there are "
+                f"{[*self.inputs, *priors]}."
+            )
+        # a heavy tail may have no standard deviation
+        low, high = priors[quantity].ppf([0.16, 0.84])
+        return float(high - low) / 2
 
     @property
     def sd_of_shift(self) -> float | None:

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hybridsurrogate.effects.base import SIMULATED, Cause, Context
+from hybridsurrogate.effects.base import SIMULATED, SLOPE, Cause, Context
 from hybridsurrogate.likelihoods.contaminated import log_shape
 from hybridsurrogate.priors import FloatArray
 
@@ -36,6 +36,9 @@ def plot_cause(cause: Cause, context: Context, ax: Axes | None = None) -> Axes:
     values = np.asarray(context.X[column])
     if cause.follows_mean or cause.bends:
         column, values = SIMULATED, context.location + context.scale * np.array([-2.0, 2.0])
+    if cause.follows_slope:
+        column = SLOPE
+        values = 2 * np.max(np.abs(context.slopes[cause.follows_slope[0]])) * np.array([-1, 1])
     if cause.has_outliers:
         column, values = "deviation, in sd of the other rows", np.array([-_FAR, _FAR])
     x = np.linspace(values.min(), values.max(), 300)

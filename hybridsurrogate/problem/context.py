@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -96,7 +97,7 @@ def mismatch(
     Coefficients c (p,) are those of the surrogate. Where the simulation fails there, or one of the
     two is zero everywhere, nothing is known.
     """
-    medians = model.values(np.zeros((1, len(model.all_priors))))
+    medians = at_medians(model)
     with np.errstate(over="ignore", invalid="ignore"):
         simulated = model.simulated(X, medians, c)[0][0]
         gap = float(np.average(eta - simulated, weights=weights))
@@ -104,3 +105,26 @@ def mismatch(
     if not np.isfinite([gap, *squares]).all() or not min(squares) > 0:
         return Mismatch()
     return Mismatch(gap, float(np.sqrt(squares[0] / squares[1])))
+
+
+def at_medians(model: MeasuredModel) -> FloatArray:
+    """Return all unknowns at the medians of their priors, (1, n_unknowns)."""
+    return model.values(np.zeros((1, len(model.all_priors))))
+
+
+def with_slopes(
+    context: Context, model: MeasuredModel, X: FloatArray, c: FloatArray, values: FloatArray
+) -> Context:
+    """Return the context with `Context.slopes` at one draw (1, n_unknowns) of the unknowns.
+
+    Zero where a run fails. Coefficients c (p,) are those of the surrogate.
+    """
+    names = (*context.inputs, *model.parameters, *model.constants)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        output = model.simulated(X, values, c)[0]
+        slopes = {
+            name: model.slope(name, context.usual_change(name), X, values, c, output)[0]
+            for name in names
+        }
+    known = {name: np.nan_to_num(v, posinf=0.0, neginf=0.0) for name, v in slopes.items()}
+    return replace(context, slopes=known)

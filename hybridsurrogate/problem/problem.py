@@ -23,7 +23,13 @@ from hybridsurrogate.inference.model.validation import check_effects
 from hybridsurrogate.inference.model.working_point import WorkingPoint
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.priors import FloatArray, Prior
-from hybridsurrogate.problem.context import make_context, mismatch, of_each_output
+from hybridsurrogate.problem.context import (
+    at_medians,
+    make_context,
+    mismatch,
+    of_each_output,
+    with_slopes,
+)
 from hybridsurrogate.problem.experiments import Experiments
 from hybridsurrogate.problem.stacking import Stacking
 from hybridsurrogate.problem.transformed_simulation import TransformedSimulation
@@ -233,6 +239,8 @@ def make_problem(
         context = make_context(
             world, columns, n_inputs, X, scale, likelihood, basis, location, far, each, experiments
         )
+        if stacking is None:
+            context = with_slopes(context, plain, X, told, at_medians(plain))
         effects = tuple(prepared_for(effect, context) for effect in effects)
     model = plain.with_effects(effects)
     try:
@@ -242,7 +250,7 @@ def make_problem(
         raise ValueError(f"A cause asks for {error}; there are {there}.") from error
     if any(effect.has_outliers for effect in effects):
         _check_outliers(likelihood)
-    if any(effect.follows_mean or effect.bends for effect in effects):
+    if model.noise_follows or any(effect.bends for effect in effects):
         model = replace(model, reference=_reference(basis, domain, run_weights))
     kept, run_statistics = None, None
     if runs is not None and run_eta is not None and trained and not basis.holds_runs:

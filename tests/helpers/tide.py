@@ -5,8 +5,9 @@ import pandas as pd
 from scipy import stats
 
 import hybridsurrogate as hs
+from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.likelihoods import as_likelihood
-from hybridsurrogate.problem.context import make_context
+from hybridsurrogate.problem.context import at_medians, make_context, with_slopes
 from hybridsurrogate.problem.problem import make_problem
 from hybridsurrogate.surrogates.exact import ExactBasis
 
@@ -196,7 +197,11 @@ def context_of(frame=FRAME, simulator=SIMULATOR, likelihood="normal"):
     X = frame.to_numpy(dtype=float)
     n_inputs = len(simulator.input_names)
     basis = ExactBasis(np.empty(0), np.empty(0), simulator)
-    return make_context(simulator, columns, n_inputs, X, 1.0, as_likelihood(likelihood), basis, 0.0)
+    normal = as_likelihood(likelihood)
+    context = make_context(simulator, columns, n_inputs, X, 1.0, normal, basis, 0.0)
+    constants = {name: constant.value for name, constant in simulator.assumed.items()}
+    model = MeasuredModel(columns, n_inputs, dict(simulator.parameters), constants, (), 3.0, basis)
+    return with_slopes(context, model, X, np.empty(0), at_medians(model))
 
 
 def problem_of(frame, y, simulator=SIMULATOR):

@@ -6,6 +6,7 @@ from tide import context_of
 
 from hybridsurrogate.catalogue import catalogue
 from hybridsurrogate.diagnosis.answers.table import form_of
+from hybridsurrogate.effects.base import NOISE_SD
 
 
 def test_every_number_of_an_estimate_is_known():
@@ -17,6 +18,7 @@ def test_every_number_of_an_estimate_is_known():
             continue
         seen.add(form)
         theta = dict.fromkeys(cause.parameters, np.ones(1))
+        theta |= {NOISE_SD: np.ones(1)} if cause.follows_slope else {}
         found = cause.estimates(theta, dict.fromkeys(cause.coefficients, np.ones(1)))
         expected = {*run.NUMBERS[form].values()} | run._OTHER_WORDS.get(form, set())
         assert set(found) == expected, form

@@ -24,7 +24,7 @@ from hybridsurrogate.inference.conjugate.emulator_posterior import (
 from hybridsurrogate.inference.model.validation import check_effects
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray, to_normal
-from hybridsurrogate.problem.context import make_context, mismatch, of_each_output
+from hybridsurrogate.problem.context import make_context, mismatch, of_each_output, with_slopes
 from hybridsurrogate.problem.problem import Problem, make_problem
 from hybridsurrogate.simulation.simulator import SimulationData
 from hybridsurrogate.surrogates.basis import Basis
@@ -123,6 +123,9 @@ def prepare(
         of_each_output(problem.model, *rows, problem.stacking, likelihood),
         experiments,
     )
+    if problem.stacking is None:
+        at = problem.model.values(problem.good)
+        context = with_slopes(context, problem.model, X, coefficients, at)
     problem = replace(problem, reach=context.reach)
     usable, unusable = [], []
     for cause in own:

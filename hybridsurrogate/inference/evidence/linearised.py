@@ -199,17 +199,27 @@ def _values_at_nodes(model: MeasuredModel, grid: Grid, z: FloatArray) -> FloatAr
 
 
 def _noise_at_nodes(
-    model: MeasuredModel, X: FloatArray, grid: Grid, z: FloatArray, simulated: FloatArray
+    model: MeasuredModel,
+    X: FloatArray,
+    grid: Grid,
+    z: FloatArray,
+    c: FloatArray,
+    simulated: FloatArray,
 ) -> FloatArray | None:
     """Return the noise factor where it differs from one, (T, n), or (1, n) for all nodes.
 
-    Where noise follows the simulation's output, it is that at z, ``simulated`` (n,).
+    Where noise follows the simulation's output or its slope, it is that at z and at the surrogate's
+    coefficients ``c`` (p,): ``simulated`` (n,).
     """
     if not model.touches_noise:
         return None
     values = _values_at_nodes(model, grid, z)
     values = values if model.effects and model.effects[-1].touches_noise else values[:1]
-    noise = model.noise(X, values, np.nan_to_num(simulated))
+    slopes: list[FloatArray | None] = [None] * len(model.effects)
+    if any(effect.follows_slope for effect in model.effects):
+        at_z = model.slopes(X, model.values(z[None]), c, simulated[None])
+        slopes = [None if slope is None else slope[0] for slope in at_z]
+    noise = model.noise(X, values, np.nan_to_num(simulated), slopes)
     return None if noise.shape[1] == 1 else noise
 
 
@@ -304,6 +314,6 @@ def linearise(
         H = np.concatenate([H, columns.own], axis=2) if len(grid.sizes) else columns.own
         rms = np.concatenate([rms, columns.rms], axis=1)
         cap = np.concatenate([cap, np.full(columns.rms.shape, np.inf)], axis=1)
-    noise = _noise_at_nodes(model, X, grid, z, around.output)
+    noise = _noise_at_nodes(model, X, grid, z, emulator.mean, around.output)
     outliers = _outliers_at_nodes(model, grid, z)
     return Linearised(around.mean, G, H, rms, cap, around.U, grid.log_weight, noise, outliers)

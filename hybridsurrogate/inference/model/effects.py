@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from hybridsurrogate.blocks import in_blocks
-from hybridsurrogate.effects.base import SIMULATED, Cause, Rows
+from hybridsurrogate.effects.base import SIMULATED, SLOPE, Cause, Rows
 from hybridsurrogate.likelihoods import Contaminated, Likelihood, TransformedNormal
 from hybridsurrogate.priors import FloatArray, Prior
 
@@ -76,6 +76,11 @@ class CausesOnRows:
         """Prior sd of the coefficients of the added columns, (q,)."""
         own = [self.effects[k].coefficient_sd for k, _ in self.column_names]
         return np.array([self.default_sd if sd is None else sd for sd in own], dtype=float)
+
+    @property
+    def noise_follows(self) -> bool:
+        """Whether noise looks at the simulation's output or at its slope."""
+        return any(effect.follows_mean or effect.follows_slope for effect in self.effects)
 
     @property
     def touches_noise(self) -> bool:
@@ -160,23 +165,40 @@ class CausesOnRows:
                 added.append(factors[0] * factors[1][:, None])
         return added[0] if len(added) == 1 else np.concatenate(added, axis=2)
 
-    def noise(self, X: FloatArray, values: FloatArray, simulated: FloatArray) -> FloatArray:
+    def noise(
+        self,
+        X: FloatArray,
+        values: FloatArray,
+        simulated: FloatArray,
+        slopes: Sequence[FloatArray | None],
+    ) -> FloatArray:
         """Return noise factors (J, n), or (J, 1) when no cause changes it; nothing is simulated.
 
-        ``simulated`` (n,) is the simulation's output, for noise that follows it.
+        ``simulated`` (n,) is the simulation's output, for noise that follows it; `slopes` (n,) are
+        for each cause the one that it asks for, or None.
         """
         J = len(values)
         if not self.touches_noise:
             return np.ones((J, 1))
         rows, _, theta = self.rows(X, values)
-        return self._noise({**rows, SIMULATED: np.tile(simulated, J)}, theta, J, len(X))
+        rows = {**rows, SIMULATED: np.tile(simulated, J)}
+        tiled = [None if slope is None else np.tile(slope, J) for slope in slopes]
+        return self._noise(rows, theta, tiled, J, len(X))
 
-    def _noise(self, rows: Rows, theta: Sequence[Rows], J: int, n: int) -> FloatArray:
+    def _noise(
+        self,
+        rows: Rows,
+        theta: Sequence[Rows],
+        slopes: Sequence[FloatArray | None],
+        J: int,
+        n: int,
+    ) -> FloatArray:
         noise: FloatArray = np.ones((J, 1))
         if self.has_row_noise:
             noise = np.array(rows[_ROW_NOISE]).reshape(J, n)
-        for effect, own in zip(self.effects, theta, strict=True):
-            factor = np.asarray(effect.noise(rows, own))
+        for effect, own, slope in zip(self.effects, theta, slopes, strict=True):
+            here = rows if slope is None else {**rows, SLOPE: slope}
+            factor = np.asarray(effect.noise(here, own))
             if factor.ndim or factor != 1.0:
                 noise = noise * np.broadcast_to(factor, J * n).reshape(J, n)
         return noise

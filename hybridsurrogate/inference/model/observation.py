@@ -126,8 +126,7 @@ class MeasuredModel(CausesOnRows):
     ) -> tuple[FloatArray, FloatArray]:
         """Return the output (J, n) and noise (J, n) or (J, 1), each draw with its own c (J, p)."""
         # such noise follows the reference, whatever the draw
-        follows_mean = any(effect.follows_mean for effect in self.effects)
-        if not follows_mean and not self.basis.known_depends_on_hyper:
+        if not self.noise_follows and not self.basis.known_depends_on_hyper:
             output, _, noise = self._simulated(X, values, c)
             return output, noise
         output, noise = np.empty((2, len(values), len(X)))
@@ -138,22 +137,77 @@ class MeasuredModel(CausesOnRows):
 
     def close_by(self, X: FloatArray, values: FloatArray, c: FloatArray, moves: int) -> FloatArray:
         """Return the output (J, n) of draws of which so many at a time are close to the first."""
-        return self._simulated(X, values, c, moves)[0]
+        return self._output(X, values, c, moves)[0]
 
     def _simulated(
-        self, X: FloatArray, values: FloatArray, c: FloatArray | None, moves: int = 1
+        self, X: FloatArray, values: FloatArray, c: FloatArray | None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return what `simulated` does; c may be one draw (p,) or one for each of values (J, p)."""
-        if self._only_added and not self.basis.known_depends_on_hyper:
-            return *self._unmoved(X, values, c), np.ones((len(values), 1))
+        known, features = self._output(X, values, c)
+        if not self.touches_noise:
+            return known, features, np.ones((len(values), 1))
+        rows, _, theta = self.rows(X, values)
+        slopes: Sequence[FloatArray | None] = [None] * len(self.effects)
+        if self.noise_follows:
+            output = known if c is not None else known + features @ self._reference
+            rows = {**rows, SIMULATED: output.ravel()}
+            slopes = [None if s is None else s.ravel() for s in self.slopes(X, values, c, output)]
+        return known, features, self._noise(rows, theta, slopes, len(values), len(X))
+
+    def _output(
+        self, X: FloatArray, values: FloatArray, c: FloatArray | None, moves: int = 1
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return known and features of the simulated output with what causes make of it."""
+        touched = any(effect.touches_simulation for effect in self.effects)
+        if not touched and not self.basis.known_depends_on_hyper:
+            return self._unmoved(X, values, c)
         rows, omega, theta = self.rows(X, values)
         known, features = self._moved(X, values, c, rows, omega, theta, moves)
         if self._responds:
             known, features = self._responded(known, features, rows, theta)
-        if any(effect.follows_mean for effect in self.effects):
-            output = known if c is not None else known + features @ self._reference
-            rows = {**rows, SIMULATED: output.ravel()}
-        return known, features, self._noise(rows, theta, len(values), len(X))
+        return known, features
+
+    def slopes(
+        self, X: FloatArray, values: FloatArray, c: FloatArray | None, output: FloatArray
+    ) -> list[FloatArray | None]:
+        """Return for each cause the slope (J, n) of the output (J, n) that its noise asks for."""
+        return [
+            None
+            if effect.follows_slope is None
+            else self.slope(*effect.follows_slope, X, values, c, output)
+            for effect in self.effects
+        ]
+
+    def slope(
+        self,
+        name: str,
+        usual: float,
+        X: FloatArray,
+        values: FloatArray,
+        c: FloatArray | None,
+        output: FloatArray,
+    ) -> FloatArray:
+        """Return the slope (J, n) of the output over an input, a parameter or a constant.
+
+        A difference over a small share of a usual change. Without coefficients ``c`` (p,) it is
+        that of what the runs say.
+        """
+        step, model = self.step * usual, self
+        if not step > 0:
+            return np.zeros_like(output)
+        if name in self.constants:
+            model = replace(self, constants={**self.constants, name: self.constants[name] + step})
+        elif name in self.parameters:
+            at = list(self.parameters).index(name)
+            values = values.copy()
+            values[:, at] += step
+        else:
+            X = X.copy()
+            X[:, self.columns.index(name)] += step
+        known, features = model._output(X, values, c)
+        if c is None:
+            known = known + features @ self._reference
+        return (known - output) / step
 
     def _unmoved(
         self, X: FloatArray, values: FloatArray, c: FloatArray | None

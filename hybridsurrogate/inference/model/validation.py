@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hybridsurrogate.effects.base import SIMULATED, Cause, Rows
+from hybridsurrogate.effects.base import SIMULATED, SLOPE, Cause, Rows
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray, check_prior
 
@@ -33,7 +33,8 @@ def _check_at(model: MeasuredModel, X: FloatArray, places: FloatArray) -> None:
     z[:, model.n_parameters : model.n_parameters + len(model.theta_names)] = places[:, None]
     rows, omega, theta = model.rows(X, model.values(z))
     n = len(z) * len(X)
-    of_noise = {**rows, SIMULATED: np.linspace(-1.0, 1.0, n) * model.default_sd}
+    heights = np.linspace(-1.0, 1.0, n) * model.default_sd
+    of_noise = {**rows, SIMULATED: heights, SLOPE: heights}
     for effect, own in zip(model.effects, theta, strict=True):
         moved = _called(effect, "inputs", rows, omega, own)
         if not isinstance(moved, tuple) or len(moved) != 2:

@@ -1,0 +1,127 @@
+"""What input errors and random parameters share: noise where the simulation is steep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy import stats
+
+from hybridsurrogate.effects.base import NOISE_SD, SLOPE, Cause, Context, FloatArray, Rows
+from hybridsurrogate.priors import Prior, frozen
+
+# median and sd of the logarithm of the ratio: from a third of the other noise to ten times it
+_MEDIAN, _LOG_SD = 2.0, 1.0
+# |slope| that varies by less, as a share of its mean, makes noise like any other
+_LEAST_CHANGE = 0.1
+# a ratio of variances that is as good as any larger one
+_MOST = 1e6
+
+
+class NoiseOfSlope(Cause):
+    """Noise from a quantity ``q`` of the simulation that is another one in every row.
+
+    To first order around the simulation's output (Fuller 1987, Measurement Error Models, section
+    3.1), ``eta(q + s e) = eta(q) + s e d eta / d q`` with e standard normal, so that the variance
+    of a row is ``sigma^2 + (s d eta / d q)^2 = sigma^2 (1 + (ratio slope / usual)^2)``. ``usual``
+    is the root mean square of the slope over the measured rows.
+
+    Attributes
+    ----------
+    quantity : str
+        The input or parameter.
+    ratio : frozen scipy.stats distribution or None
+        Prior of ``s usual / sigma``.
+    usual : float or None
+        On the scale of eta per unit of q.
+    step : float or None
+        A usual change of q, of which a thousandth is the step of differences.
+    """
+
+    def __init__(
+        self,
+        quantity: str,
+        ratio: Prior | None = None,
+        usual: float | None = None,
+        step: float | None = None,
+    ):
+        self.quantity = quantity
+        self.ratio = ratio
+        self.usual = usual
+        self.step = step
+
+    @property
+    def target(self) -> str:  # type: ignore[override]
+        """The input or parameter."""
+        return self.quantity
+
+    @property
+    def follows_slope(self) -> tuple[str, float]:  # type: ignore[override]
+        """The input or parameter, and a usual change of it."""
+        assert self.step is not None
+        return self.quantity, self.step
+
+    @property
+    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
+        """The prior of the ratio."""
+        return {"ratio": self.ratio}
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in the usual slope, the usual change and the prior."""
+        usual, step = self.usual, self.step
+        if usual is None:
+            usual = float(np.sqrt(np.mean(slopes_of(self, context) ** 2)))
+        if step is None:
+            step = context.usual_change(self.quantity)
+        prior = self.ratio
+        if prior is None:
+            prior = frozen(stats.lognorm, _LOG_SD, scale=_MEDIAN)
+        return self.filled(ratio=prior, usual=usual, step=step)
+
+    def grid(self) -> dict[str, FloatArray]:
+        """Return nine quantiles of the ratio."""
+        assert self.ratio is not None
+        return {"ratio": np.asarray(self.ratio.ppf((np.arange(9) + 0.5) / 9))}
+
+    def noise(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return the factor on the noise scale."""
+        assert self.usual is not None
+        # where the simulation fails nothing is known of its slope
+        relative = np.abs(np.nan_to_num(X[SLOPE], posinf=0.0, neginf=0.0)) / self.usual
+        return np.sqrt(1 + np.minimum(theta["ratio"] * relative, _MOST) ** 2)
+
+    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return the standard deviation of the quantity, in its unit, and the ratio."""
+        assert self.usual is not None
+        ratio = np.asarray(theta["ratio"])
+        return {"spread": ratio * theta[NOISE_SD] / self.usual, "ratio": ratio}
+
+
+def slopes_of(cause: NoiseOfSlope, context: Context) -> FloatArray:
+    """Return the slope of the simulation at the measured rows.
+
+    Raises
+    ------
+    ValueError
+        If the simulation has no such input or parameter, or does not change with it.
+    """
+    context.usual_change(cause.quantity)
+    slope = context.slopes.get(cause.quantity)
+    if slope is None or not np.any(slope):
+        raise ValueError(
+            f"{type(cause).__name__}({cause.quantity!r}) needs a simulation of one output that "
+            f"changes with {cause.quantity}."
+        )
+    return slope
+
+
+def trouble(cause: Cause, context: Context) -> str | None:
+    """Return why such noise cannot be told from any other."""
+    assert isinstance(cause, NoiseOfSlope)
+    try:
+        size = np.abs(slopes_of(cause, context))
+    except ValueError as error:
+        return str(error).rstrip(".")
+    if np.std(size) < _LEAST_CHANGE * np.mean(size):
+        return f"the simulation is as steep over {cause.quantity} everywhere: noise like any other"
+    return None
