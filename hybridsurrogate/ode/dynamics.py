@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.modification import Modification, Numbers
 
-FORMS = ("constant", "proportional", "seasonal", "power", "saturating", "product")
+FORMS = ("constant", "proportional", "seasonal", "power", "saturating", "threshold", "product")
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class MissingTerm(Modification):
     Parameters
     ----------
     state : str
-    form : {"constant", "proportional", "seasonal", "power", "saturating", "product"}
+    form : {"constant", "proportional", "seasonal", "power", "saturating", "threshold", "product"}
         What the term is, x being the state:
 
         - constant: rate;
@@ -101,6 +101,7 @@ class MissingTerm(Modification):
         - power: rate size (|x| / size)^exponent, with the sign of x: crowding with exponent 2, the
           outflow of a tank with 1/2;
         - saturating: rate x / (half + |x|), the law of Michaelis and Menten (1913);
+        - threshold: rate (x - level) where x is above the level, else nothing: an overflow;
         - product: rate x times another state, as where two species meet.
     prefix : str or None, default=None
         What the full names of the numbers begin with; None: state and form.
@@ -141,7 +142,7 @@ class MissingTerm(Modification):
 
     @property
     def neutral(self) -> dict[str, float]:
-        """A rate of zero, or sine and cosine; then period, exponent or half."""
+        """A rate of zero, or sine and cosine; then period, exponent, half or level."""
         return dict.fromkeys(self.sizes, 0.0) | _FURTHER_NUMBERS.get(self.form, {})
 
     @property
@@ -181,6 +182,7 @@ _FURTHER_NUMBERS = {
     "seasonal": {"period": 1.0},
     "power": {"exponent": 1.0},
     "saturating": {"half": 1.0},
+    "threshold": {"level": 0.0},
 }
 # of the state, another one, the numbers, and the size
 _OF_STATE: dict[str, Callable[[FloatArray, FloatArray, Numbers, float], FloatArray]] = {
@@ -189,6 +191,7 @@ _OF_STATE: dict[str, Callable[[FloatArray, FloatArray, Numbers, float], FloatArr
         size * np.abs(x / size) ** numbers["exponent"], x
     ),
     "saturating": lambda x, _, numbers, size: x / (numbers["half"] + np.abs(x)),
+    "threshold": lambda x, _, numbers, size: np.maximum(x - numbers["level"], 0.0),
     "product": lambda x, other, *_: x * other,
 }
 

@@ -108,6 +108,7 @@ def test_the_numbers_in_words_are_in_latex(cause):
         (hs.DynamicTerm("S", "seasonal"), {"amplitude": 0.25, "period": 3.5}),
         (hs.DynamicTerm("S", "power", size=4.5), {"rate": -0.25, "exponent": 1.5}),
         (hs.DynamicTerm("S", "saturating"), {"rate": -0.25, "half": 1.5}),
+        (hs.DynamicTerm("S", "threshold"), {"rate": -0.25, "level": 1.5}),
         (hs.DynamicTerm("S", "product", other="T"), {"rate": 0.25}),
         (hs.DynamicDelay("S"), {"lag": 1.25}),
     ],

@@ -247,6 +247,21 @@ def _tank():
     )
 
 
+def _reservoir():
+    """A basin that a tide fills; it may flow over."""
+    return hs.OdeSimulator(
+        lambda t, state, rate, tide: 3 + tide * np.sin(t) - rate * state,
+        initial_state=[4.0],
+        observe=lambda state: state[0],
+        inputs={"t": (0, 20)},
+        parameters={
+            "rate": hs.truncated_normal(0.5, 0.1, 0.1, 1),
+            "tide": hs.truncated_normal(3, 0.4, 1, 5),
+        },
+        states="level",
+    )
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("simulator", "change", "numbers", "noise", "form", "estimates"),
@@ -262,6 +277,10 @@ def _tank():
         (
             *(_tank(), MissingTerm("level", "seasonal"), [0.5, 0.3, 0.2, 6.0], 0.08),
             *("missing-term: seasonal", {"period": 6.0, "amplitude": np.hypot(0.3, 0.2)}),
+        ),
+        (
+            *(_reservoir(), MissingTerm("level", "threshold"), [0.5, 3.0, -1.0, 7.0], 0.15),
+            *("missing-term: threshold", {"rate": -1.0, "level": 7.0}),
         ),
     ],
 )

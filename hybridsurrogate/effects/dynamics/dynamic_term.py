@@ -15,12 +15,15 @@ from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.ode.dynamics import MissingTerm
 from hybridsurrogate.priors import Prior, frozen
 
+# a level in the middle of the state's range leaves about a quarter of it above
+_OF_WHAT_IS_ABOVE = 4.0
 # what follows the rate
 _WORDS = {
     "constant": "",
     "proportional": " {x}",
     "power": " * {size:.4g} ({x} / {size:.4g})^{exponent:.4g}",
     "saturating": " {x} / ({half:.4g} + {x})",
+    "threshold": " max({x} - {level:.4g}, 0)",
     "product": " {x} {other}",
 }
 _LATEX = {
@@ -28,6 +31,7 @@ _LATEX = {
     "proportional": r" \, {x}",
     "power": r" \cdot {size} \left(\frac{{{x}}}{{{size}}}\right)^{{{exponent}}}",
     "saturating": r" \, \frac{{{x}}}{{{half} + {x}}}",
+    "threshold": r" \max({x} - {level}, 0)",
     "product": r" \, {x} \, {other}",
 }
 
@@ -38,7 +42,7 @@ class DynamicTerm(Dynamic):
     Parameters
     ----------
     state : str
-    form : {"constant", "proportional", "seasonal", "power", "saturating", "product"}
+    form : {"constant", "proportional", "seasonal", "power", "saturating", "threshold", "product"}
         What the term is, x being the state:
 
         - constant: ``rate``;
@@ -48,6 +52,7 @@ class DynamicTerm(Dynamic):
         - power: ``rate size (|x| / size)^exponent`` with the sign of x: crowding, or the outflow
           of a tank;
         - saturating: ``rate x / (half + |x|)`` (Michaelis and Menten 1913);
+        - threshold: ``rate max(x - level, 0)``: what flows over, or acts from a level on;
         - product: ``rate x`` times another state.
     prefix : str or None, default=None
         As in `DynamicDrift`.
@@ -68,8 +73,10 @@ class DynamicTerm(Dynamic):
     - rate: Student-t with 3 degrees of freedom around zero, whose scale is one over the span of the
       measured times, times the typical size of the state where the form is constant or saturating,
       and over that of the other state of a product: over the measured rows the state gains about
-      as much as it holds, or much less or more;
+      as much as it holds, or much less or more. Four times that for a threshold, which acts on
+      what is above the level only;
     - exponent: uniform from 1/4 to 3; half: log-uniform from a tenth to ten times the typical size;
+      level: uniform from zero to twice that;
     - period: log-uniform between the shortest that the rows resolve and twice the span;
     - sine, cosine: Student-t with 3 degrees of freedom around zero, whose scale makes the state
       swing by half its typical size at the median period.
@@ -142,6 +149,8 @@ class DynamicTerm(Dynamic):
         period = (self.priors or {}).get("period", period_prior(times))
         swing = np.pi * size / float(period.median())
         rate = 1 / span * (size if self.form in ("constant", "saturating") else 1.0)
+        if self.form == "threshold":
+            rate *= _OF_WHAT_IS_ABOVE
         if self.other is not None:
             rate /= self.size_of(context, self.other)
         defaults = {
@@ -151,6 +160,7 @@ class DynamicTerm(Dynamic):
             "period": period,
             "exponent": frozen(stats.uniform, loc=0.25, scale=2.75),
             "half": frozen(stats.loguniform, 0.1 * size, 10 * size),
+            "level": frozen(stats.uniform, scale=2 * size),
         }
         center = float(times.min() + times.max()) / 2 if change.form == "seasonal" else 0.0
         return self.filled(
@@ -161,7 +171,7 @@ class DynamicTerm(Dynamic):
         )
 
     def grid(self) -> dict[str, FloatArray]:
-        """Return periods evenly spaced in frequency; else quantiles, of an exponent or a half."""
+        """Return periods evenly spaced in frequency; else quantiles of the further number."""
         if self.form != "seasonal":
             return super().grid()
         return {"period": period_nodes(self.parameters["period"])}
@@ -283,6 +293,20 @@ register(
         priors="rate: Student-t, typical state over the span; half: log-uniform, a tenth to ten "
         "times the typical state",
         estimates="rate, half",
+        left_out="the same",
+    )
+)
+register(
+    Form(
+        "missing-term: threshold",
+        DynamicTerm,
+        _of_states("threshold"),
+        meaning="{target} gains or loses something where it is above a level, as by an overflow, "
+        "and its equation leaves that out",
+        call='`..., form="threshold"`',
+        formula="slope of the state + rate max(state - level, 0)",
+        priors="rate: Student-t, four over the span; level: uniform, 0 to twice the typical state",
+        estimates="rate, level",
         left_out="the same",
     )
 )
