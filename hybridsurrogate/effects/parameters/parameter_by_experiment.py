@@ -223,13 +223,13 @@ register(
         _between_experiments,
         meaning="the parameter {target} differs between the experiments of {column}",
         least_rows=6,
-        least_distinct=3,
+        least_distinct=2,
         lacking=_lacking,
         like=("missing-input",),
         call="`ParameterByExperiment(p, e)`",
         formula="eta(p + spread u_e)",
         priors="spread: half-Cauchy, prior sd of p; u_e: standard normal",
         estimates="spread, and how far each experiment is from the mean",
-        left_out="no column of labels; fewer than 3 of them",
+        left_out="no column of labels",
     )
 )
