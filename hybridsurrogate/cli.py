@@ -147,6 +147,9 @@ def _parser() -> argparse.ArgumentParser:
         help="normal prior of a parameter, cut off at the range of the runs; else uniform",
     )
     _add_experiments(own)
+    own.add_argument(
+        "--new", metavar="FILE", help="later measurements, in order: does the extension hold?"
+    )
     own.add_argument("--likelihood", default="normal", choices=tuple(LIKELIHOODS))
     own.add_argument(
         "--degree",
@@ -194,19 +197,19 @@ def _demo(given: argparse.Namespace) -> int:
         demo.simulator, surrogate=ExactSurrogate(), random_state=given.seed
     )
     given.max_causes = demo.max_causes if given.max_causes is None else given.max_causes
-    return _finish(model, demo.X, demo.y, demo.test, given)
+    return _finish(model, demo.X, demo.y, demo.test, None, given)
 
 
 def _diagnose(given: argparse.Namespace) -> int:
     _check_files(given)
-    runs, measured = read_table(given.simulation), read_table(given.measured)
-    # a comma at the end of each line makes a column without a cell
-    measured = measured.dropna(axis="columns", how="all")
-    missing = [name for name in (*given.inputs, *given.output) if name not in measured]
-    if missing:
-        raise ValueError(
-            f"{given.measured} has no columns {missing}; its columns are {list(measured)}."
-        )
+    runs, measured = read_table(given.simulation), _measured(given.measured)
+    _check_columns(measured, (*given.inputs, *given.output), given.measured)
+    n = len(measured)
+    if given.new:
+        later = _measured(given.new)
+        _check_columns(later, measured.columns, given.new)
+        # names mean the same level in both
+        measured = pd.concat([measured, later[measured.columns]], ignore_index=True)
     for name in dict.fromkeys([*given.inputs, *given.output, *measured.select_dtypes("number")]):
         column = measured[name]
         if name in given.output and len(given.output) > 1:
@@ -227,7 +230,7 @@ def _diagnose(given: argparse.Namespace) -> int:
     simulation = read_simulation(given.simulation, given.inputs, priors, given.output)
     model = PowerScaledSurrogate(
         simulation,
-        surrogate=_surrogate(given.degree, simulation, len(measured)),
+        surrogate=_surrogate(given.degree, simulation, n),
         beta=given.beta,
         likelihood=given.likelihood,
         experiment=given.experiment,
@@ -238,7 +241,20 @@ def _diagnose(given: argparse.Namespace) -> int:
     y = y[:, 0] if len(given.output) == 1 else y
     labels = [given.experiment] if given.experiment in measured else []
     X = with_levels(measured.drop(columns=[*given.output, *labels]))
-    return _finish(model, X.assign(**{name: measured[name] for name in labels}), y, None, given)
+    X = X.assign(**{name: measured[name] for name in labels})
+    later = (X[n:], y[n:]) if given.new else None
+    return _finish(model, X[:n], y[:n], None, later, given)
+
+
+def _measured(path: str) -> pd.DataFrame:
+    # a comma at the end of each line makes a column without a cell
+    return read_table(path).dropna(axis="columns", how="all")
+
+
+def _check_columns(table: pd.DataFrame, names: Sequence[str], path: str) -> None:
+    missing = [name for name in names if name not in table]
+    if missing:
+        raise ValueError(f"{path} has no columns {missing}; its columns are {list(table)}.")
 
 
 def _differing(text: str) -> tuple[str, str]:
@@ -311,7 +327,12 @@ def _check_files(given: argparse.Namespace) -> None:
 
 
 def _finish(
-    model: PowerScaledSurrogate, X: Any, y: Any, test: Any, given: argparse.Namespace
+    model: PowerScaledSurrogate,
+    X: Any,
+    y: Any,
+    test: Any,
+    later: tuple[Any, Any] | None,
+    given: argparse.Namespace,
 ) -> int:
     most = 1 if given.max_causes is None else given.max_causes
     diagnosis = DiscrepancyDiagnosis(
@@ -333,6 +354,8 @@ def _finish(
             failed.append(f"{path} was not written: {error}.")
     # the text is not lost with a file
     print("\n".join([str(report), *([""] if written else []), *written]), flush=True)
+    if later is not None:
+        print(f"\nSince then: {diagnosis.update(*later)}", flush=True)
     if failed:
         raise OSError(" ".join(failed))
     return 0

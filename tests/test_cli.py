@@ -16,6 +16,7 @@ import hybridsurrogate as hs
 from hybridsurrogate import cli
 from hybridsurrogate.cli import _degree, _surrogate, main
 from hybridsurrogate.diagnosis.report.report import Report
+from hybridsurrogate.effects.registry import kinds
 
 
 @pytest.fixture
@@ -90,6 +91,33 @@ def test_files_of_ones_own(files, capsys):
     assert "missing-input in wind" in out
     assert "Not weighed: delay (you excluded it), noise (you excluded it)" in out
     assert (files / "report.html").exists()
+
+
+ALL_BUT_TREND = sorted({*kinds()} - {"trend", "offset"})
+
+
+def test_measurements_that_came_in_later_are_watched(files, capsys):
+    """One file of a line that goes on, and one of a line that jumps by six noise sd."""
+    rng = np.random.default_rng(1)
+    later = pd.DataFrame({"t": np.linspace(9, 10, 15)})
+    later["distance"] = 2 * later["t"] + 0.2 * rng.standard_normal(15)
+    later.to_csv(files / "later.csv", index=False)
+    later.assign(distance=later["distance"] + 1.2).to_csv(files / "jumped.csv", index=False)
+    measured = pd.read_csv(files / "measured.csv")
+    measured["distance"] -= 1.5 * measured["wind"]
+    measured.drop(columns="wind").to_csv(files / "measured.csv", index=False)
+    for name, told in (("later.csv", "holds over 15"), ("jumped.csv", "no longer holds")):
+        more = ("--exclude", *ALL_BUT_TREND, "--new", str(files / name))
+        assert main(arguments(files, *more)) == 0
+        out = " ".join(capsys.readouterr().out.split())
+        assert f"The extension {told}" in out
+
+
+def test_a_file_of_later_measurements_needs_the_same_columns(files, capsys):
+    pd.DataFrame({"t": [9.5], "distance": [19.0]}).to_csv(files / "later.csv", index=False)
+    assert main(arguments(files, "--new", str(files / "later.csv"))) == 2
+    error = capsys.readouterr().err
+    assert "later.csv has no columns ['wind']; its columns are ['t', 'distance']" in error
 
 
 @pytest.mark.parametrize(

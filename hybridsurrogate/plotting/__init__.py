@@ -1,7 +1,8 @@
 """Drawing: functions that take numbers and the Axes to draw on, and return the Axes.
 
 Nothing is shown and no window is needed. ``report`` and ``checks`` have the pictures of a
-diagnosis; ``scene``, ``curves``, ``scores`` and ``densities`` those of a study of the weight beta.
+diagnosis, ``monitor`` that of what comes in after it; ``scene``, ``curves``, ``scores`` and
+``densities`` those of a study of the weight beta.
 """
 
 from hybridsurrogate.plotting.checks import (
@@ -17,6 +18,7 @@ from hybridsurrogate.plotting.curves import (
     plot_predictive_bands,
 )
 from hybridsurrogate.plotting.densities import plot_densities_over_beta
+from hybridsurrogate.plotting.monitor import plot_monitor
 from hybridsurrogate.plotting.report import (
     Prediction,
     plot_causes,
@@ -62,6 +64,7 @@ __all__ = [
     "plot_mean_draws",
     "plot_mean_draws_over_beta",
     "plot_measured",
+    "plot_monitor",
     "plot_prediction",
     "plot_predictive_bands",
     "plot_quantiles",

@@ -1,6 +1,7 @@
 """The pictures of a diagnosis: what is drawn where, against the numbers given."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from matplotlib.colors import same_color
 from matplotlib.figure import Figure
@@ -177,3 +178,20 @@ def test_much_information_is_in_view(ax):
     low, high = ax.get_ylim()
     assert low == 0
     assert high >= 1.0
+
+
+def test_what_came_in_since_and_the_odds_of_a_change(ax):
+    table = pd.DataFrame({"deviation": [0.3, -1.0, 4.0], "e_value": [0.9, 0.8, 30.0]})
+    assert plotting.plot_monitor(table, 0.05, 2, ax) is ax
+    measured = next(line for line in ax.lines if line.get_label() == "measured")
+    assert_allclose(measured.get_xydata(), [[0, 0.3], [1, -1.0], [2, 4.0]])
+    changed = next(line for line in ax.lines if line.get_label() == "most probably changed")
+    assert_allclose(changed.get_xdata(), 1.5)
+    (beside,) = [other for other in ax.figure.axes if other is not ax]
+    odds, alarm = beside.lines
+    assert_allclose(odds.get_ydata(), [0.9, 0.8, 30.0])
+    assert_allclose(alarm.get_ydata(), 20.0)
+    assert beside.get_yscale() == "log"
+    # without a change nothing is marked
+    bare = plotting.plot_monitor(table.iloc[:2], 0.05)
+    assert not [line for line in bare.lines if line.get_label() == "most probably changed"]
