@@ -18,6 +18,8 @@ Rows = Mapping[str, FloatArray]  # a name and its values in n rows
 _ANOTHER_ORDER = 2.0
 # integers that count this many experiments of so many rows are labels
 _LEAST_EXPERIMENTS, _ROWS_OF_ONE = 3, 3
+# so many whole numbers one apart are an axis
+_LEAST_WHOLE = 5
 
 
 class OfOutput(NamedTuple):
@@ -206,6 +208,20 @@ def label_columns(X: Rows, n_inputs: int, experiment: str | None) -> tuple[str, 
         name
         for name in extras
         if name == experiment or is_of_calendar(name) or _counts_experiments(X[name])
+    )
+
+
+def trouble_with_labels(column: str, context: Context) -> str | None:
+    """Return what is wrong with few whole numbers side by side, such as those of sensors."""
+    if column not in context.X:  # of a cause of the user's own
+        return None
+    values = np.unique(context.X[column])
+    whole = np.all(values == np.round(values)) and np.all(np.diff(values) == 1)
+    if not whole or len(values) >= _LEAST_WHOLE:
+        return None
+    return (
+        f"{column} has {len(values)} distinct values one apart, which may be labels; "
+        f"{_LEAST_WHOLE} are needed"
     )
 
 

@@ -227,3 +227,20 @@ def told():
     problem = problem_of()
     context = make_context(SWING, ("t",), 1, T[:, None], 1.0, Normal(), problem.model.basis, 5.0)
     return with_slopes(context, problem.model, T[:, None], np.empty(0), np.array([[5.0, 0.2]]))
+
+
+def test_labels_are_not_off():
+    """Sensors 1 to 3 along an input are names, and none of them is 1.2."""
+    sensors = hs.Simulator(
+        lambda sensor, height: height * sensor**2,
+        inputs={"sensor": (1, 3)},
+        parameters={"height": hs.truncated_normal(1, 0.3, 0.1, 3)},
+    )
+    sensor = np.tile([1.0, 2.0, 3.0], 14)[:, None]
+    problem = make_problem(
+        sensors, hs.ExactSurrogate(), Normal(), None, (), ("sensor",), sensor, sensor[:, 0]
+    )
+    context = make_context(sensors, ("sensor",), 1, sensor, 1.0, Normal(), problem.model.basis, 5.0)
+    context = with_slopes(context, problem.model, sensor, np.empty(0), np.array([[1.0]]))
+    reasons = {one.kind: one.reason for one in catalogue(context)[1]}
+    assert "may be labels" in reasons["input-error"]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, Rows
+from hybridsurrogate.effects.context import trouble_with_labels
 from hybridsurrogate.effects.notation import SIMULATION, minus, plus
 from hybridsurrogate.effects.over_column import span_and_spacing
 from hybridsurrogate.effects.registry import Form, over_inputs, register
@@ -83,21 +83,9 @@ class Delay(Cause):
         return rf"{SIMULATION}{minus(self.column, values['lag'], 4)}"
 
 
-def _trouble_with_labels(cause: Cause, context: Context) -> str | None:
-    """Return what is wrong with few whole numbers side by side, such as those of sensors.
-
-    A shift is one number and no shape, but one from label to label means nothing.
-    """
-    column = cause.target or ""
-    if column not in context.X:  # one of the user's own, of this kind
-        return None
-    values = np.unique(context.X[column])
-    whole = np.all(values == np.round(values)) and np.all(np.diff(values) == 1)
-    if not whole or len(values) >= 5:
-        return None
-    return (
-        f"{column} has {len(values)} distinct values one apart, which may be labels; 5 are needed"
-    )
+def _trouble(cause: Cause, context: Context) -> str | None:
+    # a shift is one number and no shape, but one from label to label means nothing
+    return trouble_with_labels(cause.target or "", context)
 
 
 register(
@@ -107,7 +95,7 @@ register(
         over_inputs(Delay),
         meaning="the measurements lag behind the simulation, or run ahead of it, in {column}, as "
         "where its clock or its sensor is off",
-        trouble=_trouble_with_labels,
+        trouble=_trouble,
         like=("periodic", "wrong-constant"),
         call="`Delay(x)`",
         formula="eta(x - lag), x an input, of which the clock or the sensor is off; not cut off at "

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from hybridsurrogate.effects.base import Cause, Context
+from hybridsurrogate.effects.context import trouble_with_labels
 from hybridsurrogate.effects.noise.noise_of_slope import NoiseOfSlope, trouble
 from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.registry import Form, over_inputs, register
@@ -53,6 +55,10 @@ class InputError(NoiseOfSlope):
         return rf"{SIMULATION}, \quad {name} \to {name} + \varepsilon_{{{name}}}, \quad {off}"
 
 
+def _trouble(cause: Cause, context: Context) -> str | None:
+    return trouble_with_labels(cause.target or "", context) or trouble(cause, context)
+
+
 register(
     Form(
         "input-error",
@@ -61,7 +67,7 @@ register(
         meaning="{target} is not exactly where it is said to be: {output} scatters where it is "
         "steep",
         least_rows=8,
-        trouble=trouble,
+        trouble=_trouble,
         like=("noise", "random-parameter"),
         call="`InputError(x)`",
         formula="eta; noise sigma √(1 + (ratio slope / usual)²), slope: d eta / dx, usual: its "
@@ -69,6 +75,7 @@ register(
         priors="ratio: log-normal, median 2, sd of the log 1",
         estimates="spread (sd of x in a row), ratio (its noise against the other, at a usual "
         "slope)",
-        left_out="fewer than 8 rows; as steep everywhere; several outputs",
+        left_out="fewer than 8 rows, or than 5 whole numbers one apart; as steep everywhere; "
+        "several outputs",
     )
 )
