@@ -39,19 +39,6 @@ class BeamSpreading(hs.Cause):
         return 1 / (1 + theta["rate"] * X["distance"])
 
 
-class SecondCompartment(hs.Cause):
-    """A share of the drug waits in the tissue: a second, slower exponential."""
-
-    kind = "second-compartment"
-    target = "hours"
-    # of the first concentration a hundredth to all; slow half-lives last an hour to a day
-    parameters = {"share": loguniform(0.01, 1), "slow": loguniform(0.03, 0.7)}
-
-    def inputs(self, X, omega, theta):
-        back = theta["share"] * np.exp((omega["elimination"] - theta["slow"]) * X["hours"])
-        return X, {**omega, "start": omega["start"] * (1 + back)}
-
-
 class Vaccine(hs.Cause):
     """Cases fall exponentially from the year in which the vaccine was licensed."""
 

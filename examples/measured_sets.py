@@ -122,9 +122,8 @@ SETS = (
         "indomethacin", "indomethacin_iv.csv", {"time_h": "hours"}, "conc_ug_ml",
         made.one_compartment, lambda f: f["subject"] <= 4,
         "a second compartment, from which the drug returns",
-        (own.SecondCompartment(),), "share 0.12, slow 0.18", "0.5069 -> 0.2809 (ln)",
-        likelihood="lognormal", own=(own.SecondCompartment(),),
-        remark="it leads with priors of twice the width on the logarithm, too (0.63).",
+        (hs.SecondStore("hours"),), "size 0.28, scale 5.6", "0.5069 -> 0.2809 (ln)",
+        likelihood="lognormal",
     ),
     DataSet(
         "weight-loss", "weight_loss.csv", {"day": "day"}, "weight_kg", made.diet,

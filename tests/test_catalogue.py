@@ -81,12 +81,14 @@ def test_the_whole_catalogue():
         ("missing-input", "wind"),
         ("missing-term", None),
         ("random-parameter", "floor"),
+        ("second-store", None),
     }
     assert {s.reason.partition(":")[0] for s in skipped} == {
         "categorical",
         "level",
         "inside the dynamics",
         "the simulation is as steep over floor everywhere",
+        "the output itself is measured",
     }
     assert sorted((cause.kind, cause.level) for cause in levels) == [
         (kind, level) for kind in ("missing-input", "noise") for level in (1, 2, 3, 4)

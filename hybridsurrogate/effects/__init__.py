@@ -42,6 +42,7 @@ if TYPE_CHECKING:  # the files are loaded below, room by room
     from hybridsurrogate.effects.response.build_up import BuildUp
     from hybridsurrogate.effects.response.gain import Gain
     from hybridsurrogate.effects.response.limit import Limit
+    from hybridsurrogate.effects.response.second_store import SecondStore
     from hybridsurrogate.effects.response.sensor_response import SensorResponse
 
 __all__ = [
@@ -75,6 +76,7 @@ __all__ = [
     "RandomParameter",
     "Remainder",
     "Saturation",
+    "SecondStore",
     "SensorResponse",
     "Step",
     "Trend",

@@ -103,6 +103,7 @@ def test_the_numbers_in_words_are_in_latex(cause):
     ]
     + [
         (hs.DynamicDrift("k_1", "periodic", "t"), {"amplitude": 0.25, "period": 3.5}),
+        (hs.SecondStore("t_1", origin=0.5), {"size": 0.25, "scale": 3.5}),
         (hs.DynamicTerm("S", "constant"), {"rate": -0.25}),
         (hs.DynamicTerm("S", "proportional"), {"rate": 1.25e-6}),
         (hs.DynamicTerm("S", "seasonal"), {"amplitude": 0.25, "period": 3.5}),

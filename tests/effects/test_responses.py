@@ -165,3 +165,45 @@ def test_a_build_up_of_a_logarithmic_output_is_the_same_factor():
     values, slopes = taken_up.response(np.log(simulated), rows, theta)
     np.testing.assert_allclose(np.exp(values), simulated * (1 - np.exp(-rows["t"] / 1.5)))
     np.testing.assert_array_equal(slopes, 1.0)
+
+
+def test_a_second_store_is_added_to_the_output_itself():
+    tissue = hs.SecondStore("t").prepare(context_of(likelihood="lognormal"))
+    rows = {"t": tissue.origin + np.array([0.0, 2.0, 8.0])}
+    theta = {"size": np.full(3, 0.5), "scale": np.full(3, 4.0)}
+    simulated = np.array([3.0, 1.0, 0.1])
+    total = simulated + 0.5 * np.exp(-np.array([0.0, 2.0, 8.0]) / 4)
+    values, slopes = tissue.response(np.log(simulated), rows, theta)
+    np.testing.assert_allclose(np.exp(values), total)
+    np.testing.assert_allclose(slopes, simulated / total)
+
+
+def test_a_second_store_of_an_output_itself_is_a_decay():
+    with pytest.raises(ValueError, match=r"Decay\('t'\) says the same"):
+        hs.SecondStore("t").prepare(context_of())
+
+
+def test_a_second_store_is_found_in_a_decay():
+    """Blind: 3 exp(-1.2 t) is simulated, a tenth of it comes back with a time of 6."""
+    rng = np.random.default_rng(3)
+    t = np.sort(rng.uniform(0, 6, 40))
+    clean = 3 * np.exp(-1.2 * t) + 0.3 * np.exp(-t / 6)
+    simulator = hs.Simulator(
+        lambda t, size, rate: size * np.exp(-rate * t),
+        inputs={"t": (0, 8)},
+        parameters={
+            "size": hs.truncated_normal(2.5, 1, 0.2, 6),
+            "rate": hs.truncated_normal(0.8, 0.3, 0.1, 2),
+        },
+    )
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), likelihood="lognormal", random_state=0
+    )
+    diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0)
+    diagnosis.fit(t[:, None], clean * np.exp(0.1 * rng.standard_normal(40)))
+    best = diagnosis.best_cause_
+    assert (best.kind, best.target) == ("second-store", "t")
+    draws = diagnosis.extended_estimator_.estimators_[0].posterior_.estimates(0)
+    for name, truth in (("size", 0.3 * np.exp(-t[0] / 6)), ("scale", 6.0)):
+        low, high = np.quantile(draws[name], [0.005, 0.995])
+        assert low < truth < high

@@ -1,0 +1,144 @@
+"""A second store that empties more slowly, beside a simulated decay."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from scipy import stats
+
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.notation import SIMULATION, minus, number, plus
+from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
+from hybridsurrogate.effects.registry import Form, register
+from hybridsurrogate.priors import Prior, frozen
+
+# of the second store at the origin, in shares of the geometric mean of the measured output
+_LEAST, _MOST = 0.03, 30.0
+# nodes of the size and of the scale
+_NODES = 10
+
+
+class SecondStore(FromOrigin):
+    """An exponential that is added to the output itself, where its logarithm is what is measured.
+
+    ``simulation + size exp(-(x - origin) / scale)``: beside a decay, a share that waits in a second
+    store and comes back slowly, such as a drug in the tissue (the two-compartment model; Gibaldi
+    and Perrier 1982, Pharmacokinetics, chapter 2). On a logarithmic scale that is no added column:
+    ``log(exp(eta) + size exp(-(x - origin) / scale))``. Where the output itself is measured,
+    `Decay` says the same.
+
+    The scale, after which 37 % is left, is log-uniform from a quarter of the measured span to four
+    times it; the size from 0.03 to 30 times the geometric mean of the measured output.
+
+    Parameters
+    ----------
+    column : str
+        An input of the simulation.
+    origin : float or None, default=None
+        Where the size is meant. None: the smallest measured value.
+    size, scale : frozen scipy.stats distribution or None, default=None
+        Priors; positive.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> tissue = hs.SecondStore("t", origin=0.0)
+    >>> X, theta = {"t": np.array([0.0, 5.0])}, {"size": 0.5, "scale": 5.0}
+    >>> np.exp(tissue.response(np.log([2.0, 0.1]), X, theta)[0]).round(3).tolist()
+    [2.5, 0.284]
+    """
+
+    kind = "second-store"
+
+    def __init__(
+        self,
+        column: str,
+        origin: float | None = None,
+        size: Prior | None = None,
+        scale: Prior | None = None,
+    ):
+        super().__init__(column, origin)
+        self.size = size
+        self.scale = scale
+
+    @property
+    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
+        """Priors of size and scale."""
+        return {"size": self.size, "scale": self.scale}
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in origin and priors from the measured rows.
+
+        Raises
+        ------
+        ValueError
+            Where the output is not logarithmic.
+        """
+        if not context.log_scale:
+            raise ValueError(
+                f"SecondStore({self.column!r}) is for a logarithmic output; where the output "
+                f"itself is measured, Decay({self.column!r}) says the same."
+            )
+        values = context.column(self.column)
+        span, _ = span_and_spacing(values)
+        usual = float(np.exp(context.location))
+        return self.filled(
+            origin=float(values.min()) if self.origin is None else self.origin,
+            size=self.size or frozen(stats.loguniform, _LEAST * usual, _MOST * usual),
+            scale=self.scale or frozen(stats.loguniform, span / 4, 4 * span),
+        )
+
+    def grid(self) -> dict[str, FloatArray]:
+        """Return sizes and scales, evenly spaced on logarithmic scales."""
+        share = (np.arange(_NODES) + 0.5) / _NODES
+        return {name: np.asarray(prior.ppf(share)) for name, prior in self.parameters.items()}
+
+    def response(
+        self, simulated: FloatArray, X: Rows, theta: Rows
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the logarithm of the sum, and the share of the simulation in it."""
+        with np.errstate(divide="ignore"):
+            added = np.log(theta["size"]) - self.distance(X) / theta["scale"]
+        total = np.logaddexp(simulated, added)
+        return total, np.exp(simulated - total)
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        assert self.origin is not None
+        place = f"({self.column} {plus(-self.origin)})" if self.origin else self.column
+        return f"simulation {plus(values['size'])} exp(-{place} / {values['scale']:.4g})"
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        assert self.origin is not None
+        power = rf"-\frac{{{minus(self.column, self.origin)}}}{{{number(values['scale'])}}}"
+        return rf"{SIMULATION} + {number(values['size'])} \, e^{{{power}}}"
+
+
+def _over_inputs(context: Context) -> Iterator[Cause]:
+    return (SecondStore(name) for name in context.inputs if context.log_scale)
+
+
+def _lacking(context: Context) -> Iterator[tuple[str | None, str]]:
+    if not context.log_scale:
+        yield None, "the output itself is measured: decay says the same"
+
+
+register(
+    Form(
+        "second-store",
+        SecondStore,
+        _over_inputs,
+        meaning="a part of {output} waits in a second store that empties more slowly over {column}",
+        least_distinct=6,
+        lacking=_lacking,
+        like=("saturation", "ramp"),
+        call="`SecondStore(x)`",
+        formula="log(exp(eta) + size exp(-(x - origin) / scale)); origin: smallest measured x",
+        priors="size: log-uniform, 0.03 to 30 times the geometric mean of the output; scale: "
+        "log-uniform, a quarter of the span to four times it",
+        estimates="size, scale",
+        left_out="fewer than 6 distinct values; an output that is not logarithmic",
+    )
+)
