@@ -98,9 +98,10 @@ class SecondStore(FromOrigin):
         self, simulated: FloatArray, X: Rows, theta: Rows
     ) -> tuple[FloatArray, FloatArray]:
         """Return the logarithm of the sum, and the share of the simulation in it."""
-        with np.errstate(divide="ignore"):
+        # the logarithm of a simulated output below zero is no number: some processors tell so again
+        with np.errstate(divide="ignore", invalid="ignore"):
             added = np.log(theta["size"]) - self.distance(X) / theta["scale"]
-        total = np.logaddexp(simulated, added)
+            total = np.logaddexp(simulated, added)
         return total, np.exp(simulated - total)
 
     def formula(self, values: Mapping[str, float]) -> str:
