@@ -125,7 +125,8 @@ def judge(data: DataSet, cause, models: tuple, train, test) -> str:
     """
     if cause.kind == "none" or not data.documented:
         return "yes" if cause.kind == "none" and not data.documented else "no"
-    if (label(cause), cause.variant) in {(label(doc), doc.variant) for doc in data.documented}:
+    counted = (*data.documented, *data.by_catalogue)
+    if (label(cause), cause.variant) in {(label(doc), doc.variant) for doc in counted}:
         return "yes"
     models = (*models, fit_model(data, train, cause))
     shares = [apart(data, models, X) for X, _ in (train, test)]
@@ -151,7 +152,7 @@ def row(data: DataSet, frame: Frame, fast: bool) -> list[str]:
     models = (diagnosis.estimator_, fit_model(data, train, *data.documented))
     leading = best if best.kind == "none" else found.candidates[leader(found)].cause
     right = judge(data, leading, models, train, test)
-    kinds = {cause.kind for cause in data.documented}
+    kinds = {cause.kind for cause in (*data.documented, *data.by_catalogue)}
     if right.startswith("no") and diagnosis.verdict_ == "ambiguous":
         rival = kinds & set(diagnosis.indistinguishable_)
         right = right.replace("no", "among rivals") if rival else right
@@ -236,10 +237,10 @@ def page(sets: tuple[DataSet, ...], folder: Path, fast: bool, kept: Path | None)
     words = [right for _, right, _ in outcomes]
     alone = [right if other == "-" else other.partition(": ")[2] for _, right, other in outcomes]
     yes, alone_yes = (sum(w.startswith("yes") for w in given) for given in (words, alone))
-    rivals = sum(word.startswith("among") for word in words)
+    rivals, alone_rivals = (sum(w.startswith("among") for w in given) for given in (words, alone))
     rest = f"{rivals} more with the documented kind among the rivals"
     print(f"\n{yes} of {len(words)} as documented, {rest}. ", end="")
-    print(f"Without own causes {alone_yes} of {len(words)} as documented.")
+    print(f"Without own causes {alone_yes} as documented, {alone_rivals} among the rivals.")
     told = [(cells[1], cells[12], cells[13]) for cells in (known[d.name] for d, *_ in outcomes)]
     print(beyond_in_words(told))
     print(within_in_words([known[data.name][14] for data, *_ in outcomes]))

@@ -39,18 +39,6 @@ class BeamSpreading(hs.Cause):
         return 1 / (1 + theta["rate"] * X["distance"])
 
 
-class Vaccine(hs.Cause):
-    """Cases fall exponentially from the year in which the vaccine was licensed."""
-
-    kind = "vaccine"
-    target = "year"
-    # only the newborn, one in some twenty of those who can fall ill, to nine in ten within a year
-    parameters = {"rate": loguniform(0.05, 2.3)}
-
-    def gain(self, X, theta):
-        return np.exp(-theta["rate"] * np.maximum(X["year"] - 1963, 0))
-
-
 class DistanceControl(hs.Cause):
     """A putt must also end within three feet behind the hole; one foot is aimed at."""
 
@@ -62,17 +50,6 @@ class DistanceControl(hs.Cause):
     def gain(self, X, theta):
         error = (X["feet"] + 1) * np.maximum(theta["spread"], 1e-6)
         return ndtr(2 / error) - ndtr(-1 / error)
-
-
-class Friction(hs.Cause):
-    """Viscous friction grows with the velocity, Coulomb friction knows its direction alone."""
-
-    kind = "friction"
-    target = "velocity"
-    coefficients = ("viscous", "coulomb")
-
-    def columns(self, X, theta):
-        return np.stack([X["velocity"], np.sign(X["velocity"])], axis=-1)
 
 
 class AirDrag(hs.Cause):

@@ -21,7 +21,7 @@ import numpy as np
 from hybridsurrogate.simulation.simulator import Simulator
 
 from . import mechanisms, noises
-from .curves import Setting, between, draw_effect, run
+from .curves import OF_SLOPE, Setting, between, draw_effect, run
 from .fits import fit_kind
 from .forms import KINDS as EFFECT_KINDS
 from .simulations import SIMULATIONS, Array
@@ -49,7 +49,7 @@ LATER_FORMS = (
     "limit",
     "response",
 )
-LATEST_FORMS = ("input-error", "random-parameter")
+LATEST_FORMS = (*OF_SLOPE, "ramp: loss", "missing-input: friction")
 FORMS = (*KINDS, *LATER_FORMS, *LATEST_FORMS)
 # the place of a form is part of the seed of its cases: what is new comes last
 _SEEDED = (*KINDS, *LATER_FORMS, *mechanisms.FORMS, *LATEST_FORMS)
@@ -210,7 +210,7 @@ def make_case(
         if kind in noises.FORMS:
             noise, told = noises.FORMS[kind](size, setting.X[:, 0], mu, rng)
             truth |= told
-        elif kind in LATEST_FORMS:
+        elif kind in OF_SLOPE:
             drawn = noises.of_slope(kind, size, setting, noise_sd, rng)
             if drawn is None:
                 continue

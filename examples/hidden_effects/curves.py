@@ -13,6 +13,9 @@ from hybridsurrogate.simulation.simulator import Simulator
 from . import mechanisms
 from .simulations import Array
 
+# in the noise alone, where the simulation is steep: see `noises`
+OF_SLOPE = ("input-error", "random-parameter")
+
 
 @dataclass(frozen=True)
 class Setting:
@@ -117,6 +120,12 @@ def _added_later(
         begin, end = _episode(low, span, rng)
         truth |= {"begin": begin, "end": end, "amplitude": height}
         return lambda X: np.where((begin < X[:, j]) & (X[:, j] <= end), height, 0.0), truth
+    if kind == "missing-input: friction":
+        # over the column that the simulation ignores, as the first or the last of its kind
+        share = rng.uniform(0.3, 0.9)
+        viscous, dry = (1 - share) * height, share * height
+        truth = {"target": "extra", "viscous": viscous, "dry": dry}
+        return lambda X: viscous * X[:, -1] + np.where(X[:, -1] < 0, -dry, dry), truth
     if kind == "interaction":
         measured = setting.X[:, :2]
         middle = (measured.min(axis=0) + measured.max(axis=0)) / 2
@@ -156,6 +165,14 @@ def _changed_output(kind: str, setting: Setting, rng: np.random.Generator) -> Ef
 
         def change(X: Array, y: Array) -> Array:
             return y - y * np.exp(-X[:, j] / numbers["scale"])
+
+    elif kind == "ramp: loss":
+        numbers = {"target": setting.simulator.input_names[j]}
+        location, scale = low + span * rng.uniform(0.15, 0.85), span * between(rng, 0.1, 3.0)
+        numbers |= {"location": location, "scale": scale}
+
+        def change(X: Array, y: Array) -> Array:
+            return y * np.exp(-np.clip(X[:, j] - location, 0, None) / scale)
 
     elif kind == "limit":
         # an overflow, or a reading that ends there: so much of the measured rows is beyond
@@ -247,7 +264,7 @@ def _draw_other_drift(shape: str, setting: Setting, rng: np.random.Generator) ->
 def draw_effect(kind: str, setting: Setting, rng: np.random.Generator) -> Effect | None:
     """Draw the noise-free truth as a function of X, and its numbers; None if out of bounds."""
     simulator, n_parameters = setting.simulator, len(setting.simulator.parameter_names)
-    if kind in ("none", "input-error", "random-parameter") or kind.startswith("noise: "):
+    if kind in ("none", *OF_SLOPE) or kind.startswith("noise: "):
         # it is along the first input that noise is correlated
         along = simulator.input_names[0] if kind == "noise: autocorrelation" else ""
         return lambda X: run(setting, X), {"target": along}
@@ -269,7 +286,7 @@ def draw_effect(kind: str, setting: Setting, rng: np.random.Generator) -> Effect
         return _draw_delay(setting, rng)
     if kind == "noise":
         return _draw_noise(setting, rng)
-    if kind in ("episode: factor", "build-up", "limit", "response"):
+    if kind in ("episode: factor", "build-up", "ramp: loss", "limit", "response"):
         return _changed_output(kind, setting, rng)
     if kind == "interaction" and len(setting.low) < 2:
         return None

@@ -19,11 +19,11 @@ from typing import Any
 
 import numpy as np
 
-from .curves import Setting, run
+from .curves import OF_SLOPE, Setting, run
 from .simulations import Array
 
 # kinds that are in the noise alone
-KINDS = ("noise", "input-error", "random-parameter")
+KINDS = ("noise", *OF_SLOPE)
 # of the steepest row, as shares of its slope: an even slope makes noise like any other
 _LEAST_SPREAD = 0.2
 _STEP = 1e-4

@@ -47,6 +47,8 @@ NUMBERS = {
     "episode": {"begin": "location", "end": "end", "amplitude": "amplitude"},
     "build-up": {"scale": "scale"},
     "limit": {"limit": "limit"},
+    "ramp: loss": {"location": "location", "scale": "scale"},
+    "missing-input: friction": {"viscous": "viscous", "dry": "dry"},
     "response": {"curvature": "curvature"},
     "noise": {"ratio": "ratio"},
     "noise: tails": {"share": "share"},

@@ -29,6 +29,7 @@ if TYPE_CHECKING:  # the files are loaded below, room by room
     from hybridsurrogate.effects.output.decay import Decay
     from hybridsurrogate.effects.output.discrepancy_process import GaussianProcessDiscrepancy
     from hybridsurrogate.effects.output.episode import Episode
+    from hybridsurrogate.effects.output.friction import Friction
     from hybridsurrogate.effects.output.interaction import Interaction
     from hybridsurrogate.effects.output.missing_input import MissingInput
     from hybridsurrogate.effects.output.offset import Offset
@@ -42,6 +43,7 @@ if TYPE_CHECKING:  # the files are loaded below, room by room
     from hybridsurrogate.effects.response.build_up import BuildUp
     from hybridsurrogate.effects.response.gain import Gain
     from hybridsurrogate.effects.response.limit import Limit
+    from hybridsurrogate.effects.response.loss import Loss
     from hybridsurrogate.effects.response.second_store import SecondStore
     from hybridsurrogate.effects.response.sensor_response import SensorResponse
 
@@ -59,12 +61,14 @@ __all__ = [
     "DynamicDrift",
     "DynamicTerm",
     "Episode",
+    "Friction",
     "Gain",
     "GaussianProcessDiscrepancy",
     "InOutput",
     "InputError",
     "Interaction",
     "Limit",
+    "Loss",
     "MissingInput",
     "Noise",
     "NoiseOfMean",

@@ -178,6 +178,11 @@ CASES = {
         lambda r: plain(r) * (1 - np.exp(-r.t / 1.5)),
         {"scale": 1.5},
     ),
+    "loss": (
+        hs.Loss("t"),
+        lambda r: plain(r) * np.exp(-np.maximum(r.t - 5, 0) / 8),
+        {"location": 5.0, "scale": 8.0},
+    ),
     "limit": (hs.Limit(), lambda r: np.minimum(plain(r), 14.5), {"limit": 14.5}),
     "limit, below": (
         hs.Limit(below=True),

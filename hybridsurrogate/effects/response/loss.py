@@ -1,0 +1,141 @@
+"""A share of the simulated output that is lost, more of it from some place on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from scipy import stats
+
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, number, plus
+from hybridsurrogate.effects.over_column import Located
+from hybridsurrogate.effects.registry import Form, register
+from hybridsurrogate.priors import Prior, frozen
+
+# longest scale, in spans of the measured rows: a tenth is lost over a span of twice the mean place
+_LONGEST = 5.0
+
+
+class Loss(Located):
+    """From some place on ever less of the simulation is left: a vaccine, bleaching, wear.
+
+    ``simulation exp(-max(x - location, 0) / scale)``: attenuation at a constant rate. Location and
+    scale (after which 37 % is left) are in units of the column; the location is uniform over the
+    measured rows, the scale log-uniform between the distance of neighbouring rows and five spans.
+    Where the output is logarithmic the same is a `Ramp`.
+
+    Parameters
+    ----------
+    column : str
+        An input of the simulation.
+    location : frozen scipy.stats distribution or None, default=None
+        Prior of the place where the loss sets in; bounded.
+    scale : frozen scipy.stats distribution or None, default=None
+        Prior of the scale; positive.
+    center, span, spacing : float or None, default=None
+        Middle and span of the measured rows, and the distance of neighbours.
+
+    Raises
+    ------
+    ValueError
+        When prepared for a logarithmic output.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> theta = {"location": 2.0, "scale": 5.0}
+    >>> hs.Loss("t").gain({"t": np.array([1.0, 2.0, 7.0])}, theta).round(2).tolist()
+    [1.0, 1.0, 0.37]
+    """
+
+    kind = "ramp"
+
+    def __init__(
+        self,
+        column: str,
+        location: Prior | None = None,
+        scale: Prior | None = None,
+        center: float | None = None,
+        span: float | None = None,
+        spacing: float | None = None,
+    ):
+        super().__init__(column, location, center, span, spacing)
+        self.scale = scale
+
+    @property
+    def variant(self) -> str:
+        """What tells it from a straight line that is added."""
+        return "loss"
+
+    @property
+    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
+        """Priors of location and scale."""
+        return {"location": self.location, "scale": self.scale}
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in the priors from the measured rows."""
+        if context.log_scale:
+            raise ValueError(
+                f"Loss({self.column!r}) is for an output itself; where its logarithm is measured, "
+                f"Ramp({self.column!r}) says the same."
+            )
+        prepared = super().prepare(context)
+        if self.scale is None:
+            prepared.scale = frozen(stats.loguniform, prepared.spacing, _LONGEST * prepared.span)
+        return prepared
+
+    def grid(self) -> dict[str, FloatArray]:
+        """Return locations, and scales evenly spaced on a logarithmic scale."""
+        assert self.scale is not None
+        scales = np.asarray(self.scale.ppf((np.arange(12) + 0.5) / 12))
+        return {"location": self.locations(40), "scale": scales}
+
+    def gain(self, X: Rows, theta: Rows) -> FloatArray:
+        """Return the share that is left."""
+        return np.exp(-np.maximum(X[self.column] - theta["location"], 0.0) / theta["scale"])
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        assert self.span is not None
+        place = values["location"]
+        digits = digits_at(place, self.span)
+        return (
+            f"simulation, from {self.column} = {place:.{digits}g} on times "
+            f"exp(-({self.column} {plus(-place, digits)}) / {values['scale']:.4g})"
+        )
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        assert self.span is not None
+        place = values["location"]
+        distance = minus(self.column, place, digits_at(place, self.span))
+        power = rf"-\frac{{\max\left(0, {distance}\right)}}{{{number(values['scale'])}}}"
+        return rf"{SIMULATION} \, e^{{{power}}}"
+
+
+def _over_inputs(context: Context) -> Iterator[Cause]:
+    return (Loss(name) for name in context.inputs if not context.log_scale)
+
+
+def _lacking(context: Context) -> Iterator[tuple[str | None, str]]:
+    if context.log_scale:
+        yield None, "the logarithm of the output is measured: ramp says the same"
+
+
+register(
+    Form(
+        "ramp: loss",
+        Loss,
+        _over_inputs,
+        meaning="from one place of {column} on ever less of simulated {output} is left, as where "
+        "something is worn, bleached or prevented",
+        least_distinct=8,
+        lacking=_lacking,
+        call="`Loss(x)`",
+        formula="eta exp(-max(x - location, 0) / scale)",
+        priors="location: uniform over the rows; scale: log-uniform, a spacing to five spans",
+        estimates="location, scale",
+        left_out="fewer than 8 distinct values; the output is logarithmic",
+    )
+)
