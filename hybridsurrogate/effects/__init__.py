@@ -18,6 +18,8 @@ if TYPE_CHECKING:  # the files are loaded below, room by room
     from hybridsurrogate.effects.dynamics.dynamic_delay import DynamicDelay
     from hybridsurrogate.effects.dynamics.dynamic_drift import DynamicDrift
     from hybridsurrogate.effects.dynamics.dynamic_term import DynamicTerm
+    from hybridsurrogate.effects.ignored.friction import Friction
+    from hybridsurrogate.effects.ignored.missing_input import MissingInput
     from hybridsurrogate.effects.inputs.delay import Delay
     from hybridsurrogate.effects.noise.autocorrelation import Autocorrelation
     from hybridsurrogate.effects.noise.input_error import InputError
@@ -29,9 +31,7 @@ if TYPE_CHECKING:  # the files are loaded below, room by room
     from hybridsurrogate.effects.output.decay import Decay
     from hybridsurrogate.effects.output.discrepancy_process import GaussianProcessDiscrepancy
     from hybridsurrogate.effects.output.episode import Episode
-    from hybridsurrogate.effects.output.friction import Friction
     from hybridsurrogate.effects.output.interaction import Interaction
-    from hybridsurrogate.effects.output.missing_input import MissingInput
     from hybridsurrogate.effects.output.offset import Offset
     from hybridsurrogate.effects.output.periodic import Periodic
     from hybridsurrogate.effects.output.ramp import Ramp

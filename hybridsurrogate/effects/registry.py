@@ -14,7 +14,7 @@ from hybridsurrogate.registration import add, import_all
 
 # what may not be excluded: a curve of any shape is weighed always
 _ALWAYS = "unexplained"
-_ROOMS = ("output", "response", "parameters", "inputs", "dynamics", "noise")
+_ROOMS = ("output", "ignored", "response", "parameters", "inputs", "dynamics", "noise")
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.ignored.missing_input import trouble_with_levels
 from hybridsurrogate.effects.notation import SIMULATION, number, where
-from hybridsurrogate.effects.output.missing_input import trouble_with_levels
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import Prior, frozen
 

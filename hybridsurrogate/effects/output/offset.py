@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.ignored.missing_input import trouble_with_levels
 from hybridsurrogate.effects.notation import SIMULATION, plus, signed, where
-from hybridsurrogate.effects.output.missing_input import trouble_with_levels
 from hybridsurrogate.effects.registry import Form, register
 
 

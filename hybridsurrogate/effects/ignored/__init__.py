@@ -1,0 +1,1 @@
+"""Causes over columns that the simulation ignores: a kind a file."""
