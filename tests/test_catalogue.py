@@ -153,6 +153,18 @@ def test_a_jump_and_a_wave_along_an_extra_column():
     assert ("missing-input", "batch") in weighed
 
 
+def test_numbers_of_subjects_with_gaps_are_an_axis_and_labels():
+    subject = np.repeat([308.0, 310, 333, 351, 370, 371], 4)
+    frame = {"t": np.linspace(0, 10, 24), "subject": subject, "gram": subject + 0.5}
+    context = Context(frame, 1, {"rate": stats.norm()}, {}, 1.0)
+    assert context.labels == ()
+    assert context.possible_labels == ("subject",)
+    causes = catalogue(context)[0]
+    assert {"subject", "gram"} <= {cause.target for cause in causes if cause.kind == "step"}
+    kind = "parameter-by-experiment"
+    assert [(c.target, c.column) for c in causes if c.kind == kind] == [("rate", "subject")]
+
+
 def test_a_cause_of_ones_own_replaces_the_built_in_one():
     """Candidate twice it would halve its probability."""
     context = context_of()
