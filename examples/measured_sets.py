@@ -213,9 +213,9 @@ SETS = (
         "golf-ball", "ball_drop_bridge.csv", {"time_s": "t"}, "height_m", made.bridge,
         lambda f: f["drop"] == 1, "nothing that shows: control (a dense ball)", (), "",
         "0.24 -> 0.23", load=of_ball("Golf Ball"),
-        remark="heights read off the video stray by 0.1 m along a drop, smoothly, and in the second "
-        "drop as a parabola of 0.3 m: errors of neighbours alike, which the simulation takes "
-        "for independent ones. Correlated noise is weighed and has 0.01, a curve of unknown "
+        remark="heights read off the video stray by 0.1 m along a drop, smoothly, and in the "
+        "second drop as a parabola of 0.3 m: errors of neighbours alike, which the simulation "
+        "takes for independent ones. Correlated noise is weighed and has 0.01, a curve of unknown "
         "shape 0.10; `update` with the second drop says early in it that the extension does "
         "not hold there. The claim of a bump holds for the readings, not for the fall.",
     ),
