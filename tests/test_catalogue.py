@@ -165,6 +165,19 @@ def test_numbers_of_subjects_with_gaps_are_an_axis_and_labels():
     assert [(c.target, c.column) for c in causes if c.kind == kind] == [("rate", "subject")]
 
 
+@pytest.mark.parametrize(
+    ("values", "may_be"),
+    [(3, True), (20, True), (2, False), (21, False)],
+)
+def test_three_to_twenty_whole_numbers_of_three_rows_may_be_labels(values, may_be):
+    subject = np.repeat(300.0 + 7 * np.arange(values), 3)
+    t = np.linspace(0, 10, len(subject))
+    found = Context({"t": t, "subject": subject}, 1, {}, {}, 1.0).possible_labels
+    assert found == (("subject",) if may_be else ())
+    fewer = Context({"t": t[1:], "subject": subject[1:]}, 1, {}, {}, 1.0)
+    assert fewer.possible_labels == ()
+
+
 def test_a_cause_of_ones_own_replaces_the_built_in_one():
     """Candidate twice it would halve its probability."""
     context = context_of()

@@ -19,7 +19,7 @@ _ANOTHER_ORDER = 2.0
 # integers that count this many experiments of so many rows are labels
 _LEAST_EXPERIMENTS, _ROWS_OF_ONE = 3, 3
 # more distinct values of a column are no names of experiments, unless they are counted
-_MOST_EXPERIMENTS = 20
+MOST_EXPERIMENTS = 20
 # so many whole numbers one apart are an axis
 _LEAST_WHOLE = 5
 
@@ -241,7 +241,7 @@ def _may_name_experiments(values: FloatArray) -> bool:
     """Tell whether a column has a few whole numbers, each in several rows."""
     levels, rows = np.unique(values, return_counts=True)
     return bool(
-        _LEAST_EXPERIMENTS <= len(levels) <= _MOST_EXPERIMENTS
+        _LEAST_EXPERIMENTS <= len(levels) <= MOST_EXPERIMENTS
         and rows.min() >= _ROWS_OF_ONE
         and np.array_equal(levels, np.round(levels))
     )

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.context import MOST_EXPERIMENTS
 from hybridsurrogate.effects.notation import (
     SIMULATION,
     digits_at,
@@ -20,8 +21,8 @@ from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.effects.registry import Form, over_extras, register
 
 _SHAPES = ("linear", "quadratic", "categorical")
-# levels of a quantity, of a column of labels, and rows of each
-_MOST_LEVELS, _MOST_LABELS, _ROWS_PER_LEVEL = 6, 20, 3
+# levels of a quantity, and rows of each
+_MOST_LEVELS, _ROWS_PER_LEVEL = 6, 3
 
 
 class MissingInput(OverColumn):
@@ -223,7 +224,7 @@ class MissingInput(OverColumn):
 def trouble_with_levels(context: Context, column: str) -> str | None:
     """Return why a column cannot be taken as levels, None if it can."""
     _, counts = np.unique(context.X[column], return_counts=True)
-    most = _MOST_LABELS if column in context.possible_labels else _MOST_LEVELS
+    most = MOST_EXPERIMENTS if column in context.possible_labels else _MOST_LEVELS
     if not 2 <= len(counts) <= most:
         return f"{column} has {len(counts)} distinct values, 2 to {most} can be levels"
     if counts.min() < _ROWS_PER_LEVEL:
