@@ -4,7 +4,9 @@
 finished case is a row of the file, and a stopped run goes on with those that are left. 10 batches
 of 12 rows, a column that numbers them, and one parameter of the simulation that differs between
 them by as much as gives an effect of 1 or 2 times the noise; without a difference whatever is found
-is a false alarm. Declared: ``by_experiment`` names the parameter, and nothing else is wrong.
+is a false alarm. Gaps: the numbers of the batches have some, as those of subjects do. Curves: no
+parameter differs, but each batch strays by a cubic of its own. Declared: ``by_experiment`` names
+the parameter, and nothing else is wrong.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
+from numpy.polynomial.legendre import legval
 from scipy import stats
 
 import hybridsurrogate as hs
@@ -78,18 +81,37 @@ def make_batches(seed, size):
     return simulator, pd.DataFrame({"x": x.ravel(), "batch": batch}), y.ravel(), target
 
 
-def diagnosed(seed, size, declared):
+def make_curves(seed, size):
+    """Return the same where each batch strays by a cubic of its own, ``size`` times the noise."""
+    simulator, truth, _ = SETTINGS[seed % len(SETTINGS)]
+    rng = np.random.default_rng([77, seed])
+    x = rng.uniform(0, 4, (BATCHES, ROWS))
+    # of level, slope, bend and twist
+    heights = rng.standard_normal((4, BATCHES)) * np.array([[0.3], [1.0], [1.0], [0.6]])
+    curves = np.stack([legval(x[k] / 2 - 1, heights[:, k]) for k in range(BATCHES)])
+    curves *= size * NOISE / np.sqrt(np.mean(curves**2))
+    y = simulator.simulator.function(x, **truth) + curves + NOISE * rng.standard_normal(x.shape)
+    batch = np.repeat(np.arange(1, BATCHES + 1), ROWS)
+    return simulator, pd.DataFrame({"x": x.ravel(), "batch": batch}), y.ravel(), "x"
+
+
+def diagnosed(what, seed, size):
     """Return a row of the table of cases."""
-    simulator, X, y, target = make_batches(seed, size)
+    declared, curves = what == "declared", what.startswith("curves")
+    simulator, X, y, target = (make_curves if curves else make_batches)(seed, size)
+    if what.startswith("gaps"):
+        numbers = 300 + np.cumsum(np.random.default_rng(seed).integers(1, 20, BATCHES))
+        X = X.assign(batch=numbers[X.batch - 1])
     options = {"experiment": "batch", "by_experiment": {target: "spread"}} if declared else {}
     model = hs.PowerScaledSurrogate(simulator, hs.ExactSurrogate(), random_state=0, **options)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", hs.HybridSurrogateWarning)
         diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(X, y)
     first = diagnosis.causes_[diagnosis.causes_.kind != "none"].iloc[0]
-    right = first.kind == "parameter-by-experiment" and first.target == target
+    kind = "curve-by-experiment" if curves else "parameter-by-experiment"
+    right = first.kind == kind and first.target == target
     return {
-        "what": "declared" if declared else f"size {size:g}",
+        "what": what,
         "seed": seed,
         "verdict": diagnosis.verdict_,
         "right_first": right,
@@ -126,7 +148,7 @@ def summary(rows):
             *((some.verdict == word).mean() for word in ("adequate", "named")),
         )
         first, *others = (f"{100 * share:.0f} %" for share in shares)
-        found = "-" if what in ("declared", "size 0") else first
+        found = "-" if what == "declared" or what.endswith(" 0") else first
         lines.append(f"| {what} | {len(some)} | {found} | {' | '.join(others)} |")
     held = rows[rows.what == "interval"]
     if len(held):
@@ -147,12 +169,14 @@ def main(arguments=None):
     parser.add_argument("--rows", type=Path, default=None, help="CSV that keeps finished cases")
     parser.add_argument("--jobs", type=int, default=1)
     chosen = parser.parse_args(arguments)
-    wanted = [(size, k, False) for size in (1.0, 2.0) for k in range(chosen.cases)]
-    wanted += [(0.0, k, False) for k in range(chosen.nulls)]
-    wanted += [(2.0, k, True) for k in range(chosen.cases)]
+    wanted = {f"size {size:g}": (size, chosen.cases) for size in (1.0, 2.0)}
+    wanted |= {"size 0": (0.0, chosen.nulls), "declared": (2.0, chosen.cases)}
+    wanted |= {"gaps, size 2": (2.0, chosen.cases), "gaps, size 0": (0.0, chosen.nulls)}
+    wanted |= {f"curves, size {size:g}": (size, chosen.cases) for size in (1.0, 2.0)}
     tasks = {
-        ("declared" if declared else f"size {size:g}", k): delayed(diagnosed)(k, size, declared)
-        for size, k, declared in wanted
+        (what, k): delayed(diagnosed)(what, k, size)
+        for what, (size, number) in wanted.items()
+        for k in range(number)
     }
     tasks |= {("interval", k): delayed(covered)(k) for k in range(chosen.intervals)}
     rows = []

@@ -60,7 +60,12 @@ def fit_model(data: DataSet, train: tuple[Frame, np.ndarray], *effects: hs.Cause
 
 def model_before(data: DataSet) -> hs.PowerScaledSurrogate:
     return hs.PowerScaledSurrogate(
-        data.simulator(), surrogate=hs.ExactSurrogate(), likelihood=data.likelihood, random_state=0
+        data.simulator(),
+        surrogate=hs.ExactSurrogate(),
+        likelihood=data.likelihood,
+        experiment=data.experiment,
+        by_experiment=data.by_experiment,
+        random_state=0,
     )
 
 
@@ -153,7 +158,7 @@ def row(data: DataSet, frame: Frame, fast: bool) -> list[str]:
     leading = best if best.kind == "none" else found.candidates[leader(found)].cause
     right = judge(data, leading, models, train, test)
     kinds = {cause.kind for cause in (*data.documented, *data.by_catalogue)}
-    if right.startswith("no") and diagnosis.verdict_ == "ambiguous":
+    if right.startswith("no") and diagnosis.verdict_ in ("ambiguous", "nearest"):
         rival = kinds & set(diagnosis.indistinguishable_)
         right = right.replace("no", "among rivals") if rival else right
     estimates = ", ".join(
@@ -284,11 +289,12 @@ documented cause fitted by least squares. "Right" says whether the leading cause
 one, whatever the verdict is. One of another name counts where its curve is less than 5 % of what
 the simulation misses apart from that of the documented cause, on the training rows and on those
 held out (both shares are given); "among rivals": it is not right, but the documented kind is among
-those that cannot be told apart. A probability in brackets counts causes that the catalogue does not
-hold as well (`probability_right_`). The score is the mean log density of a held-out row, of the
-plain simulation, of the leading cause alone and of the extended model, which averages over the
-causes; then how many of these rows the 90 % interval of each holds. "Gain within": what the score
-gains on training rows held out in five folds, the search repeated in each, with its standard error.
+those that cannot be told apart, or among those of which the nearest leads. A probability in
+brackets counts causes that the catalogue does not hold as well (`probability_right_`). The score is
+the mean log density of a held-out row, of the plain simulation, of the leading cause alone and of
+the extended model, which averages over the causes; then how many of these rows the 90 % interval of
+each holds. "Gain within": what the score gains on training rows held out in five folds, the search
+repeated in each, with its standard error.
 
 Where the catalogue has no cause of the documented form, that formula was weighed beside it as the
 scientist's own cause, with a prior of the field (`examples/measured_mechanisms.py`). "Without own

@@ -74,7 +74,7 @@ def test_the_whole_catalogue():
         *("noise", "noise: mean", "noise: tails", "noise: autocorrelation", "unexplained"),
         *("input-error", "random-parameter", "ramp: loss"),
         # batches 1 to 4 are labels
-        "parameter-by-experiment: over batch",
+        *("parameter-by-experiment: over batch", "curve-by-experiment: by batch"),
     }
     # a continuous column has no levels, this simulation has no dynamics, and its floor is added
     assert {(s.kind, s.target) for s in skipped} == {

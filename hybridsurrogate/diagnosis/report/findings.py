@@ -282,8 +282,13 @@ def extension(view: View) -> list[str]:
     out += sentences(confounded(d.confounded_))
     out += _beyond(view)
     if d.extended_simulator_ is not None:
-        names = digits.listing(list(d.extended_simulator_.parameter_names))
-        out.append(f"extended_simulator_ runs the formula, with the parameters {names}.")
+        names = list(d.extended_simulator_.parameter_names)
+        # the waves of curves come last, and mean nothing one by one
+        waves = sum(len(c.coefficients) for _, c in view.findings if c.is_process)
+        if waves:
+            names = [*names[:-waves], f"{waves} amplitudes of waves"]
+        told = digits.listing(names)
+        out.append(f"extended_simulator_ runs the formula, with the parameters {told}.")
     return out
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
 from hybridsurrogate.inference.evidence.linearised import Linearised, linearise
+from hybridsurrogate.inference.evidence.marginal_likelihood import scan
 from hybridsurrogate.priors import FloatArray
 
 
@@ -77,6 +78,25 @@ def local_posterior(result: Search, w: Candidate, rows: Rows, size: float) -> Lo
     return Local(mean, covariance)
 
 
+def size_of(result: Search, w: Candidate, node: int | None = None) -> float:
+    """Return the prior scale of a cause's size: the largest, that of the noise, or the likeliest.
+
+    A path in the noise has the size of the noise, and curves of experiments one that the measured
+    ones tell: another experiment strays as far as they do.
+    """
+    if w.cause is not None and w.cause.is_process:
+        if not w.cause.changes_output:
+            return w.sigma
+        if "amplitude" in w.cause.parameters:
+            parts = _at_node(result, w, result.problem.X, w.mode.node if node is None else node)
+            args = parts, result.problem.y[None], w.sigma, result.noise
+            evidence = [
+                float(scan(*args, result.sizes[k : k + 1])[0, 0]) for k in range(len(result.sizes))
+            ]
+            return float(result.sizes[int(np.argmax(evidence))])
+    return float(result.sizes[-1])
+
+
 def predict_locally(
     result: Search, w: Candidate, X: FloatArray, node: int | None = None
 ) -> tuple[FloatArray, FloatArray]:
@@ -101,9 +121,8 @@ def predict_jointly(
     variance : ndarray of shape (n,)
         Of the noise.
     """
-    noisy_path = w.cause is not None and w.cause.is_process and not w.cause.changes_output
     measured, rows = measured_and_other(result, w, X, node)
-    local = local_posterior(result, w, measured, w.sigma if noisy_path else float(result.sizes[-1]))
+    local = local_posterior(result, w, measured, size_of(result, w, node))
     # a root that exists where rounding has left a variance a little below zero, too
     variances, directions = np.linalg.eigh((local.covariance + local.covariance.T) / 2)
     loadings = rows.design @ (directions * np.sqrt(np.maximum(variances, 0.0)))

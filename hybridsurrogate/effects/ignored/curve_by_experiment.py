@@ -1,0 +1,207 @@
+"""A smooth curve of its own for each experiment, batch, subject or sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from scipy import stats
+
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.notation import SIMULATION, number, word
+from hybridsurrogate.effects.output.discrepancy_process import GaussianProcessDiscrepancy
+from hybridsurrogate.effects.over_column import OverColumn
+from hybridsurrogate.effects.registry import Form, register
+from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.simulation.calendar import is_of_calendar
+
+# an experiment with fewer places along the column has an amount of its own, and no curve
+_LEAST_PLACES = 4
+# waves of each curve: enough for the shortest length, 0.3 of half the span (Riutort-Mayol et al.
+# 2023, Statistics and Computing 33:17, eq. 17: 1.75 * 1.5 / 0.3)
+_N_WAVES, _SHORTEST = 10, 0.15
+
+
+class CurveByExperiment(OverColumn):
+    """A smooth curve of unknown shape over one input, another one in each experiment.
+
+    ``simulation + u_e(x)`` with independent Gaussian processes u_e of one standard deviation
+    ``amplitude`` and one ``length``: the errors of an experiment's measurements are alike (a
+    picture that is distorted, a sensor that was mounted anew), or experiments differ in what the
+    simulation does not know. `GaussianProcessDiscrepancy` over one input gives the curves: squared
+    exponential, by a Hilbert-space basis, held beyond a quarter of the measured range outside it.
+    What all experiments share is no part of it. An experiment that was not measured strays by
+    another curve: its prediction is the simulation's, with that much more spread.
+
+    Parameters
+    ----------
+    column : str
+        An input of the simulation.
+    by : str
+        The column that says which experiment a row is of.
+    length, amplitude : frozen scipy.stats distribution or None, default=None
+        Priors, in units of the column and of the output: log-uniform from 15 % to 100 % of the
+        measured span, and from 0.3 % to 100 % of the spread of the output.
+    levels : tuple of float or None, default=None
+        The experiments; None: those of the measured rows.
+    center, span : float or None, default=None
+        Middle and span of the measured rows.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> own = hs.CurveByExperiment("t", "run", levels=(1.0, 2.0), center=5.0, span=10.0)
+    >>> rows = {"t": np.array([4.0, 4.0, 4.5]), "run": np.array([1.0, 2.0, 2.0])}
+    >>> columns = own.columns(rows, {"length": np.full(3, 2.0), "amplitude": np.full(3, 0.1)})
+    >>> (columns @ columns.T)[1].round(4).tolist()
+    [0.0, 0.01, 0.0097]
+    """
+
+    kind = "curve-by-experiment"
+    is_process = True
+    coefficient_sd = 1.0
+
+    def __init__(
+        self,
+        column: str,
+        by: str,
+        length: Prior | None = None,
+        amplitude: Prior | None = None,
+        levels: tuple[float, ...] | None = None,
+        center: float | None = None,
+        span: float | None = None,
+    ):
+        super().__init__(column, center, span)
+        self.by = by
+        self.length = length
+        self.amplitude = amplitude
+        self.levels = levels
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """The input, and the column of the experiments."""
+        return (self.column, self.by)
+
+    @property
+    def variant(self) -> str:
+        """Over which column of experiments."""
+        return f"by {self.by}"
+
+    @property
+    def name(self) -> str:
+        """The kind, the input and the column of the experiments."""
+        return f"{self.kind}({self.column} by {self.by})"
+
+    @property
+    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
+        """The priors of length and amplitude."""
+        return {"length": self.length, "amplitude": self.amplitude}
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
+        """One name a basis function and experiment, one not measured included."""
+        assert self.levels is not None
+        experiments = [*(f"{level:.12g}" for level in self.levels), "another"]
+        return tuple(f"{e}: wave_{k}" for e in experiments for k in range(_N_WAVES))
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in the experiments, middle and span of the column and the priors."""
+        prepared = super().prepare(context)
+        assert prepared.span is not None
+        experiments = context.column(self.by)
+        if self.levels is None:
+            prepared.levels = tuple(np.unique(experiments).tolist())
+        if self.length is None:
+            prepared.length = frozen(stats.loguniform, _SHORTEST * prepared.span, prepared.span)
+        if self.amplitude is None:
+            prepared.amplitude = frozen(stats.loguniform, 0.003 * context.scale, context.scale)
+        return prepared
+
+    def grid(self) -> dict[str, FloatArray]:
+        """Return six lengths; the amplitude only scales the columns, as their size does."""
+        assert self.length is not None
+        return {"length": np.asarray(self.length.ppf((np.arange(6) + 0.5) / 6))}
+
+    def factors(self, X: Rows, theta: Rows) -> tuple[FloatArray, FloatArray]:
+        """Return the basis functions of each experiment's rows, and the heights of all."""
+        assert self.levels is not None
+        assert self.span is not None
+        scaled = 2 * np.asarray(theta["length"]) / self.span
+        parts = self._curve.factors(X, {"length_scale": scaled})
+        of_rows, heights = (part[:, :_N_WAVES] for part in parts)
+        levels = np.asarray(self.levels)
+        is_of = X[self.by][:, None] == levels
+        is_of = np.column_stack([is_of, ~is_of.any(axis=1)])
+        own = np.einsum("ne,nk->nek", is_of, of_rows).reshape(len(of_rows), -1)
+        heights = heights * np.reshape(theta["amplitude"], (-1, 1))
+        return own, np.tile(heights, (1, is_of.shape[1]))
+
+    @property
+    def _curve(self) -> GaussianProcessDiscrepancy:
+        assert self.center is not None
+        assert self.span is not None
+        half = self.span / 2
+        return GaussianProcessDiscrepancy({self.column: (self.center - half, self.center + half)})
+
+    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return length and standard deviation of the curves."""
+        return {name: np.asarray(values) for name, values in theta.items()}
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        return (
+            f"simulation + a smooth curve over {self.column} of its own for each {self.by}, of "
+            f"{values['amplitude']:.4g} (standard deviation)"
+        )
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        column, by = word(self.column), word(self.by)
+        spread = rf"\text{{sd}}(u_{{{by}}}) = {number(values['amplitude'])}"
+        return rf"{SIMULATION} + u_{{{by}}}({column}), \quad {spread}"
+
+
+def _own_curves(context: Context) -> Iterator[Cause]:
+    for by in context.possible_labels:
+        if not is_of_calendar(by):
+            yield from (CurveByExperiment(column, by) for column in context.inputs)
+
+
+def _lacking(context: Context) -> Iterator[tuple[str | None, str]]:
+    if not context.possible_labels:
+        yield None, "no measured column says which experiment a row is of"
+
+
+def _trouble(cause: Cause, context: Context) -> str | None:
+    assert isinstance(cause, CurveByExperiment)
+    places, experiments = context.column(cause.column), context.column(cause.by)
+    most = max(len(np.unique(places[experiments == e])) for e in np.unique(experiments))
+    if most < _LEAST_PLACES:
+        return (
+            f"an experiment has {most} distinct values of {cause.column} at most; "
+            f"{_LEAST_PLACES} are needed"
+        )
+    return None
+
+
+register(
+    Form(
+        "curve-by-experiment",
+        CurveByExperiment,
+        _own_curves,
+        meaning="{output} strays by another smooth curve over {column} in each experiment: its "
+        "measurements err together, or something that the simulation does not know differs",
+        least_rows=8,
+        least_distinct=2,
+        trouble=_trouble,
+        lacking=_lacking,
+        like=("parameter-by-experiment", "unexplained"),
+        call="`CurveByExperiment(x, e)`",
+        formula="eta + u_e(x); u_e Gaussian, covariance amplitude² exp(-distance²/(2 length²))",
+        priors="length: log-uniform, 15 % to 100 % of the span; amplitude: log-uniform, 0.3 % to "
+        "100 % of the spread of the output",
+        estimates="length, amplitude",
+        left_out="no column of labels, or of three to twenty whole numbers; fewer than four places "
+        "in each experiment",
+    )
+)

@@ -1,0 +1,100 @@
+"""A smooth curve of its own for each experiment: what it is, and what an estimator makes of it."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from batches import DECAY, decay
+
+import hybridsurrogate as hs
+from hybridsurrogate.effects import Context
+
+AMPLITUDE, NOISE, EXPERIMENTS = 0.2, 0.03, 12
+
+
+def runs(seed, amplitude=AMPLITUDE, n=12):
+    """Return rows of numbered runs, each of which strays by a wave of its own phase."""
+    rng = np.random.default_rng(seed)
+    x = rng.uniform(0, 4, (EXPERIMENTS, n))
+    phase = rng.uniform(0, 2 * np.pi, (EXPERIMENTS, 1))
+    strays = amplitude * np.sqrt(2) * np.sin(2 * np.pi * x / 5 + phase)
+    y = decay(x, 0.5, 3.0) + strays + NOISE * rng.standard_normal(x.shape)
+    run = np.repeat(np.arange(1, EXPERIMENTS + 1), n)
+    return pd.DataFrame({"x": x.ravel(), "run": run}), y.ravel()
+
+
+def test_curves_of_two_experiments_are_independent_and_smooth_within():
+    cause = hs.CurveByExperiment("t", "run", levels=(1.0, 2.0), center=5.0, span=10.0)
+    t = np.array([3.0, 5.0, 6.0, 5.0, 5.0])
+    rows = {"t": t, "run": np.array([1.0, 1.0, 1.0, 2.0, 99.0])}
+    length, amplitude = 1.7, 0.4
+    columns = cause.columns(
+        rows, {"length": np.full(5, length), "amplitude": np.full(5, amplitude)}
+    )
+    assert columns.shape == (5, len(cause.coefficients))
+    same = np.zeros((5, 5))
+    same[:3, :3] = same[3, 3] = same[4, 4] = 1
+    expected = same * amplitude**2 * np.exp(-((t[:, None] - t) ** 2) / (2 * length**2))
+    np.testing.assert_allclose(columns @ columns.T, expected, atol=0.01 * amplitude**2)
+
+
+def test_an_experiment_that_was_not_measured_strays_as_far_as_the_others():
+    X, y = runs(0)
+    model = hs.PowerScaledSurrogate(
+        DECAY,
+        surrogate=hs.ExactSurrogate(),
+        effects=[hs.CurveByExperiment("x", "run")],
+        random_state=0,
+    ).fit(X, y)
+    told = model.posterior_.estimates(0)
+    low, high = np.quantile(told["amplitude"], [0.005, 0.995])
+    assert low < AMPLITUDE < high
+    # in the middle of what was measured, where nothing is held at an edge
+    middle = X[(X.x > 1) & (X.x < 3)]
+    mean, sd = model.predict(middle, return_std=True)
+    assert np.sqrt(np.mean((mean - y[middle.index]) ** 2)) < 1.3 * NOISE
+    new_mean, new_sd = model.predict(middle.assign(run=99), return_std=True)
+    truth = decay(middle.x.to_numpy(), 0.5, 3.0)
+    assert np.sqrt(np.mean((new_mean - truth) ** 2)) < AMPLITUDE / 2
+    assert 0.7 * AMPLITUDE < np.median(new_sd) < 1.6 * AMPLITUDE
+    assert np.median(sd) < 2 * NOISE
+
+
+def test_it_is_left_out_where_experiments_have_too_few_places():
+    x = np.repeat([[0.0, 1.0, 2.0]], 8, axis=0).ravel()
+    X = {"x": x, "run": np.repeat(np.arange(1.0, 9.0), 3)}
+    context = Context(X, n_inputs=1, parameters=DECAY.parameters, assumed={}, scale=1.0)
+    causes, skipped = hs.catalogue.catalogue(context)
+    assert "curve-by-experiment" not in {cause.kind for cause in causes}
+    (reason,) = [s.reason for s in skipped if s.kind == "curve-by-experiment"]
+    assert "an experiment has 3 distinct values of x at most; 4 are needed" in reason
+
+
+def test_its_formula_and_priors():
+    X = {"x": np.arange(24.0) % 8, "run": np.repeat([1.0, 2.0, 3.0], 8)}
+    context = Context(X, n_inputs=1, parameters={}, assumed={}, scale=2.0)
+    cause = hs.CurveByExperiment("x", "run").prepare(context)
+    assert cause.levels == (1.0, 2.0, 3.0)
+    assert cause.name == "curve-by-experiment(x by run)"
+    assert cause.reads == ("x", "run")
+    np.testing.assert_allclose(cause.length.support(), (0.15 * 7, 7))
+    np.testing.assert_allclose(cause.amplitude.support(), (0.006, 2))
+    assert "for each run, of 0.5" in cause.formula({"amplitude": 0.5})
+    assert r"u_{\text{run}}" in cause.latex({"amplitude": 0.5})
+
+
+@pytest.mark.slow
+def test_runs_that_stray_are_told_from_a_fault_of_the_simulation():
+    X, y = runs(1)
+    model = hs.PowerScaledSurrogate(DECAY, surrogate=hs.ExactSurrogate(), random_state=0)
+    found = hs.DiscrepancyDiagnosis(model, cv=None, n_replicates=50, random_state=0).fit(X, y)
+    best = found.best_cause_
+    assert (found.verdict_, best.kind, best.target) == ("named", "curve-by-experiment", "x")
+    text = " ".join(str(found.report()).split())
+    assert "strays by another smooth curve over x in each experiment" in text
+    # 12 runs of 10 waves, and one that was not measured, are not listed one by one
+    assert "130 amplitudes of waves" in text
+    # another run of the same kind is no news, one that strays five times as far is
+    rows = X[X.run == 3].assign(run=77)
+    truth = decay(rows.x.to_numpy(), 0.5, 3.0)
+    assert found.update(rows, truth + AMPLITUDE * np.sin(2 * rows.x.to_numpy())).holds
+    assert not found.update(rows, truth + 5 * AMPLITUDE * np.sin(2 * rows.x.to_numpy())).holds
