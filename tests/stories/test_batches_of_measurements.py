@@ -67,6 +67,21 @@ def test_nothing_is_wrong_once_it_is_declared():
 
 
 @pytest.mark.slow
+def test_a_second_cause_is_found_beside_a_rate_that_differs():
+    right = 0
+    for seed in range(700, 706):
+        X, y, _ = batches(seed, n=8)
+        model = hs.PowerScaledSurrogate(DECAY, surrogate=hs.ExactSurrogate(), random_state=0)
+        found = hs.DiscrepancyDiagnosis(
+            model, cv=None, max_causes=2, n_replicates=50, random_state=0
+        ).fit(numbered(X), y + 0.2 * (X.x > 2))
+        kinds = [cause.kind for cause in found.found_causes_]
+        right += sorted(kinds) == ["parameter-by-experiment", "step"]
+    # where the search ended with the rate none was
+    assert right >= 4
+
+
+@pytest.mark.slow
 def test_what_else_is_wrong_is_found_beside_it():
     X, y, _ = batches(2, n=6)
     y = y + 0.2 * (X.x > 2)

@@ -237,6 +237,8 @@ def _others(causes: Sequence[Cause], chosen: Candidate) -> list[Cause]:
 
 def ends_search(candidate: Candidate) -> bool:
     """Tell whether nothing is searched for beside a cause."""
-    # a curve or a path of any shape leaves nothing to name; beside outliers there is no closed form
     cause = candidate.cause
-    return cause is None or cause.is_process or cause.has_outliers
+    if cause is None or cause.has_outliers:  # beside outliers there is no closed form
+        return True
+    # a curve or a path of any shape leaves nothing to name, a parameter that differs does
+    return cause.is_process and cause.hierarchy is None
