@@ -16,6 +16,7 @@ from hybridsurrogate.diagnosis.report.section import Picture
 from hybridsurrogate.diagnosis.report.settings import SETTINGS
 from hybridsurrogate.diagnosis.report.view import View, label_of
 from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, Gain, best_beta
+from hybridsurrogate.effects.context import MOST_EXPERIMENTS
 from hybridsurrogate.plotting import AFTER, BEFORE
 
 Test = tuple[ArrayLike, ArrayLike] | None
@@ -52,6 +53,60 @@ def picture_fit(view: View) -> Picture:
         axes,
         f"Above: measured {view.output} over {view.name} and the calibrated simulation. Below: "
         f"{_described_below(view)}",
+    )
+
+
+def experiments_of(view: View) -> str | None:
+    """Return the column of experiments by which an accepted cause goes, None without one."""
+    few = [
+        name
+        for name, values in zip(view.columns, view.X.T, strict=True)
+        if name not in view.inputs and 2 <= len(np.unique(values)) <= MOST_EXPERIMENTS
+    ]
+    read = (name for _, cause in view.findings for name in cause.reads if cause.changes_output)
+    return next((name for name in read if name in few), None)
+
+
+def picture_experiments(view: View, column: str) -> Picture:
+    """Draw what the simulation misses in each experiment, and what the extended model adds."""
+    of_row = view.X[:, view.columns.index(column)]
+    levels = np.unique(of_row)
+    own = [k for k in range(len(view.inputs)) if np.ptp(view.X[:, k]) > 0] or [0]
+    shown = view.shown if view.shown in own else own[0]
+    x = view.X[:, shown]
+    residual = view.working_residuals(view.diagnosis.estimator_)
+    known = view.diagnosis.estimator_.experiments_
+    labels = known.labels if known is not None and known.column == column else None
+    across = min(4, len(levels))
+    down = -(-len(levels) // across)
+    axes = plotting.new_axes(down, across, height=1.2 + 1.5 * down, share=True)
+    for k, (ax, level) in enumerate(zip(axes, levels, strict=False)):
+        rows = np.flatnonzero(of_row == level)
+        rows = rows[np.argsort(x[rows], kind="stable")]
+        ax.axhline(0, color=plotting.QUIET, lw=1)
+        plotting.plot_measured(ax, x[rows], residual[rows], "measured - simulated")
+        # with several inputs neighbours over one of them are none over the others
+        line = "-" if len(own) == 1 else "_"
+        ax.plot(x[rows], view.change[rows], line, color=AFTER, label="extended - simulated")
+        ax.set_title(labels[k] if labels else f"{column} = {level:.6g}", fontsize="small")
+        lowest = k + across >= len(levels)
+        plotting.tidy(ax, view.columns[shown] if lowest else "", "", legend=False, ticks=4)
+        ax.tick_params(labelbottom=lowest, labelleft=k % across == 0)
+    for ax in axes[len(levels) :]:
+        ax.remove()
+    axes = axes[: len(levels)]
+    limit = max(np.max(np.abs(ax.get_ylim())) for ax in axes)
+    for ax in axes:
+        ax.set_ylim(-limit, limit)
+    log = "log " if view.log_scale else ""
+    figure = axes[0].figure
+    figure.supylabel(f"{log}measured - {log}simulated {view.output}", fontsize="medium")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
+    return rendered(
+        axes,
+        f"For each {column}: {log}measured minus {log}simulated {view.output} over "
+        f"{view.columns[shown]} as dots, and what the extended model adds to the calibrated "
+        "simulation as a line.",
     )
 
 

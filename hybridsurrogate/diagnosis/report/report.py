@@ -136,12 +136,13 @@ def make_report(
         scans.few(out_of_range) if beta_scan else scans.known.get(out_of_range)
         for out_of_range in (False, True)
     )
-    title = findings.title_of(view)
+    title, experiments = findings.title_of(view), pictures.experiments_of(view)
     sections = (
         Section("Verdict", tuple(findings.verdict(view)), (pictures.picture_fit(view),)),
         Section(
             "Where",
             tuple(findings.where(view)),
+            () if experiments is None else (pictures.picture_experiments(view, experiments),),
             table=tables.third_table(view),
             caption="Share of the squared discrepancy by thirds of each measured range",
         ),

@@ -1,0 +1,36 @@
+"""A report on experiments that differ: one panel for each, by its name."""
+
+import numpy as np
+import pytest
+from batches import DECAY, batches
+
+import hybridsurrogate as hs
+
+
+@pytest.fixture(scope="module")
+def report():
+    X, y, _ = batches(0, n=5, spread=0.3)
+    model = hs.PowerScaledSurrogate(
+        DECAY, surrogate=hs.ExactSurrogate(), experiment="batch", random_state=0
+    )
+    found = hs.DiscrepancyDiagnosis(model, cv=None, n_replicates=20, random_state=0).fit(X, y)
+    assert found.best_cause_.kind == "parameter-by-experiment"
+    return found.report()
+
+
+def test_each_experiment_has_a_panel(report):
+    (where,) = (section for section in report.sections if section.title == "Where")
+    (picture,) = where.pictures
+    assert picture.description.startswith("For each batch: measured minus simulated y over x")
+    assert picture.png.startswith(b"\x89PNG")
+    assert picture.description in report.to_html()
+
+
+def test_without_experiments_there_is_none():
+    rng = np.random.default_rng(0)
+    x = rng.uniform(0, 4, 40)
+    y = 3 * np.exp(-0.5 * x) + 0.3 * (x > 2) + 0.05 * rng.standard_normal(40)
+    model = hs.PowerScaledSurrogate(DECAY, surrogate=hs.ExactSurrogate(), random_state=0)
+    found = hs.DiscrepancyDiagnosis(model, cv=None, n_replicates=20, random_state=0)
+    sections = found.fit(x[:, None], y).report().sections
+    assert next(s for s in sections if s.title == "Where").pictures == ()
