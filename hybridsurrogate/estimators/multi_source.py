@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from sklearn.utils.validation import check_array, check_consistent_length, check_X_y
 
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.estimators.base import CheckedData
+from hybridsurrogate.estimators.checked_estimator import CheckedData
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood

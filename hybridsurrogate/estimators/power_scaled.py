@@ -11,7 +11,8 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.estimators.base import CheckedData, SurrogateEstimator
+from hybridsurrogate.estimators.base import SurrogateEstimator
+from hybridsurrogate.estimators.checked_estimator import CheckedData
 from hybridsurrogate.inference.loo import PointwiseLoo
 from hybridsurrogate.inference.model.power_scaling import powers_of
 from hybridsurrogate.inference.procedure import Fit, fit_problem

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.utils import check_random_state
 
-from hybridsurrogate.estimators.base import CheckedData, SurrogateEstimator
+from hybridsurrogate.estimators.base import SurrogateEstimator
+from hybridsurrogate.estimators.checked_estimator import CheckedData
 from hybridsurrogate.inference.loo import PointwiseLoo, stacking_weight
 from hybridsurrogate.inference.procedure import fit_problem
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
