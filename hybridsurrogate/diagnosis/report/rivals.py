@@ -125,7 +125,18 @@ def _advice(view: View) -> str:
     )
     if _remainder_with_cause(view) > SETTINGS.told_remainder:
         check += f" {_search_on(view)}"
+    elif _is_curve_of_several(view):
+        check += (
+            " Two parameters that differ draw such curves as well: max_causes=2 weighs them "
+            "together, which takes longer."
+        )
     return f"{check} {_predict_with(view)}"
+
+
+def _is_curve_of_several(view: View) -> bool:
+    """Tell whether what was found may be several parameters of the simulation that differ."""
+    curves = any(finding.kind == "curve-by-experiment" for finding, _ in view.findings)
+    return curves and len(view.search.problem.model.parameters) > 1
 
 
 def _search_on(view: View) -> str:
