@@ -14,11 +14,7 @@ from scipy import fft
 
 from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
 from hybridsurrogate.diagnosis.search.forward_selection import Step
-from hybridsurrogate.diagnosis.search.local_prediction import (
-    local_posterior,
-    measured_and_other,
-    size_of,
-)
+from hybridsurrogate.diagnosis.search.local_prediction import local_posterior, measured_and_other
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.outputs import OUTPUT
 
@@ -94,7 +90,9 @@ def leaves_structure(step: Step, check: ResidualCheck | None) -> bool:
 def _left(result: Search, w: Candidate) -> FloatArray:
     """Return what the model leaves of the measured rows, then of noise, (1 + R, n), scaled."""
     rows, _ = measured_and_other(result, w, result.problem.X[:0])
-    local = local_posterior(result, w, rows, size_of(result, w))
+    # a curve that is drawn towards zero would leave a share of itself
+    noisy_path = w.cause is not None and w.cause.is_process and not w.cause.changes_output
+    local = local_posterior(result, w, rows, w.sigma if noisy_path else float(result.sizes[-1]))
     design = rows.design / rows.noise[:, None]
     measured = (result.problem.y - rows.offset) / rows.noise - design @ local.mean
     # a fixed stream: a verdict has no randomness of its own
