@@ -71,6 +71,7 @@ def test_the_whole_catalogue():
         *("episode", "trend: since the start", "build-up", "limit", "limit: below", "response"),
         *("interaction", "step: before", "missing-input", "missing-input: quadratic"),
         *("missing-input: categorical", "missing-input: with offset", "interaction: from zero"),
+        "missing-input: categorical with offset",
         *("noise", "noise: mean", "noise: tails", "noise: autocorrelation", "unexplained"),
         *("input-error", "random-parameter", "ramp: loss"),
         # batches 1 to 4 are labels
@@ -85,6 +86,7 @@ def test_the_whole_catalogue():
     }
     assert {s.reason.partition(":")[0] for s in skipped} == {
         "categorical",
+        "categorical with offset",
         "level",
         "friction",
         "inside the dynamics",

@@ -253,14 +253,14 @@ def test_names_are_levels_and_other_text_is_left_out_with_a_word(files, capsys):
     measured = pd.read_csv(files / "measured.csv").drop(columns="wind")
     rng = np.random.default_rng(1)
     measured["operator"] = rng.choice(["ann", "bo"], len(measured))
-    measured["day"] = [f"2026-11-{k + 1:02d}" for k in range(len(measured))]
+    measured["note"] = [f"row {k + 1}" for k in range(len(measured))]
     measured["distance"] = 2 * measured["t"] + 1.5 * (measured["operator"] == "bo")
     measured["distance"] += 0.2 * rng.standard_normal(len(measured))
     measured.to_csv(files / "measured.csv", index=False)
     assert main(arguments(files, "--json", str(files / "report.json"))) == 0
     told = capsys.readouterr()
     assert "Levels of operator: ann is 0, bo is 1." in told.out
-    assert "The column 'day' is left out" in told.err
+    assert "The column 'note' is left out" in told.err
     verdict = json.loads((files / "report.json").read_text())
     assert "missing-input in operator" in told.out
     assert verdict["verdict"] in ("named", "ambiguous")
@@ -309,14 +309,14 @@ def test_files_are_written_where_the_text_is_cut_off(files):
 @pytest.mark.slow
 def test_a_warning_is_printed_once(files, capsys):
     measured = pd.read_csv(files / "measured.csv")
-    measured["day"] = [f"2026-11-{k + 1:02d}" for k in range(len(measured))]
+    measured["note"] = [f"row {k + 1}" for k in range(len(measured))]
     measured.loc[0, "t"] = -1.0  # outside the runs: every fit and prediction warns of it
     measured.to_csv(files / "measured.csv", index=False)
     assert main(arguments(files)) == 0
     told = capsys.readouterr().err.splitlines()
     assert len(told) == len(set(told))
     assert sum("outside the simulated range" in line for line in told) == 1
-    assert sum("'day' is left out" in line for line in told) == 1
+    assert sum("'note' is left out" in line for line in told) == 1
     # another run of the same process tells it anew
     assert main(arguments(files)) == 0
     assert capsys.readouterr().err.splitlines() == told

@@ -33,7 +33,8 @@ class MissingInput(OverColumn):
     - ``shape="quadratic"``: ``... + curvature (x - center)^2``;
     - ``shape="categorical"``: ``simulation + deviation of the row's level``, one number for each
       distinct value of a column such as a batch or a sensor; the deviations have mean zero over
-      the measured rows, and a level that was not measured has none;
+      the measured rows, and a level that was not measured has none; with ``offset=True`` they are
+      amounts of any mean;
     - ``shape="categorical", level=3``: ``simulation + amplitude`` where the column is 3 and the
       simulation as it is elsewhere: one bad batch.
 
@@ -55,7 +56,7 @@ class MissingInput(OverColumn):
         None: those of the measured rows, each with at least three of these; at most six, or twenty
         of a column that labels experiments.
     offset : bool, default=False
-        Nobody knows where the simulation is right; only with the linear shape.
+        Nobody knows where the simulation is right; not with the quadratic shape or one level.
 
     Examples
     --------
@@ -99,15 +100,15 @@ class MissingInput(OverColumn):
         """The shape, or the one level; a straight line is the plain form."""
         if self.level is not None:
             return f"level {self.level:.12g}"
-        if self.offset:
-            return "with offset"
         words = [] if self.shape == "linear" else [self.shape]
+        if self.offset:
+            return " ".join([*words, "with offset"])
         return " ".join([*words, "from zero"] if self.center == 0 else words)
 
     @property
     def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
         """Slope and curvature or offset, one deviation a level, or the amplitude of one level."""
-        if self.offset:
+        if self.shape == "linear" and self.offset:
             return ("slope", "offset")
         if self.shape != "categorical":
             return ("slope", "curvature")[: _SHAPES.index(self.shape) + 1]
@@ -122,8 +123,8 @@ class MissingInput(OverColumn):
             raise ValueError(f"shape must be one of {list(_SHAPES)}, got {self.shape!r}.")
         if self.level is not None and self.shape != "categorical":
             raise ValueError(f"level={self.level!r} needs shape='categorical'.")
-        if self.offset and self.shape != "linear":
-            raise ValueError(f"offset=True needs shape='linear', got {self.shape!r}.")
+        if self.offset and (self.shape == "quadratic" or self.level is not None):
+            raise ValueError("offset=True needs shape='linear', or 'categorical' without a level.")
         prepared = super().prepare(context)
         if self.center is None:
             prepared.center = float(np.mean(values))
@@ -152,7 +153,8 @@ class MissingInput(OverColumn):
         assert self.levels is not None
         known, shares = np.array(self.levels).T
         indicator = values[:, None] == known
-        return np.where(indicator.any(axis=1, keepdims=True), indicator - shares, 0.0)
+        mean = 0.0 if self.offset else shares
+        return np.where(indicator.any(axis=1, keepdims=True), indicator - mean, 0.0)
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return slope and curvature per unit of the column, offset, deviations or amplitude."""
@@ -160,6 +162,8 @@ class MissingInput(OverColumn):
             return {"amplitude": np.asarray(coefficients["amplitude"])}
         if self.shape == "categorical":
             assert self.levels is not None
+            if self.offset:
+                return {name: np.asarray(coefficients[name]) for name in self.coefficients}
             mean = sum(
                 share * coefficients[name]
                 for name, (_, share) in zip(self.coefficients, self.levels, strict=True)
@@ -237,6 +241,11 @@ def _categories(context: Context) -> Iterator[Cause]:
         yield MissingInput(column, shape="categorical")
 
 
+def _categories_with_offset(context: Context) -> Iterator[Cause]:
+    for column in context.ignored:
+        yield MissingInput(column, shape="categorical", offset=True)
+
+
 def _at_levels(context: Context) -> Iterator[Cause]:
     for column in context.ignored:
         if trouble_with_levels(context, column) is None:
@@ -307,6 +316,19 @@ register(
         formula="eta + deviation of the row's level, mean zero over the rows",
         estimates="one deviation a level",
         left_out="fewer than 3 or more than 6 levels (20 of labels), or one with fewer than 3 rows",
+    )
+)
+register(
+    Form(
+        "missing-input: categorical with offset",
+        MissingInput,
+        _categories_with_offset,
+        trouble=_trouble_with_categories,
+        only_alone=True,
+        call='`..., shape="categorical", offset=True`',
+        formula="eta + amount of the row's level, any mean",
+        estimates="one amount a level",
+        left_out="as without offset; `max_causes` above one",
     )
 )
 register(
