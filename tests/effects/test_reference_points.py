@@ -106,6 +106,23 @@ def test_numbers_and_formula_of_a_line_that_is_right_elsewhere():
     assert added == pytest.approx(1.0, abs=0.3)
 
 
+def test_numbers_of_batches_whose_mean_is_not_zero():
+    found = diagnosed("three batches", 1)
+    best = found.best_cause_
+    assert found.extended_estimator_.effects[0].variant == "categorical with offset"
+    assert [mean for mean, *_ in best.estimates.values()] == pytest.approx([0.2, 0.5, 0.8], abs=0.1)
+    assert re.fullmatch(r"simulation, and \+0\.\d+ where z = 0, .*where z = 2", best.formula)
+    rows = pd.DataFrame({"t": [1.0, 1.0], "z": [0.0, 2.0]})
+    assert np.diff(found.predict(rows)) == pytest.approx(0.6, abs=0.12)
+
+
+def test_an_offset_is_none_of_one_level():
+    context = Context({"t": T, "z": np.arange(40) % 4.0}, 1, {}, {}, 1.0)
+    for options in ({"shape": "quadratic"}, {"shape": "categorical", "level": 1.0}):
+        with pytest.raises(ValueError, match="or 'categorical' without a level"):
+            hs.MissingInput("z", offset=True, **options).prepare(context)
+
+
 def test_beside_other_causes_an_offset_is_one_of_its_own():
     context = Context({"t": T, "z": T + 30}, 1, {}, {}, 1.0)
     for alone in (True, False):
