@@ -282,11 +282,12 @@ def extension(view: View) -> list[str]:
     out += sentences(confounded(d.confounded_))
     out += _beyond(view)
     if d.extended_simulator_ is not None:
-        names = list(d.extended_simulator_.parameter_names)
-        # the waves of curves come last, and mean nothing one by one
-        waves = sum(len(c.coefficients) for _, c in view.findings if c.is_process)
-        if waves:
-            names = [*names[:-waves], f"{waves} amplitudes of waves"]
+        # the waves of curves mean nothing one by one; not every curve is part of the simulator
+        waves = {name for _, c in view.findings if c.is_process for name in c.coefficients}
+        every = d.extended_simulator_.parameter_names
+        names = [name for name in every if name not in waves]
+        if len(names) < len(every):
+            names.append(f"{len(every) - len(names)} amplitudes of waves")
         told = digits.listing(names)
         out.append(f"extended_simulator_ runs the formula, with the parameters {told}.")
     return out

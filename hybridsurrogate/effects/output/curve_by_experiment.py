@@ -30,8 +30,9 @@ class CurveByExperiment(OverColumn):
     picture that is distorted, a sensor that was mounted anew), or experiments differ in what the
     simulation does not know. `GaussianProcessDiscrepancy` over one input gives the curves: squared
     exponential, by a Hilbert-space basis, held beyond a quarter of the measured range outside it.
-    What all experiments share is no part of it. An experiment that was not measured strays by
-    another curve: its prediction is the simulation's, with that much more spread.
+    The curves are independent, and the mean of a few is not zero: what few experiments share may be
+    drawn by it. An experiment that was not measured strays by another curve: its prediction is the
+    simulation's, with that much more spread.
 
     Parameters
     ----------

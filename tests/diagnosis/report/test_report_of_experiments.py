@@ -34,3 +34,19 @@ def test_without_experiments_there_is_none():
     found = hs.DiscrepancyDiagnosis(model, cv=None, n_replicates=20, random_state=0)
     sections = found.fit(x[:, None], y).report().sections
     assert next(s for s in sections if s.title == "Where").pictures == ()
+
+
+@pytest.mark.slow
+def test_a_curve_beside_another_cause_hides_no_parameter():
+    """A smooth curve of unknown shape has no waves in the extended simulator."""
+    X, y, _ = batches(501, n=8)
+    X = X.assign(batch=X.batch.str[1:].astype(int) + 1)
+    model = hs.PowerScaledSurrogate(DECAY, surrogate=hs.ExactSurrogate(), random_state=0)
+    found = hs.DiscrepancyDiagnosis(
+        model, cv=None, max_causes=2, n_replicates=50, random_state=0
+    ).fit(X, y + 0.15 * (X.x > 2))
+    kinds = [cause.kind for cause in found.found_causes_]
+    assert kinds == ["parameter-by-experiment", "unexplained"]
+    text = " ".join(str(found.report()).split())
+    assert "with the parameters rate, level, spread" in text
+    assert "amplitudes of waves" not in text
