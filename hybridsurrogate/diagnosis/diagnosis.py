@@ -120,10 +120,12 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         best cause looks as convincing or, where it is less, one over the ratio of the evidence.
     causes_ : pandas.DataFrame
         Columns kind, target, form (which of the kind's forms, such as "parameter-drift: logistic
-        over t"), probability, log_evidence (against "none"), remainder (probability that a smooth
-        remainder is needed beside the cause), note (why a cause was not weighed, or how often the
-        simulation fails under it); most probable first. Where several causes were found: beside
-        all but the first of them.
+        over t"), probability, log_evidence (against "none", of the cause alone or beside what
+        follows, whichever is true), remainder (probability that a smooth remainder is needed
+        beside the cause), correlated (probability that beside it the noise of neighbouring rows is
+        correlated), note (why a cause was not weighed, or how often the simulation fails under
+        it); most probable first. Where several causes were found: beside all but the first of
+        them.
     beta_scans_ : BetaScans
         What `beta_scan` tries at a few weights when it is first asked for.
     best_cause_ : CauseFinding

@@ -329,6 +329,11 @@ class Cause(BaseEstimator):
         return type(self).columns is Cause.columns and type(self).factors is not Cause.factors
 
     @property
+    def is_correlated_noise(self) -> bool:
+        """Whether this is noise that neighbouring rows share: a process that is not in the mean."""
+        return self.is_process and not self.changes_output
+
+    @property
     def changes_output(self) -> bool:
         """Whether the extended simulation is another one: noise alone leaves it as it is."""
         return bool(self.coefficients) or self.touches_simulation

@@ -9,7 +9,7 @@ import pandas as pd
 
 from hybridsurrogate.catalogue import Skipped
 from hybridsurrogate.diagnosis.answers.failures import failures
-from hybridsurrogate.diagnosis.search.evidence import Search, kind_of
+from hybridsurrogate.diagnosis.search.evidence import Search, kind_of, total_evidence
 from hybridsurrogate.effects.base import Cause
 
 NOT_WEIGHED = "not weighed: "
@@ -22,7 +22,7 @@ def form_of(cause: Cause) -> str:
 
 def cause_table(result: Search, skipped: list[Skipped]) -> pd.DataFrame:
     """Return one row a cause, most probable first, those not weighed last with the reason."""
-    base = result.candidates[0].log_evidence
+    evidence = total_evidence(result.candidates)
     notes = failures(result)
     rows = [
         {
@@ -30,12 +30,19 @@ def cause_table(result: Search, skipped: list[Skipped]) -> pd.DataFrame:
             "target": w.cause.target if w.cause else None,
             "form": form_of(w.cause) if w.cause else "none",
             "probability": probability,
-            "log_evidence": w.log_evidence - base,
+            "log_evidence": log_evidence,
             "remainder": remainder,
+            "correlated": correlated,
             "note": note,
         }
-        for w, probability, remainder, note in zip(
-            result.candidates, result.probability, result.remainder, notes, strict=True
+        for w, probability, log_evidence, remainder, correlated, note in zip(
+            result.candidates,
+            result.probability,
+            evidence - evidence[0],
+            result.remainder,
+            result.correlated,
+            notes,
+            strict=True,
         )
     ]
     rows += [
@@ -46,6 +53,7 @@ def cause_table(result: Search, skipped: list[Skipped]) -> pd.DataFrame:
             "probability": 0.0,
             "log_evidence": np.nan,
             "remainder": np.nan,
+            "correlated": np.nan,
             "note": f"{NOT_WEIGHED}{s.reason}",
         }
         for s in skipped

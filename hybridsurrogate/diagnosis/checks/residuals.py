@@ -14,13 +14,19 @@ from scipy import fft
 
 from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
 from hybridsurrogate.diagnosis.search.forward_selection import Step
-from hybridsurrogate.diagnosis.search.local_prediction import local_posterior, measured_and_other
+from hybridsurrogate.diagnosis.search.local_prediction import (
+    local_posterior,
+    measured_and_other,
+    size_of,
+)
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.outputs import OUTPUT
 
 _REPLICATES = 999
 # of causes that are right so many are called the nearest one
 STRANGE = 0.05
+# the noise beside a path has settled after fewer
+_ROUNDS = 30
 # slow waves over a column, from a half to two over its range
 _WAVES = 4
 
@@ -90,13 +96,27 @@ def leaves_structure(step: Step, check: ResidualCheck | None) -> bool:
 def _left(result: Search, w: Candidate) -> FloatArray:
     """Return what the model leaves of the measured rows, then of noise, (1 + R, n), scaled."""
     rows, _ = measured_and_other(result, w, result.problem.X[:0])
+    is_path = w.cause is not None and w.cause.is_correlated_noise
     # a curve that is drawn towards zero would leave a share of itself
-    noisy_path = w.cause is not None and w.cause.is_process and not w.cause.changes_output
-    local = local_posterior(result, w, rows, w.sigma if noisy_path else float(result.sizes[-1]))
+    size = size_of(result, w) if is_path else float(result.sizes[-1])
     design = rows.design / rows.noise[:, None]
-    measured = (result.problem.y - rows.offset) / rows.noise - design @ local.mean
+    target = (result.problem.y - rows.offset) / rows.noise
+    local = local_posterior(result, w, rows, size)
+    for _ in range(_ROUNDS if is_path else 0):
+        # expectation and maximisation: the noise that is left beside a path of this size
+        squares = (target - design @ local.mean) ** 2
+        squares = squares + np.sum(design @ local.covariance * design, axis=1)
+        w = w._replace(sigma=float(np.sqrt(np.mean(squares))))
+        local = local_posterior(result, w, rows, size)
+    measured = target - design @ local.mean
     # a fixed stream: a verdict has no randomness of its own
-    noise = np.random.RandomState(0).standard_normal((_REPLICATES, len(measured)))
+    random = np.random.RandomState(0)
+    noise = random.standard_normal((_REPLICATES, len(measured)))
+    if is_path:
+        # a path leaves a share of itself, in the replicates as in the measured rows
+        path = design[:, rows.first :]
+        path = path * size / w.sigma / np.sqrt(np.mean(np.sum(path**2, axis=1)))
+        noise += random.standard_normal((_REPLICATES, path.shape[1])) @ path.T
     fitted = noise @ design @ local.covariance @ design.T / w.sigma**2
     left = np.vstack([measured, noise - fitted])
     scale = np.sqrt(np.mean(left**2, axis=1, keepdims=True))

@@ -22,9 +22,13 @@ def rivals(view: View) -> list[str]:
         "share the rest. Log evidence compares with none: each unit is a factor of 2.7 in odds."
     ]
     if len(view.findings) > 1:
+        first = d.result_.steps[0]
         out.append(
-            "The table is about the first cause, with the others a part of the simulation: none "
-            "says that they are all that is wrong."
+            "The table is about the first cause. Each was weighed alone and beside correlated "
+            "noise, and its log evidence counts both."
+            if first.given_others is first.search
+            else "The table is about the first cause, with the others a part of the simulation: "
+            "none says that they are all that is wrong."
         )
     if view.extended:
         out += _alike(view) + _remainder(view)

@@ -11,6 +11,7 @@ from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.answers.discrepancy import Third, shares_of_thirds
 from hybridsurrogate.diagnosis.answers.table import form_of
 from hybridsurrogate.diagnosis.report.view import View
+from hybridsurrogate.diagnosis.search.evidence import total_evidence
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
@@ -21,14 +22,16 @@ Interval = tuple[float, float, float]
 
 def cause_table(view: View) -> pd.DataFrame:
     """Return the causes that were weighed, most probable first."""
-    base = view.search.candidates[0].log_evidence
+    candidates = view.search.candidates
+    evidence = total_evidence(candidates)
+    above_none = {id(w): value - evidence[0] for w, value in zip(candidates, evidence, strict=True)}
     shown = view.most_probable
     return pd.DataFrame(
         {
             "cause": [form_of(w.cause) if w.cause else "none" for w, _ in shown],
             "concerns": [(w.cause.target or "") if w.cause else "" for w, _ in shown],
             "probability": [digits.probability(p) for _, p in shown],
-            "log evidence": [f"{w.log_evidence - base:.1f}" for w, _ in shown],
+            "log evidence": [f"{above_none[id(w)]:.1f}" for w, _ in shown],
         }
     )
 

@@ -8,7 +8,7 @@ covariance (DESIGN section 6).
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -48,7 +48,8 @@ class Candidate(NamedTuple):
     mode: LocalMode
     sigma: float
     log_evidence: float
-    log_evidence_with_remainder: float
+    log_evidence_with_remainder: float = -np.inf
+    log_evidence_with_noise: float = -np.inf
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,8 @@ class Search:
         Posterior probability of each.
     remainder : ndarray
         Probability that a smooth remainder is needed beside each cause.
+    correlated : ndarray
+        Probability that beside each cause the noise of neighbouring rows is correlated.
     sizes : ndarray
         Prior scales of effect sizes, in units of eta.
     noise : LogMarginal
@@ -77,8 +80,20 @@ class Search:
     candidates: list[Candidate]
     probability: FloatArray
     remainder: FloatArray
+    correlated: FloatArray
     sizes: FloatArray
     noise: LogMarginal
+
+    def reweighed(self, candidates: list[Candidate]) -> Search:
+        """Return the search with other evidence for its candidates."""
+        probability, remainder, correlated = probabilities(candidates)
+        return replace(
+            self,
+            candidates=candidates,
+            probability=probability,
+            remainder=remainder,
+            correlated=correlated,
+        )
 
 
 def search(
@@ -156,19 +171,23 @@ def _weigh(
     for cause, fit, evidence in zip([None, *causes], modes, known, strict=False):
         if np.isnan(evidence):
             evidence = np.logaddexp.reduce(node_evidence(problem, emulator, noise, fit, sizes))
-        candidates.append(Candidate(cause, *fit, float(evidence), -np.inf))
-    probability, remainder = probabilities(candidates)
-    quick = Search(problem, emulator, candidates, probability, remainder, sizes, noise)
-    return remainders(quick) if with_remainder else quick
+        candidates.append(Candidate(cause, *fit, float(evidence)))
+    quick = Search(problem, emulator, candidates, *probabilities(candidates), sizes, noise)
+    return with_processes(quick, with_remainder)
 
 
-def remainders(result: Search) -> Search:
-    """Return the search with its winners also weighed beside a smooth remainder."""
-    candidates = _weigh_remainder(
-        result.problem, result.emulator, result.noise, result.candidates, result.sizes
-    )
-    probability, remainder = probabilities(candidates)
-    return replace(result, candidates=candidates, probability=probability, remainder=remainder)
+def with_processes(result: Search, with_remainder: bool = True) -> Search:
+    """Return the search with its winners also weighed beside what none of them explains.
+
+    That is noise that neighbouring rows share and, where it is asked for, a smooth discrepancy of
+    unknown shape.
+    """
+    return _beside_noise(_beside_curve(result) if with_remainder else result)
+
+
+def total_evidence(candidates: Sequence[Candidate]) -> FloatArray:
+    """Return the log evidence of each cause, alone or beside a process, whichever is true."""
+    return np.asarray(special.logsumexp(_alone_and_beside(candidates), axis=1))
 
 
 def _ends_of(
@@ -187,66 +206,98 @@ def _ends_of(
     return [Fitted(*w[1:5]) for w in known]
 
 
-def _weigh_remainder(
-    problem: Problem,
-    emulator: EmulatorPosterior,
-    noise: LogMarginal,
-    candidates: list[Candidate],
-    sizes: FloatArray,
-) -> list[Candidate]:
-    """Weigh the winners of the quick search beside a smooth discrepancy of unknown shape."""
-    quick, _ = probabilities(candidates)
-    # of several outputs a curve in the one that needs it most
-    processes = [w for w in candidates if kind_of(w) == "unexplained"]
+def _beside_curve(result: Search) -> Search:
+    """Weigh the winners beside a smooth discrepancy of unknown shape."""
+    quick = result.probability
+    process, bases = _process(result, lambda w: kind_of(w) == "unexplained")
+    if process is None:
+        return result
+    named = [k for k, w in enumerate(result.candidates) if kind_of(w) not in _VERDICTS]
+    best = max(named, key=lambda k: quick[k], default=None)
+    out = []
+    for k, (w, probability) in enumerate(zip(result.candidates, quick, strict=True)):
+        # the best named cause always has its chance: data usually hold more than one wrong thing
+        if w is process or (probability < 0.01 and w.cause is not None and k != best):
+            out.append(w)
+        elif w.cause is None:
+            out.append(w._replace(log_evidence_with_remainder=process.log_evidence))
+        else:
+            out.append(w._replace(log_evidence_with_remainder=_with_process(result, w, bases)))
+    return result.reweighed(out)
+
+
+def _beside_noise(result: Search) -> Search:
+    """Weigh the causes that explain most beside noise that neighbouring rows share.
+
+    Such noise is no rival of what a simulation lacks: it may be there as well, and alone it
+    imitates a jump or a wave. "None" beside it is a cause of its own.
+    """
+    process, bases = _process(result, lambda w: w.cause is not None and w.cause.is_correlated_noise)
+    if process is None:
+        return result
+    prior = np.log(prior_odds([w.cause for w in result.candidates]))
+    value = prior + [w.log_evidence for w in result.candidates]
+    able = [
+        k
+        for k, w in enumerate(result.candidates)
+        if w.cause is not None and w.cause.changes_output and kind_of(w) not in _VERDICTS
+    ]
+    out = list(result.candidates)
+    for k in sorted(able, key=lambda k: -value[k])[: SETTINGS.beside_noise]:
+        evidence = _with_process(result, out[k], bases)
+        out[k] = out[k]._replace(log_evidence_with_noise=evidence)
+    return result.reweighed(out)
+
+
+def _process(
+    result: Search, belongs: Callable[[Candidate], bool]
+) -> tuple[Candidate | None, FloatArray]:
+    """Return the best of some processes and its columns of unit size at each length, (L, n, q).
+
+    Of several outputs that in the one which needs it most; None where none was weighed.
+    """
+    processes = [w for w in result.candidates if belongs(w)]
     process = max(processes, key=lambda w: w.log_evidence, default=None)
     if process is None:
-        return candidates
+        return None, np.empty((0, 0, 0))
     model, lengths = process.model, make_grid(process.model)
     values = np.repeat(model.values(np.zeros((1, model.n_unknowns))), len(lengths.points), axis=0)
     values[:, lengths.nodes] = lengths.points
     own = [owner == len(model.effects) - 1 for owner, _ in model.column_names]
-    bases = model.added(problem.X, values)[:, :, own]
-    bases = bases / np.sqrt(np.mean(np.sum(bases**2, axis=2), axis=1))[:, None, None]
-    named = [k for k, w in enumerate(candidates) if kind_of(w) not in ("none", "unexplained")]
-    best = max(named, key=lambda k: quick[k], default=None)
-    out = []
-    for k, (w, probability) in enumerate(zip(candidates, quick, strict=True)):
-        # the best named cause always has its chance: data usually hold more than one wrong thing
-        if w is process or (probability < 0.01 and w.cause is not None and k != best):
-            out.append(w)
-            continue
-        if w.cause is None:
-            out.append(w._replace(log_evidence_with_remainder=process.log_evidence))
-            continue
-        parts = linearise(w.model, problem.X, emulator, w.grid, w.mode.z)
-        nodes = scan(parts, problem.y[None], w.sigma, noise, sizes)[0]
-        # zero but for causes that were placed together, whose evidence is not that of the last one
-        beyond_last = w.log_evidence - float(special.logsumexp(nodes))
-        best_first = np.argsort(-nodes)
-        parts = parts.at(best_first[nodes[best_first] > nodes.max() - 10.0])
-        beyond_node = 0.0
-        if parts.noise_differs:
-            # every node would need its own factorisation: the best one tells what a curve adds
-            parts = settled(parts, problem.y, w.sigma)
-            plain = scan(parts, problem.y[None], w.sigma, noise, sizes)[0]
-            beyond_node = float(special.logsumexp(nodes)) - float(plain[0])
-        terms = [
-            np.logaddexp.reduce(
-                scan(
-                    replace(parts, U=np.hstack([parts.U, size * basis])),
-                    problem.y[None],
-                    w.sigma,
-                    noise,
-                    sizes,
-                )[0]
-            )
-            for basis in bases
-            for size in sizes[::2]
-        ]
-        total = float(np.logaddexp.reduce(terms) - np.log(len(terms)))
-        total += beyond_node + beyond_last
-        out.append(w._replace(log_evidence_with_remainder=total))
-    return out
+    bases = model.added(result.problem.X, values)[:, :, own]
+    rms = np.sqrt(np.mean(np.sum(bases**2, axis=2), axis=1))
+    return process, bases / rms[:, None, None]
+
+
+def _with_process(result: Search, w: Candidate, bases: FloatArray) -> float:
+    """Return the log evidence of a cause beside a process of unknown length and size."""
+    problem, noise, sizes = result.problem, result.noise, result.sizes
+    parts = linearise(w.model, problem.X, result.emulator, w.grid, w.mode.z)
+    nodes = scan(parts, problem.y[None], w.sigma, noise, sizes)[0]
+    # zero but for causes that were placed together, whose evidence is not that of the last one
+    beyond_last = w.log_evidence - float(special.logsumexp(nodes))
+    best_first = np.argsort(-nodes)
+    parts = parts.at(best_first[nodes[best_first] > nodes.max() - 10.0])
+    beyond_node = 0.0
+    if parts.noise_differs:
+        # every node would need its own factorisation: the best one tells what a curve adds
+        parts = settled(parts, problem.y, w.sigma)
+        plain = scan(parts, problem.y[None], w.sigma, noise, sizes)[0]
+        beyond_node = float(special.logsumexp(nodes)) - float(plain[0])
+    terms = [
+        np.logaddexp.reduce(
+            scan(
+                replace(parts, U=np.hstack([parts.U, size * basis])),
+                problem.y[None],
+                w.sigma,
+                noise,
+                sizes,
+            )[0]
+        )
+        for basis in bases
+        for size in sizes[::2]
+    ]
+    return float(np.logaddexp.reduce(terms) - np.log(len(terms))) + beyond_node + beyond_last
 
 
 def prior_odds(causes: Sequence[Cause | None]) -> FloatArray:
@@ -272,18 +323,38 @@ def prior_odds(causes: Sequence[Cause | None]) -> FloatArray:
     )
 
 
-def probabilities(candidates: Sequence[Candidate]) -> tuple[FloatArray, FloatArray]:
-    """Return the posterior probability of each cause, and that of a remainder beside it."""
+def probabilities(
+    candidates: Sequence[Candidate],
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the probability of each cause, of a remainder and of correlated noise beside it."""
+    parts = _alone_and_beside(candidates)
+    log_total = special.logsumexp(parts, axis=1)
+    shares = np.exp(parts - log_total[:, None])
+    log_total = log_total + np.log(prior_odds([w.cause for w in candidates]))
+    return np.exp(log_total - special.logsumexp(log_total)), shares[:, 1], shares[:, 2]
+
+
+def _alone_and_beside(candidates: Sequence[Candidate]) -> FloatArray:
+    """Return log evidence and prior of each cause alone, beside a curve, beside noise, (k, 3)."""
     alone = np.array([w.log_evidence for w in candidates])
-    with_remainder = np.array([w.log_evidence_with_remainder for w in candidates])
+    beside = np.array(
+        [[w.log_evidence_with_remainder, w.log_evidence_with_noise] for w in candidates]
+    )
     # "none" with a remainder is "unexplained", which is weighed on its own
-    splits = np.isfinite(with_remainder) & np.array([w.cause is not None for w in candidates])
+    named = np.array([w.cause is not None for w in candidates])
+    splits = np.isfinite(beside) & named[:, None]
+    prior = np.where(splits, [SETTINGS.prior_remainder, _prior_of_paths(candidates)], 0.0)
     with np.errstate(divide="ignore"):
-        plain = alone + np.where(splits, np.log1p(-SETTINGS.prior_remainder), 0.0)
-        extra = np.where(splits, with_remainder + np.log(SETTINGS.prior_remainder), -np.inf)
-    log_total = np.logaddexp(plain, extra) + np.log(prior_odds([w.cause for w in candidates]))
-    remainder = np.exp(extra - np.logaddexp(plain, extra))
-    return np.exp(log_total - special.logsumexp(log_total)), remainder
+        log_beside = np.where(splits, beside, 0.0) + np.log(prior)
+    return np.column_stack([alone + np.log1p(-prior.sum(axis=1)), log_beside])
+
+
+def _prior_of_paths(candidates: Sequence[Candidate]) -> float:
+    """Return how probable correlated noise is before the data: beside a cause as without one."""
+    odds = prior_odds([w.cause for w in candidates])
+    alone = [w.cause is not None and w.cause.is_correlated_noise for w in candidates]
+    paths = float(odds[alone].sum())
+    return paths / (paths + odds[0])
 
 
 def kind_of(candidate: Candidate) -> str:

@@ -16,7 +16,6 @@ from hybridsurrogate.diagnosis.search.evidence import (
     Candidate,
     Search,
     prior_odds,
-    probabilities,
     search,
 )
 from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
@@ -83,14 +82,14 @@ def scored(result: Search) -> Search:
     candidates = []
     for k, w in enumerate(result.candidates):
         moved = exact.get(k, screened[k] + exact[nearest] - screened[nearest]) - screened[k]
-        with_remainder = w.log_evidence_with_remainder + moved
         candidates.append(
             w._replace(
-                log_evidence=w.log_evidence + moved, log_evidence_with_remainder=with_remainder
+                log_evidence=w.log_evidence + moved,
+                log_evidence_with_remainder=w.log_evidence_with_remainder + moved,
+                log_evidence_with_noise=w.log_evidence_with_noise + moved,
             )
         )
-    probability, remainder = probabilities(candidates)
-    return replace(result, candidates=candidates, probability=probability, remainder=remainder)
+    return result.reweighed(candidates)
 
 
 def _is_scored(result: Search) -> bool:

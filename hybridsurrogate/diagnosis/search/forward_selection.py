@@ -13,8 +13,8 @@ from hybridsurrogate.diagnosis.search.evidence import (
     Search,
     leader,
     prior_odds,
-    remainders,
     search,
+    with_processes,
 )
 from hybridsurrogate.diagnosis.search.exact_scores import scored, screened_at_best
 from hybridsurrogate.diagnosis.search.joint_refit import placed_together
@@ -92,6 +92,10 @@ def forward_search(
     InterruptedSearch
         On an interrupt: it holds the first search, as far as it came.
     """
+
+    def with_noise(found: list[Step]) -> list[Step]:
+        return _beside_correlated_noise(found, causes, emulator)
+
     steps: list[Step] = []
     result: Search | None = None
     thorough = n_replicates is not None
@@ -112,7 +116,9 @@ def forward_search(
             # the p-value guards against noise, the probability against a cause that is no better
             by_chance = test is not None and test.p_value > false_alarm_rate
             if by_chance or result.probability[0] > 0.5:
-                return _alone(steps) or [Step(result, test, result.candidates[0], result)]
+                return with_noise(_alone(steps)) or [
+                    Step(result, test, result.candidates[0], result)
+                ]
             chosen, given_others = result.candidates[leader(result)], None
             tried: tuple[Search, ...] = ()
             if len(steps) + 1 < max_causes:
@@ -121,7 +127,7 @@ def forward_search(
                 )
             steps.append(Step(result, test, chosen, result, tried))
             if given_others is None:
-                return steps
+                return with_noise(steps)
             problem, causes, result = given_others.problem, _others(causes, chosen), given_others
     except KeyboardInterrupt as stop:
         kept = steps[0].search if steps else result or getattr(stop, "kept", None)
@@ -151,6 +157,38 @@ def _alone(steps: list[Step]) -> list[Step]:
     return [replace(steps[0], chosen=result.candidates[leader(result)])]
 
 
+def _beside_correlated_noise(
+    steps: list[Step], causes: Sequence[Cause], emulator: EmulatorPosterior
+) -> list[Step]:
+    """Return the steps and, where the last cause needs correlated noise beside it, one with that.
+
+    It is no further cause of what the simulation misses: a cause that was weighed beside such noise
+    is used beside it.
+    """
+    if not steps or ends_search(steps[-1].chosen):
+        return steps
+    last = steps[-1]
+    place = next(k for k, w in enumerate(last.search.candidates) if w is last.chosen)
+    if last.search.correlated[place] <= 0.5:
+        return steps
+    paths = [cause for cause in causes if cause.is_correlated_noise]
+    found = _search_beside(last.search.problem, paths, emulator, last.chosen)
+    return [*steps, Step(found, None, found.candidates[leader(found)], found)]
+
+
+def _search_beside(
+    problem: Problem,
+    causes: Sequence[Cause],
+    emulator: EmulatorPosterior,
+    first: Candidate,
+    nearby: Sequence[Search] = (),
+) -> Search:
+    """Return the quick search for a cause beside a first one, which is held where it was found."""
+    effects = first.model.effects
+    extended = replace(problem, model=problem.model.with_effects(effects))
+    return search(extended, causes, emulator, False, first, _beside_same(effects, nearby))
+
+
 def _look_ahead(
     problem: Problem,
     causes: Sequence[Cause],
@@ -165,17 +203,11 @@ def _look_ahead(
     And every search that was made. No search beside it where nothing can be named beside the cause:
     a smooth discrepancy, or outliers.
     """
-
-    def second_search(first: Candidate) -> Search:
-        assert first.cause is not None
-        effects = first.model.effects
-        extended = replace(problem, model=problem.model.with_effects(effects))
-        known = _beside_same(effects, nearby)
-        return search(extended, _others(causes, first), emulator, False, first, known)
-
     log_prior = np.log(prior_odds([w.cause for w in result.candidates]))
-    order = [int(k) for k in np.argsort(-result.probability)]
-    at = next(k for k in order if result.candidates[k] is leading)
+    at = next(k for k, w in enumerate(result.candidates) if w is leading)
+    # what leads, then what explains most without a process: its companion may be one
+    explained = log_prior + [w.log_evidence for w in result.candidates]
+    order = [at, *(int(k) for k in np.argsort(-explained) if k != at)]
     named = [k for k in order if not ends_search(result.candidates[k])]
     position = {id(result.candidates[k].cause): k for k in named}
     waiting = named[: SETTINGS.looked_ahead]
@@ -190,7 +222,8 @@ def _look_ahead(
     values: dict[int, float] = {}
     while waiting:
         k = waiting.pop(0)
-        first, second = result.candidates[k], second_search(result.candidates[k])
+        first = result.candidates[k]
+        second = _search_beside(problem, _others(causes, first), emulator, first, nearby)
         alone = log_prior[k] + first.log_evidence
         # where nothing is left to explain, there is nothing to place beside the first
         left = in_doubt or second.probability[0] < 0.5
@@ -214,7 +247,7 @@ def _look_ahead(
     if other in made and _companion(made[other]).cause is result.candidates[best].cause:
         best = max(best, other, key=lambda k: result.probability[k])
     chosen = made[best]
-    return result.candidates[best], scored(remainders(chosen) if thorough else chosen), tried
+    return result.candidates[best], scored(with_processes(chosen, thorough)), tried
 
 
 def _companions(given_others: Search) -> float:

@@ -16,7 +16,7 @@ from hybridsurrogate.diagnosis.search.conditioning import (
     nothing_further,
     placed_anew,
 )
-from hybridsurrogate.diagnosis.search.evidence import Candidate, Search, probabilities
+from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
 from hybridsurrogate.diagnosis.search.local_fit import Fitted, node_evidence
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.evidence.levenberg_marquardt import is_followed
@@ -45,10 +45,7 @@ def placed_together(result: Search, first: Candidate, given_others: Search) -> S
     for k in able:
         if evidence[k] > evidence[able[0]] - SETTINGS.companion_behind:
             candidates[k] = _together(result, first, given_others, candidates[k])
-    probability, remainder = probabilities(candidates)
-    return replace(
-        given_others, candidates=candidates, probability=probability, remainder=remainder
-    )
+    return given_others.reweighed(candidates)
 
 
 def movable(cause: Cause) -> bool:
@@ -86,7 +83,7 @@ def _together(
             _log_evidence(both, result, turned) + alone - _log_evidence(both, given_others, neither)
         )
         if (value := base + pair - first.log_evidence) > best.log_evidence:
-            best = Candidate(second.cause, *back, value, -np.inf)
+            best = Candidate(second.cause, *back, value)
         if alone < reached + SETTINGS.worth_a_turn:
             break
         fit, reached = back, alone

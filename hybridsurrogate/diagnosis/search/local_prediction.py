@@ -79,22 +79,17 @@ def local_posterior(result: Search, w: Candidate, rows: Rows, size: float) -> Lo
 
 
 def size_of(result: Search, w: Candidate, node: int | None = None) -> float:
-    """Return the prior scale of a cause's size: the largest, that of the noise, or the likeliest.
+    """Return the prior scale of a cause's size: the largest, or of a process the likeliest.
 
-    A path in the noise has the size of the noise, and curves of experiments one that the measured
-    ones tell: another experiment strays as far as they do.
+    A path in the noise, or the curves of experiments, has a size that the measured rows tell: other
+    rows and another experiment stray as far as they do.
     """
-    if w.cause is not None and w.cause.is_process:
-        if not w.cause.changes_output:
-            return w.sigma
-        if "amplitude" in w.cause.parameters:
-            parts = _at_node(result, w, result.problem.X, w.mode.node if node is None else node)
-            args = parts, result.problem.y[None], w.sigma, result.noise
-            evidence = [
-                float(scan(*args, result.sizes[k : k + 1])[0, 0]) for k in range(len(result.sizes))
-            ]
-            return float(result.sizes[int(np.argmax(evidence))])
-    return float(result.sizes[-1])
+    if w.cause is None or "amplitude" not in w.cause.parameters or not w.cause.is_process:
+        return float(result.sizes[-1])
+    parts = _at_node(result, w, result.problem.X, w.mode.node if node is None else node)
+    args = parts, result.problem.y[None], w.sigma, result.noise
+    evidence = [float(scan(*args, result.sizes[k : k + 1])[0, 0]) for k in range(len(result.sizes))]
+    return float(result.sizes[int(np.argmax(evidence))])
 
 
 def predict_locally(

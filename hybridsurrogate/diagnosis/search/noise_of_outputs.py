@@ -16,8 +16,7 @@ from scipy import special
 from hybridsurrogate.diagnosis.search.evidence import (
     Candidate,
     Search,
-    probabilities,
-    remainders,
+    with_processes,
 )
 from hybridsurrogate.diagnosis.search.local_fit import (
     FLOOR,
@@ -68,12 +67,9 @@ def at_best_noise(result: Search, with_remainder: bool) -> Search:
     for w, fit in zip(result.candidates, fits, strict=True):
         nodes = node_evidence(problem, result.emulator, result.noise, fit, sizes)
         evidence = float(special.logsumexp(nodes)) + _noise_of(fit.model).log_prior()
-        candidates.append(Candidate(w.cause, *fit, evidence, -np.inf))
-    probability, remainder = probabilities(candidates)
-    found = replace(
-        result, candidates=candidates, probability=probability, remainder=remainder, sizes=sizes
-    )
-    return remainders(found) if with_remainder else found
+        candidates.append(Candidate(w.cause, *fit, evidence))
+    found = replace(result, sizes=sizes).reweighed(candidates)
+    return with_processes(found, with_remainder)
 
 
 def _best(result: Search, w: Candidate) -> Fitted:
@@ -87,7 +83,7 @@ def _best(result: Search, w: Candidate) -> Fitted:
             [_at(e, ratios) if _is_noise(e) else e for e in w.model.effects]
         )
         fit = settled(problem, emulator, noise, Fitted(model, w.grid, w.mode, sigma))
-        w = Candidate(w.cause, *fit, w.log_evidence, -np.inf)
+        w = Candidate(w.cause, *fit, w.log_evidence)
     return Fitted(*w[1:5])
 
 

@@ -69,7 +69,7 @@ def best_modes(
             if is_followed(cause):
                 # with every unknown followed a start is a choice, which other rows must not make
                 fits.append(_followed(problem, emulator, noise, model, grid, null))
-            elif nearby is None or _is_noise_process(model):
+            elif nearby is None or model.effects[-1].is_correlated_noise:
                 fits.append(_once(problem, emulator, model, grid, null))
             else:
                 fits.append(_unmoved(problem, model, grid, nearby[k], null))
@@ -81,7 +81,7 @@ def best_modes(
         behind = _far_behind(problem, emulator, noise, [null, *fits], log_prior, margins)
         for k in map(int, np.flatnonzero(np.isnan(behind))):
             model, grid, mode, sigma = fits[k]
-            if _is_noise_process(model) or is_followed(model.effects[-1]):
+            if model.effects[-1].is_correlated_noise or is_followed(model.effects[-1]):
                 continue
             fits[k] = settled(problem, emulator, noise, Fitted(model, grid, mode, sigma))
     except KeyboardInterrupt as stop:
@@ -129,7 +129,7 @@ def _once(
 ) -> Fitted:
     """Climb once, on the first grid."""
     starts, sigma = _starts(model, grid, null), null.sigma
-    if _is_noise_process(model):
+    if model.effects[-1].is_correlated_noise:
         # left free it would take all the noise there is: it has the size of the noise
         size = sigma * problem.unit_noise
         mode = optimise(model, problem.X, problem.y, emulator, grid, starts[0], sigma, size)
@@ -199,11 +199,6 @@ def _between_nodes(
         fit = fit._replace(grid=finer)
         density = node_evidence(problem, emulator, noise, fit, sizes) - finer.log_weight
     return max(float(density.max()) - coarse, 0.0)
-
-
-def _is_noise_process(model: MeasuredModel) -> bool:
-    cause = model.effects[-1]
-    return cause.is_process and not cause.changes_output
 
 
 def _starts(model: MeasuredModel, grid: Grid, null: Fitted) -> list[FloatArray]:

@@ -95,6 +95,7 @@ class SearchSettings:
     smallest_size: float = 0.3
     largest_size: float = 3.0
     n_sizes: int = 10
+    beside_noise: int = 8
     behind: float = 12.0
     behind_nearby: float = 4.0
     hopeless_nearby: float = 30.0

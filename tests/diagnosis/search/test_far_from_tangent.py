@@ -107,10 +107,18 @@ def test_the_bound_is_the_ratio_of_the_evidence():
     found = diagnose(1.55, 0).search_
     prior = prior_odds([w.cause for w in found.candidates])
     alone = np.array([w.log_evidence for w in found.candidates])
-    given_others = np.array([w.log_evidence_with_remainder for w in found.candidates])
-    # a named cause leaves a smooth remainder with a probability of a tenth
-    both = np.logaddexp(np.log(0.9) + alone, np.log(0.1) + given_others)
-    evidence = np.where(np.isfinite(given_others), both, alone)[1:]
+    named = [w.cause is not None for w in found.candidates]
+    curve = np.array([w.log_evidence_with_remainder for w in found.candidates])
+    noise = np.array([w.log_evidence_with_noise for w in found.candidates])
+    # a named cause leaves a smooth remainder with a probability of a tenth, and noise is
+    # correlated beside it as often as beside nothing
+    path = next(
+        k for k, w in enumerate(found.candidates) if w.cause and w.cause.is_correlated_noise
+    )
+    of_noise = prior[path] / (prior[path] + prior[0])
+    weights = np.array([0.1 * np.isfinite(curve) * named, of_noise * np.isfinite(noise)])
+    parts = np.array([alone, np.where(weights[0], curve, 0), np.where(weights[1], noise, 0)])
+    evidence = special.logsumexp(parts, b=[1 - weights.sum(axis=0), *weights], axis=0)[1:]
     against = special.logsumexp(evidence, b=prior[1:] / prior[1:].sum()) - alone[0]
     assert np.log(evidence_bound(found)) == pytest.approx(-against, abs=1e-6)
 

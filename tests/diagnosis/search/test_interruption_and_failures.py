@@ -242,7 +242,8 @@ def test_near_copies_have_forms_of_their_own():
     model = clone(diagnosis_of().estimator).fit(T[:, None], Y)
     table = table_of(model, ("trend", "trend: quadratic", *drifts, "unexplained"))
     assert list(table.columns) == [
-        *("kind", "target", "form", "probability", "log_evidence", "remainder", "note")
+        *("kind", "target", "form", "probability", "log_evidence", "remainder"),
+        *("correlated", "note"),
     ]
     weighed = table[table["note"] == ""]
     assert {"none", "trend", "trend: quadratic", "unexplained"} <= set(weighed["form"])

@@ -1,0 +1,82 @@
+"""A cause and noise that neighbouring rows share: the one is no rival of the other."""
+
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.search.evidence import with_processes
+
+T = np.linspace(0, 10, 70)
+
+
+def decay(t, start, rate):
+    return start * np.exp(-rate * t)
+
+
+def rows(seed: int, correlated: float, wave: float, jump: float = 0.0) -> np.ndarray:
+    """Draw what is measured at T: a decay, what is hidden, correlated and independent noise."""
+    rng = np.random.default_rng(seed)
+    covariance = correlated**2 * np.exp(-np.abs(T[:, None] - T) / 0.4) + 1e-9 * np.eye(len(T))
+    path = np.linalg.cholesky(covariance) @ rng.standard_normal(len(T))
+    period, place = rng.uniform(2.5, 4), rng.uniform(3, 7)
+    hidden = wave * np.sin(2 * np.pi * T / period) + jump * (place < T)
+    return decay(T, 10, 0.2) + hidden + path + 0.3 * rng.standard_normal(len(T))
+
+
+def diagnose(y: np.ndarray, **settings) -> hs.DiscrepancyDiagnosis:
+    priors = {"start": stats.norm(10, 3), "rate": hs.truncated_normal(0.2, 0.1, 0.01, 1)}
+    model = hs.PowerScaledSurrogate(
+        hs.Simulator(decay, {"t": (0, 10)}, priors), surrogate=hs.ExactSurrogate(), random_state=0
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", hs.HybridSurrogateWarning)
+        settings = {"n_replicates": 99, "cv": None, "random_state": 0, **settings}
+        return hs.DiscrepancyDiagnosis(model, **settings).fit(pd.DataFrame({"t": T}), y)
+
+
+def test_a_wave_in_correlated_noise_is_found_beside_that_noise():
+    diagnosis = diagnose(rows(1, correlated=0.5, wave=1.2))
+    wave, noise = diagnosis.found_causes_
+    assert (wave.kind, noise.kind) == ("periodic", "noise")
+    low, high = noise.estimates["amplitude"][1:]
+    assert low < 0.5 < high
+    assert diagnosis.causes_["correlated"][0] > 0.5
+    assert "Beside noise in t (autocorrelation) it has" in str(diagnosis.report())
+
+
+def test_independent_noise_stays_out_of_what_is_found():
+    diagnosis = diagnose(rows(2, correlated=0.0, wave=1.2))
+    assert [found.kind for found in diagnosis.found_causes_] == ["periodic"]
+    assert diagnosis.causes_["correlated"][0] < 0.5
+
+
+def test_nothing_beside_correlated_noise_is_the_cause_of_that_name():
+    found = diagnose(rows(3, correlated=0.8, wave=0.0)).search_
+    noise = next(w for w in found.candidates if w.cause and w.cause.is_correlated_noise)
+    # an offset that changes next to nothing stands for "none", which is not weighed beside noise
+    none = found.candidates[0]
+    offset = next(w for w in found.candidates if w.cause and w.cause.kind == "offset")
+    tried = with_processes(found.reweighed([none, offset, noise]), with_remainder=False)
+    gained = tried.candidates[1].log_evidence_with_noise - tried.candidates[1].log_evidence
+    # the same lengths and every other size: the grid of sizes may tell a few tenths
+    assert gained == pytest.approx(noise.log_evidence - none.log_evidence, abs=1.5)
+
+
+@pytest.mark.slow
+def test_how_often_a_wave_or_a_jump_is_found_in_correlated_noise():
+    waves = [diagnose(rows(100 + k, 0.5, wave=1.2)) for k in range(20)]
+    jumps = [diagnose(rows(200 + k, 0.5, wave=0.0, jump=2.5)) for k in range(20)]
+    nothing = [diagnose(rows(300 + k, 0.5, wave=0.0)) for k in range(20)]
+    first = {
+        "periodic": np.mean([d.best_cause_.kind == "periodic" for d in waves]),
+        "step": np.mean([d.best_cause_.kind == "step" for d in jumps]),
+    }
+    assert first["periodic"] >= 0.6
+    assert first["step"] >= 0.5
+    # a name where there is noise only: 5 % of 20, more than 4 with a probability of 0.003
+    wrong = [d.verdict_ == "named" and d.best_cause_.kind != "noise" for d in nothing]
+    assert np.sum(wrong) <= 4
