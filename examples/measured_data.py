@@ -13,7 +13,6 @@ import os
 import sys
 import time
 import warnings
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +20,7 @@ import pandas as pd
 from measured_sets import SETS, DataSet, Frame
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.search.evidence import Search, kind_of, leader, probabilities
+from hybridsurrogate.diagnosis.search.evidence import Search, kind_of, leader
 from hybridsurrogate.whole_file import written_whole
 
 FAST = ("nile", "school-influenza")
@@ -98,9 +97,8 @@ def without_own(data: DataSet, found: Search) -> tuple[hs.Cause, float]:
     """Return who leads a search, and with what probability, where own causes are left out."""
     own = {cause.kind for cause in data.own}
     kept = [weighed for weighed in found.candidates if kind_of(weighed) not in own]
-    probability, remainder = probabilities(kept)
-    rest = replace(found, candidates=kept, probability=probability, remainder=remainder)
-    best = leader(rest)
+    rest = found.reweighed(kept)
+    best, probability = leader(rest), rest.probability
     return kept[best].cause, float(probability[best] / (1 - probability[0]))
 
 

@@ -8,7 +8,6 @@ import pytest
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.search.evidence import with_processes
 
 T = np.linspace(0, 10, 70)
 
@@ -39,13 +38,16 @@ def diagnose(y: np.ndarray, **settings) -> hs.DiscrepancyDiagnosis:
 
 
 def test_a_wave_in_correlated_noise_is_found_beside_that_noise():
-    diagnosis = diagnose(rows(1, correlated=0.5, wave=1.2))
+    # a wave of four times the noise
+    diagnosis = diagnose(rows(12, correlated=0.9, wave=3.5))
     wave, noise = diagnosis.found_causes_
     assert (wave.kind, noise.kind) == ("periodic", "noise")
     low, high = noise.estimates["amplitude"][1:]
-    assert low < 0.5 < high
+    assert low < 0.9 < high
     assert diagnosis.causes_["correlated"][0] > 0.5
-    assert "Beside noise in t (autocorrelation) it has" in str(diagnosis.report())
+    report = str(diagnosis.report())
+    assert "Beside noise in t (autocorrelation) it has" in report
+    assert "alone and beside correlated noise" in report
 
 
 def test_independent_noise_stays_out_of_what_is_found():
@@ -54,16 +56,26 @@ def test_independent_noise_stays_out_of_what_is_found():
     assert diagnosis.causes_["correlated"][0] < 0.5
 
 
-def test_nothing_beside_correlated_noise_is_the_cause_of_that_name():
-    found = diagnose(rows(3, correlated=0.8, wave=0.0)).search_
-    noise = next(w for w in found.candidates if w.cause and w.cause.is_correlated_noise)
-    # an offset that changes next to nothing stands for "none", which is not weighed beside noise
+def test_noise_is_as_likely_correlated_beside_a_cause_as_beside_nothing():
+    found = diagnose(rows(3, correlated=0.0, wave=0.0)).search_
     none = found.candidates[0]
+    path = next(w for w in found.candidates if w.cause and w.cause.is_correlated_noise)
     offset = next(w for w in found.candidates if w.cause and w.cause.kind == "offset")
-    tried = with_processes(found.reweighed([none, offset, noise]), with_remainder=False)
-    gained = tried.candidates[1].log_evidence_with_noise - tried.candidates[1].log_evidence
-    # the same lengths and every other size: the grid of sizes may tell a few tenths
-    assert gained == pytest.approx(noise.log_evidence - none.log_evidence, abs=1.5)
+    gained = 7.0
+    weighed = found.reweighed(
+        [
+            none._replace(log_evidence=0.0),
+            path._replace(log_evidence=gained, log_evidence_with_remainder=-np.inf),
+            offset._replace(
+                log_evidence=2.0,
+                log_evidence_with_remainder=-np.inf,
+                log_evidence_with_noise=2.0 + gained,
+            ),
+        ]
+    )
+    odds_beside_nothing = weighed.probability[1] / weighed.probability[0]
+    odds_beside_offset = weighed.correlated[2] / (1 - weighed.correlated[2])
+    assert odds_beside_offset == pytest.approx(odds_beside_nothing)
 
 
 @pytest.mark.slow
