@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from hybridsurrogate.diagnosis.answers.unknown_beyond import with_remainder
+from hybridsurrogate.diagnosis.search.evidence import Search
 from hybridsurrogate.diagnosis.search.forward_selection import Step
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
@@ -66,7 +67,8 @@ def explanations(steps: Sequence[Step]) -> tuple[list[Causes], list[float]]:
 
     Those found come first, whatever they have; in each further one another cause, or none, stands
     in place of one of them. The probability of the others is conditional on those that stay, which
-    gives their ratio to that of the causes found.
+    gives their ratio to that of the causes found. Correlated noise that each cause was weighed
+    beside stays with those that need it.
 
     Parameters
     ----------
@@ -76,16 +78,21 @@ def explanations(steps: Sequence[Step]) -> tuple[list[Causes], list[float]]:
     found = tuple(step.chosen.cause for step in steps if step.chosen.cause is not None)
     sets, ratios = [found], [1.0]
     for k, step in enumerate(steps):
-        others = (*found[:k], *found[k + 1 :])
-        if not _is_beside(step, others):
-            continue
         search = step.given_others
+        beside = search.correlated > 0.5
+        held = [id(effect) for effect in search.problem.model.effects]
+        free = [c for c in found if id(c) not in held and c is not found[k]]
+        if not all(cause.is_correlated_noise for cause in free):
+            continue
+        others = _without(found, free)
         at = next(i for i, w in enumerate(search.candidates) if w.cause is found[k])
         for i, candidate in enumerate(search.candidates):
-            if i != at:
-                own = () if candidate.cause is None else (candidate.cause,)
-                sets.append((*found[:k], *own, *found[k + 1 :]))
-                ratios.append(float(search.probability[i] / search.probability[at]))
+            if i == at:
+                continue
+            own = () if candidate.cause is None else (candidate.cause,)
+            causes = tuple(c for old in others for c in (own if old is found[k] else (old,)))
+            sets.append((*causes, *_correlated_noise(search)) if beside[i] else causes)
+            ratios.append(float(search.probability[i] / search.probability[at]))
     shares = np.array(ratios) / np.sum(ratios)
     # the found ones lead, even where a cause was chosen for what it explains with a second
     order = [0, *(1 + np.argsort(-shares[1:], kind="stable"))]
@@ -93,7 +100,12 @@ def explanations(steps: Sequence[Step]) -> tuple[list[Causes], list[float]]:
     return [sets[i] for i in kept], [float(shares[i]) for i in kept]
 
 
-def _is_beside(step: Step, others: Causes) -> bool:
-    """Tell whether a cause was weighed with all others that were found held fixed."""
-    effects = step.given_others.problem.model.effects
-    return all(any(cause is effect for effect in effects) for cause in others)
+def _correlated_noise(search: Search) -> Causes:
+    """Return the noise beside which the causes of a search were weighed."""
+    paths = [w for w in search.candidates if w.cause and w.cause.is_correlated_noise]
+    best = max(paths, key=lambda w: w.log_evidence)
+    return () if best.cause is None else (best.cause,)
+
+
+def _without(causes: Causes, left_out: Sequence[Cause]) -> Causes:
+    return tuple(c for c in causes if all(c is not other for other in left_out))

@@ -10,17 +10,19 @@ import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.answers.model_averaging import averaged_over, explanations
 
 WAVE, STEP, BUMP, TREND = hs.Periodic("t"), hs.Step("t"), hs.Bump("t"), hs.Trend("t")
+NOISE = hs.Autocorrelation("t")
 
 
-def step_of(chosen, beside, **probabilities):
+def step_of(chosen, beside, needs_noise=(), **probabilities):
     """A search whose candidates have these probabilities, the rest being nothing further."""
-    causes = {"wave": WAVE, "step": STEP, "bump": BUMP, "trend": TREND}
+    causes = {"wave": WAVE, "step": STEP, "bump": BUMP, "trend": TREND, "noise": NOISE}
     weighed = [None, *(causes[name] for name in probabilities)]
     shares = np.array(list(probabilities.values()))
     return SimpleNamespace(
         chosen=SimpleNamespace(cause=chosen),
         given_others=SimpleNamespace(
-            candidates=[SimpleNamespace(cause=cause) for cause in weighed],
+            candidates=[SimpleNamespace(cause=cause, log_evidence=0.0) for cause in weighed],
+            correlated=np.array([1.0 * (cause in needs_noise) for cause in weighed]),
             probability=np.array([1 - shares.sum(), *shares]),
             problem=SimpleNamespace(model=SimpleNamespace(effects=beside)),
         ),
@@ -54,6 +56,21 @@ def test_what_was_weighed_alone_says_nothing_of_a_pair():
     first = step_of(WAVE, (), wave=0.5, bump=0.5)
     second = step_of(STEP, (WAVE,), step=0.75, trend=0.25)
     assert explanations([first, second])[0] == [(WAVE, STEP), (WAVE, TREND)]
+
+
+def test_correlated_noise_stays_with_the_causes_that_need_it():
+    probabilities = {"wave": 0.5, "step": 0.2, "bump": 0.1, "noise": 0.1}
+    first = step_of(WAVE, (), needs_noise=(WAVE, STEP), **probabilities)
+    second = step_of(NOISE, (WAVE,), noise=0.9)
+    sets, shares = explanations([first, second])
+    assert sets == [(WAVE, NOISE), (STEP, NOISE), (), (BUMP,), (NOISE,), (WAVE,)]
+    ratios = np.array([1, 0.4, 0.2, 0.2, 0.2, 1 / 9])
+    np.testing.assert_allclose(shares, ratios / ratios.sum())
+
+
+def test_a_rival_that_needs_correlated_noise_has_it():
+    step = step_of(WAVE, (), needs_noise=(STEP,), wave=0.6, step=0.3, noise=0.1)
+    assert explanations([step])[0] == [(WAVE,), (STEP, NOISE), (NOISE,)]
 
 
 def test_what_cannot_be_fitted_is_told_and_left_out():

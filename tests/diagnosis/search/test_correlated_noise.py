@@ -45,6 +45,11 @@ def test_a_wave_in_correlated_noise_is_found_beside_that_noise():
     low, high = noise.estimates["amplitude"][1:]
     assert low < 0.9 < high
     assert diagnosis.causes_["correlated"][0] > 0.5
+    # its rivals, which were weighed beside the same noise, are averaged over with it
+    models = diagnosis.extended_estimator_.estimators_
+    assert len(models) > 1
+    for model in models:
+        assert "noise" in [cause.kind for cause in model.effects]
     report = str(diagnosis.report())
     assert "Beside noise in t (autocorrelation) it has" in report
     assert "alone and beside correlated noise" in report
