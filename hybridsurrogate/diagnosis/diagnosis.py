@@ -45,7 +45,12 @@ from hybridsurrogate.diagnosis.search.evidence import (
     kind_shares,
     verdict_on,
 )
-from hybridsurrogate.diagnosis.search.forward_selection import Step, forward_search, searches
+from hybridsurrogate.diagnosis.search.forward_selection import (
+    Step,
+    forward_search,
+    searches,
+    with_correlated_noise,
+)
 from hybridsurrogate.diagnosis.search.local_fit import InterruptedSearch
 from hybridsurrogate.diagnosis.search.setup import Prepared, prepare, trained_emulator
 from hybridsurrogate.diagnosis.search.working_rows import on_working_rows
@@ -298,6 +303,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         if self.emulator_check_ is not None:
             self.emulator_check_.warn(self.estimator_.surrogate_)
         steps = backfitted(steps, self.search_.problem, prepared.causes)
+        steps = with_correlated_noise(steps, prepared.causes, emulator)
         found = steps[0].given_others
         self.causes_ = cause_table(found, prepared.skipped)
         self.indistinguishable_ = credible_kinds(found)

@@ -243,9 +243,9 @@ def test_kinds_that_cannot_be_the_cause(simulator):
     for kind in excluded:
         assert table.loc[kind, "note"] == "not weighed: you excluded it"
     assert "delay (you excluded it)" in " ".join(str(rest.report()).split())
-    # what is left shares their prior probability
+    # what is left shares their prior probability (and is alone: nothing is weighed beside noise)
     odds = [
-        shares["offset"] / shares["none"]
+        shares["noise: mean"] / shares["none"]
         for shares in (d.causes_.set_index("form")["probability"] for d in (whole, rest))
     ]
     kinds = set(whole.causes_["kind"][whole.causes_["probability"] > 0]) - {"none", "unexplained"}

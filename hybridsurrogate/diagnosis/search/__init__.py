@@ -5,7 +5,7 @@ working_rows       rows of any likelihood, normal to first order
 screening          one fit of every cause, and more in earnest where it looks promising
 local_fit          a fit, its noise, a finer grid where the evidence is; interrupts
 noise_of_outputs   several outputs: each cause with the noise of each that suits it
-evidence           evidence of all causes, prior odds, probabilities, who leads
+evidence           evidence of all causes, alone and beside a curve or correlated noise, who leads
 exact_scores       what leads, scored under its own likelihood by importance sampling
 local_prediction   what one cause predicts, given the data
 null_test          the p-value of the whole search

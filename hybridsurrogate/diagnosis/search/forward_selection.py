@@ -92,10 +92,6 @@ def forward_search(
     InterruptedSearch
         On an interrupt: it holds the first search, as far as it came.
     """
-
-    def with_noise(found: list[Step]) -> list[Step]:
-        return _beside_correlated_noise(found, causes, emulator)
-
     steps: list[Step] = []
     result: Search | None = None
     thorough = n_replicates is not None
@@ -116,9 +112,7 @@ def forward_search(
             # the p-value guards against noise, the probability against a cause that is no better
             by_chance = test is not None and test.p_value > false_alarm_rate
             if by_chance or result.probability[0] > 0.5:
-                return with_noise(_alone(steps)) or [
-                    Step(result, test, result.candidates[0], result)
-                ]
+                return _alone(steps) or [Step(result, test, result.candidates[0], result)]
             chosen, given_others = result.candidates[leader(result)], None
             tried: tuple[Search, ...] = ()
             if len(steps) + 1 < max_causes:
@@ -127,11 +121,35 @@ def forward_search(
                 )
             steps.append(Step(result, test, chosen, result, tried))
             if given_others is None:
-                return with_noise(steps)
+                return steps
             problem, causes, result = given_others.problem, _others(causes, chosen), given_others
     except KeyboardInterrupt as stop:
         kept = steps[0].search if steps else result or getattr(stop, "kept", None)
         raise InterruptedSearch(kept) from stop
+
+
+def with_correlated_noise(
+    steps: Sequence[Step], causes: Sequence[Cause], emulator: EmulatorPosterior
+) -> list[Step]:
+    """Return the steps and, where the last cause needs correlated noise beside it, one with that.
+
+    It is no further cause of what the simulation misses: a cause that was weighed beside such noise
+    is used beside it.
+
+    Parameters
+    ----------
+    steps : sequence of Step
+    causes : sequence of Cause
+        All that were weighed in the first search.
+    emulator : EmulatorPosterior
+    """
+    last, found = steps[-1].chosen, steps[-1].given_others
+    place = next((k for k, w in enumerate(found.candidates) if w is last), None)
+    if ends_search(last) or place is None or found.correlated[place] <= 0.5:
+        return list(steps)
+    paths = [cause for cause in causes if cause.is_correlated_noise]
+    beside = _search_beside(found.problem, paths, emulator, last)
+    return [*steps, Step(beside, None, beside.candidates[leader(beside)], beside)]
 
 
 def searches(steps: Sequence[Step]) -> list[Search]:
@@ -155,25 +173,6 @@ def _alone(steps: list[Step]) -> list[Step]:
         return steps
     result = steps[0].search
     return [replace(steps[0], chosen=result.candidates[leader(result)])]
-
-
-def _beside_correlated_noise(
-    steps: list[Step], causes: Sequence[Cause], emulator: EmulatorPosterior
-) -> list[Step]:
-    """Return the steps and, where the last cause needs correlated noise beside it, one with that.
-
-    It is no further cause of what the simulation misses: a cause that was weighed beside such noise
-    is used beside it.
-    """
-    if not steps or ends_search(steps[-1].chosen):
-        return steps
-    last = steps[-1]
-    place = next(k for k, w in enumerate(last.search.candidates) if w is last.chosen)
-    if last.search.correlated[place] <= 0.5:
-        return steps
-    paths = [cause for cause in causes if cause.is_correlated_noise]
-    found = _search_beside(last.search.problem, paths, emulator, last.chosen)
-    return [*steps, Step(found, None, found.candidates[leader(found)], found)]
 
 
 def _search_beside(
@@ -215,6 +214,8 @@ def _look_ahead(
         not ends_search(leading)
         and result.probability[at] > SETTINGS.beyond_doubt
         and result.remainder[at] < 0.5
+        # such noise imitates a second cause
+        and result.correlated[at] < 0.5
     ):
         waiting = [at]
     in_doubt = len(waiting) > 1
