@@ -18,6 +18,8 @@ class SearchSettings:
     smallest_size, largest_size, n_sizes : float, float, int
         Prior scales of effects' sizes, log-spaced: from a share of the noise to a few times the
         spread of the output.
+    beside_noise : int
+        Causes weighed beside correlated noise: those that explain most alone.
     behind, behind_nearby, hopeless_nearby : float
         A cause so far behind the best one, prior odds included, is not refined: after a first
         optimisation, or from where that in other rows ended; and where nothing is looked at again.
