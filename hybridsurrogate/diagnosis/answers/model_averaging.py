@@ -79,7 +79,6 @@ def explanations(steps: Sequence[Step]) -> tuple[list[Causes], list[float]]:
     sets, ratios = [found], [1.0]
     for k, step in enumerate(steps):
         search = step.given_others
-        beside = search.correlated > 0.5
         held = [id(effect) for effect in search.problem.model.effects]
         free = [c for c in found if id(c) not in held and c is not found[k]]
         if not all(cause.is_correlated_noise for cause in free):
@@ -91,7 +90,8 @@ def explanations(steps: Sequence[Step]) -> tuple[list[Causes], list[float]]:
                 continue
             own = () if candidate.cause is None else (candidate.cause,)
             causes = tuple(c for old in others for c in (own if old is found[k] else (old,)))
-            sets.append((*causes, *_correlated_noise(search)) if beside[i] else causes)
+            noise = _correlated_noise(search) if search.correlated[i] > 0.5 else ()
+            sets.append((*causes, *noise))
             ratios.append(float(search.probability[i] / search.probability[at]))
     shares = np.array(ratios) / np.sum(ratios)
     # the found ones lead, even where a cause was chosen for what it explains with a second
@@ -102,9 +102,12 @@ def explanations(steps: Sequence[Step]) -> tuple[list[Causes], list[float]]:
 
 def _correlated_noise(search: Search) -> Causes:
     """Return the noise beside which the causes of a search were weighed."""
-    paths = [w for w in search.candidates if w.cause and w.cause.is_correlated_noise]
-    best = max(paths, key=lambda w: w.log_evidence)
-    return () if best.cause is None else (best.cause,)
+    paths = [
+        (w.log_evidence, w.cause)
+        for w in search.candidates
+        if w.cause is not None and w.cause.is_correlated_noise
+    ]
+    return (max(paths, key=lambda path: path[0])[1],)
 
 
 def _without(causes: Causes, left_out: Sequence[Cause]) -> Causes:

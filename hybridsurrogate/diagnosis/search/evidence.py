@@ -145,11 +145,15 @@ def search(
     try:
         fits, behind = best_modes(problem, causes, emulator, noise, null, np.log(odds), ends)
         known = np.append(np.nan, behind)
-        return _weigh(problem, causes, emulator, noise, [null, *fits], known, with_remainder)
+        quick = _weigh(problem, causes, emulator, noise, [null, *fits], known)
+        # beside an accepted cause a quick search is for a companion, which noise may be itself
+        if accepted is not None and not with_remainder:
+            return quick
+        return with_processes(quick, with_remainder)
     except KeyboardInterrupt as stop:
         kept = [null, *(stop.kept if isinstance(stop, InterruptedSearch) else fits)]
         unknown = np.full(len(kept), np.nan)
-        candidates = _weigh(problem, causes, emulator, noise, kept, unknown, False)
+        candidates = _weigh(problem, causes, emulator, noise, kept, unknown)
         raise InterruptedSearch(candidates) from stop
 
 
@@ -160,7 +164,6 @@ def _weigh(
     noise: LogMarginal,
     modes: Sequence[Fitted],
     known: FloatArray,
-    with_remainder: bool,
 ) -> Search:
     """Weigh "nothing is wrong" and the first so many causes at their best fits.
 
@@ -172,8 +175,7 @@ def _weigh(
         if np.isnan(evidence):
             evidence = np.logaddexp.reduce(node_evidence(problem, emulator, noise, fit, sizes))
         candidates.append(Candidate(cause, *fit, float(evidence)))
-    quick = Search(problem, emulator, candidates, *probabilities(candidates), sizes, noise)
-    return with_processes(quick, with_remainder)
+    return Search(problem, emulator, candidates, *probabilities(candidates), sizes, noise)
 
 
 def with_processes(result: Search, with_remainder: bool = True) -> Search:

@@ -97,3 +97,7 @@ def test_how_often_a_wave_or_a_jump_is_found_in_correlated_noise():
     # a name where there is noise only: 5 % of 20, more than 4 with a probability of 0.003
     wrong = [d.verdict_ == "named" and d.best_cause_.kind != "noise" for d in nothing]
     assert np.sum(wrong) <= 4
+    # what is left beside a right cause and the noise is noise: 5 % of those that have both
+    both = [d for d in (*waves, *jumps) if len(d.found_causes_) == 2]
+    assert len(both) >= 5
+    assert np.mean([d.residual_check_.p_value <= 0.05 for d in both]) <= 0.3
