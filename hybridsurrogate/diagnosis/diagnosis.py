@@ -19,6 +19,7 @@ from hybridsurrogate.diagnosis.answers.experimental_design import next_measureme
 from hybridsurrogate.diagnosis.answers.finding import finding_of
 from hybridsurrogate.diagnosis.answers.result import DiagnosisResult
 from hybridsurrogate.diagnosis.answers.table import cause_table, not_reached
+from hybridsurrogate.diagnosis.checks.caution import Caution
 from hybridsurrogate.diagnosis.checks.cost import warn_if_slow
 from hybridsurrogate.diagnosis.checks.data import (
     check_digits,
@@ -120,6 +121,9 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         Whether noise alone leaves residuals like those of the extended model: it does in 95 % of
         the cases in which the cause is right. None where nothing was found, and beside noise that
         is not normal.
+    cautions_ : list of Caution
+        Reasons to doubt the verdict, each with what to do; the report begins with them, and each
+        was a `DiagnosisWarning`.
     p_value_ : float
         Of the whole search under "the simulation is right": the share of replicates in which the
         best cause looks as convincing or, where it is less, one over the ratio of the evidence.
@@ -251,6 +255,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         prepared.warn()
         model = prepared.problem.model
         check_rows(len(prepared.problem.y), model.columns, [*model.parameters, *model.constants])
+        self.cautions_: list[Caution] = []
         check_digits(prepared.problem)
         warn_of_copies(prepared.problem.X, prepared.problem.y)
         warn_if_slow(prepared.problem)

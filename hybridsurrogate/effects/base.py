@@ -334,6 +334,14 @@ class Cause(BaseEstimator):
         return self.is_process and not self.changes_output
 
     @property
+    def concerns(self) -> str:
+        """What is at fault: "simulation", "noise", "inputs", "data" or "prior".
+
+        By default the simulation where its mean changes, else the noise of the measurements.
+        """
+        return "simulation" if self.changes_output else "noise"
+
+    @property
     def changes_output(self) -> bool:
         """Whether the extended simulation is another one: noise alone leaves it as it is."""
         return bool(self.coefficients) or self.touches_simulation

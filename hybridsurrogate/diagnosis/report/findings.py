@@ -44,7 +44,12 @@ def name_of(view: View) -> str:
 
 
 def verdict(view: View) -> list[str]:
-    """Say whether anything is wrong, what, and how sure that is."""
+    """Say whether anything is wrong, then why to doubt that, what it is, and how sure."""
+    first, *further = _verdict(view)
+    return [first, *(one.sentence for one in view.diagnosis.cautions_), *further]
+
+
+def _verdict(view: View) -> list[str]:
     d = view.diagnosis
     counted = [f"{len(view.of(name).y)} measurements of {name}" for name in view.outputs]
     data = digits.listing(counted)

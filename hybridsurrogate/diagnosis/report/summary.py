@@ -34,6 +34,7 @@ def summary(
         "schema_version": SCHEMA_VERSION,
         "title": title,
         "verdict": diagnosis.verdict_,
+        "cautions": [one._asdict() for one in diagnosis.cautions_],
         "probability_right": diagnosis.probability_right_,
         "p_value": diagnosis.p_value_,
         "false_alarm_rate": diagnosis.result_.false_alarm_rate,
