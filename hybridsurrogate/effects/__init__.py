@@ -38,6 +38,7 @@ if TYPE_CHECKING:  # the files are loaded below, room by room
     from hybridsurrogate.effects.output.saturation import Saturation
     from hybridsurrogate.effects.output.step import Step
     from hybridsurrogate.effects.output.trend import Trend, TrendSinceStart
+    from hybridsurrogate.effects.parameters.narrow_prior import NarrowPrior
     from hybridsurrogate.effects.parameters.parameter_drift import ParameterDrift
     from hybridsurrogate.effects.parameters.wrong_constant import WrongConstant
     from hybridsurrogate.effects.response.build_up import BuildUp
@@ -70,6 +71,7 @@ __all__ = [
     "Limit",
     "Loss",
     "MissingInput",
+    "NarrowPrior",
     "Noise",
     "NoiseOfMean",
     "Offset",

@@ -287,7 +287,7 @@ class Cause(BaseEstimator):
 
     @property
     def replaces(self) -> str | None:
-        """The assumed constant whose value the cause infers, if it does."""
+        """The assumed constant or the parameter whose value the cause infers, if it does."""
         return None
 
     @property

@@ -84,6 +84,9 @@ class Context:
         rows, on the scale of eta per unit of it. Empty with several outputs.
     unit : float
         What one on the scale of eta is in the user's units: of one of several outputs.
+    at_prior_end : dict of str to float
+        Parameters that the data push against an end of their prior, and the values they have
+        there. Empty where the simulation itself cannot be run beyond it.
 
     Examples
     --------
@@ -115,6 +118,7 @@ class Context:
     by_experiment: tuple[str, ...] = ()
     slopes: Mapping[str, FloatArray] = field(default_factory=dict)
     unit: float = 1.0
+    at_prior_end: Mapping[str, float] = field(default_factory=dict)
 
     def begins_at_zero(self, column: str) -> bool:
         """Tell whether a column ends near zero, and is never on the other side of it.

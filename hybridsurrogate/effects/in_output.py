@@ -220,6 +220,11 @@ class InOutput(Cause):
         return self.cause.factorises
 
     @property
+    def concerns(self) -> str:
+        """As the cause."""
+        return self.cause.concerns
+
+    @property
     def changes_output(self) -> bool:
         """As the cause."""
         return self.cause.changes_output

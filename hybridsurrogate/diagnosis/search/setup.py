@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hybridsurrogate.catalogue import Skipped, catalogue
+from hybridsurrogate.diagnosis.checks.prior_ends import at_prior_ends
 from hybridsurrogate.diagnosis.emulation.conditioned import krige
 from hybridsurrogate.diagnosis.search.noise_of_outputs import at_noise_of
 from hybridsurrogate.effects.base import Cause, Context
@@ -126,6 +127,9 @@ def prepare(
     if problem.stacking is None:
         at = problem.model.values(problem.good)
         context = with_slopes(context, problem.model, X, coefficients, at)
+    if problem.model.basis.is_simulation:
+        ends = {one.name: one.mean for one in at_prior_ends(fitted.posterior_)}
+        context = replace(context, at_prior_end=ends)
     problem = replace(problem, reach=context.reach)
     usable, unusable = [], []
     for cause in own:

@@ -44,6 +44,11 @@ class InputError(NoiseOfSlope):
 
     kind = "input-error"
 
+    @property
+    def concerns(self) -> str:
+        """The measured input."""
+        return "inputs"
+
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         return f"simulation, with {self.quantity} off by {values['spread']:.4g} (sd) in every row"
