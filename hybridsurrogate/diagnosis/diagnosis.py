@@ -27,6 +27,7 @@ from hybridsurrogate.diagnosis.checks.data import (
     warn_if_mirrored,
     warn_of_copies,
 )
+from hybridsurrogate.diagnosis.checks.detectable import smallest_detectable
 from hybridsurrogate.diagnosis.checks.emulator import check_emulator
 from hybridsurrogate.diagnosis.checks.identifiability import confounded, confounding, sentences
 from hybridsurrogate.diagnosis.checks.outside import probability_right
@@ -35,8 +36,8 @@ from hybridsurrogate.diagnosis.checks.parameters import (
     check_rows,
     check_settings,
 )
-from hybridsurrogate.diagnosis.checks.prior_ends import at_prior_ends
-from hybridsurrogate.diagnosis.checks.residuals import check_residuals, leaves_structure
+from hybridsurrogate.diagnosis.checks.prior_ends import AtPriorEnd, at_prior_ends
+from hybridsurrogate.diagnosis.checks.residuals import check_residuals
 from hybridsurrogate.diagnosis.checks.roughness import warn_if_rough
 from hybridsurrogate.diagnosis.fitted import FittedDiagnosis
 from hybridsurrogate.diagnosis.search.backfitting import backfitted
@@ -44,7 +45,6 @@ from hybridsurrogate.diagnosis.search.evidence import (
     credible_kinds,
     kind_of,
     kind_shares,
-    verdict_on,
 )
 from hybridsurrogate.diagnosis.search.forward_selection import (
     Step,
@@ -67,11 +67,13 @@ from hybridsurrogate.diagnosis.validation.refit import (
     extended,
     extended_simulator,
 )
+from hybridsurrogate.diagnosis.verdict import conclude
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.estimators.averaged import leading
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import ConfoundingWarning, DiagnosisWarning
+from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.arrays import as_table, complete_table
 from hybridsurrogate.threads import one_blas_thread
@@ -91,8 +93,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         Kinds of the catalogue that cannot be the cause, such as "delay" where the clock is right.
         What is left shares their probability; ``causes_`` lists them as not weighed.
     false_alarm_rate : float, default=0.05
-        The verdict is "adequate" unless the p-value of the whole search is at most this (and
-        "none" has no more than half of the probability).
+        The verdict is "adequate" where the p-value of the whole search is more than this. Where
+        it is at most this, and "none" has more than half of the probability, it is "undecided".
     n_replicates : int, default=200
         Replicated data sets for the p-value.
     cv : int or None, default=5
@@ -110,9 +112,19 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     ----------
     estimator_ : PowerScaledSurrogate
         The model before, fitted.
-    verdict_ : {"adequate", "named", "nearest", "ambiguous", "unexplained"}
+    verdict_ : {"adequate", "named", "nearest", "ambiguous", "unexplained", "undecided"}
+        "undecided": the runs, the rows or a prior cannot tell; ``undecided_by_`` says which.
         "nearest": a cause of the catalogue that has most of the probability, but leaves structure
         behind; what is at fault may be something else that it stands for.
+    concerns_ : {"simulation", "noise", "inputs", "data", "prior"} or None
+        What is at fault: the simulation's mean, how the measurements scatter, the measured inputs,
+        single measurements, or the prior of a parameter. None where nothing is, or none can tell.
+    undecided_by_ : {"runs", "rows", "prior"} or None
+        What cannot tell, where the verdict is "undecided".
+    smallest_detectable_ : float or None
+        Where no cause was found: the root mean square, on the scale of eta, of the smallest fault
+        that would have been detected in nine of ten data sets like these. Faults are steps and
+        straight lines over the inputs, of which the median is taken.
     probability_right_ : float or None
         That the leading cause is the right one, where causes that the catalogue does not hold
         count as well, as many as measured data sets have: what to bet on its name. None where no
@@ -312,13 +324,28 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         found = steps[0].given_others
         self.causes_ = cause_table(found, prepared.skipped)
         self.indistinguishable_ = credible_kinds(found)
-        self.verdict_ = verdict_on(steps[0].chosen, found)
         last = [step for step in steps if step.is_accepted][-1:]
         self.residual_check_ = None
         for step in last:
             self.residual_check_ = check_residuals(step.given_others, step.chosen)
-            if self.verdict_ == "named" and leaves_structure(step, self.residual_check_):
-                self.verdict_ = "nearest"
+        check, basis = self.emulator_check_, prepared.problem.model.basis
+        verdict = conclude(
+            steps,
+            self.false_alarm_rate,
+            self.residual_check_,
+            0.0 if check is None else check.left_open,
+            not basis.is_simulation and bool(at_prior_ends(self.estimator_.posterior_)),
+        )
+        self.verdict_, self.concerns_, self.undecided_by_ = (
+            verdict.word,
+            verdict.concerns,
+            verdict.open,
+        )
+        self.smallest_detectable_ = None
+        if not last:
+            self.smallest_detectable_ = smallest_detectable(
+                self.search_, test, self.false_alarm_rate
+            )
         self.probability_right_ = self._probability_right(steps[0])
         ranges = self.estimator_.simulation_.input_ranges
         places = [next_measurement(step.given_others, ranges) for step in steps]
@@ -335,7 +362,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         return steps
 
     def _probability_right(self, first: Step) -> float | None:
-        if self.verdict_ in ("adequate", "unexplained"):
+        if self.verdict_ in ("adequate", "unexplained", "undecided"):
             return None
         found = first.given_others
         share = kind_shares(found)[kind_of(first.chosen)]
@@ -349,7 +376,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         found = leading(self.extended_estimator_)
         self.beta_scans_ = BetaScans((self.estimator_, found), *self._rows, self.n_jobs)
         posterior = found.posterior_
-        self.at_prior_end_ = at_prior_ends(posterior)
+        self.at_prior_end_ = self._at_prior_end(causes, posterior)
         self.found_causes_ = [finding_of(step, k, posterior) for k, step in enumerate(steps)]
         self.best_cause_ = self.found_causes_[0]
         self.extended_simulator_ = extended_simulator(
@@ -365,6 +392,14 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self.confounded_ = confounding(self.estimator_, found, self.estimator_.single_rows_[0])
         for sentence in sentences(confounded(self.confounded_)):
             warnings.warn(sentence, ConfoundingWarning, stacklevel=3)
+
+    def _at_prior_end(self, causes: Sequence[Cause], posterior: Posterior) -> list[AtPriorEnd]:
+        """Return what is at an end of its prior in the extended model, else in the calibrated."""
+        replaced = {cause.replaces for cause in causes}
+        found = at_prior_ends(posterior)
+        before = at_prior_ends(self.estimator_.posterior_) if self.verdict_ == "undecided" else []
+        every = {one.name: one for one in (*before, *found)}
+        return [one for name, one in every.items() if name not in replaced]
 
     def _prove(self, X: ArrayLike, y: FloatArray, random_state: np.random.RandomState) -> None:
         if self.cv is None:

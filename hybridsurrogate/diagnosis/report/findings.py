@@ -59,10 +59,11 @@ def _verdict(view: View) -> list[str]:
             chance(view),
             *_why_adequate(view),
             *_at_prior_ends(view),
-            "This is no proof that it is right: a fault well below the noise, whose standard "
-            f"deviation is about {noise_of(view)}, would not show.",
+            _would_have_shown(view),
         ]
-    first = f"The simulation {name_of(view)} is wrong, and {data} show it."
+    if d.verdict_ == "undecided":
+        return _undecided(view, data)
+    first = _at_fault(view, data)
     if d.verdict_ == "unexplained":
         return [
             f"Unexplained: {_lower(first)}",
@@ -109,6 +110,73 @@ def _verdict(view: View) -> list[str]:
         chance(view),
         *_further(view),
     ]
+
+
+def _at_fault(view: View, data: str) -> str:
+    """Say what is wrong: the simulation, or what it is compared with."""
+    name = name_of(view)
+    return {
+        "simulation": f"The simulation {name} is wrong, and {data} show it.",
+        "noise": f"The mean of the simulation {name} stands; how {data} scatter is not as assumed.",
+        "inputs": f"The simulation {name} stands; a measured input of {data} is in error.",
+        "data": f"The simulation {name} is not to blame: of {data} a few are unlike the others.",
+        "prior": f"The simulation {name} may be right: the prior of a parameter excludes the value "
+        f"that {data} ask for.",
+    }[view.diagnosis.concerns_ or "simulation"]
+
+
+def _undecided(view: View, data: str) -> list[str]:
+    """Say what cannot tell, and what would."""
+    d = view.diagnosis
+    name = name_of(view)
+    if d.undecided_by_ == "runs":
+        assert d.emulator_check_ is not None  # it decided
+        left = digits.number(d.emulator_check_.left_open, 2)
+        out = [
+            f"Undecided: the runs cannot show whether the simulation {name} is right.",
+            f"At the rows of {data} they leave its output open by {left} times the noise.",
+        ]
+        if view.extended:
+            out.append(
+                f"The evidence favours {label_of_cause(view.cause)}, but what the runs leave open "
+                "may imitate it."
+            )
+        out.append(
+            "What would decide: more runs, of which next_runs(n) says the best, or the simulation "
+            "itself with surrogate=ExactSurrogate()."
+        )
+    elif d.undecided_by_ == "rows":
+        out = [
+            f"Undecided: {data} are unlike what the simulation {name} gives, but no cause of the "
+            "catalogue predicts them better than it does.",
+            "What would decide: more measurements, or a mechanism of your own among the causes.",
+        ]
+    else:
+        out = [
+            f"Undecided: {data} push a parameter of the simulation {name} against an end of its "
+            "prior, where its runs end too.",
+            f"The evidence favours {label_of_cause(view.cause)}, but a value beyond the prior may "
+            "explain as much.",
+            "What would decide: a wider prior, and runs of the simulation there.",
+        ]
+    return [*out, *_at_prior_ends(view), chance(view), _would_have_shown(view)]
+
+
+def _would_have_shown(view: View) -> str:
+    """Say how large a fault would have to be to be seen."""
+    d = view.diagnosis
+    least = d.smallest_detectable_
+    if least is None:
+        return (
+            "This is no proof that it is right: a fault well below the noise, whose standard "
+            f"deviation is about {noise_of(view)}, would not show."
+        )
+    scale = f"log {view.output}" if view.log_scale else view.output
+    return (
+        f"A fault with a root mean square of {digits.number(least * view.unit, 2)} in units of "
+        f"{scale} would have shown in nine of ten such data sets; a smaller one may be there. The "
+        f"noise is about {noise_of(view)}."
+    )
 
 
 def _left_behind(view: View) -> list[str]:
@@ -341,11 +409,8 @@ def _lower(sentence: str) -> str:
 
 
 def _why_adequate(view: View) -> list[str]:
-    d = view.diagnosis
     none = float(view.search.probability[0])
     odds = f"That nothing is wrong has {digits.probability(none)} of the probability"
-    if d.p_value_ <= d.result_.false_alarm_rate:
-        return [f"{odds}: more than half, which decides in spite of the small p."]
     if none <= 0.5:
         shares = kind_shares(view.search)
         first = max(shares, key=lambda kind: shares[kind])

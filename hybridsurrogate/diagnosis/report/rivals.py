@@ -103,6 +103,12 @@ def _advice(view: View) -> str:
     verdict = d.verdict_
     if verdict == "adequate":
         return "Use the calibrated simulation; measure more if smaller faults matter."
+    if verdict == "undecided":
+        return {
+            "runs": "Add the runs of next_runs(n), or let refine() do it, and diagnose again.",
+            "rows": "Measure more, or pass a mechanism of your own as a cause.",
+            "prior": "Widen the prior, run the simulation there, and diagnose again.",
+        }[str(d.undecided_by_)]
     if verdict == "unexplained":
         return (
             "Within the measured range predict with extended_estimator_, whose smooth curve "

@@ -66,11 +66,15 @@ def parameter_intervals(view: View) -> dict[str, dict[str, Interval]]:
     """Return mean and 90 % interval of parameters and noise, before and after the extension."""
     out: dict[str, dict[str, Interval]] = {}
     models = (view.diagnosis.estimator_, view.found)
+    # what a cause replaces has its value there
+    replaced = {cause.replaces for _, cause in view.findings}
     for word, model in zip(("before", "after"), models, strict=True):
         draws = model.posterior_.named()
         names = view.diagnosis.estimator_.simulation.parameter_names
         for name in (*names, "noise_sigma" if "sigma" in names else "sigma"):
             # of several outputs each has a noise of its own, and a table of its own
+            if word == "after" and name in replaced:
+                continue
             if name in draws and (name in names or view.stacking is None):
                 out.setdefault(name, {})[word] = _interval(draws[name])
         for name, values in _by_experiment(model).items():

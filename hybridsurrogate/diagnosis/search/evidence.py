@@ -365,11 +365,35 @@ def kind_of(candidate: Candidate) -> str:
 
 
 def leader(result: Search) -> int:
-    """Return the position of the most probable cause other than "none", by kind then target."""
-    shares = kind_shares(result)
-    kind = max(shares, key=lambda name: shares[name])
-    member = [k for k, w in enumerate(result.candidates) if kind_of(w) == kind]
+    """Return the position of the most probable cause other than "none".
+
+    By what it concerns first, then by kind, then by target: what only scatters the measurements and
+    what changes the mean do not win by being split among more kinds.
+    """
+    families, shares = family_shares(result), kind_shares(result)
+    family = max(families, key=lambda name: families[name])
+    within = [w for w in result.candidates[1:] if _family(w) == family]
+    kind = max(map(kind_of, within), key=lambda name: shares[name])
+    member = [
+        k
+        for k, w in enumerate(result.candidates)
+        if kind_of(w) == kind and w.cause is not None and _family(w) == family
+    ]
     return max(member, key=lambda k: result.probability[k])
+
+
+def family_shares(result: Search) -> dict[str, float]:
+    """Return the probability of each thing at fault, `Cause.concerns`, given that there is one."""
+    shares: dict[str, float] = {}
+    for w, probability in zip(result.candidates[1:], result.probability[1:], strict=True):
+        shares[_family(w)] = shares.get(_family(w), 0.0) + float(probability)
+    total = sum(shares.values())
+    return {family: value / total for family, value in shares.items()} if total else shares
+
+
+def _family(candidate: Candidate) -> str:
+    assert candidate.cause is not None
+    return candidate.cause.concerns
 
 
 def kind_shares(result: Search) -> dict[str, float]:

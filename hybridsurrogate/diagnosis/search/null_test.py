@@ -52,8 +52,25 @@ def null_test(result: Search, n_replicates: int, random_state: np.random.RandomS
     first order, changed no cause and no verdict of 82 cases (48 pairs of size 2, 34 single effects
     of size 4, up to two causes each).
     """
+    responses = np.vstack([result.problem.y, replicates(result, n_replicates, random_state)])
+    statistic = statistics(result, responses)
+    return NullTest(float(statistic[0]), statistic[1:])
+
+
+def statistics(result: Search, responses: FloatArray) -> FloatArray:
+    """Return T of each of several data sets at the same inputs.
+
+    Parameters
+    ----------
+    result : Search
+    responses : ndarray of shape (k, n)
+
+    Returns
+    -------
+    ndarray of shape (k,)
+        Zero where no cause was compared.
+    """
     problem, null = result.problem, result.candidates[0]
-    responses = np.vstack([problem.y, _replicates(result, n_replicates, random_state)])
     base = null.mode.z
     evidence = []
     for w in result.candidates:
@@ -68,9 +85,8 @@ def null_test(result: Search, n_replicates: int, random_state: np.random.RandomS
             )
         )
     if len(evidence) == 1:
-        return NullTest(0.0, np.zeros(n_replicates))
-    statistic = np.max(evidence[1:], axis=0) - evidence[0]
-    return NullTest(float(statistic[0]), statistic[1:])
+        return np.zeros(len(responses))
+    return np.asarray(np.max(evidence[1:], axis=0) - evidence[0])
 
 
 def evidence_bound(result: Search) -> float:
@@ -87,7 +103,7 @@ def evidence_bound(result: Search) -> float:
     return float(min(1.0, odds * prior[1:].sum() / prior[0]))
 
 
-def _replicates(result: Search, n: int, random_state: np.random.RandomState) -> FloatArray:
+def replicates(result: Search, n: int, random_state: np.random.RandomState) -> FloatArray:
     """Draw measured responses from the posterior predictive of the linearised null, (n, rows)."""
     problem, null = result.problem, result.candidates[0]
     parts = linearise(null.model, problem.X, result.emulator, null.grid, null.mode.z)
