@@ -1,6 +1,7 @@
 """What the simulation gets wrong: search, verdict, extension, gain, report.
 
 diagnosis   DiscrepancyDiagnosis: checks, wires and stores
+verdict     what it concludes: one rule for all who ask
 fitted      what a fitted diagnosis answers
 refinement  a diagnosis with further runs where they tell most
 checks      data, simulation and emulator: is there something to doubt?

@@ -36,7 +36,6 @@ from hybridsurrogate.diagnosis.checks.parameters import (
     check_rows,
     check_settings,
 )
-from hybridsurrogate.diagnosis.checks.prior_ends import AtPriorEnd, at_prior_ends
 from hybridsurrogate.diagnosis.checks.residuals import check_residuals
 from hybridsurrogate.diagnosis.checks.roughness import warn_if_rough
 from hybridsurrogate.diagnosis.fitted import FittedDiagnosis
@@ -73,6 +72,7 @@ from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.estimators.averaged import leading
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import ConfoundingWarning, DiagnosisWarning
+from hybridsurrogate.inference.prior_ends import AtPriorEnd, at_prior_ends
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.arrays import as_table, complete_table
@@ -324,28 +324,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         found = steps[0].given_others
         self.causes_ = cause_table(found, prepared.skipped)
         self.indistinguishable_ = credible_kinds(found)
-        last = [step for step in steps if step.is_accepted][-1:]
-        self.residual_check_ = None
-        for step in last:
-            self.residual_check_ = check_residuals(step.given_others, step.chosen)
-        check, basis = self.emulator_check_, prepared.problem.model.basis
-        verdict = conclude(
-            steps,
-            self.false_alarm_rate,
-            self.residual_check_,
-            0.0 if check is None else check.left_open,
-            not basis.is_simulation and bool(at_prior_ends(self.estimator_.posterior_)),
-        )
-        self.verdict_, self.concerns_, self.undecided_by_ = (
-            verdict.word,
-            verdict.concerns,
-            verdict.open,
-        )
-        self.smallest_detectable_ = None
-        if not last:
-            self.smallest_detectable_ = smallest_detectable(
-                self.search_, test, self.false_alarm_rate
-            )
+        self._conclude(steps)
         self.probability_right_ = self._probability_right(steps[0])
         ranges = self.estimator_.simulation_.input_ranges
         places = [next_measurement(step.given_others, ranges) for step in steps]
@@ -360,6 +339,27 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self.next_measurement_ = places[most].place
         self.next_information_ = places[most].information
         return steps
+
+    def _conclude(self, steps: Sequence[Step]) -> None:
+        last = [step for step in steps if step.is_accepted][-1:]
+        self.residual_check_ = None
+        for step in last:
+            self.residual_check_ = check_residuals(step.given_others, step.chosen)
+        check, basis = self.emulator_check_, self.estimator_.posterior_.model.basis
+        verdict = conclude(
+            steps,
+            self.false_alarm_rate,
+            self.residual_check_,
+            0.0 if check is None else check.left_open,
+            not basis.is_simulation and bool(at_prior_ends(self.estimator_.posterior_)),
+        )
+        self.verdict_, self.concerns_ = verdict.word, verdict.concerns
+        self.undecided_by_ = verdict.open
+        self.smallest_detectable_ = None
+        if not last:
+            self.smallest_detectable_ = smallest_detectable(
+                self.search_, steps[0].test, self.false_alarm_rate
+            )
 
     def _probability_right(self, first: Step) -> float | None:
         if self.verdict_ in ("adequate", "unexplained", "undecided"):

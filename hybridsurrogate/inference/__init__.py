@@ -10,4 +10,5 @@ conditional  step 2: unknowns given each draw of the coefficients
 posterior_sampler  step 1: draws, k-hat and log evidence of any target
 procedure          both steps of the procedure, from a problem to a posterior
 loo                leave-one-out of a power-scaled posterior
+prior_ends         parameters that are pushed against the end of their prior
 """

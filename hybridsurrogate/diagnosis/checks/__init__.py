@@ -1,11 +1,12 @@
 """What is doubtful before or after a search.
 
+caution          a reason to doubt a verdict
 parameters       of the diagnosis itself
 data             copies, exact data, wrong signs, lost digits
 cost             simulations that take long
 roughness        simulations that jump
 emulator         what the runs leave open at the measured rows
 residuals        whether what is left of the measured rows looks like noise
-prior_ends       parameters that are pushed against the end of their prior
+detectable       the smallest fault that would have shown
 identifiability  causes that a parameter can take the place of
 """

@@ -15,7 +15,7 @@ _SETS, _SIZES = 8, np.geomspace(0.25, 16.0, 7)
 _POWER = 0.9
 
 
-def smallest_detectable(result: Search, test: NullTest, rate: float) -> float | None:
+def smallest_detectable(result: Search, test: NullTest | None, rate: float) -> float | None:
     """Return the root mean square of the smallest fault that would have been detected.
 
     Faults of a few shapes, a step in the middle and a straight line over each input, are added to
@@ -27,7 +27,7 @@ def smallest_detectable(result: Search, test: NullTest, rate: float) -> float | 
     ----------
     result : Search
         The first one.
-    test : NullTest
+    test : NullTest or None
         Of the same search.
     rate : float
         False alarm rate.
@@ -39,7 +39,7 @@ def smallest_detectable(result: Search, test: NullTest, rate: float) -> float | 
         times the residual and the emulator's error shows.
     """
     shapes = _shapes(result)
-    if not len(shapes):
+    if test is None or not len(shapes):
         return None
     limit = float(np.quantile(test.replicates, 1 - rate, method="higher"))
     # a fixed stream: a verdict has no randomness of its own

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from hybridsurrogate.catalogue import Skipped, catalogue
-from hybridsurrogate.diagnosis.checks.prior_ends import at_prior_ends
 from hybridsurrogate.diagnosis.emulation.conditioned import krige
 from hybridsurrogate.diagnosis.search.noise_of_outputs import at_noise_of
 from hybridsurrogate.effects.base import Cause, Context
@@ -23,6 +22,7 @@ from hybridsurrogate.inference.conjugate.emulator_posterior import (
     emulator_posterior,
 )
 from hybridsurrogate.inference.model.validation import check_effects
+from hybridsurrogate.inference.prior_ends import at_prior_ends
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray, to_normal
 from hybridsurrogate.problem.context import make_context, mismatch, of_each_output, with_slopes

@@ -113,6 +113,11 @@ def _widened(prior: Prior) -> Prior:
     return frozen(stats.uniform, loc=low - _WIDTHS * width, scale=(1 + 2 * _WIDTHS) * width)
 
 
+def _lacking(context: Context) -> list[tuple[None, str]]:
+    reason = "the data push no parameter against an end of its prior, or it cannot be run beyond"
+    return [] if context.at_prior_end else [(None, reason)]
+
+
 register(
     Form(
         "narrow-prior",
@@ -120,6 +125,7 @@ register(
         lambda context: map(NarrowPrior, context.at_prior_end),
         meaning="the simulation may be right: the prior of {target} excludes the value that the "
         "data ask for",
+        lacking=_lacking,
         like=("wrong-constant", "parameter-drift"),
         call="`NarrowPrior(p)`",
         formula="eta(p = value), value outside the prior of p",

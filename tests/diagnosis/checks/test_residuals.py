@@ -6,10 +6,10 @@ from scipy import stats
 from sklearn.base import clone
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.checks.prior_ends import at_prior_ends
 from hybridsurrogate.diagnosis.checks.residuals import check_residuals
 from hybridsurrogate.diagnosis.search.evidence import search
 from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
+from hybridsurrogate.inference.prior_ends import at_prior_ends
 
 T = np.linspace(0, 10, 60)
 
