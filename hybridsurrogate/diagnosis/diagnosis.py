@@ -40,11 +40,7 @@ from hybridsurrogate.diagnosis.checks.residuals import check_residuals
 from hybridsurrogate.diagnosis.checks.roughness import warn_if_rough
 from hybridsurrogate.diagnosis.fitted import FittedDiagnosis
 from hybridsurrogate.diagnosis.search.backfitting import backfitted
-from hybridsurrogate.diagnosis.search.evidence import (
-    credible_kinds,
-    kind_of,
-    kind_shares,
-)
+from hybridsurrogate.diagnosis.search.evidence import credible_kinds
 from hybridsurrogate.diagnosis.search.forward_selection import (
     Step,
     forward_search,
@@ -66,7 +62,7 @@ from hybridsurrogate.diagnosis.validation.refit import (
     extended,
     extended_simulator,
 )
-from hybridsurrogate.diagnosis.verdict import conclude
+from hybridsurrogate.diagnosis.verdict import Verdict, conclude
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.estimators.averaged import leading
@@ -274,8 +270,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         warn_if_rough(prepared.problem)
         try:
             with one_blas_thread(), doing("Search", bool(self.progress)):
-                steps = self._search(prepared, random)
-                self._extend(steps, X, y)
+                steps, verdict = self._search(prepared, random)
+                self._extend(steps, verdict.same_curve, X, y)
         except KeyboardInterrupt as stop:
             self._keep(prepared, stop)
             raise
@@ -298,7 +294,9 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "n_features_in_")
 
-    def _search(self, prepared: Prepared, random_state: np.random.RandomState) -> list[Step]:
+    def _search(
+        self, prepared: Prepared, random_state: np.random.RandomState
+    ) -> tuple[list[Step], Verdict]:
         problem, emulator = trained_emulator(prepared.problem, self.estimator_)
         problem = on_working_rows(problem, self.estimator_.posterior_)
         steps = forward_search(
@@ -324,8 +322,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         found = steps[0].given_others
         self.causes_ = cause_table(found, prepared.skipped)
         self.indistinguishable_ = credible_kinds(found)
-        self._conclude(steps)
-        self.probability_right_ = self._probability_right(steps[0])
+        verdict = self._conclude(steps)
+        self.probability_right_ = self._probability_right(steps[0], verdict.share)
         ranges = self.estimator_.simulation_.input_ranges
         places = [next_measurement(step.given_others, ranges) for step in steps]
         most = max(range(len(steps)), key=lambda k: places[k].information)
@@ -338,9 +336,9 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         )
         self.next_measurement_ = places[most].place
         self.next_information_ = places[most].information
-        return steps
+        return steps, verdict
 
-    def _conclude(self, steps: Sequence[Step]) -> None:
+    def _conclude(self, steps: Sequence[Step]) -> Verdict:
         last = [step for step in steps if step.is_accepted][-1:]
         self.residual_check_ = None
         for step in last:
@@ -360,16 +358,17 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             self.smallest_detectable_ = smallest_detectable(
                 self.search_, steps[0].test, self.false_alarm_rate
             )
+        return verdict
 
-    def _probability_right(self, first: Step) -> float | None:
+    def _probability_right(self, first: Step, share: float) -> float | None:
         if self.verdict_ in ("adequate", "unexplained", "undecided"):
             return None
-        found = first.given_others
-        share = kind_shares(found)[kind_of(first.chosen)]
-        wrong = 1 - float(found.probability[0])
+        wrong = 1 - float(first.given_others.probability[0])
         return wrong * probability_right(share, self.verdict_ == "nearest")
 
-    def _extend(self, steps: Sequence[Step], X: ArrayLike, y: ArrayLike) -> None:
+    def _extend(
+        self, steps: Sequence[Step], same_curve: tuple[str, ...], X: ArrayLike, y: ArrayLike
+    ) -> None:
         causes, problem = accepted(steps), self.search_.problem
         self._rows = deepcopy((X, y))
         self.extended_estimator_ = extended(self.estimator_, steps, X, y)
@@ -377,7 +376,9 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self.beta_scans_ = BetaScans((self.estimator_, found), *self._rows, self.n_jobs)
         posterior = found.posterior_
         self.at_prior_end_ = self._at_prior_end(causes, posterior)
-        self.found_causes_ = [finding_of(step, k, posterior) for k, step in enumerate(steps)]
+        self.found_causes_ = [
+            finding_of(step, k, posterior, () if k else same_curve) for k, step in enumerate(steps)
+        ]
         self.best_cause_ = self.found_causes_[0]
         self.extended_simulator_ = extended_simulator(
             self.estimator_.simulation.simulator, causes, problem

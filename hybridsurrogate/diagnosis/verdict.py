@@ -9,9 +9,21 @@ import numpy as np
 
 from hybridsurrogate.diagnosis.checks.emulator import MOST_OPEN
 from hybridsurrogate.diagnosis.checks.residuals import ResidualCheck, leaves_structure
-from hybridsurrogate.diagnosis.search.evidence import family_shares, verdict_on
+from hybridsurrogate.diagnosis.search.evidence import (
+    Candidate,
+    Search,
+    family_shares,
+    kind_of,
+    kind_shares,
+    verdict_on,
+)
 from hybridsurrogate.diagnosis.search.forward_selection import Step
-from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
+from hybridsurrogate.diagnosis.search.local_prediction import predict_jointly
+from hybridsurrogate.inference.evidence.settings import SETTINGS
+from hybridsurrogate.priors import FloatArray
+
+# nats below which two explanations are the same to these rows
+_SAME = 0.5
 
 
 @dataclass(frozen=True)
@@ -25,11 +37,17 @@ class Verdict:
         What is at fault; None where nothing is, or none can tell.
     open : {"runs", "rows", "prior"} or None
         Of an undecided verdict: what cannot tell.
+    same_curve : tuple of str
+        Other kinds that draw the same curve through these rows as the leading one.
+    share : float
+        Probability of the leading kind and of these, given that something is wrong.
     """
 
     word: str
     concerns: str | None = None
     open: str | None = None
+    same_curve: tuple[str, ...] = ()
+    share: float = 0.0
 
 
 def conclude(
@@ -64,11 +82,19 @@ def conclude(
         Whether an emulated parameter is at an end of its prior.
     """
     first = steps[0]
-    word = verdict_on(first.chosen, first.given_others)
+    word, found = verdict_on(first.chosen, first.given_others), first.given_others
+    same: tuple[str, ...] = ()
+    share = 0.0
+    if first.is_accepted:
+        same = kinds_of_same_curve(found, first.chosen)
+        of_kind = kind_shares(found)
+        share = sum(of_kind[kind] for kind in (kind_of(first.chosen), *same))
+        if word == "ambiguous" and share >= SETTINGS.named:
+            word = "named"
     last = [step for step in steps if step.is_accepted][-1:]
     if word == "named" and any(leaves_structure(step, residual_check) for step in last):
         word = "nearest"
-    shares = family_shares(first.given_others)
+    shares = family_shares(found)
     concerns = max(shares, key=lambda name: shares[name]) if word != "adequate" else None
     test = first.test
     assert test is not None  # only folds have none
@@ -78,7 +104,49 @@ def conclude(
         return Verdict("undecided", None, "rows")
     if word != "adequate" and kept_by_prior:
         return Verdict("undecided", None, "prior")
-    return Verdict(word, concerns)
+    return Verdict(word, concerns, None, same, share)
+
+
+def kinds_of_same_curve(result: Search, chosen: Candidate) -> tuple[str, ...]:
+    """Return the other kinds whose best form no measurement at these rows could tell from a cause.
+
+    Their expected log likelihood ratio, the Kullback-Leibler divergence between the noisy rows that
+    either predicts, is less than a half: a trend and a drift of the slope of a line, or noise that
+    grows and an input in error.
+
+    Parameters
+    ----------
+    result : Search
+    chosen : Candidate
+        Of its candidates.
+    """
+    best: dict[str, Candidate] = {}
+    for k in np.argsort(-result.probability):
+        w = result.candidates[k]
+        worth = result.probability[k] > 0.01 * result.probability[1:].max()
+        if w.cause is not None and not w.cause.is_process and worth:
+            best.setdefault(kind_of(w), w)
+    own = kind_of(chosen)
+    if chosen.cause is None or chosen.cause.is_process:
+        return ()
+    curve = predicted_rows(result, chosen)
+    return tuple(
+        kind
+        for kind, w in best.items()
+        if kind != own and _divergence(curve, predicted_rows(result, w)) < _SAME
+    )
+
+
+def predicted_rows(result: Search, w: Candidate) -> tuple[FloatArray, FloatArray]:
+    """Return mean and variance of the noise of the measured rows under a cause at its best."""
+    mean, _, variance = predict_jointly(result, w, result.problem.X)
+    return mean, variance
+
+
+def _divergence(one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]) -> float:
+    """Return the Kullback-Leibler divergence between independent normal rows."""
+    gap, ratio = one[0] - other[0], one[1] / other[1]
+    return float(np.sum(ratio - 1 - np.log(ratio) + gap**2 / other[1]) / 2)
 
 
 def size_of_effect(step: Step) -> float:
@@ -89,6 +157,5 @@ def size_of_effect(step: Step) -> float:
     if not step.is_accepted:
         return 0.0
     result, w = step.search, step.chosen
-    X = result.problem.X
-    means = [predict_locally(result, one, X)[0] for one in (result.candidates[0], w)]
-    return float(np.sqrt(np.mean((means[1] - means[0]) ** 2))) / w.sigma
+    null, found = (predicted_rows(result, one)[0] for one in (result.candidates[0], w))
+    return float(np.sqrt(np.mean((found - null) ** 2))) / w.sigma

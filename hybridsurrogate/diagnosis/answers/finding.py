@@ -29,6 +29,9 @@ class CauseFinding:
         With 90 % intervals, in the user's units.
     latex : str
         The formula in LaTeX.
+    same_curve : tuple of str
+        Other kinds that draw the same curve through the measured rows; the probability is that of
+        all together.
 
     Examples
     --------
@@ -47,9 +50,12 @@ class CauseFinding:
     probability: float
     estimates: dict[str, tuple[float, float, float]]
     latex: str = r"\text{simulation}"
+    same_curve: tuple[str, ...] = ()
 
 
-def finding_of(step: Step, position: int, posterior: Posterior) -> CauseFinding:
+def finding_of(
+    step: Step, position: int, posterior: Posterior, same_curve: tuple[str, ...] = ()
+) -> CauseFinding:
     """Return what one search chose, its numbers from the draws of the extended model.
 
     Parameters
@@ -58,9 +64,12 @@ def finding_of(step: Step, position: int, posterior: Posterior) -> CauseFinding:
     position : int
         Of the cause among the effects of the extended model.
     posterior : Posterior
+    same_curve : tuple of str
+        Kinds that draw the same curve.
     """
     chosen, found = step.chosen, step.given_others
-    alike = [kind_of(w) == kind_of(chosen) for w in found.candidates]
+    kinds = kind_of(chosen), *same_curve
+    alike = [kind_of(w) in kinds for w in found.candidates]
     probability = min(float(found.probability[alike].sum()), 1.0)
     cause = chosen.cause
     if cause is None:
@@ -71,4 +80,6 @@ def finding_of(step: Step, position: int, posterior: Posterior) -> CauseFinding:
     }
     means = {name: value[0] for name, value in estimates.items()}
     formula, latex = cause.formula(means), cause.latex(means)
-    return CauseFinding(cause.kind, cause.target, formula, probability, estimates, latex)
+    return CauseFinding(
+        cause.kind, cause.target, formula, probability, estimates, latex, same_curve
+    )

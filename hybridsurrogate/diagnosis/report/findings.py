@@ -74,13 +74,12 @@ def _verdict(view: View) -> list[str]:
         ]
     shares = kind_shares(view.search)
     finding, cause = view.findings[0]
-    found = f"{label_of_cause(cause)}{_with_estimates(view, finding, cause)}"
+    found = f"{label_of_cause(cause)}{_with_estimates(view, finding, cause)}{_or_same(finding)}"
     if d.verdict_ == "named":
         return [
             f"Named: {_lower(first)}",
             f"The cause: {found}.",
             *_meaning(view, finding, cause),
-            *_sureness(view),
             *_outside(view),
             *_at_prior_ends(view),
             chance(view),
@@ -91,7 +90,6 @@ def _verdict(view: View) -> list[str]:
             f"Nearest: {_lower(first)}",
             f"The nearest cause in the catalogue: {found}.",
             *_left_behind(view),
-            *_sureness(view),
             *_outside(view),
             *_at_prior_ends(view),
             chance(view),
@@ -103,13 +101,19 @@ def _verdict(view: View) -> list[str]:
         "The data do not single out one cause. Given that something is wrong, these together "
         f"have at least 90 % of the probability: {digits.listing(kinds)}.",
         f"The leading one: {found}.",
-        *_sureness(view),
         *_outside(view),
         *_meaning(view, finding, cause),
         *_at_prior_ends(view),
         chance(view),
         *_further(view),
     ]
+
+
+def _or_same(finding: CauseFinding) -> str:
+    """Name the kinds that draw the same curve."""
+    if not finding.same_curve:
+        return ""
+    return f"; {digits.listing(list(finding.same_curve))} would be the same curve here"
 
 
 def _at_fault(view: View, data: str) -> str:
@@ -467,7 +471,7 @@ def _further(view: View) -> list[str]:
     return out
 
 
-def _sureness(view: View) -> list[str]:
+def sureness(view: View) -> list[str]:
     """Say how probable the cause is, its kind and the nearest rival, and what it is confused with.
 
     A kind may have several forms and places, and the data know the kind better.

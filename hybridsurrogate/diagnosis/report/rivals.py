@@ -6,6 +6,7 @@ import numpy as np
 
 from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.answers.table import NOT_WEIGHED, is_weighed
+from hybridsurrogate.diagnosis.report.findings import sureness
 from hybridsurrogate.diagnosis.report.scores import is_worse
 from hybridsurrogate.diagnosis.report.settings import SETTINGS
 from hybridsurrogate.diagnosis.report.tables import noise_of
@@ -31,7 +32,7 @@ def rivals(view: View) -> list[str]:
             "none says that they are all that is wrong."
         )
     if view.extended:
-        out += _alike(view) + _remainder(view)
+        out += sureness(view) + _alike(view) + _remainder(view)
     table = d.causes_
     weighed = is_weighed(table)
     failing = table[weighed & (table["note"] != "")]

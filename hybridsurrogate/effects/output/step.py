@@ -16,9 +16,10 @@ from hybridsurrogate.priors import Prior
 class Step(Located):
     """A sudden change of level at an unknown location over one column.
 
-    ``simulation``, and ``+ amplitude`` from x = location on; with ``before=True`` up to there
-    instead, and the simulation as it is from there on. Where the simulation has a parameter that
-    sets its level the two say the same. Amplitude in units of the output,
+    ``simulation + amplitude`` from x = location on; with ``before=True`` ``simulation - amplitude``
+    up to there instead, and the simulation as it is from there on. Either way the amplitude is the
+    change of level at the location. Where the simulation has a parameter that sets its level the
+    two are the same curve. Amplitude in units of the output,
     location in those of the column and uniform over the measured rows. The jump has no width: no
     row lies on it, and between two rows every location is equally probable.
 
@@ -84,9 +85,9 @@ class Step(Located):
         return {"location": self.locations(200) if many else gaps(self.rows, self.location)}
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
-        """Return 0 before and 1 after the location, or the other way round."""
-        after = X[self.column] >= theta["location"]
-        return (after != self.before).astype(float)[:, None]
+        """Return 0 before and 1 from the location on, or -1 before and 0 from there on."""
+        after = (X[self.column] >= theta["location"]).astype(float)
+        return (after - self.before)[:, None]
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
@@ -94,7 +95,7 @@ class Step(Located):
         place = values["location"]
         at = f"{self.column} = {place:.{digits_at(place, self.span, 6)}g}"
         where = f"before {at}" if self.before else f"from {at} on"
-        return f"simulation, and {where} {values['amplitude']:+.4g}"
+        return f"simulation, and {where} {self._sign * values['amplitude']:+.4g}"
 
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""
@@ -103,7 +104,11 @@ class Step(Located):
         indicator = where(
             self.column, "<" if self.before else r"\geq", place, digits_at(place, self.span, 6)
         )
-        return rf"{SIMULATION} {signed(values['amplitude'])} \, {indicator}"
+        return rf"{SIMULATION} {signed(self._sign * values['amplitude'])} \, {indicator}"
+
+    @property
+    def _sign(self) -> int:
+        return -1 if self.before else 1
 
 
 register(
@@ -128,7 +133,7 @@ register(
         over_columns(lambda column: Step(column, before=True)),
         least_distinct=6,
         call="`Step(x, before=True)`",
-        formula="eta, + amplitude before location",
+        formula="eta, - amplitude before location",
         priors="the same",
         estimates="location, amplitude",
         left_out="the same",
