@@ -31,7 +31,7 @@ def diagnosed(y, parameters=PRIORS, n_runs=None, t=T, function=heat, **settings)
 
 
 @pytest.mark.filterwarnings("ignore::hybridsurrogate.exceptions.HybridSurrogateWarning")
-@pytest.mark.parametrize("fault", [0.0, 2.0])
+@pytest.mark.parametrize("fault", [0.0, pytest.param(2.0, marks=pytest.mark.slow)])
 def test_few_runs_cannot_tell(fault):
     """Six runs leave the output open by many times the noise: neither adequate nor a name."""
     y = heat(T, 0.05, 2.4) + 0.4 * noise(0) + fault * (T > 30)
@@ -90,6 +90,7 @@ def test_noise_that_grows_is_no_fault_of_the_simulation(seed):
     )
 
 
+@pytest.mark.slow
 def test_the_smallest_fault_that_would_have_shown():
     """Half of it is hardly ever detected, and twice of it is."""
     clean = heat(T, 0.05, 2.4)
