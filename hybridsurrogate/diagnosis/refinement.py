@@ -59,8 +59,8 @@ def refine(
     Returns
     -------
     DiscrepancyDiagnosis
-        Fitted to all runs. Its ``refinement_`` has of each round: runs, what they left open, how much
-        of it between their places, verdict, leading cause and its probability.
+        Fitted to all runs. Its ``refinement_`` has of each round: runs, what they left open, how
+        much of it between their places, verdict, leading cause and its probability.
 
     Raises
     ------

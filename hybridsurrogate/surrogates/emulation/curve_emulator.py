@@ -163,8 +163,8 @@ class CurveEmulator:
     ) -> tuple[FloatArray, FloatArray]:
         """Return the factor (n, r) of the error of interpolation, and one column (n,) of the rest.
 
-        That is what the components leave, and interpolation where it is smaller. Errors are as alike
-        between parameters as the curves are.
+        That is what the components leave, and interpolation where it is smaller. Errors are as
+        alike between parameters as the curves are.
         """
         sd, x = self.between(X), X[:, self.along]
         off = np.flatnonzero(sd)
