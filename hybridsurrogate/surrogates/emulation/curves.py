@@ -132,14 +132,14 @@ def curves_of(X: FloatArray, omega: FloatArray, eta: FloatArray) -> Curves | Non
     if best is None:
         return None
     along, others, run = best
-    places, table, simulated = _on_one_grid(X[:, along], run, eta, len(others))
+    places, table, interpolated = _on_one_grid(X[:, along], run, eta, len(others))
     if len(places) < _LEAST_ROWS:
         return None
-    whole = simulated.all(axis=1)
+    whole = ~(interpolated | np.isnan(table)).any(axis=1)
     enough = np.sum(whole) >= _LEAST_RUNS
     pieces = [(places, table[whole])] if enough else _runs(X[:, along], run, eta)
     degree = degree_of(pieces)
-    between = between_places(places, 1 - simulated.mean(axis=0), pieces, degree)
+    between = between_places(places, interpolated.mean(axis=0), pieces, degree)
     return Curves(along, places, others, _filled(table), degree, between)
 
 
@@ -163,9 +163,9 @@ def _runs(x: FloatArray, run: NDArray[np.intp], eta: FloatArray) -> list[Piece]:
 def _on_one_grid(
     x: FloatArray, run: NDArray[np.intp], eta: FloatArray, n_runs: int
 ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-    """Return places, outputs (n_runs, n_places), NaN where a run has none, and the simulated ones.
+    """Return places, outputs (n_runs, n_places), NaN where a run has none, and what is interpolated.
 
-    Outputs that were not simulated are interpolated from those that were.
+    Gaps are left to the components where most runs have none: these know a rough curve better.
     """
     places, column = np.unique(x, return_inverse=True)
     rows_a_run = np.bincount(run, minlength=n_runs)
@@ -175,16 +175,18 @@ def _on_one_grid(
         total = np.bincount(flat, weights=eta, minlength=n_runs * len(places))
         with np.errstate(invalid="ignore"):
             table = (total / count).reshape(n_runs, len(places))
-        simulated = ~np.isnan(table)
-        for k in np.flatnonzero(~simulated.all(axis=1)):
-            there = simulated[k]
-            table[k] = _interpolated(places[there], table[k, there], places)
-        return places, table, simulated
+        gaps = np.isnan(table)
+        some = np.flatnonzero(gaps.any(axis=1))
+        if n_runs - len(some) < max(_LEAST_RUNS, n_runs // 2):
+            for k in some:
+                there = ~gaps[k]
+                table[k] = _interpolated(places[there], table[k, there], places)
+        return places, table, gaps & ~np.isnan(table)
     # each run has its own places: as many as a run has, where their quantiles are
     n = min(2 * int(np.median(rows_a_run)), _MOST_PLACES)
     grid = np.unique(np.quantile(places, np.linspace(0, 1, n)))
     table = np.array([_interpolated(own, y[0], grid) for own, y in _runs(x, run, eta)])
-    return grid, table, np.zeros(table.shape, dtype=bool)
+    return grid, table, ~np.isnan(table)
 
 
 def _interpolated(x: FloatArray, y: FloatArray, at: FloatArray) -> FloatArray:

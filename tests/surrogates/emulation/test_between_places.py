@@ -45,7 +45,7 @@ def paths(points, rng):
     return 10 * points[:, :1] * first + points[:, 1:2] * second + points[:, 2:] / 50
 
 
-def emulated(driven, seed, n_runs=60, n_new=100):
+def emulated(driven, seed, n_runs=60, n_new=100, gaps=0):
     """Return daily runs as an emulator, and parameters and finer curves that it has not seen."""
     rng = np.random.default_rng(seed)
     designs = [qmc.LatinHypercube(3, seed=rng).random(n) for n in (n_runs, n_new)]
@@ -54,7 +54,12 @@ def emulated(driven, seed, n_runs=60, n_new=100):
     days = FINE[::STEPS]
     X, omega = np.tile(days, n_runs)[:, None], np.repeat(points[:n_runs], len(days), axis=0)
     ranges = np.array([[0.0, DAYS]]), np.column_stack([LOW, HIGH])
-    found = emulate_curves(X, omega, curves[:n_runs, ::STEPS].ravel(), *ranges)
+    there = np.ones((n_runs, len(days)), dtype=bool)
+    there[:gaps, rng.integers(80, 120, 10)] = False  # missing days
+    there[gaps : 2 * gaps, 80:] = False  # and runs that stopped
+    rows = there.ravel()
+    eta = curves[:n_runs, ::STEPS].ravel()
+    found = emulate_curves(X[rows], omega[rows], eta[rows], *ranges)
     return found, points[n_runs:], curves[n_runs:]
 
 
@@ -71,6 +76,7 @@ def rms(values):
 
 
 ON = slice(None, None, STEPS)
+LAST = slice(80 * STEPS, None, STEPS)
 OFF = np.flatnonzero(np.arange(len(FINE)) % STEPS)
 
 
@@ -85,6 +91,16 @@ def test_places_that_were_simulated_cost_nothing(driven):
         assert rms(missed_and_stated(found, points, curves, OFF)[1]) > 5 * rms(stated)
     assert 1 / 1.5 < np.exp(np.mean(np.log(ratios))) < 1.5
     assert max(ratios) < 2.5
+
+
+def test_runs_with_gaps_are_no_reason_to_interpolate():
+    """Days that some runs lack were simulated by the others, and all runs share their rain."""
+    found, points, curves = emulated(by_day, 0, gaps=5)
+    missed, stated = missed_and_stated(found, points, curves, LAST)
+    assert rms(missed) / 2 < rms(stated) < 2 * rms(missed)
+    complete = missed_and_stated(*emulated(by_day, 0), LAST)[0]
+    assert rms(missed) < 2 * rms(complete)
+    assert found.between(FINE[ON][:, None]).max() == 0
 
 
 @pytest.mark.parametrize("driven", [showers, storms, paths])
