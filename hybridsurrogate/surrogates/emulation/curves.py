@@ -163,9 +163,10 @@ def _runs(x: FloatArray, run: NDArray[np.intp], eta: FloatArray) -> list[Piece]:
 def _on_one_grid(
     x: FloatArray, run: NDArray[np.intp], eta: FloatArray, n_runs: int
 ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-    """Return places, outputs (n_runs, n_places), NaN where a run has none, and what is interpolated.
+    """Return places (n_places,), outputs (n_runs, n_places), and which of these are interpolated.
 
-    Gaps are left to the components where most runs have none: these know a rough curve better.
+    NaN where a run has no output. Gaps are left to the components where most runs have none: these
+    know a rough curve better.
     """
     places, column = np.unique(x, return_inverse=True)
     rows_a_run = np.bincount(run, minlength=n_runs)
