@@ -137,14 +137,14 @@ def refine(
     if check is not None and check.left_open >= open_below:
         spent = int(budget) - left
         why = (
-            f"{spent} of {budget} further runs were made, and more would not help"
+            f"{spent} of {budget} further runs were made, and more would not help: they leave"
             if check.between_runs < open_below
-            else f"The budget of {budget} further runs ended"
+            else f"The budget of {budget} further runs ended while they leave"
         )
         finer = f" {check.remedy}" if check.between > check.between_runs else ""
         warnings.warn(
-            f"{why}: the runs leave the simulation open by {check.left_open:.1f} times the noise, "
-            f"above open_below={open_below:g}.{finer}",
+            f"{why} the simulation open by {check.left_open:.1f} times the noise, above "
+            f"open_below={open_below:g}.{finer}",
             DiagnosisWarning,
             stacklevel=2,
         )
