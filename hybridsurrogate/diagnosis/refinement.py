@@ -113,7 +113,8 @@ def refine(
             current.fit(X, y)
         rounds.append(_round_of(current, data.n_runs))
         check = current.emulator_check_
-        if check is None or check.between_runs < open_below or not left:
+        settled = check is None or check.left_open < open_below
+        if settled or not left or (check is not None and check.needs_places):
             break
         asked = current.next_runs(min(int(batch), left))
         left -= len(asked)
@@ -134,14 +135,12 @@ def refine(
         for warning in caught:
             warnings.warn(warning.message, warning.category, stacklevel=2)
     current.refinement_ = pd.DataFrame(rounds)
-    if check is not None and check.left_open >= open_below:
-        spent = int(budget) - left
-        why = (
-            f"{spent} of {budget} further runs were made, and more would not help: they leave"
-            if check.between_runs < open_below
-            else f"The budget of {budget} further runs ended while they leave"
-        )
-        finer = f" {check.remedy}" if check.between > check.between_runs else ""
+    if check is not None and not settled:
+        why, finer = f"The budget of {budget} further runs ended while they leave", ""
+        if check.needs_places:
+            spent = int(budget) - left
+            why = f"{spent} of {budget} further runs were made, and more would not help: they leave"
+            finer = f" {check.remedy}"
         warnings.warn(
             f"{why} the simulation open by {check.left_open:.1f} times the noise, above "
             f"open_below={open_below:g}.{finer}",

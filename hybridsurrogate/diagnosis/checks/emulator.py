@@ -59,10 +59,15 @@ class EmulatorCheck(NamedTuple):
         return math.sqrt(max(self.left_open**2 - self.between**2, 0.0))
 
     @property
+    def needs_places(self) -> bool:
+        """Whether finer places of the runs close more than further runs do."""
+        return self.between > self.between_runs
+
+    @property
     def remedy(self) -> str:
         """What to do about ``left_open``."""
         itself = "or the simulation itself with surrogate=ExactSurrogate()"
-        if self.between <= self.between_runs:
+        if not self.needs_places:
             return f"Give more runs, {itself}."
         share = "All of it" if self.between_runs < 0.1 * self.between else "Most of it"
         return (
