@@ -36,8 +36,8 @@ def refine(
     """Diagnose, run the simulation where its emulator leaves most open, and diagnose again.
 
     Until the runs leave less open at the measured rows than a share of the noise, or the budget
-    ends. What lies between the places of runs that are curves is not closed by more of them: no run
-    is spent on it.
+    ends. Where most of that lies between the places of runs that are curves, more runs do not close
+    it: no run is spent on it, and the warning asks for finer places.
 
     Parameters
     ----------
