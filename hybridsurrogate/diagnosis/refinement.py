@@ -36,7 +36,8 @@ def refine(
     """Diagnose, run the simulation where its emulator leaves most open, and diagnose again.
 
     Until the runs leave less open at the measured rows than a share of the noise, or the budget
-    ends.
+    ends. Where most of that lies between the places of runs that are curves, more runs do not close
+    it: no run is spent on it, and the warning asks for finer places.
 
     Parameters
     ----------
@@ -58,8 +59,8 @@ def refine(
     Returns
     -------
     DiscrepancyDiagnosis
-        Fitted to all runs. Its ``refinement_`` tells of each round: runs, what they left open,
-        verdict, leading cause and its probability.
+        Fitted to all runs. Its ``refinement_`` has of each round: runs, what they left open, how
+        much of it between their places, verdict, leading cause and its probability.
 
     Raises
     ------
@@ -69,7 +70,7 @@ def refine(
     Warns
     -----
     DiagnosisWarning
-        Where the budget ended before.
+        Where the budget ended before, or where finer places of the runs are needed.
 
     Examples
     --------
@@ -111,8 +112,9 @@ def refine(
             warnings.simplefilter("always", HybridSurrogateWarning)
             current.fit(X, y)
         rounds.append(_round_of(current, data.n_runs))
-        settled = rounds[-1]["left_open"] < open_below
-        if settled or not left:
+        check = current.emulator_check_
+        settled = check is None or check.left_open < open_below
+        if settled or not left or (check is not None and check.needs_places):
             break
         asked = current.next_runs(min(int(batch), left))
         left -= len(asked)
@@ -133,10 +135,15 @@ def refine(
         for warning in caught:
             warnings.warn(warning.message, warning.category, stacklevel=2)
     current.refinement_ = pd.DataFrame(rounds)
-    if not settled:
+    if check is not None and not settled:
+        why, finer = f"The budget of {budget} further runs ended while they leave", ""
+        if check.needs_places:
+            spent = int(budget) - left
+            why = f"{spent} of {budget} further runs were made, and more would not help: they leave"
+            finer = f" {check.remedy}"
         warnings.warn(
-            f"The budget of {budget} further runs ended while they leave the simulation open by "
-            f"{rounds[-1]['left_open']:.1f} times the noise, above open_below={open_below:g}.",
+            f"{why} the simulation open by {check.left_open:.1f} times the noise, above "
+            f"open_below={open_below:g}.{finer}",
             DiagnosisWarning,
             stacklevel=2,
         )
@@ -148,6 +155,7 @@ def _round_of(diagnosis: DiscrepancyDiagnosis, n_runs: int) -> dict[str, Any]:
     return {
         "n_runs": n_runs,
         "left_open": 0.0 if check is None else check.left_open,
+        "between": 0.0 if check is None else check.between,
         "verdict": diagnosis.verdict_,
         "kind": leading["kind"],
         "probability": leading["probability"],

@@ -137,6 +137,13 @@ class Basis(ABC):
         """Return the covariance (m, m) of what is open at m runs, inputs as from `of_runs`."""
         return np.zeros((len(X), len(X)))
 
+    def between(self, X: FloatArray) -> FloatArray:
+        """Return the part (n,) of `error` that lies between the places of runs that are curves.
+
+        A standard deviation. More runs at the same places leave it as it is.
+        """
+        return np.zeros(len(X))
+
     @property
     def with_features(self) -> Basis | None:
         """The same with what is open in a few coefficients; None where these would be many."""

@@ -111,6 +111,14 @@ class StackedBasis(Basis):
         """Return the covariance of what is open at runs, all outputs together."""
         return np.sum([one.open_at(X, omega) for one in self.bases], axis=0)
 
+    def between(self, X: FloatArray) -> FloatArray:
+        """Return each row's error between the places of runs that are curves."""
+
+        def between(k: int, rows: NDArray[np.intp], inputs: FloatArray) -> FloatArray:
+            return self.bases[k].between(inputs)
+
+        return self._row_by_row(X, between)
+
     @property
     def with_features(self) -> Basis | None:
         """Each with its features; None where one has none."""

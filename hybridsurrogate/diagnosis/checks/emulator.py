@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from dataclasses import replace
 from typing import NamedTuple
@@ -39,19 +40,47 @@ class EmulatorCheck(NamedTuple):
         without it; the estimators predict with it.
     beyond : dict of str to int
         Measured rows that lie further out along an input than every run, by its name.
+    between : float
+        The part of ``left_open`` that lies between the places of runs that are curves: finer places
+        close it, and more runs do not.
+    along : str or None
+        The input along which runs are curves.
     """
 
     left_open: float
     missed: float
     beyond: dict[str, int]
+    between: float = 0.0
+    along: str | None = None
+
+    @property
+    def between_runs(self) -> float:
+        """The part of ``left_open`` that more runs close."""
+        return math.sqrt(max(self.left_open**2 - self.between**2, 0.0))
+
+    @property
+    def needs_places(self) -> bool:
+        """Whether finer places of the runs close more than further runs do."""
+        return self.between > self.between_runs
+
+    @property
+    def remedy(self) -> str:
+        """What to do about ``left_open``."""
+        itself = "or the simulation itself with surrogate=ExactSurrogate()"
+        if not self.needs_places:
+            return f"Give more runs, {itself}."
+        share = "All of it" if self.between_runs < 0.1 * self.between else "Most of it"
+        return (
+            f"{share} lies between the places of the runs along {self.along}, and more runs do not "
+            f"close it. Give runs with finer places along {self.along}, {itself}."
+        )
 
     def warn(self, surrogate: Surrogate) -> None:
         """Warn where the noise does not hide it."""
         if self.left_open > MOST_OPEN:
             warnings.warn(
                 f"At the measured rows the runs leave the simulation open by {self.left_open:.1f} "
-                "times the noise: effects that are not larger cannot be found. Give more runs, or "
-                "the simulation itself with surrogate=ExactSurrogate().",
+                f"times the noise: effects that are not larger cannot be found. {self.remedy}",
                 DiagnosisWarning,
                 stacklevel=4,
             )
@@ -84,11 +113,20 @@ def check_emulator(result: Search, surrogate: Basis, runs: SimulationData) -> Em
     missed = alone.simulated(problem.X, values, own)[0] - outputs
     # outputs of their own noise count in units of that
     unit = noise[0] if problem.stacking is not None else np.ones(1)
-    squares = np.sum(U**2, axis=1) / unit**2, (missed / unit) ** 2
+    left_open = np.sum(U**2, axis=1) / unit**2
+    inputs, points = w.model.places(problem.X, values)
+    basis = problem.model.basis
+    error = np.sum(basis.error(inputs, points) ** 2, axis=1)
+    # causes that respond to the output stretch both alike
+    share = basis.between(inputs) ** 2 / np.maximum(error, 1e-300)
+    squares = left_open, (missed / unit) ** 2, left_open * np.minimum(share, 1.0)
     rms = np.sqrt([np.mean(each) for each in squares]) / w.sigma
     X = problem.X[:, : runs.X.shape[1]]
     low, high = runs.X.min(axis=0), runs.X.max(axis=0)
     outside = np.sum((low > X) | (high < X), axis=0).tolist()
     beyond = {name: k for name, k in zip(runs.input_names, outside, strict=True) if k}
-    left_open, missed_by = rms.tolist()
-    return EmulatorCheck(left_open, missed_by, beyond)
+    of_runs = basis.of_runs(np.arange(float(inputs.shape[1]))[None])[0]
+    along = [name for k, name in enumerate(runs.input_names) if k not in of_runs]
+    return EmulatorCheck(
+        float(rms[0]), float(rms[1]), beyond, float(rms[2]), along[0] if along else None
+    )

@@ -168,6 +168,10 @@ class KrigedCurves(Basis):
         """Return the covariance (m, m) of what is open at runs, all places of each together."""
         return self.emulator.covariance(np.hstack([X, omega]))
 
+    def between(self, X: FloatArray) -> FloatArray:
+        """Return the error of interpolation between simulated places, (n,)."""
+        return self.emulator.between(X)
+
     @property
     def with_features(self) -> CurveBasis:
         """The same with features for its error: a few coefficients."""

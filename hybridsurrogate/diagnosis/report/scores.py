@@ -96,7 +96,9 @@ def emulator(view: View) -> list[str]:
         f"At the measured rows the runs leave the simulation open by {_times(check.left_open)} "
         "the noise, which is part of every comparison above"
         + (
-            ": effects that are not larger cannot be found." if check.left_open > MOST_OPEN else "."
+            f": effects that are not larger cannot be found. {check.remedy}"
+            if check.left_open > MOST_OPEN
+            else "."
         ),
         "The surrogate, trained on the runs alone, misses what they tell by "
         f"{_times(check.missed)} the noise there. The comparisons do without it"

@@ -3,8 +3,8 @@
 All coefficients share one correlation of the parameters and each has a variance of its own, so that
 R runs of T places cost R^3 + R^2 T and not (R T)^3 (Higdon, Gattiker, Williams and Rightley 2008,
 Journal of the American Statistical Association 103:570; one correlation for all: Conti and O'Hagan
-2010, Journal of Statistical Planning and Inference 140:640). What the components and the
-interpolation along the curves leave out is part of the error.
+2010, Journal of Statistical Planning and Inference 140:640). What the components leave out is part
+of the error, and so is the interpolation along the curves between places that were simulated.
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ from hybridsurrogate.surrogates.emulation.process import (
 
 # what is left of a variance when its factor has enough columns, in shares of the largest
 _NEGLIGIBLE = 1e-6
+# columns at most of the error of interpolation; what is left of it shares one
+_MOST_BETWEEN = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,11 +90,19 @@ class CurveEmulator:
         coefficients, left = self._given_runs(points)
         mean, curves, missed = self.components.at(X[:, self.along])
         output = mean + np.einsum("nk,nk->n", curves, coefficients[group])
-        return output, np.column_stack([left[group, None] * curves * self.sd, missed])
+        rest = np.hypot(missed, self.between(X))
+        return output, np.column_stack([left[group, None] * curves * self.sd, rest])
 
     def spread(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return S (n, k + 1): what is open has covariance S S' among rows of equal parameters."""
+        """Return S (n, k + 1): what is open has covariance S S' among rows of equal parameters.
+
+        But for interpolation, of which the last column has the size: `error` has its correlations.
+        """
         return self.both(X, omega)[1]
+
+    def between(self, X: FloatArray) -> FloatArray:
+        """Return the standard deviation of interpolation between simulated places, (n,)."""
+        return self.components.between.sd(X[:, self.along])
 
     def outer_output(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return the output (J, n) of n inputs for each of J parameters."""
@@ -110,7 +120,7 @@ class CurveEmulator:
         coefficients, left = self._given_runs(omega)
         spread = np.empty((len(omega), len(X), len(self.sd) + 1))
         np.multiply(left[:, None, None], curves * self.sd, out=spread[..., :-1])
-        spread[..., -1] = missed
+        spread[..., -1] = np.hypot(missed, self.between(X))
         return mean + coefficients @ curves.T, spread
 
     def _coefficients(self, points: FloatArray) -> FloatArray:
@@ -135,15 +145,44 @@ class CurveEmulator:
     def error(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return F (n, r): the covariance of what is open at all these rows is F F'."""
         points, group = self._points(X, omega)
-        if len(points) == 1:
-            return self.spread(X, omega)
-        factor = _factor(self.covariance(points))
+        places = self._places(points)
         _, curves, missed = self.components.at(X[:, self.along])
-        all_of_it = (curves * self.sd)[:, :, None] * factor[group][:, None, :]
-        F = np.column_stack([all_of_it.reshape(len(X), -1), missed])
+        if len(points) == 1:
+            factor = self._given_runs(points)[1][:, None]
+        else:
+            factor = _factor(self.covariance(points))
+        of_runs = (curves * self.sd)[:, :, None] * factor[group][:, None, :]
+        of_places, rest = self._error_between(X, places, group, missed)
+        F = np.column_stack([of_runs.reshape(len(X), -1), of_places, rest])
         if F.shape[1] <= len(X):
             return F
         return _factor(F @ F.T)
+
+    def _error_between(
+        self, X: FloatArray, places: Places, group: NDArray[np.intp], missed: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the factor (n, r) of the error of interpolation, and one column (n,) of the rest.
+
+        That is what the components leave, and interpolation where it is smaller. Errors are as
+        alike between parameters as the curves are.
+        """
+        sd, x = self.between(X), X[:, self.along]
+        off = np.flatnonzero(sd)
+        factor = np.zeros((len(X), 0))
+        if len(off):
+            own, at, of = sd[off], x[off], group[off]
+
+            def column(k: int) -> FloatArray:
+                along = self.components.between.correlations(at, at[k : k + 1])[:, 0]
+                alike = places.alike(places.of(slice(of[k], of[k] + 1)))[of, 0]
+                return own * own[k] * along * alike
+
+            least = max(_NEGLIGIBLE * float(np.max(own**2)), float(np.mean(missed**2)))
+            some, _ = pivoted_cholesky(own**2, column, least, _MOST_BETWEEN)
+            factor = np.zeros((len(X), some.shape[1]))
+            factor[off] = some
+        left = np.maximum(sd**2 - np.sum(factor**2, axis=1), 0.0)
+        return factor, np.sqrt(missed**2 + left)
 
     def covariance(self, points: FloatArray) -> FloatArray:
         """Return the covariance (m, m) of what is open at runs (m, d), in units of the process's.

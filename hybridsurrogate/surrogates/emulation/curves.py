@@ -16,6 +16,12 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
 from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.surrogates.emulation.between_places import (
+    BetweenPlaces,
+    Piece,
+    between_places,
+    degree_of,
+)
 
 # rows are curves where there are so many runs at least and so many rows a run on average
 _LEAST_RUNS, _LEAST_ROWS = 8, 5
@@ -44,8 +50,8 @@ class Curves:
     outputs : ndarray of shape (n_runs, n_places)
     degree : int
         Of the interpolation along the curves, 1 or 3.
-    between : float
-        Error of interpolation along the curves, root mean square.
+    between : BetweenPlaces
+        Error of interpolation along the curves.
     """
 
     along: int
@@ -53,7 +59,7 @@ class Curves:
     others: FloatArray
     outputs: FloatArray
     degree: int
-    between: float
+    between: BetweenPlaces
 
     @cached_property
     def components(self) -> Components:
@@ -65,10 +71,9 @@ class Curves:
         k = int(np.argmax(rest <= max(_LEFT**2 * total, 1e-300)))
         k = min(max(k, 1), _MOST_COMPONENTS, len(size))
         missed = np.sqrt(np.mean((left[:, k:] * size[k:] @ curves[k:]) ** 2, axis=0))
-        told = np.hypot(missed, self.between)
-        table = np.vstack([mean, curves[:k], told]).T
+        table = np.vstack([mean, curves[:k], missed]).T
         spline = make_interp_spline(self.places, table, k=self.degree)
-        return Components(left[:, :k] * size[:k], self.places[[0, -1]], spline)
+        return Components(left[:, :k] * size[:k], self.places[[0, -1]], spline, self.between)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,14 +88,20 @@ class Components:
         Of the places.
     spline : BSpline
         Mean, components, and the error of what they leave, k + 2 curves.
+    between : BetweenPlaces
+        Error of interpolation along them.
     """
 
     coefficients: FloatArray
     ends: FloatArray
     spline: BSpline
+    between: BetweenPlaces
 
     def at(self, places: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return mean (n,), components (n, k) and error (n,) at places, held at the ends."""
+        """Return mean (n,), components (n, k) and what these leave (n,) at places.
+
+        Held at the ends. The error of interpolation is not in it.
+        """
         table = self.spline(np.clip(places, *self.ends))
         return table[:, 0], table[:, 1:-1], np.maximum(table[:, -1], 0.0)
 
@@ -115,16 +126,20 @@ def curves_of(X: FloatArray, omega: FloatArray, eta: FloatArray) -> Curves | Non
     best: tuple[int, FloatArray, NDArray[np.intp]] | None = None
     for along in range(X.shape[1]):
         others, run = _alike(np.hstack([np.delete(X, along, axis=1), omega]))
-        enough = _LEAST_RUNS <= len(others) <= len(eta) / _LEAST_ROWS
-        if enough and (best is None or len(others) < len(best[1])):
+        are_curves = _LEAST_RUNS <= len(others) <= len(eta) / _LEAST_ROWS
+        if are_curves and (best is None or len(others) < len(best[1])):
             best = along, others, run
     if best is None:
         return None
     along, others, run = best
-    places, table = _on_one_grid(X[:, along], run, eta, len(others))
+    places, table, interpolated = _on_one_grid(X[:, along], run, eta, len(others))
     if len(places) < _LEAST_ROWS:
         return None
-    degree, between = _smoothness(places, table)
+    whole = ~(interpolated | np.isnan(table)).any(axis=1)
+    enough = np.sum(whole) >= _LEAST_RUNS
+    pieces = [(places, table[whole])] if enough else _runs(X[:, along], run, eta)
+    degree = degree_of(pieces)
+    between = between_places(places, interpolated.mean(axis=0), pieces, degree)
     return Curves(along, places, others, _filled(table), degree, between)
 
 
@@ -135,10 +150,24 @@ def _alike(rows: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
     return first, which.ravel()[np.cumsum(new) - 1]
 
 
+def _runs(x: FloatArray, run: NDArray[np.intp], eta: FloatArray) -> list[Piece]:
+    """Return places and outputs of each run, in order."""
+    order = np.lexsort((x, run))
+    pieces = []
+    for rows in np.split(order, np.cumsum(np.bincount(run))[:-1]):
+        own, first = np.unique(x[rows], return_index=True)
+        pieces.append((own, eta[rows][first][None]))
+    return pieces
+
+
 def _on_one_grid(
     x: FloatArray, run: NDArray[np.intp], eta: FloatArray, n_runs: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return places and outputs (n_runs, n_places), NaN where a run has none."""
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Return places (n_places,), outputs (n_runs, n_places), and which of these are interpolated.
+
+    NaN where a run has no output. Gaps are left to the components where most runs have none: these
+    know a rough curve better.
+    """
     places, column = np.unique(x, return_inverse=True)
     rows_a_run = np.bincount(run, minlength=n_runs)
     if len(places) <= 2 * np.median(rows_a_run):
@@ -148,68 +177,28 @@ def _on_one_grid(
         with np.errstate(invalid="ignore"):
             table = (total / count).reshape(n_runs, len(places))
         gaps = np.isnan(table)
-        if gaps.any():
-            for k in np.flatnonzero(gaps.any(axis=1)):
+        some = np.flatnonzero(gaps.any(axis=1))
+        if n_runs - len(some) < max(_LEAST_RUNS, n_runs // 2):
+            for k in some:
                 there = ~gaps[k]
                 table[k] = _interpolated(places[there], table[k, there], places)
-        return places, table
+        return places, table, gaps & ~np.isnan(table)
     # each run has its own places: as many as a run has, where their quantiles are
     n = min(2 * int(np.median(rows_a_run)), _MOST_PLACES)
     grid = np.unique(np.quantile(places, np.linspace(0, 1, n)))
-    table = np.full((n_runs, len(grid)), np.nan)
-    order = np.lexsort((x, run))
-    for row, rows in enumerate(np.split(order, np.cumsum(rows_a_run)[:-1])):
-        own, first = np.unique(x[rows], return_index=True)
-        table[row] = _interpolated(own, eta[rows][first], grid)
-    return grid, table
+    table = np.array([_interpolated(own, y[0], grid) for own, y in _runs(x, run, eta)])
+    return grid, table, ~np.isnan(table)
 
 
 def _interpolated(x: FloatArray, y: FloatArray, at: FloatArray) -> FloatArray:
     """Return y at places within its range, NaN beyond by more than half a typical step."""
     if len(x) < 2:
         return np.full(len(at), np.nan)
-    degree = _degree(_half_errors(x, y[None])) if len(x) > 3 else 1
+    degree = degree_of([(x, y[None])])
     value: FloatArray = make_interp_spline(x, y, k=degree)(np.clip(at, x[0], x[-1]))
     margin = 0.5 * float(np.median(np.diff(x)))
     value[(at < x[0] - margin) | (at > x[-1] + margin)] = np.nan
     return value
-
-
-def _degree(errors: dict[int, float]) -> int:
-    """Return that of lines where they foresee left-out places as well as cubics do."""
-    return 3 if errors[3] < errors[1] else 1
-
-
-def _half_errors(places: FloatArray, table: FloatArray) -> dict[int, float]:
-    """Return the root mean square errors at every other place, foreseen from the rest."""
-    kept = np.arange(0, len(places), 2)
-    left = np.arange(1, int(kept[-1]), 2)
-    out = {}
-    for degree in (1, 3):
-        if len(kept) <= degree or not len(left):
-            out[degree] = np.inf
-            continue
-        spline = make_interp_spline(places[kept], table[:, kept].T, k=degree)
-        out[degree] = float(np.sqrt(np.mean((spline(places[left]).T - table[:, left]) ** 2)))
-    return out
-
-
-def _smoothness(places: FloatArray, table: FloatArray) -> tuple[int, float]:
-    """Return the degree of interpolation, 3 or 1, and its error.
-
-    Twice the step makes e' of e; where e' over four times the step is e'', Richardson has
-    e = e'^2 / e''.
-    """
-    whole = table[~np.isnan(table).any(axis=1)]
-    if not len(whole):
-        return 1, 0.0
-    twice = _half_errors(places, whole)
-    degree = _degree(twice)
-    if not np.isfinite(twice[degree]):
-        return 1, 0.0
-    four = _half_errors(places[::2], whole[:, ::2])[degree]
-    share = twice[degree] / four if np.isfinite(four) and four > 0 else 0.5
-    return degree, twice[degree] * min(share, 1.0)
 
 
 def _filled(table: FloatArray) -> FloatArray:
