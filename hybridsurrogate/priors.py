@@ -43,8 +43,10 @@ def truncated_normal(mean: float, sd: float, low: float, high: float) -> Prior:
     Raises
     ------
     ValueError
-        If ``sd`` is not positive, ``low`` is not below ``high``, or both lie more than 8 ``sd`` to
-        one side of ``mean``.
+        For NaN; if ``sd`` is not positive, ``low`` is not below ``high``, or both lie more than
+        8 ``sd`` to one side of ``mean``.
+    TypeError
+        For what is no number.
 
     Examples
     --------
@@ -52,8 +54,10 @@ def truncated_normal(mean: float, sd: float, low: float, high: float) -> Prior:
     >>> [float(end) for end in hs.truncated_normal(2.0, 0.5, 1, 3).support()]
     [1.0, 3.0]
     """
-    mean, sd = as_real(mean, "mean"), as_real(sd, "sd")
-    low, high = as_real(low, "low", finite=False), as_real(high, "high", finite=False)
+    for name, value in {"mean": mean, "sd": sd}.items():
+        as_real(value, name)
+    for name, value in {"low": low, "high": high}.items():
+        as_real(value, name, finite=False)
     if not sd > 0:
         raise ValueError(f"sd must be positive, got {sd!r}.")
     if not low < high:
