@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike
 from sklearn.base import clone
 from sklearn.utils import check_scalar
 
+from hybridsurrogate.arguments.description import described
+from hybridsurrogate.arguments.scalars import check_n_jobs
 from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
 from hybridsurrogate.exceptions import (
     DiagnosisWarning,
@@ -86,7 +88,12 @@ def refine(
     >>> hs.refine(diagnosis, t[:, None], y, budget=4, batch=2).verdict_
     'adequate'
     """
-    data = getattr(diagnosis.estimator, "simulation", None)
+    data = getattr(getattr(diagnosis, "estimator", None), "simulation", None)
+    if not isinstance(diagnosis, DiscrepancyDiagnosis):
+        raise TypeError(
+            "diagnosis must be a DiscrepancyDiagnosis, which need not be fitted, got "
+            f"{described(diagnosis)}."
+        )
     if not isinstance(data, SimulationData):
         raise TypeError(
             "refine adds runs to those that there are: the estimator's simulation must be "
@@ -99,6 +106,7 @@ def refine(
             "that runs elsewhere write diagnosis.next_runs(10) to a file, and add its results by "
             "data.with_rows(frame)."
         )
+    check_n_jobs(n_jobs)
     check_scalar(budget, "budget", Integral, min_val=0)
     check_scalar(batch, "batch", Integral, min_val=1)
     check_scalar(open_below, "open_below", Real, min_val=0)

@@ -13,7 +13,7 @@ from sklearn.model_selection import TimeSeriesSplit, check_cv
 from sklearn.utils import _safe_indexing
 
 from hybridsurrogate.estimators.base import SurrogateEstimator
-from hybridsurrogate.estimators.beta_path import beta_path
+from hybridsurrogate.estimators.beta_path import beta_path, check_model
 from hybridsurrogate.problem.stacking import as_several
 from hybridsurrogate.simulation.arrays import as_numbers, as_outputs, as_table, complete_table
 
@@ -87,7 +87,8 @@ def choose_beta(
     >>> choice.estimator.beta == choice.beta
     True
     """
-    grid = np.linspace(0, 1, 21) if betas is None else np.atleast_1d(np.asarray(betas, float))
+    check_model(model)
+    grid = np.linspace(0, 1, 21) if betas is None else np.atleast_1d(as_numbers(betas, "betas"))
     X, table = complete_table(X, labels=model.experiment), as_table(y, "y")
     names = model._output_names(table)
     outputs = as_outputs(y) if len(names) == 1 else as_several(table, names)
