@@ -88,17 +88,7 @@ def refine(
     >>> hs.refine(diagnosis, t[:, None], y, budget=4, batch=2).verdict_
     'adequate'
     """
-    data = getattr(getattr(diagnosis, "estimator", None), "simulation", None)
-    if not isinstance(diagnosis, DiscrepancyDiagnosis):
-        raise TypeError(
-            "diagnosis must be a DiscrepancyDiagnosis, which need not be fitted, got "
-            f"{described(diagnosis)}."
-        )
-    if not isinstance(data, SimulationData):
-        raise TypeError(
-            "refine adds runs to those that there are: the estimator's simulation must be "
-            f"SimulationData, such as simulator.run(60, along=50), got {type(data).__name__}."
-        )
+    data = _runs_of(diagnosis)
     simulator = data.simulator if simulator is None else simulator
     if not isinstance(simulator, Simulator):
         raise TypeError(
@@ -149,6 +139,22 @@ def refine(
             stacklevel=2,
         )
     return current
+
+
+def _runs_of(diagnosis: DiscrepancyDiagnosis) -> SimulationData:
+    """Return the runs that a diagnosis rests on; TypeError where there are none."""
+    if not isinstance(diagnosis, DiscrepancyDiagnosis):
+        raise TypeError(
+            "diagnosis must be a DiscrepancyDiagnosis, which need not be fitted, got "
+            f"{described(diagnosis)}."
+        )
+    data = getattr(diagnosis.estimator, "simulation", None)
+    if not isinstance(data, SimulationData):
+        raise TypeError(
+            "refine adds runs to those that there are: the estimator's simulation must be "
+            f"SimulationData, such as simulator.run(60, along=50), got {type(data).__name__}."
+        )
+    return data
 
 
 def _round_of(diagnosis: DiscrepancyDiagnosis, n_runs: int) -> dict[str, Any]:

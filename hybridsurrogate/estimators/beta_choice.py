@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from sklearn.model_selection import TimeSeriesSplit, check_cv
 from sklearn.utils import _safe_indexing
 
+from hybridsurrogate.arguments.description import described
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.beta_path import beta_path, check_model
 from hybridsurrogate.problem.stacking import as_several
@@ -100,7 +101,13 @@ def choose_beta(
         folds = TimeSeriesSplit(_FUTURE_SPLITS).split(order)
         splits = [(order[train], order[test]) for train, test in folds]
     else:
-        splits = list(check_cv(cv).split(np.zeros((len(outputs), 1)), outputs))
+        try:
+            splits = list(check_cv(cv).split(np.zeros((len(outputs), 1)), outputs))
+        except (TypeError, ValueError) as error:
+            raise ValueError(
+                f"cv must be as in scikit-learn or {LEAVE_FUTURE_OUT!r}, a number of folds, a "
+                f"splitter or pairs (train, test) of row numbers, got {described(cv)}: {error}."
+            ) from error
     held_out, n_refits = [], 0
     for train, test in splits:
         path = beta_path(model, _safe_indexing(X, train), outputs[train], list(grid))

@@ -188,6 +188,60 @@ def test_numbers_of_a_prior(argument, value):
     assert hs.truncated_normal(1, 1, 0, INF).support() == (0, INF)
 
 
+def fit(**other):
+    runs = simulator().run(16, random_state=0)
+    given = {"simulation": runs, "surrogate": hs.PolynomialChaos(2), "n_draws": 10}
+    model = hs.PowerScaledSurrogate(
+        **{**given, "sampler": "importance", "random_state": 0, **other}
+    )
+    return model.fit(PLACES[1:, None], fall(PLACES[1:], 9.3))
+
+
+def fit_sources(*sources):
+    return hs.MultiSourceSurrogate(*sources, n_draws=10).fit(PLACES[:, None], CURVES[0])
+
+
+@pytest.mark.parametrize(
+    ("door", "words"),
+    [
+        (lambda: fit(effects=[hs.Trend(["t"])]), "column of Trend must be a name"),
+        (lambda: fit(effects=[hs.Trend("t", degree="2")]), "degree of Trend must be an inst"),
+        (lambda: fit(effects=[hs.Step("t", before="yes")]), "before of Step must be True or False"),
+        (lambda: fit(effects=[hs.Step("t", location=2.0)]), "prior of 'location of Step' must"),
+        (lambda: fit(effects=[hs.ParameterDrift(5, "t")]), "parameter of ParameterDrift must"),
+        (lambda: fit(effects=[hs.Remainder("big")]), "size of Remainder must be a number"),
+        (lambda: fit(effects=[hs.InOutput("step", "y")]), "cause of InOutput must be a cause"),
+        (lambda: fit(effects=[hs.InOutput(hs.Step(5), "y")]), "column of Step must be a name"),
+        (lambda: fit(likelihood=hs.StudentT("4")), "df must be a number, got '4'"),
+        (lambda: fit(likelihood=hs.Binomial([4])), r"trials must be a number, got \[4\]"),
+        (lambda: fit(likelihood=hs.CustomLikelihood("normal")), "log_density_function must"),
+        (lambda: fit(surrogate=hs.GaussianProcess(kernel=["rbf"])), "kernel must be one of"),
+        (lambda: fit(surrogate=hs.GaussianProcess(mean="a")), "mean must be a number, got 'a'"),
+        (lambda: fit(sampler=hs.EnsembleSampler(moves="a")), "moves must be None, a move of emcee"),
+        (lambda: fit_sources(5), "sources must be a list of"),
+        (lambda: fit_sources([hs.Source(5)]), "data of a source must be"),
+        (lambda: fit().interval_holds([[1.0]], [95.0], ["a"]), "levels must hold numbers"),
+        (lambda: fit().interval_holds([[1.0]], [95.0], [2]), "levels == 2.0, must be < 1"),
+        (lambda: fit().predict([[1.0]], return_std="yes"), "return_std must be True or False"),
+        (lambda: hs.sobol_indices(fit(), [[1.0]], after="yes"), "after must be True or False"),
+        (lambda: hs.beta_path(5, [[1.0]], [1.0], [0.5]), "model must be an estimator such as"),
+        (
+            lambda: hs.choose_beta(fit(), PLACES[:, None], CURVES[0], ["a"]),
+            "betas must hold numbers",
+        ),
+        (lambda: hs.choose_beta(fit(), PLACES[:, None], CURVES[0], cv=[1]), "cv must be as in sc"),
+        (lambda: hs.refine(5, [[1.0]], [1.0]), "diagnosis must be a DiscrepancyDiagnosis"),
+        (
+            lambda: hs.AveragedSurrogate(5, [1.0]).fit([[1.0]], [1.0]),
+            "estimators must be a list of",
+        ),
+    ],
+)
+def test_what_came_and_what_was_expected_of_models(door, words):
+    with pytest.raises((ValueError, TypeError), match=words):
+        door()
+
+
 # ---- what is right stays right
 
 
