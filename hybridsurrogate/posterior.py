@@ -236,12 +236,14 @@ def _possible(eta: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArra
     count = np.sum(~failed, axis=0)
     lost = int(np.sum(count == 0))
     share = 100 * failed[:, count > 0].mean(axis=0).max(initial=0.0)
-    never = (
-        f" At {lost} of these rows every draw fails, and there is no prediction." if lost else ""
-    )
+    some, n = int(failed.any(axis=0).sum()) - lost, eta.shape[1]
+    parts = [
+        f"At {some} of {n} rows the simulation fails for up to {number(share, 2)} % of the draws: "
+        "they count as impossible there.",
+        f"At {lost} of {n} rows every draw fails, and there is no prediction.",
+    ]
     warnings.warn(
-        f"At {failed.any(axis=0).sum()} of {eta.shape[1]} rows the simulation fails for up to "
-        f"{number(share, 2)} % of the draws: they count as impossible there.{never}",
+        " ".join(part for part, rows in zip(parts, (some, lost), strict=True) if rows),
         FailedRunsWarning,
         stacklevel=4,
     )

@@ -14,6 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special, stats
 
+from hybridsurrogate.arguments.description import described
+from hybridsurrogate.arguments.named import check_mapping
+from hybridsurrogate.arguments.scalars import as_real
+
 Prior = Any  # a frozen scipy.stats distribution; scipy has no public type for it
 FloatArray = NDArray[np.floating[Any]]
 
@@ -39,8 +43,10 @@ def truncated_normal(mean: float, sd: float, low: float, high: float) -> Prior:
     Raises
     ------
     ValueError
-        If ``sd`` is not positive, ``low`` is not below ``high``, or both lie more than 8 ``sd`` to
-        one side of ``mean``.
+        For NaN; if ``sd`` is not positive, ``low`` is not below ``high``, or both lie more than
+        8 ``sd`` to one side of ``mean``.
+    TypeError
+        For what is no number.
 
     Examples
     --------
@@ -48,6 +54,10 @@ def truncated_normal(mean: float, sd: float, low: float, high: float) -> Prior:
     >>> [float(end) for end in hs.truncated_normal(2.0, 0.5, 1, 3).support()]
     [1.0, 3.0]
     """
+    for name, value in {"mean": mean, "sd": sd}.items():
+        as_real(value, name)
+    for name, value in {"low": low, "high": high}.items():
+        as_real(value, name, finite=False)
     if not sd > 0:
         raise ValueError(f"sd must be positive, got {sd!r}.")
     if not low < high:
@@ -80,7 +90,7 @@ def check_prior(prior: Prior, name: str) -> Prior:
         raise TypeError(
             f"The prior of {name!r} must be a frozen scipy.stats distribution such as "
             f"scipy.stats.norm(0, 1) or hybridsurrogate.truncated_normal(0, 1, -2, 2), "
-            f"got {prior!r}."
+            f"got {described(prior)}."
         )
     # scipy.stats answers numbers that make no distribution, as a scale of -1, by NaN
     with np.errstate(all="ignore"):
@@ -93,11 +103,11 @@ def check_prior(prior: Prior, name: str) -> Prior:
     return prior
 
 
-def check_priors(priors: Mapping[str, Prior] | None) -> dict[str, Prior]:
+def check_priors(priors: Mapping[str, Prior] | None, name: str = "parameters") -> dict[str, Prior]:
     """Check a mapping from names to priors and return it as a dict."""
-    if not isinstance(priors, Mapping | None):
-        raise TypeError(f"Priors must be a dict of name to prior, got {priors!r}.")
-    return {str(name): check_prior(prior, str(name)) for name, prior in (priors or {}).items()}
+    example = '{"rate": scipy.stats.norm(1, 0.2)}'
+    given = check_mapping(priors, name, "prior", example)
+    return {str(one): check_prior(prior, str(one)) for one, prior in given.items()}
 
 
 def prior_range(prior: Prior, tail: float = 1e-3) -> tuple[float, float]:

@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from hybridsurrogate.arguments.paths import local_path
+
 
 def check_writable(path: str | os.PathLike[str]) -> None:
     """Raise OSError where no file of this name can be written, before it is computed.
@@ -16,8 +18,13 @@ def check_writable(path: str | os.PathLike[str]) -> None:
     Parameters
     ----------
     path : str or path
+
+    Raises
+    ------
+    TypeError, ValueError
+        For what is no path, and for an address.
     """
-    target = Path(path)
+    target = local_path(path)
     folder = Path(os.path.realpath(target)).parent
     if target.is_dir():
         raise IsADirectoryError(f"{str(target)!r} is a folder: name a file in it.")
@@ -51,7 +58,7 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     ...     part.write_text("all of it")
     """
     check_writable(path)
-    target = Path(path)
+    target = local_path(path)
     if _is_special(target):
         yield target
         return

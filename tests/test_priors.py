@@ -29,7 +29,7 @@ def test_truncated_normal_is_in_the_units_of_the_parameter():
         ((0, 1, 1, -1), "low must be below high, got low=1 and high=-1"),
         ((20, 1, 0, 6), r"A normal\(20, 1\) has no mass between 0 and 6: move the bounds"),
         ((0, 1, 9, 12), "has no mass between 9 and 12"),
-        ((np.nan, 1, 0, 6), "has no mass between 0 and 6"),
+        ((np.nan, 1, 0, 6), "mean must be a finite number, got nan"),
     ],
 )
 def test_truncated_normal_refuses(arguments, match):
@@ -40,7 +40,7 @@ def test_truncated_normal_refuses(arguments, match):
 def test_priors_must_be_frozen_distributions():
     assert list(check_priors({"a": stats.norm(0, 1), "b": stats.uniform()})) == ["a", "b"]
     assert check_priors(None) == {}
-    with pytest.raises(TypeError, match=r"must be a dict of name to prior, got \['rate'\]"):
+    with pytest.raises(TypeError, match=r"must be a dict of name to prior, .*got \['rate'\]"):
         check_priors(["rate"])
     for wrong in (1.0, "normal", (0, 1)):
         with pytest.raises(TypeError, match=r"prior of 'rate' must be a frozen scipy.stats"):

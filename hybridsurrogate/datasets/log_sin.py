@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from sklearn.utils import Bunch
 
+from hybridsurrogate.arguments.scalars import random_generator
 from hybridsurrogate.priors import FloatArray, truncated_normal
-from hybridsurrogate.simulation.design import random_generator
 from hybridsurrogate.simulation.simulator import Simulator
 
 _SIMULATED_RANGE = (1.0, 200.0)

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from scipy.stats import uniform
 from sklearn.utils import Bunch
 
+from hybridsurrogate.arguments.scalars import random_generator
 from hybridsurrogate.priors import FloatArray, truncated_normal
-from hybridsurrogate.simulation.design import random_generator
 from hybridsurrogate.simulation.simulator import Assumed, SimulationData, Simulator
 
 _POPULATION = 763.0

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike
 from sklearn.base import clone
 from sklearn.utils import check_scalar
 
+from hybridsurrogate.arguments.description import described
+from hybridsurrogate.arguments.scalars import check_n_jobs
 from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
 from hybridsurrogate.exceptions import (
     DiagnosisWarning,
@@ -87,12 +89,7 @@ def refine(
     >>> hs.refine(diagnosis, t[:, None], y, budget=4, batch=2).verdict_
     'adequate'
     """
-    data = getattr(diagnosis.estimator, "simulation", None)
-    if not isinstance(data, SimulationData):
-        raise TypeError(
-            "refine adds runs to those that there are: the estimator's simulation must be "
-            f"SimulationData, such as simulator.run(60, along=50), got {type(data).__name__}."
-        )
+    data = _runs_of(diagnosis)
     simulator = data.simulator if simulator is None else simulator
     if not isinstance(simulator, Simulator):
         raise TypeError(
@@ -100,6 +97,7 @@ def refine(
             "that runs elsewhere write diagnosis.next_runs(10) to a file, and add its results by "
             "data.with_rows(frame)."
         )
+    check_n_jobs(n_jobs)
     check_scalar(budget, "budget", Integral, min_val=0)
     check_scalar(batch, "batch", Integral, min_val=1)
     check_scalar(open_below, "open_below", Real, min_val=0)
@@ -148,6 +146,22 @@ def refine(
             stacklevel=2,
         )
     return current
+
+
+def _runs_of(diagnosis: DiscrepancyDiagnosis) -> SimulationData:
+    """Return the runs that a diagnosis rests on; TypeError where there are none."""
+    if not isinstance(diagnosis, DiscrepancyDiagnosis):
+        raise TypeError(
+            "diagnosis must be a DiscrepancyDiagnosis, which need not be fitted, got "
+            f"{described(diagnosis)}."
+        )
+    data = getattr(diagnosis.estimator, "simulation", None)
+    if not isinstance(data, SimulationData):
+        raise TypeError(
+            "refine adds runs to those that there are: the estimator's simulation must be "
+            f"SimulationData, such as simulator.run(60, along=50), got {type(data).__name__}."
+        )
+    return data
 
 
 def _round_of(diagnosis: DiscrepancyDiagnosis, n_runs: int) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from scipy import special
 from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
+from hybridsurrogate.arguments.description import described
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
@@ -20,6 +21,7 @@ from hybridsurrogate.inference.loo import PointwiseLoo
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.posterior import Diagnostics, Posterior
 from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.simulation.arrays import as_numbers
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 
 # doubtful draws of estimators with no more than this share of the weight make no doubtful average
@@ -210,6 +212,11 @@ class AveragedSurrogate(SurrogateEstimator):
             )
 
     def _checked_weights(self) -> FloatArray:
+        if not isinstance(self.estimators, list | tuple):
+            raise TypeError(
+                "estimators must be a list of PowerScaledSurrogate objects, got "
+                f"{described(self.estimators)}."
+            )
         if not self.estimators:
             raise ValueError("estimators must hold at least one estimator, got none.")
         first = self.estimators[0]
@@ -224,7 +231,7 @@ class AveragedSurrogate(SurrogateEstimator):
                     "the same experiment: their predictions are averaged over one set of columns, "
                     "for one output."
                 )
-        weights = np.asarray(self.weights, dtype=float)
+        weights = as_numbers(self.weights, "weights")
         if weights.shape != (len(self.estimators),):
             raise ValueError(
                 f"weights must hold one number for each of the {len(self.estimators)} estimators, "

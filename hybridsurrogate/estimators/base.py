@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import RegressorMixin
 from sklearn.utils import check_random_state
-from sklearn.utils.validation import check_is_fitted
+from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
+from hybridsurrogate.arguments.scalars import check_flag, check_number
 from hybridsurrogate.arviz_groups import arviz_of
 from hybridsurrogate.estimators.checked_estimator import CheckedEstimator
 from hybridsurrogate.inference.loo import PointwiseLoo
@@ -31,7 +32,7 @@ from hybridsurrogate.prediction.mixture import (
 )
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.rows import check_weights
-from hybridsurrogate.simulation.arrays import check_number, check_size
+from hybridsurrogate.simulation.arrays import as_numbers, check_size
 
 
 class SurrogateEstimator(RegressorMixin, CheckedEstimator):
@@ -73,7 +74,19 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         mean : ndarray of shape (n,), or (n, k) of several outputs
         std : ndarray of the same shape
             Only with ``return_std=True``.
+
+        Raises
+        ------
+        ValueError
+            For NaN or infinity in X.
+
+        Warns
+        -----
+        FailedRunsWarning
+            Where the simulation fails for some draws, which count as impossible: NaN where it does
+            for all.
         """
+        check_flag(return_std, "return_std")
         X = self.checked_rows(X)
         cuts = row_blocks(self._mixture, X)
         once = return_std and not self._has_unlearned
@@ -127,6 +140,10 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         list of ndarray of shape (n,), or (n, k) of several outputs
             One for each level; NaN where nothing was measured.
         """
+        levels = np.ravel(as_numbers(levels, "levels")).tolist()
+        for level in levels:
+            check_number(level, "levels", Real, min_val=0, max_val=1, include_boundaries="neither")
+        check_consistent_length(X, y)
         X, y = self.checked_rows(X), self.measured_outputs(y)
         if self.stacking_ is None:
             return inside_intervals(self._mixture, X, y, levels)
@@ -184,7 +201,14 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         Returns
         -------
         ndarray of shape (n,), or (n, k) of several outputs
-            NaN where one was not measured.
+            NaN where one of several was not measured. Minus infinity where a row is impossible:
+            where the simulation has no finite output for any draw, the likelihood has no density,
+            or y is further from all draws than a double can hold.
+
+        Raises
+        ------
+        ValueError
+            For NaN or infinity in X, and in y of one output.
         """
         check_is_fitted(self)
         rows, output = self._checked(self, self._in_order(X), y, reset=False)

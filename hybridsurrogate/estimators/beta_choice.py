@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 from sklearn.model_selection import TimeSeriesSplit, check_cv
 from sklearn.utils import _safe_indexing
 
+from hybridsurrogate.arguments.description import described
 from hybridsurrogate.estimators.base import SurrogateEstimator
-from hybridsurrogate.estimators.beta_path import beta_path
+from hybridsurrogate.estimators.beta_path import beta_path, check_model
 from hybridsurrogate.problem.stacking import as_several
 from hybridsurrogate.simulation.arrays import as_numbers, as_outputs, as_table, complete_table
 
@@ -87,7 +88,8 @@ def choose_beta(
     >>> choice.estimator.beta == choice.beta
     True
     """
-    grid = np.linspace(0, 1, 21) if betas is None else np.atleast_1d(np.asarray(betas, float))
+    check_model(model)
+    grid = np.linspace(0, 1, 21) if betas is None else np.atleast_1d(as_numbers(betas, "betas"))
     X, table = complete_table(X, labels=model.experiment), as_table(y, "y")
     names = model._output_names(table)
     outputs = as_outputs(y) if len(names) == 1 else as_several(table, names)
@@ -99,7 +101,13 @@ def choose_beta(
         folds = TimeSeriesSplit(_FUTURE_SPLITS).split(order)
         splits = [(order[train], order[test]) for train, test in folds]
     else:
-        splits = list(check_cv(cv).split(np.zeros((len(outputs), 1)), outputs))
+        try:
+            splits = list(check_cv(cv).split(np.zeros((len(outputs), 1)), outputs))
+        except (TypeError, ValueError) as error:
+            raise ValueError(
+                f"cv must be as in scikit-learn or {LEAVE_FUTURE_OUT!r}, a number of folds, a "
+                f"splitter or pairs (train, test) of row numbers, got {described(cv)}: {error}."
+            ) from error
     held_out, n_refits = [], 0
     for train, test in splits:
         path = beta_path(model, _safe_indexing(X, train), outputs[train], list(grid))

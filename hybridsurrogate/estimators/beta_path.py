@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import clone
 from sklearn.utils import check_random_state
 
+from hybridsurrogate.arguments.description import described
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.carried import carried
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
@@ -19,6 +20,7 @@ from hybridsurrogate.estimators.predictive_weighted import PredictiveWeightedSur
 from hybridsurrogate.inference.model.power_scaling import powers_of
 from hybridsurrogate.inference.procedure import fit_problem
 from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.simulation.arrays import as_numbers
 
 # a fit has three: a path costs less
 _PROPOSALS_A_DRAW = 1.5
@@ -64,6 +66,15 @@ class BetaPath:
         return f"{len(self.betas)} betas from {self.n_refits} fits"
 
 
+def check_model(model: SurrogateEstimator) -> None:
+    """Raise TypeError for what is no estimator."""
+    if not isinstance(model, SurrogateEstimator):
+        raise TypeError(
+            "model must be an estimator such as PowerScaledSurrogate(simulation), got "
+            f"{described(model)}."
+        )
+
+
 def beta_path(
     model: SurrogateEstimator, X: ArrayLike, y: ArrayLike, betas: Sequence[float]
 ) -> BetaPath:
@@ -98,7 +109,8 @@ def beta_path(
     >>> path.score(case.X_in, case.y_in).shape
     (5,)
     """
-    grid = np.asarray(betas, dtype=float)
+    check_model(model)
+    grid = as_numbers(betas, "betas")
     if grid.ndim != 1 or not len(grid) or not ((grid >= 0) & (grid <= 1)).all():
         raise ValueError(f"betas must be numbers between 0 and 1, got {betas!r}.")
     if isinstance(model, PredictiveWeightedSurrogate):

@@ -14,6 +14,7 @@ from sklearn.base import BaseEstimator
 from sklearn.utils import check_scalar
 from sklearn.utils.validation import check_consistent_length, check_is_fitted, validate_data
 
+from hybridsurrogate.arguments.functions import state_to_pickle
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood, as_likelihood
 from hybridsurrogate.priors import FloatArray, check_prior
@@ -95,6 +96,10 @@ class CheckedEstimator(BaseEstimator):
 
     experiment: str | None = None
     by_experiment: Mapping[str, str] | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        state: dict[str, Any] = super().__getstate__()
+        return state_to_pickle(state, type(self).__name__)
 
     def _check_parameters(self) -> tuple[Surrogate, Likelihood]:
         if self.simulation is not None and not isinstance(

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.utils.validation import check_array, check_consistent_length, check_X_y
 
+from hybridsurrogate.arguments.description import described
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.checked_estimator import CheckedData
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
@@ -139,16 +140,27 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
     def _check_parameters(self) -> tuple[Surrogate, Likelihood]:
         if isinstance(self.sources, Source):
             raise TypeError("sources must be a sequence: write [Source(...)] for one source.")
+        if not isinstance(self.sources, list | tuple):
+            raise TypeError(
+                "sources must be a list of Source objects such as [Source(simulation)], got "
+                f"{described(self.sources)}."
+            )
         for source in self.sources:
             if not isinstance(source, Source):
                 raise TypeError(
                     "sources must hold Source objects such as Source(simulation, power=0.5), got "
-                    f"{source!r}."
+                    f"{described(source)}."
                 )
             if isinstance(source.data, Simulator):
                 raise TypeError(
                     "A source holds runs: write Source(simulator.run(200), ...) instead of "
                     "Source(simulator, ...)."
+                )
+            pair = isinstance(source.data, list | tuple) and len(source.data) == 2
+            if not pair and not isinstance(source.data, SimulationData):
+                raise TypeError(
+                    "The data of a source must be SimulationData or a pair (X, y) of measured "
+                    f"rows, got {described(source.data)}."
                 )
             check_number(source.power, "the power of a source", Real, min_val=0, max_val=1)
         check_number(self.power, "power", Real, min_val=0, max_val=1)

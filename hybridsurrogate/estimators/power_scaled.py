@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
+from hybridsurrogate.effects.argument_checks import check_arguments
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.checked_estimator import CheckedData
@@ -250,4 +251,6 @@ def as_causes(effects: Any, argument: str = "effects") -> tuple[Cause, ...]:
             f"{argument} must be a sequence of causes such as [Trend('t'), Offset()], "
             f"got {effects!r}."
         )
+    for cause in causes:
+        check_arguments(cause)
     return causes

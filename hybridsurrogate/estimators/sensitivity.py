@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 from scipy import stats
 from sklearn.utils.validation import check_is_fitted
 
+from hybridsurrogate.arguments.scalars import check_flag, random_generator
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.arrays import check_number
-from hybridsurrogate.simulation.design import random_generator
 from hybridsurrogate.simulation.outputs import OUTPUT
 
 # scipy 1.15 renamed the argument
@@ -82,6 +82,7 @@ def sobol_indices(
     """
     check_is_fitted(estimator)
     check_number(n, "n", Integral, min_val=2)
+    check_flag(after, "after")
     if n & (n - 1):
         raise ValueError(f"n must be a power of two, got {n}.")
     posterior = estimator.posterior_

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from hybridsurrogate.arguments.scalars import as_real
 from hybridsurrogate.likelihoods.base import Likelihood, register
 from hybridsurrogate.priors import FloatArray
 
@@ -39,6 +40,7 @@ class Binomial(Likelihood):
 
     def check(self, y: FloatArray, source: str = "measured") -> None:
         """Raise ValueError unless all y are whole numbers from zero to ``trials``."""
+        as_real(self.trials, "trials")
         if not (self.trials >= 1 and self.trials == np.round(self.trials)):
             raise ValueError(
                 f"Binomial needs a number of trials of 1, 2, ..., got {self.trials!r}."

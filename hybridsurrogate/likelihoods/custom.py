@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from hybridsurrogate.arguments.functions import check_callable, state_to_pickle
+from hybridsurrogate.arguments.scalars import check_flag
 from hybridsurrogate.likelihoods.base import Likelihood
 from hybridsurrogate.priors import FloatArray
 
@@ -58,6 +61,12 @@ class CustomLikelihood(Likelihood):
         The density is tried at the data themselves, with sigma = 1: a function that gives the wrong
         shape, NaN or minus infinity everywhere is told so before anything is fitted.
         """
+        check_callable(self.log_density_function, "log_density_function", "def f(y, eta, sigma)")
+        for name in ("mean_function", "sample_function"):
+            if getattr(self, name) is not None:
+                check_callable(getattr(self, name), name, "def f(eta, sigma, ...), or None")
+        for name in ("log_scale", "has_scale"):
+            check_flag(getattr(self, name), name)
         self.check(y, source)
         eta = self.working(np.asarray(y, dtype=float))
         batch = np.stack([eta, np.full_like(eta, eta.mean())])
@@ -75,6 +84,9 @@ class CustomLikelihood(Likelihood):
             self._shaped("sample_function", batch, batch, np.ones((2, 1)), random_state)
         else:
             self.sample(batch, np.ones((2, 1)), random_state)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return state_to_pickle(self.__dict__, "CustomLikelihood")
 
     def _shaped(self, function: str, eta: FloatArray, *arguments: object) -> FloatArray:
         values = np.asarray(getattr(self, function)(*arguments), dtype=float)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from hybridsurrogate.arguments.scalars import as_real
 from hybridsurrogate.likelihoods.base import register
 from hybridsurrogate.likelihoods.heavy_tailed import HeavyTailed
 from hybridsurrogate.priors import FloatArray
@@ -34,6 +35,7 @@ class StudentT(HeavyTailed):
 
     def check(self, y: FloatArray, source: str = "measured") -> None:
         """Accept every finite y; raise ValueError for degrees of freedom without use."""
+        as_real(self.df, "df", finite=False)
         if not 0 < self.df < np.inf:
             raise ValueError(
                 f"StudentT needs a df that is positive and finite, got {self.df!r}; without end it "

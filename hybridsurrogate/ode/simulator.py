@@ -11,6 +11,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from hybridsurrogate.arguments.description import described
+from hybridsurrogate.arguments.functions import check_callable
+from hybridsurrogate.arguments.named import as_names
+from hybridsurrogate.arguments.scalars import as_real, check_choice
 from hybridsurrogate.ode.checks import accepted_names
 from hybridsurrogate.ode.function import OdeFunction
 from hybridsurrogate.ode.steps import warn_if_too_long, with_step
@@ -20,10 +24,11 @@ from hybridsurrogate.simulation.evaluation import Running, evaluate
 from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.simulation.outputs import OUTPUT, by_output, output_names
 from hybridsurrogate.simulation.simulator import Simulator
-from hybridsurrogate.simulation.variables import Assumed, Range, check_ranges
+from hybridsurrogate.simulation.variables import Assumed, Range, check_ranges, named_fields
 
 # solutions that are tried for the length of a step, and times
 _TRIED, _TIMES = 8, 64
+_CALLED = {"rhs": "(t, state, rate)", "observe": "(state)"}
 _METHODS = ("rk4", "RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
 
 Start = Callable[..., Any] | Sequence[Any] | Mapping[str, Any]
@@ -128,17 +133,21 @@ class OdeSimulator(Simulator):
         max_step: float | None = None,
         modifications: Sequence[Modification] = (),
     ) -> None:
-        states = (states,) if isinstance(states, str) else tuple(states)
+        states = as_names(states, "states", '("s", "i")')
         if not states or len(set(states)) < len(states):
             raise ValueError(f"states must be the different names of the states, got {states!r}.")
-        if method not in _METHODS:
-            raise ValueError(f"method must be one of {', '.join(_METHODS)}, got {method!r}.")
-        if max_step is not None and not 0 < max_step < np.inf:
+        check_choice(method, "method", _METHODS)
+        if max_step is not None and not as_real(max_step, "max_step") > 0:
             raise ValueError(f"max_step must be positive, got {max_step!r}.")
-        time, *others = check_ranges(inputs)
-        start, stop = check_ranges(inputs)[time]
+        for name, function in {"rhs": rhs, "observe": observe}.items():
+            check_callable(function, name, "def " + name + _CALLED[name])
+        ranges = check_ranges(inputs)
+        unknown = named_fields(tuple(ranges), parameters, assumed)
+        time, *others = ranges
+        start, stop = ranges[time]
         numbers = _numbers(modifications)
-        names = (*others, *(n for n in (*(parameters or ()), *(assumed or ())) if n not in numbers))
+        names = (*others, *unknown["parameters"], *unknown["assumed"])
+        names = tuple(name for name in names if name not in numbers)
         rates = accepted_names(rhs, "rhs", 2, names)
         first = accepted_names(initial_state, "initial_state", 0, names)
         seen = accepted_names(observe, "observe", 1, names)
@@ -171,7 +180,7 @@ class OdeSimulator(Simulator):
                 f"{', '.join(unused)}: neither rhs nor initial_state nor observe has an argument "
                 "of that name."
             )
-        super().__init__(function, inputs, parameters, assumed, output)
+        super().__init__(function, ranges, parameters, assumed, output)
         own = {
             "rhs": rhs,
             "initial_state": initial_state,
@@ -319,8 +328,12 @@ class OdeSimulator(Simulator):
         points = np.hstack([X, omega])
         return dict(zip(names, np.ascontiguousarray(points.T), strict=False))
 
+    @property
+    def _omega_names(self) -> tuple[str, ...]:
+        return (*self.parameter_ranges, *self.modifiers)
+
     def _check_points(self, X: ArrayLike, omega: ArrayLike | None) -> tuple[FloatArray, FloatArray]:
-        names = (*self.parameter_ranges, *self.modifiers)
+        names = self._omega_names
         omega = None if omega is None else as_table(omega, "omega")
         if isinstance(omega, pd.DataFrame):
             if not set(names) <= set(omega.columns):
@@ -380,7 +393,14 @@ class ObserveOne:
 
 def _numbers(modifications: Sequence[Modification]) -> dict[str, float]:
     numbers: dict[str, float] = {}
+    if not isinstance(modifications, list | tuple):
+        raise TypeError(f"modifications must be a list of them, got {described(modifications)}.")
     for change in modifications:
+        if not isinstance(change, Modification):
+            raise TypeError(
+                "modifications must hold Modification objects, such as "
+                f'TimeVaryingParameter("rate", "step"), got {described(change)}.'
+            )
         twice = sorted(numbers.keys() & change.constants.keys())
         if twice:
             raise ValueError(

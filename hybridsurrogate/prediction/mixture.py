@@ -142,10 +142,12 @@ def noisy(posterior: Posterior, X: FloatArray, random: np.random.RandomState) ->
 
 
 def log_density_of(mixture: Mixture, X: FloatArray, y: FloatArray) -> FloatArray:
-    """Return the log density of rows under a mixture of posteriors, (n,)."""
+    """Return the log density of rows under a mixture of posteriors, (n,): -inf where impossible."""
     terms = []
     for weight, posterior in mixture:
         log_density = posterior.likelihood.log_density(y, *posterior.eta(X))
+        # where a simulation has no output for a draw, this predicts no y
+        log_density = np.where(np.isnan(log_density), -np.inf, log_density)
         with np.errstate(divide="ignore"):  # a weight may be zero at some rows
             log_weight = np.log(weight) - np.log(len(log_density))
         terms.append(special.logsumexp(log_density, axis=0) + log_weight)

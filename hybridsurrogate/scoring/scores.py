@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hybridsurrogate.arguments.scalars import as_real, random_generator
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.arrays import as_numbers
-from hybridsurrogate.simulation.design import random_generator
 
 # differences in nats per row that say nothing
 _LEVEL = 0.01
@@ -22,13 +22,26 @@ def elpd(log_predictive_density: ArrayLike) -> tuple[float, float]:
     Parameters
     ----------
     log_predictive_density : array-like of shape (n,)
+        Minus infinity for a row that is impossible.
+
+    Returns
+    -------
+    mean, standard_error : float
+        In nats. Of an impossible row minus infinity and NaN; NaN is the error of a single row, too.
+
+    Raises
+    ------
+    ValueError
+        For NaN, plus infinity or no rows.
 
     Examples
     --------
     >>> elpd([-1.0, -2.0, -3.0])[0]
     -2.0
     """
-    values = as_numbers(log_predictive_density, "log_predictive_density")
+    (values,) = same_rows({"log_predictive_density": log_predictive_density}, infinite=True)
+    if np.max(values) == np.inf:
+        raise ValueError("log_predictive_density must be below infinity, but some values are not.")
     return float(values.mean()), _standard_error(values)
 
 
@@ -43,12 +56,18 @@ def rmse(draws: ArrayLike, truth: ArrayLike) -> float:
         Noise-free predictions, as from ``sample_predictive_mean``.
     truth : array-like of shape (n,)
 
+    Raises
+    ------
+    ValueError
+        For NaN, infinity, no rows or other shapes.
+
     Examples
     --------
     >>> rmse([[0.0, 1.0], [0.0, 3.0]], [0.0, 2.0])
     0.5
     """
-    error = as_numbers(draws, "draws") - as_numbers(truth, "truth")
+    draws, truth = _draws_and_rows(draws, truth, "truth")
+    error = draws - truth
     return float(np.sqrt(np.mean(error**2, axis=0)).mean())
 
 
@@ -58,13 +77,19 @@ def coverage(y: ArrayLike, lower: ArrayLike, upper: ArrayLike) -> float:
     Parameters
     ----------
     y, lower, upper : array-like of shape (n,)
+        An interval may be open at an end, infinity.
+
+    Raises
+    ------
+    ValueError
+        For NaN, no rows or different shapes.
 
     Examples
     --------
     >>> coverage([0.0, 5.0], [-1.0, -1.0], [1.0, 1.0])
     0.5
     """
-    y, lower, upper = same_rows({"y": y, "lower": lower, "upper": upper})
+    y, lower, upper = same_rows({"y": y, "lower": lower, "upper": upper}, infinite=True)
     return float(np.mean((y >= lower) & (y <= upper)))
 
 
@@ -74,6 +99,11 @@ def interval_width(lower: ArrayLike, upper: ArrayLike) -> float:
     Parameters
     ----------
     lower, upper : array-like of shape (n,)
+
+    Raises
+    ------
+    ValueError
+        For NaN, infinity, no rows or different shapes.
 
     Examples
     --------
@@ -102,6 +132,11 @@ def interval_score(
     -------
     ndarray of shape (n,)
 
+    Raises
+    ------
+    ValueError
+        For NaN, infinity, no rows or different shapes.
+
     References
     ----------
     .. [1] T. Gneiting, A. E. Raftery, "Strictly proper scoring rules, prediction, and estimation",
@@ -112,7 +147,7 @@ def interval_score(
     >>> interval_score([0.5, 2.0], [0.0, 0.0], [1.0, 1.0], level=0.5)
     array([1., 5.])
     """
-    if not 0 < level < 1:
+    if not 0 < as_real(level, "level") < 1:
         raise ValueError(f"level must lie between 0 and 1, got {level!r}.")
     y, lower, upper = same_rows({"y": y, "lower": lower, "upper": upper})
     outside = np.maximum(lower - y, 0) + np.maximum(y - upper, 0)
@@ -226,18 +261,31 @@ def paired_difference(after: ArrayLike, before: ArrayLike) -> PairedDifference:
     Parameters
     ----------
     after, before : array-like of shape (n,)
+        Minus infinity where a row is impossible; in both, it is no difference.
 
     Returns
     -------
     PairedDifference
+        Infinite where one of them finds a row impossible that the other does not, NaN where each
+        of them does; the error is NaN then.
+
+    Raises
+    ------
+    ValueError
+        For NaN, no rows or different shapes.
 
     Examples
     --------
     >>> paired_difference([1.0, 3.0], [0.0, 1.0]).difference
     1.5
     """
-    values = as_numbers(after, "after") - as_numbers(before, "before")
-    return PairedDifference(float(values.mean()), _standard_error(values))
+    one, other = same_rows({"after": after, "before": before}, infinite=True)
+    values = np.zeros(len(one))
+    # what both find impossible is no difference
+    np.subtract(one, other, out=values, where=one != other)
+    with np.errstate(invalid="ignore"):  # of infinities with both signs
+        mean = float(values.mean())
+    return PairedDifference(mean, _standard_error(values))
 
 
 def last_of_the_best(scores: ArrayLike) -> int:
@@ -255,32 +303,44 @@ def last_of_the_best(scores: ArrayLike) -> int:
     return int(np.flatnonzero(values >= values.max() - _LEVEL)[-1])
 
 
-def same_rows(arrays: dict[str, ArrayLike]) -> list[FloatArray]:
-    """Return the arrays as floats; ValueError unless all have one shape (n,), n at least 1."""
+def same_rows(arrays: dict[str, ArrayLike], infinite: bool = False) -> list[FloatArray]:
+    """Return the arrays as floats; ValueError unless all have one shape (n,), n at least 1.
+
+    And for NaN, and for infinity where it has no meaning.
+    """
     values = {name: as_numbers(array, name) for name, array in arrays.items()}
     shapes = {array.shape for array in values.values()}
     if len(shapes) > 1 or len(shape := shapes.pop()) != 1 or shape == (0,):
         got = ", ".join(f"{name} {array.shape}" for name, array in values.items())
         raise ValueError(f"Scores need arrays of one shape (n,), one value a row; got {got}.")
+    for name, array in values.items():
+        wrong = np.isnan(array) if infinite else ~np.isfinite(array)
+        if wrong.any():
+            need = "hold no NaN" if infinite else "be finite, without NaN and infinity"
+            raise ValueError(
+                f"{name} must {need}: {wrong.sum()} of {len(array)} values are wrong, the first, "
+                f"{array[wrong][0]}, in row {np.argmax(wrong) + 1}."
+            )
     return list(values.values())
 
 
-def _draws_and_rows(draws: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
+def _draws_and_rows(
+    draws: ArrayLike, y: ArrayLike, word: str = "y"
+) -> tuple[FloatArray, FloatArray]:
     """Return both as floats; ValueError unless they are finite and of shapes (S, n) and (n,)."""
     draws = as_numbers(draws, "draws")
-    (y,) = same_rows({"y": y})
+    (y,) = same_rows({word: y})
     if draws.ndim != 2 or draws.shape[1] != len(y) or len(draws) == 0:
         raise ValueError(
             f"draws must have shape (n_draws, {len(y)}), a column for each of the {len(y)} values "
-            f"of y; got {draws.shape}."
+            f"of {word}; got {draws.shape}."
         )
-    for name, array in {"draws": draws, "y": y}.items():
-        if not np.isfinite(array).all():
-            raise ValueError(f"{name} must be finite, without NaN and infinity.")
+    if not np.isfinite(draws).all():
+        raise ValueError("draws must be finite, without NaN and infinity.")
     return draws, y
 
 
 def _standard_error(values: FloatArray) -> float:
-    if len(values) < 2:
+    if len(values) < 2 or not np.isfinite(values).all():
         return float("nan")
     return float(values.std(ddof=1) / np.sqrt(len(values)))

@@ -12,8 +12,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 from scipy import sparse
-from sklearn.utils import check_scalar, column_or_1d
+from sklearn.utils import column_or_1d
 
+# others take it from here
+from hybridsurrogate.arguments.scalars import check_number as check_number
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.calendar import dates_of, with_calendar
 
@@ -224,18 +226,3 @@ def check_spread(values: FloatArray, word: str) -> None:
                 f"{word} has values that differ by no more than {spread:g}, or are as small: below "
                 f"{1 / _LARGEST:g} their squares are zero. Choose another unit."
             )
-
-
-def check_number(value: Any, name: str, kind: Any, **limits: Any) -> None:
-    """As `sklearn.utils.check_scalar`, which lets NaN pass: raise ValueError for it, too.
-
-    Examples
-    --------
-    >>> check_number(float("nan"), "level", float, min_val=0, max_val=1)
-    Traceback (most recent call last):
-    ...
-    ValueError: level must be a number, got NaN.
-    """
-    check_scalar(value, name, kind, **limits)
-    if np.isnan(value):
-        raise ValueError(f"{name} must be a number, got NaN.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import shutil
 import subprocess
@@ -14,12 +15,15 @@ from typing import Any
 
 import numpy as np
 
+from hybridsurrogate.arguments.description import described
+from hybridsurrogate.arguments.named import check_mapping
+from hybridsurrogate.arguments.scalars import check_choice
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation.arrays import check_number
 from hybridsurrogate.simulation.files.table_file import read_table
 from hybridsurrogate.simulation.outputs import by_output, output_names
 from hybridsurrogate.simulation.simulator import Simulator
-from hybridsurrogate.simulation.variables import Assumed, Range
+from hybridsurrogate.simulation.variables import Assumed, Range, check_ranges, named_fields
 
 # of what a program says when it fails
 _TAIL = 300
@@ -83,21 +87,28 @@ class CommandSimulator(Simulator):
     ) -> None:
         if timeout is not None:
             check_number(timeout, "timeout", Real, min_val=0, include_boundaries="neither")
-        words = shlex.split(command) if isinstance(command, str) else [str(w) for w in command]
+        words = _words(command)
         if not words or shutil.which(words[0]) is None:
             raise ValueError(
                 f"There is no program {words[0] if words else ''!r}: give its path, or check PATH."
             )
-        first = next(iter(inputs), "")
-        curve = first if returns == "curve" else None
+        ranges = check_ranges(inputs)
+        unknown = named_fields(tuple(ranges), parameters, assumed)
+        check_choice(returns, "returns", ("values", "curve"))
+        curve = next(iter(ranges)) if returns == "curve" else None
         outputs = output_names(output)
         if curve is not None and read is None and len(outputs) > 1:
             raise ValueError(
                 "Of several outputs that are curves read must name the file, or be a function."
             )
-        program = Command(tuple(words), dict(files or {}), read, outputs, curve, timeout)
-        program.check([*inputs, *(parameters or {}), *(assumed or {})])
-        super().__init__(program, inputs, parameters, assumed, output, False, returns)
+        if not (read is None or isinstance(read, str) or callable(read)):
+            raise TypeError(
+                "read must be the name of the file that holds the output, a function, or None, got "
+                f"{described(read)}."
+            )
+        program = Command(tuple(words), _templates(files), read, outputs, curve, timeout)
+        program.check([*ranges, *unknown["parameters"], *unknown["assumed"]])
+        super().__init__(program, ranges, parameters, assumed, output, False, returns)
 
 
 class Command:
@@ -217,6 +228,34 @@ class Command:
             )
         found = [np.interp(places, own[order], column[order]) for column in columns.T]
         return found[0] if len(found) == 1 else np.column_stack(found)
+
+
+def _words(command: Any) -> list[str]:
+    """Return program and arguments; raise for what is no text, path or list of such."""
+    if isinstance(command, str):
+        try:
+            return shlex.split(command)
+        except ValueError as error:
+            raise ValueError(f"command {command!r} is broken ({error}).") from None
+    words = list(command) if isinstance(command, list | tuple) else [command]
+    if not all(isinstance(word, str | os.PathLike | Real) for word in words):
+        raise TypeError(
+            'command must be text, such as "solver --rate {rate}", or a list of words, got '
+            f"{described(command)}."
+        )
+    return [str(word) for word in words]
+
+
+def _templates(files: Mapping[str, str] | None) -> dict[str, str]:
+    """Return the templates of input files by name; TypeError for anything else."""
+    templates = check_mapping(files, "files", "template", '{"input.txt": "rate = {rate}"}')
+    for name, template in templates.items():
+        if not isinstance(template, str):
+            raise TypeError(
+                f"The template of {name!r} must be text, got {described(template)}; "
+                "of a file read it first, Path(...).read_text()."
+            )
+    return templates
 
 
 def _text(value: Any) -> str:

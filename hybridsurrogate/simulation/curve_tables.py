@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from hybridsurrogate.arguments.description import described
 from hybridsurrogate.exceptions import FailedRunsWarning
 from hybridsurrogate.simulation.arrays import as_numbers, as_table
 from hybridsurrogate.simulation.files.table_file import RUN
@@ -41,7 +42,7 @@ def curve_rows(
     ValueError, TypeError
         Where the parts do not fit together; the message says what to do.
     """
-    name = _name_of(along)
+    name = name_of_curves(along)
     if Y is None:
         return _of_dataset(omega, name, names, outputs)
     table = by_output(Y, outputs, "Y") if isinstance(Y, Mapping) else as_table(Y, "Y")
@@ -139,14 +140,17 @@ def _check_repeats(table: pd.DataFrame, keys: list[str], output: str) -> None:
         )
 
 
-def _name_of(along: str | Mapping[str, ArrayLike]) -> str:
+def name_of_curves(along: str | Mapping[str, ArrayLike]) -> str:
+    """Return the name of the input along which runs are curves; TypeError where it has none."""
     if isinstance(along, str):
         return along
-    if not isinstance(along, Mapping) or len(along) != 1:
+    names = [*along] if isinstance(along, Mapping) else []
+    if len(names) != 1 or not isinstance(names[0], str):
         raise TypeError(
-            f'along must be a name or one name with its places, {{"t": times}}, got {along!r}.'
+            'along must be a name or one name with its places, {"t": times}, got '
+            f"{described(along)}."
         )
-    return next(iter(along))
+    return names[0]
 
 
 def _labels(table: pd.DataFrame) -> NDArray[Any]:

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Sequence
+from numbers import Integral
 from typing import Any
 
 import numpy as np
 from scipy.stats import qmc
 
+from hybridsurrogate.arguments.scalars import check_choice, check_number, random_generator
 from hybridsurrogate.priors import FloatArray
 
 _DESIGNS = ("sobol", "latin-hypercube")
+# points of a Sobol sequence of 30 bits
+_MOST_RUNS = 2**30
 
 # scipy 1.15 renamed the engines' argument from seed to rng
 _RNG_NAME = "rng" if "rng" in inspect.signature(qmc.Sobol).parameters else "seed"
@@ -44,17 +48,15 @@ def draw_design(
     >>> draw_design([(0, 1), (10, 20)], 5, random_state=0).shape
     (5, 2)
     """
-    if n_runs < 1:
-        raise ValueError(f"n_runs must be at least 1, got {n_runs}.")
+    check_number(n_runs, "n_runs", Integral, min_val=1, max_val=_MOST_RUNS)
+    check_choice(design, "design", _DESIGNS)
     engine_options: dict[str, Any] = {_RNG_NAME: random_generator(random_state)}
     if design == "sobol":
         # scipy warns unless a power of two is drawn; the first n points of one fill the box too
         power = int(n_runs - 1).bit_length()
         unit = qmc.Sobol(len(ranges), **engine_options).random_base2(power)[:n_runs]
-    elif design == "latin-hypercube":
-        unit = qmc.LatinHypercube(len(ranges), **engine_options).random(n_runs)
     else:
-        raise ValueError(f"design must be one of {', '.join(_DESIGNS)}, got {design!r}.")
+        unit = qmc.LatinHypercube(len(ranges), **engine_options).random(n_runs)
     low, high = np.asarray(ranges, dtype=float).T
     return low + unit * (high - low)
 
@@ -113,11 +115,3 @@ def run_with_ends(
         at_ends[~within], again = outputs(points[back])
         error = error or again
     return moved, np.concatenate([y, at_ends]), error
-
-
-def random_generator(random_state: Any) -> np.random.Generator:
-    """Return a numpy Generator from None, an int, a Generator or a RandomState."""
-    # numpy makes no Generator from a RandomState, which scikit-learn's users pass: it draws a seed
-    if isinstance(random_state, np.random.RandomState):
-        random_state = random_state.randint(2**31 - 1)
-    return np.random.default_rng(random_state)

@@ -12,6 +12,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pickle import PicklingError
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -216,10 +217,25 @@ def called(
         delayed(_call)(function, own, which, timeout)
         for own, which in zip(arguments, indices, strict=True)
     ]
-    outcomes = _outcomes(tasks, n_jobs)
+    outcomes = _sent(_outcomes(tasks, n_jobs), function, n_jobs)
     if progress is not None:
         outcomes = iter(tqdm(outcomes, total=len(tasks), desc=progress))
     yield from outcomes
+
+
+def _sent(
+    outcomes: Iterator[Outcome], function: Callable[..., Any], n_jobs: int | None
+) -> Iterator[Outcome]:
+    """Yield outcomes; raise PicklingError where other processes cannot be given the function."""
+    try:
+        yield from outcomes
+    except PicklingError as error:
+        name = getattr(function, "__name__", type(function).__name__)
+        raise PicklingError(
+            f"n_jobs={n_jobs} sends the function {name!r} to other processes, and it cannot be "
+            "pickled. Write it as `def name(...)` at the top of a module, without open files, "
+            "locks or generators around it, and pass that; or use n_jobs=None."
+        ) from error
 
 
 def _outcomes(tasks: Iterable[Any], n_jobs: int | None) -> Iterator[Outcome]:

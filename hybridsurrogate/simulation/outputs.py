@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybridsurrogate.arguments.named import as_names
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.arrays import as_numbers
 
@@ -27,8 +28,8 @@ def output_names(output: str | Sequence[str]) -> tuple[str, ...]:
     >>> output_names("height"), output_names(["height", "flow"])
     (('height',), ('height', 'flow'))
     """
-    names = (output,) if isinstance(output, str) else tuple(output)
-    if not names or not all(isinstance(name, str) for name in names):
+    names = as_names(output, "output", '"height", or ["height", "flow"]')
+    if not names:
         raise ValueError(f"output must be a name or several, got {output!r}.")
     if len(set(names)) < len(names):
         raise ValueError(f"The outputs must have different names, got {list(names)}.")
@@ -96,7 +97,7 @@ class OneOutput:
     Parameters
     ----------
     simulator : Simulator
-        ``simulator(X, omega) -> (m, n_outputs)``.
+        ``simulator.evaluate(X, omega) -> (m, n_outputs)``.
     names : sequence of str
         Its inputs, parameters and constants.
     n_inputs : int
@@ -116,7 +117,9 @@ class OneOutput:
         which = columns[OUTPUT].astype(np.intp)
         points = np.array([columns[name] for name in self.names]).T
         new = changes(points)
-        outputs = self.simulator(points[new, : self.n_inputs], points[new, self.n_inputs :])
+        outputs = self.simulator.evaluate(
+            points[new, : self.n_inputs], points[new, self.n_inputs :]
+        )
         return (outputs / self.scale)[np.cumsum(new) - 1, which]
 
 
@@ -142,5 +145,5 @@ class AllOutputs:
         names = (*self.simulator.input_names, *self.simulator.parameter_ranges)
         points = np.array([own[name] for name in names]).T
         at = len(self.simulator.input_names)
-        found = self.simulator(points[:, :at], points[:, at:]).reshape(n, k)
+        found = self.simulator.evaluate(points[:, :at], points[:, at:]).reshape(n, k)
         return dict(zip(self.outputs, found.T, strict=True))

@@ -13,9 +13,9 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from hybridsurrogate.exceptions import FailedRunsWarning
-from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.priors import FloatArray, Prior, check_priors
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_spread
-from hybridsurrogate.simulation.curve_tables import check_curves, curve_rows
+from hybridsurrogate.simulation.curve_tables import check_curves, curve_rows, name_of_curves
 from hybridsurrogate.simulation.files.table_file import RUN, read_table, write_table
 from hybridsurrogate.simulation.outputs import OUTPUT, check_names, output_names
 from hybridsurrogate.simulation.ranges import (
@@ -29,6 +29,8 @@ from hybridsurrogate.simulation.variables import (
     Assumed,
     Range,
     as_matrix,
+    check_assumed,
+    check_inputs,
     check_lengths,
     describe,
     named_fields,
@@ -133,7 +135,7 @@ class SimulationData:
         simulator: Simulator | None = None,
         run: ArrayLike | None = None,
     ) -> None:
-        inputs = [inputs] if isinstance(inputs, str) else inputs
+        inputs = check_inputs(inputs)
         fields = named_fields(tuple(inputs), parameters, assumed)
         priors = priors_of(fields["parameters"], fields["assumed"])
         X = as_matrix(X, "X", fields["input_names"])
@@ -244,10 +246,9 @@ class SimulationData:
         ... )
         SimulationData(20 runs of 600 rows: t -> y, parameters: rate)
         """
-        name = along if isinstance(along, str) else next(iter(along), "")
-        inputs = [inputs] if isinstance(inputs, str) else inputs
+        name, inputs = name_of_curves(along), check_inputs(inputs)
         others = [other for other in inputs if other != name]
-        names = [*others, *(parameters or {}), *(assumed or {})]
+        names = [*others, *check_priors(parameters), *check_assumed(assumed)]
         outputs = output_names(output)
         check_names(outputs, [name, *names])
         table = curve_rows(omega, Y, along, names, outputs)
@@ -295,8 +296,8 @@ class SimulationData:
         -------
         SimulationData
         """
-        inputs = [inputs] if isinstance(inputs, str) else inputs
-        omega_names = [*(parameters or {}), *(assumed or {})]
+        inputs = check_inputs(inputs)
+        omega_names = [*check_priors(parameters), *check_assumed(assumed)]
         outputs = output_names(output)
         check_names(outputs, [*inputs, *omega_names])
         frame = as_table(frame, "The table of runs")
@@ -420,7 +421,9 @@ class SimulationData:
         Raises
         ------
         ValueError
-            For another ending.
+            For another ending, or an address.
+        OSError
+            For a folder that does not exist, or where you may not write.
         """
         write_table(self.to_frame(), path)
 
@@ -450,6 +453,8 @@ def read_simulation(
     parameters: Mapping[str, Prior] | None = None,
     output: str | Sequence[str] = "y",
     assumed: Mapping[str, Assumed] | None = None,
+    *,
+    allow_urls: bool = False,
 ) -> SimulationData:
     r"""Read the runs of a simulation from a file.
 
@@ -461,10 +466,20 @@ def read_simulation(
         output stands over the runs and one input. A column "run" says which rows are one run.
     inputs, parameters, output, assumed
         As in ``SimulationData.from_frame``.
+    allow_urls : bool, default=False
+        Whether ``path`` may be an address such as ``https://...``, which is then fetched; others
+        than http, https and ftp need fsspec.
 
     Returns
     -------
     SimulationData
+
+    Raises
+    ------
+    OSError
+        For a file that is not there, a folder, or an address that does not answer.
+    ValueError
+        For an address without ``allow_urls``, and a file that is damaged or lacks a column.
 
     Examples
     --------
@@ -475,7 +490,9 @@ def read_simulation(
     >>> hs.read_simulation("runs.csv", ["t"], parameters={"gravity": prior}, output="distance")
     SimulationData(3 runs: t -> distance, parameters: gravity)
     """
-    return SimulationData.from_frame(read_table(path), inputs, parameters, output, assumed)
+    return SimulationData.from_frame(
+        read_table(path, allow_urls), inputs, parameters, output, assumed
+    )
 
 
 def drop_failed(

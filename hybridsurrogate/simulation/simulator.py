@@ -13,6 +13,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from hybridsurrogate.arguments.functions import check_callable, state_to_pickle
+from hybridsurrogate.arguments.scalars import check_choice, check_flag, check_n_jobs
 from hybridsurrogate.priors import FloatArray, Prior, prior_range
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_number
 from hybridsurrogate.simulation.design import draw_design, run_with_ends
@@ -31,6 +33,7 @@ from hybridsurrogate.simulation.variables import (
     Assumed,
     Range,
     as_matrix,
+    check_finite,
     check_lengths,
     check_ranges,
     describe,
@@ -126,18 +129,19 @@ class Simulator:
         vectorized: bool = True,
         returns: str = "values",
     ) -> None:
-        if returns not in _RETURNS:
-            raise ValueError(f"returns must be one of {', '.join(_RETURNS)}, got {returns!r}.")
-        fields = named_fields(tuple(inputs), parameters, assumed)
+        check_callable(function, "function", "def simulation(t, rate)")
+        check_choice(returns, "returns", _RETURNS)
+        ranges = check_ranges(inputs)
+        fields = named_fields(tuple(ranges), parameters, assumed)
         priors = priors_of(fields["parameters"], fields["assumed"])
         outputs = output_names(output)
         fields |= {
             "function": function,
             "output": ", ".join(outputs),
             "outputs": outputs,
-            "vectorized": vectorized and returns == "values",
+            "vectorized": check_flag(vectorized, "vectorized") and returns == "values",
             "returns": returns,
-            "input_ranges": check_ranges(inputs),
+            "input_ranges": ranges,
             "parameter_ranges": {name: prior_range(prior) for name, prior in priors.items()},
             "rates": (),
             "starts": (),
@@ -194,6 +198,9 @@ class Simulator:
     def __sklearn_clone__(self) -> Simulator:
         return self
 
+    def __getstate__(self) -> dict[str, Any]:
+        return state_to_pickle(self.__dict__, f"the simulation {self.name!r}")
+
     def __repr__(self) -> str:
         names = (self.input_names, self.parameter_names, self.assumed_names)
         return f"{type(self).__name__}({describe(self.name, *names, self.output)})"
@@ -223,8 +230,33 @@ class Simulator:
         -------
         ndarray of shape (n,), or (n, n_outputs) of several
             NaN where a run of one at a time raised an exception.
+
+        Raises
+        ------
+        ValueError
+            For points that hold NaN or infinity, or have another shape.
         """
-        return self._evaluate(*self._check_points(X, omega), Running(n_jobs))[0]
+        X, omega = self._check_points(X, omega)
+        check_finite(X, "X", self.input_names)
+        check_finite(omega, "omega", self._omega_names)
+        return self._evaluate(X, omega, Running(check_n_jobs(n_jobs)))[0]
+
+    def evaluate(self, X: FloatArray, omega: FloatArray | None) -> FloatArray:
+        """As calling it; points that hold NaN or infinity are passed on as they are.
+
+        Samplers go where parameters have no numbers any more: what the simulation gives there is
+        impossible, and no error.
+
+        Parameters
+        ----------
+        X : ndarray of shape (n, n_inputs)
+        omega : ndarray of shape (n, n_parameters + n_assumed), or None
+
+        Returns
+        -------
+        ndarray of shape (n,), or (n, n_outputs) of several
+        """
+        return self._evaluate(*self._check_points(X, omega))[0]
 
     def run(
         self,
@@ -276,7 +308,7 @@ class Simulator:
 
         Raises
         ------
-        ValueError
+        ValueError, TypeError
             For a number of runs, a design or a share that is none.
 
         Warns
@@ -330,15 +362,22 @@ class Simulator:
         pandas.DataFrame
             Inputs, parameters, constants and outputs, and of curves which run a row is of;
             NaN where a run failed. `SimulationData.with_rows` takes it.
+
+        Raises
+        ------
+        ValueError
+            For runs that hold NaN or infinity, or lack a column.
         """
         first, *others = self.input_names
         names = [*others, *self.parameter_ranges]
         if along is None and self.returns == "values":
             points = as_matrix(runs, "runs", (first, *names))
+            check_finite(points, "runs", (first, *names))
             run, X, omega = None, points[:, : 1 + len(others)], points[:, 1 + len(others) :]
         else:
             places = self._places(_PLACES if along is None else along)
             points = as_matrix(runs, "runs", tuple(names))
+            check_finite(points, "runs", names)
             run, X, omega = self._curve_rows(points, places)
         frame = pd.DataFrame(np.hstack([X, omega]), columns=[first, *names])
         running = self._running(n_jobs, progress, store, timeout)
@@ -387,6 +426,10 @@ class Simulator:
             self,
             run[kept],
         )
+
+    @property
+    def _omega_names(self) -> tuple[str, ...]:
+        return tuple(self.parameter_ranges)
 
     def _check_points(self, X: ArrayLike, omega: ArrayLike | None) -> tuple[FloatArray, FloatArray]:
         # most calls of a simulation: thousands in a search; what runs it makes its own columns
@@ -440,7 +483,10 @@ class Simulator:
         kept = None
         if store is not None:
             kept = RunStore(store, self.name, names, len(self.outputs))
-        return Running(n_jobs, progress, kept, None if timeout is None else float(timeout))
+        progress = check_flag(progress, "progress")
+        return Running(
+            check_n_jobs(n_jobs), progress, kept, None if timeout is None else float(timeout)
+        )
 
 
 def _is_matrix(values: ArrayLike | None, n_columns: int) -> TypeGuard[FloatArray]:

@@ -10,6 +10,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from hybridsurrogate.arguments.description import described
+from hybridsurrogate.arguments.named import as_names, check_mapping
+from hybridsurrogate.arguments.scalars import as_real
 from hybridsurrogate.priors import FloatArray, Prior, check_prior, check_priors, prior_range
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_spread, is_numeric
 
@@ -46,6 +49,7 @@ class Assumed:
 
     def __post_init__(self) -> None:
         check_prior(self.prior, "an assumed constant")
+        as_real(self.value, "The value of an assumed constant")
         low, high = prior_range(self.prior)
         if not low <= self.value <= high:
             raise ValueError(
@@ -60,17 +64,13 @@ def named_fields(
     assumed: Mapping[str, Assumed] | None,
 ) -> dict[str, Any]:
     """Check the names and priors, and return the attributes of a simulation that follow."""
-    for name, constant in (assumed or {}).items():
-        if not isinstance(constant, Assumed):
-            raise TypeError(
-                f"The assumed constant {name!r} must be Assumed(value, prior), got {constant!r}."
-            )
-    fields = {
-        "parameters": check_priors(parameters),
-        "assumed": dict(assumed or {}),
+    priors, constants = check_priors(parameters), check_assumed(assumed)
+    fields: dict[str, Any] = {
+        "parameters": priors,
+        "assumed": constants,
         "input_names": input_names,
-        "parameter_names": tuple(parameters or ()),
-        "assumed_names": tuple(assumed or ()),
+        "parameter_names": tuple(priors),
+        "assumed_names": tuple(constants),
     }
     names = [*input_names, *fields["parameters"], *fields["assumed"]]
     twice = sorted({name for name in names if names.count(name) > 1})
@@ -89,13 +89,44 @@ def priors_of(parameters: dict[str, Prior], assumed: dict[str, Assumed]) -> dict
     return parameters | {name: constant.prior for name, constant in assumed.items()}
 
 
+def check_assumed(assumed: Mapping[str, Assumed] | None) -> dict[str, Assumed]:
+    """Return the assumed constants by name; TypeError for anything else."""
+    example = '{"recovery": Assumed(0.2, scipy.stats.norm(0.2, 0.05))}'
+    constants = check_mapping(assumed, "assumed", "Assumed", example)
+    for name, constant in constants.items():
+        if not isinstance(constant, Assumed):
+            raise TypeError(
+                f"The assumed constant {name!r} must be Assumed(value, prior), got "
+                f"{described(constant)}."
+            )
+    return constants
+
+
+def check_inputs(inputs: Mapping[str, Range] | Sequence[str]) -> dict[str, Range] | tuple[str, ...]:
+    """Return the inputs as a dict of finite ranges or a tuple of names; raise for anything else."""
+    if isinstance(inputs, Mapping):
+        return check_ranges(inputs)
+    return as_names(inputs, "inputs", '["t"], or a dict of ranges, {"t": (0, 10)}')
+
+
 def check_ranges(ranges: Mapping[str, Range]) -> dict[str, Range]:
-    """Return finite ranges, as floats."""
+    """Return finite ranges by name, as floats; raise for anything else."""
     checked = {}
-    for name, (low, high) in ranges.items():
+    given = check_mapping(ranges, "inputs", "range", '{"t": (0, 10)}', optional=False)
+    for name, ends in given.items():
+        try:
+            pair = as_numbers(ends, "")
+        except (TypeError, ValueError):
+            pair = np.empty(0)
+        if pair.shape != (2,):
+            raise TypeError(
+                f"The range of {name!r} must be a pair of numbers (low, high), such as (0, 10), "
+                f"got {described(ends)}."
+            )
+        low, high = pair
         if not (low < high and np.isfinite([low, high]).all()):
             raise ValueError(
-                f"The range of {name!r} must be finite, from low to high, got ({low!r}, {high!r})."
+                f"The range of {name!r} must be finite, from low to high, got ({low:g}, {high:g})."
             )
         check_spread(np.array([low, high], dtype=float), f"The range of {name!r}")
         checked[name] = (float(low), float(high))
@@ -147,6 +178,18 @@ def as_matrix(values: ArrayLike, word: str, names: Sequence[str]) -> FloatArray:
             f"got {matrix.shape}."
         )
     return matrix
+
+
+def check_finite(values: FloatArray, word: str, names: Sequence[str]) -> None:
+    """Raise ValueError that says where a matrix (n, len(names)) holds NaN or infinity."""
+    wrong = ~np.isfinite(values)
+    if wrong.any():
+        row, column = np.argwhere(wrong)[0]
+        raise ValueError(
+            f"{word} holds NaN or infinity in {wrong.any(axis=1).sum()} of {len(values)} rows, the "
+            f"first in the column {names[column]!r} of row {row + 1}: {values[row, column]}. "
+            "Correct these rows, or leave them out."
+        )
 
 
 def check_lengths(arrays: dict[str, FloatArray]) -> None:

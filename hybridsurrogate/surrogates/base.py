@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import Any
 
 from sklearn.base import BaseEstimator
 
+from hybridsurrogate.arguments.functions import state_to_pickle
 from hybridsurrogate.registration import add
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.domain import Domain
@@ -30,6 +32,10 @@ class Surrogate(BaseEstimator, ABC):
     ...         p = 1 + len(domain.input_ranges) + len(domain.parameter_ranges)
     ...         return LineBasis(np.zeros(p), np.full(p, 10 * domain.scale))
     """
+
+    def __getstate__(self) -> dict[str, Any]:
+        state: dict[str, Any] = super().__getstate__()
+        return state_to_pickle(state, type(self).__name__)
 
     @abstractmethod
     def build(self, domain: Domain) -> Basis:

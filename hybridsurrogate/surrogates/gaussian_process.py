@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy import stats
 from sklearn.utils import check_scalar
 
+from hybridsurrogate.arguments.scalars import as_real, check_choice
 from hybridsurrogate.priors import FloatArray, Prior, check_prior
 from hybridsurrogate.surrogates.base import Surrogate, register
 from hybridsurrogate.surrogates.basis import Basis, Factors
@@ -91,8 +92,7 @@ class GaussianProcess(Surrogate):
 
     def build(self, domain: Domain) -> Basis:
         """Return the basis on a domain."""
-        if self.kernel not in KERNELS:
-            raise ValueError(f"kernel must be one of {KERNELS}, got {self.kernel!r}.")
+        check_choice(self.kernel, "kernel", KERNELS)
         names = (*domain.input_names, *domain.parameter_names)
         degree = self.degree
         if degree is None:
@@ -112,7 +112,7 @@ class GaussianProcess(Surrogate):
             domain,
             powers,
             self.kernel,
-            domain.location if self.mean is None else float(self.mean),
+            domain.location if self.mean is None else as_real(self.mean, "mean"),
             {**{f"length_scale_{name}": length for name in names}, "amplitude": amplitude},
         )
 

@@ -57,7 +57,7 @@ class ParametricSurrogate(Surrogate):
             raise TypeError(
                 f"ParametricSurrogate needs a function(X, omega, constants), got {self.function!r}."
             )
-        priors = check_priors(self.prior)
+        priors = check_priors(self.prior, "prior")
         if not priors:
             raise ValueError("ParametricSurrogate needs a prior for at least one constant.")
         basis = _ParametricBasis(np.empty(0), np.empty(0), self.function, priors)

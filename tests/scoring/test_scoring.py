@@ -181,7 +181,9 @@ def test_wrong_intervals_are_refused():
         interval_width([0.0, 0.0], [1.0, 1.0, 1.0])
     with pytest.raises(ValueError, match=r"got y \(1,\), lower \(2,\), upper \(2,\)"):
         interval_score([0.0], [0.0, 0.0], [1.0, 1.0])
-    for level in (0.0, 1.0, 90, np.nan):
+    with pytest.raises(ValueError, match="level must be a finite number, got nan"):
+        interval_score([0.0], [0.0], [1.0], np.nan)
+    for level in (0.0, 1.0, 90):
         with pytest.raises(ValueError, match="level must lie between 0 and 1"):
             interval_score([0.0], [0.0], [1.0], level)
 

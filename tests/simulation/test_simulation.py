@@ -193,7 +193,7 @@ class TestSimulator:
     def test_unknown_design(self, simulator):
         with pytest.raises(ValueError, match="design must be one of sobol, latin-hypercube"):
             simulator.run(8, design="grid")
-        with pytest.raises(ValueError, match="n_runs must be at least 1, got 0"):
+        with pytest.raises(ValueError, match="n_runs == 0, must be >= 1"):
             simulator.run(0)
 
 

@@ -48,7 +48,7 @@ class ExtendedFunction:
         run_X, run_omega = self.cause.inputs(X, omega, theta)
         inputs = np.column_stack([run_X[name] for name in simulator.input_names])
         points = np.column_stack([run_omega[name] for name in parameters]) if parameters else None
-        eta = self.likelihood.link(simulator(simulator.held(inputs), points))
+        eta = self.likelihood.link(simulator.evaluate(simulator.held(inputs), points))
         changed = self.cause.response(eta / self.unit, X, theta)
         eta = eta if changed is None else self.unit * changed[0]
         columns = self.cause.columns(X, theta)

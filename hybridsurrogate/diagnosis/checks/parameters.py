@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from sklearn.utils import check_scalar
 
+from hybridsurrogate.arguments.scalars import check_n_jobs, check_number
 from hybridsurrogate.diagnosis.checks.settings import SETTINGS
 from hybridsurrogate.effects.registry import kinds
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.simulation.arrays import check_number
 
 if TYPE_CHECKING:
     from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
@@ -26,10 +26,7 @@ def check_settings(diagnosis: DiscrepancyDiagnosis) -> None:
     check_scalar(diagnosis.max_causes, "max_causes", Integral, min_val=1)
     if diagnosis.cv is not None:
         check_scalar(diagnosis.cv, "cv", Integral, min_val=2)
-    if diagnosis.n_jobs is not None:
-        check_scalar(diagnosis.n_jobs, "n_jobs", Integral)
-        if not diagnosis.n_jobs:
-            raise ValueError("n_jobs must be a number of processes, -1 for all cores, or None.")
+    check_n_jobs(diagnosis.n_jobs)
     as_causes(diagnosis.causes, "causes")
     exclude = diagnosis.exclude
     listed = isinstance(exclude, Collection) and not isinstance(exclude, str)

@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from hybridsurrogate import digits
+from hybridsurrogate.arguments.paths import local_path
 from hybridsurrogate.diagnosis.report import findings, html, pictures, rivals, scores, tables, trust
 from hybridsurrogate.diagnosis.report.section import Section
 from hybridsurrogate.diagnosis.report.summary import summary
 from hybridsurrogate.diagnosis.report.view import View, label_of_cause, view_of
 from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.effects.notation import word as _word
-from hybridsurrogate.whole_file import written_whole
+from hybridsurrogate.whole_file import check_writable, written_whole
 
 if TYPE_CHECKING:
     from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
@@ -84,6 +85,7 @@ class Report:
         another ending, OSError where no such file can be written.
         """
         ending = ending_of(path)
+        check_writable(path)
         if ending == ".txt":
             content = str(self) + "\n"
         elif ending == ".json":
@@ -96,7 +98,7 @@ class Report:
 
 def ending_of(path: str | os.PathLike[str]) -> str:
     """Return how a file name ends; raise ValueError where no report is written so."""
-    ending = os.path.splitext(os.fspath(path))[1].lower()
+    ending = local_path(path).suffix.lower()
     if ending not in (".html", ".htm", ".txt", ".json", ""):
         raise ValueError(
             f"A report is written to a file .html, .txt or .json, not to {os.fspath(path)!r}."

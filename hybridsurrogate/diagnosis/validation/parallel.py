@@ -38,7 +38,8 @@ def in_parallel(tasks: Sequence[Any], n_jobs: int | None, progress: bool = False
         # a finished search is not lost because a simulation holds a lock or an open file
         warnings.warn(
             "The folds ran in this process: the simulation or a cause cannot be sent to another "
-            "one. Use n_jobs=None, or a function that pickle or cloudpickle can handle.",
+            "one. Write its function as `def name(...)` at the top of a module, without open files "
+            "or locks around it, and pass that; or use n_jobs=None.",
             DiagnosisWarning,
             stacklevel=5,
         )

@@ -12,11 +12,13 @@ import numpy as np
 from sklearn.base import BaseEstimator
 from sklearn.utils import check_scalar
 
+from hybridsurrogate.arguments.description import described
+from hybridsurrogate.arguments.paths import local_path
+from hybridsurrogate.arguments.scalars import check_flag, check_number
 from hybridsurrogate.inference.sampling.modes import Gaussian, LogDensity
 from hybridsurrogate.inference.sampling.proposals import student_draws
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.simulation.arrays import check_number
 
 # differential evolution (Ter Braak 2006, Statistics and Computing 16:239) beside the stretch move,
 # and now and then jumps of full length between modes
@@ -181,6 +183,14 @@ class EnsembleSampler(BaseEstimator):
 
     def _check(self, d: int) -> None:
         check_scalar(self.max_steps, "max_steps", Integral, min_val=1)
+        check_flag(self.progress, "progress")
+        if not (self.moves is None or isinstance(self.moves, emcee.moves.Move | list)):
+            raise TypeError(
+                "moves must be None, a move of emcee's, such as emcee.moves.StretchMove(), or a "
+                f"list of them with weights, got {described(self.moves)}."
+            )
+        if self.file is not None:
+            local_path(self.file, "file")
         check_number(self.tol, "tol", Real, min_val=0, include_boundaries="neither")
         if self.n_walkers is not None:
             check_scalar(self.n_walkers, "n_walkers", Integral, min_val=2)

@@ -7,11 +7,11 @@ import json
 import os
 from collections.abc import Iterable, Sequence
 from io import StringIO
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from hybridsurrogate.arguments.paths import local_path
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.files.table_file import RUN
 from hybridsurrogate.whole_file import written_whole
@@ -40,7 +40,8 @@ class RunStore:
     Raises
     ------
     ValueError
-        For a folder that holds runs of another simulation, or other files.
+        For a folder that holds runs of another simulation, or other files, or damaged ones; for
+        an address.
     """
 
     def __init__(
@@ -50,13 +51,28 @@ class RunStore:
         names: Sequence[str],
         n_outputs: int = 1,
     ) -> None:
-        self.folder, self.names, self.n_outputs = Path(folder), list(names), n_outputs
+        self.folder, self.names, self.n_outputs = (
+            local_path(folder, "store"),
+            list(names),
+            n_outputs,
+        )
         self._check({"simulation": simulation, "columns": self.names})
         self._path = self.folder / _RUNS
-        self._known, self._next = self._read()
+        try:
+            self._known, self._next = self._read()
+        except (KeyError, TypeError, ValueError, csv.Error) as error:
+            raise ValueError(
+                f"{self._path} is damaged ({type(error).__name__}: {error}): name a new folder as "
+                "store."
+            ) from error
 
     def _check(self, about: dict[str, Any]) -> None:
-        self.folder.mkdir(parents=True, exist_ok=True)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise type(error)(
+                f"store must name a folder, and {str(self.folder)!r} cannot be one: {error}."
+            ) from None
         path = self.folder / _ABOUT
         try:
             known = json.loads(path.read_text(encoding="utf-8"))
@@ -69,8 +85,10 @@ class RunStore:
             with written_whole(path) as part:
                 part.write_text(json.dumps(about, indent=1), encoding="utf-8")
             return
-        except ValueError:
-            raise ValueError(f"{path} is broken: name a new folder as store.") from None
+        except (ValueError, OSError):
+            known = None
+        if not isinstance(known, dict):
+            raise ValueError(f"{path} is broken: name a new folder as store.")
         differ = [key for key, value in about.items() if known.get(key) != value]
         if differ:
             key = differ[0]
@@ -88,7 +106,10 @@ class RunStore:
 
     def _read(self) -> tuple[dict[bytes, tuple[FloatArray, str | None]], int]:
         text = self._path.read_text(encoding="utf-8") if self._path.exists() else ""
-        lines = list(csv.DictReader(StringIO(text[: text.rfind("\n") + 1])))
+        reader = csv.DictReader(StringIO(text[: text.rfind("\n") + 1]))
+        lines, columns = list(reader), [RUN, *self.names, *_ENDING]
+        if reader.fieldnames not in (None, columns):
+            raise ValueError(f"its columns are {reader.fieldnames}")
         found: dict[bytes, tuple[FloatArray, str | None]] = {}
         whole: list[dict[str, str]] = []
         run: list[dict[str, str]] = []
