@@ -9,6 +9,10 @@ class FailedRunsWarning(HybridSurrogateWarning):
     """Some simulation runs failed and were dropped."""
 
 
+class MissingMeasurementWarning(HybridSurrogateWarning):
+    """Rows in which nothing was measured were left out."""
+
+
 class ExtrapolationWarning(HybridSurrogateWarning):
     """Measured or predicted inputs, or all measured outputs, lie outside what was simulated."""
 

@@ -72,7 +72,8 @@ from hybridsurrogate.estimators.averaged import leading
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import ConfoundingWarning, DiagnosisWarning
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.simulation.arrays import as_table, complete_table
+from hybridsurrogate.problem.rows import without_gaps
+from hybridsurrogate.simulation.arrays import complete_table
 from hybridsurrogate.threads import one_blas_thread
 
 
@@ -233,7 +234,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             May carry columns that the simulation ignores: by name (DataFrame) or after its inputs
             (array). They are weighed as missing inputs, and what may happen along them.
         y : array-like of shape (n,), or (n, n_outputs) of a simulation of several outputs
-            With NaN for what was not measured.
+            With NaN for what was not measured: rows without any measurement are left out, with a
+            warning.
 
         Returns
         -------
@@ -241,7 +243,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         """
         check_settings(self)
         labels = getattr(self.estimator, "experiment", None)
-        X, y = complete_table(X, labels=labels), None if y is None else as_table(y, "y")
+        X, y, _ = without_gaps(X, y)
+        X = complete_table(X, labels=labels)
         self._forget()
         random = check_random_state(self.random_state)
         self.estimator_ = clone(self.estimator).fit(X, y)

@@ -30,7 +30,12 @@ from hybridsurrogate.problem.experiments import (
     check_experiments,
     experiments_of,
 )
-from hybridsurrogate.problem.rows import MeasuredRows, check_weights, merged_rows
+from hybridsurrogate.problem.rows import (
+    MeasuredRows,
+    check_weights,
+    merged_rows,
+    without_gaps,
+)
 from hybridsurrogate.problem.stacking import Stacking, as_several, stacking_of
 from hybridsurrogate.simulation.arrays import (
     as_numbers,
@@ -161,6 +166,7 @@ class CheckedEstimator(BaseEstimator):
     ) -> CheckedData:
         # scikit-learn stores names where it finds them; ``fit`` stores nothing before its end
         seen = copy.copy(self)
+        X, y, sample_weight = without_gaps(X, y, sample_weight)
         X = complete_table(X, labels=self.experiment)
         tables = [X, *self._further_tables()]
         experiments = experiments_of(tables, self.experiment, self.by_experiment)
@@ -296,7 +302,7 @@ class CheckedEstimator(BaseEstimator):
         Parameters
         ----------
         y : array-like of shape (n,), or (n, k) of several outputs
-            With NaN for what was not measured; columns of a DataFrame go by name.
+            With NaN for what was not measured; columns of several go by name in a DataFrame.
         word : str, default="y"
             What to call it in an error.
 
@@ -306,7 +312,7 @@ class CheckedEstimator(BaseEstimator):
         """
         check_is_fitted(self)
         if self.stacking_ is None:
-            return as_outputs(y, word)
+            return as_outputs(y, word, gaps=True)
         return as_several(as_table(y, word), self.stacking_.names, word)
 
     def _known_columns(self, rows: FloatArray) -> FloatArray:

@@ -101,7 +101,7 @@ def test_runs_made_elsewhere_cannot_be_exact(measured, estimator):
         ([[1.0], [2.0], [3.0]], [[1.0, 2.0]] * 3, "y should be a 1d array"),
         ([[1.0], [2.0], [3.0]], [1.0, 2.0], "inconsistent numbers of samples"),
         ([[1.0]], [90.0], r"1 sample\(s\).* a minimum of 2 is required"),
-        ([[1.0], [2.0], [3.0]], [1.0, np.nan, 3.0], "Input y contains NaN"),
+        ([[1.0], [2.0], [3.0]], [np.nan] * 3, "Input y contains NaN alone"),
         ([[1.0], [2.0], [3.0]], [1.0, np.inf, 3.0], "Input y contains infinity"),
         ([[1.0], [np.nan], [3.0]], [1.0, 2.0, 3.0], "Input X contains NaN"),
         ([["a"], ["b"]], [1.0, 2.0], "could not convert string to float"),
