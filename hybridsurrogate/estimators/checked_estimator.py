@@ -14,6 +14,7 @@ from sklearn.base import BaseEstimator
 from sklearn.utils import check_scalar
 from sklearn.utils.validation import check_consistent_length, check_is_fitted, validate_data
 
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood, as_likelihood
 from hybridsurrogate.priors import FloatArray, check_prior
@@ -127,6 +128,7 @@ class CheckedEstimator(BaseEstimator):
         elif self.sampler not in SAMPLERS:
             raise ValueError(
                 f"sampler must be one of {SAMPLERS} or an EnsembleSampler, got {self.sampler!r}."
+                f"{did_you_mean(self.sampler, SAMPLERS)}"
             )
         if self.noise_prior is not None:
             check_prior(self.noise_prior, "noise_prior")

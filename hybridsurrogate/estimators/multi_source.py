@@ -14,6 +14,7 @@ from sklearn.utils.validation import check_array, check_consistent_length, check
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.checked_estimator import CheckedData
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.priors import FloatArray, Prior
@@ -237,7 +238,7 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
             if missing:
                 raise ValueError(
                     f"A measured source lacks the columns {missing} of the X in fit; its columns "
-                    f"are {names}."
+                    f"are {names}.{did_you_mean(missing, names)}"
                 )
             order = [names.index(name) for name in columns]
         elif names:

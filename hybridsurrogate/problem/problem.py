@@ -10,6 +10,7 @@ from hybridsurrogate.blocks import LARGE_BLOCK, blocks
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.in_output import prepared_for
 from hybridsurrogate.effects.noise.output_noise import OutputNoise
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.inference.conjugate.sufficient_statistics import (
     Statistics,
@@ -247,7 +248,10 @@ def make_problem(
         check_effects(model, X)
     except KeyError as error:
         there = [*columns, *model.parameters, *model.constants]
-        raise ValueError(f"A cause asks for {error}; there are {there}.") from error
+        name = error.args[0] if error.args else ""
+        raise ValueError(
+            f"A cause asks for {error}; there are {there}.{did_you_mean(name, there)}"
+        ) from error
     if any(effect.has_outliers for effect in effects):
         _check_outliers(likelihood)
     if model.noise_follows or any(effect.bends for effect in effects):

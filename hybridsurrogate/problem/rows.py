@@ -94,8 +94,8 @@ def has_measurement(y: Any) -> NDArray[np.bool_]:
     >>> has_measurement(np.array([[1.0, np.nan], [np.nan, np.nan]]))
     array([ True, False])
     """
-    there: NDArray[np.bool_] = np.atleast_1d(~np.asarray(pd.isna(y), dtype=bool))
-    return there.reshape(len(there), -1).any(axis=1)
+    there = np.atleast_1d(~np.asarray(pd.isna(y), dtype=bool))
+    return np.asarray(there.reshape(len(there), -1).any(axis=1))
 
 
 def check_weights(sample_weight: ArrayLike | None, n: int) -> FloatArray:

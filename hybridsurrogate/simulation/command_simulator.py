@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation.arrays import check_number
 from hybridsurrogate.simulation.files.table_file import read_table
@@ -142,6 +143,7 @@ class Command:
             if unknown:
                 raise ValueError(
                     f"The template of {title!r} asks for {unknown}; there are {list(names)}."
+                    f"{did_you_mean(unknown, names)}"
                 )
             asked |= fields
         missing = [name for name in names if name not in asked and name != self.along]
@@ -203,7 +205,10 @@ class Command:
         table = read_table(path)
         for name in self.outputs:
             if name not in table:
-                raise ValueError(f"{path.name} has no column {name!r}, but {list(table)}")
+                raise ValueError(
+                    f"{path.name} has no column {name!r}, but {list(table)}."
+                    f"{did_you_mean(name, table)}"
+                )
         columns = table[list(self.outputs)].to_numpy(dtype=float)
         if places is None or self.along not in table:
             return columns[:, 0] if len(self.outputs) == 1 else columns

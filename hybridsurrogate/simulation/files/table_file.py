@@ -13,7 +13,10 @@ import pandas as pd
 
 # the column of a long table that says which run a row is of
 RUN = "run"
+# dates as text, ISO 8601: a day, and perhaps a time of it
+DATE = r"\d{4}-\d\d-\d\d(?:[T ].+)?"
 _NETCDF = (".nc", ".nc4", ".cdf")
+_SPREADSHEETS = (".xlsx", ".xls", ".xlsm", ".ods")
 _OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs"}
 
 
@@ -27,9 +30,14 @@ def read_table(path: str | os.PathLike[str]) -> pd.DataFrame:
     ImportError
         Where the library for the ending is not installed; it says which.
     ValueError
-        As `read_csv`.
+        For a spreadsheet, which may hold several tables; and as `read_csv`.
     """
     ending = Path(path).suffix.lower()
+    if ending in _SPREADSHEETS:
+        raise ValueError(
+            f"{path} is a spreadsheet: save the sheet as CSV, or read it with pandas.read_excel "
+            "and give the table to SimulationData.from_frame, of measurements to fit."
+        )
     if ending == ".parquet":
         return pd.read_parquet(path)
     if ending not in _NETCDF:
