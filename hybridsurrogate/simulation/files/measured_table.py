@@ -66,17 +66,16 @@ def with_days(
     0   1.5
     """
     for name in inputs:
-        pair = [_dates(table[name]) if name in table else None for table in (runs, measured)]
-        there = [dates is not None for dates in pair]
-        if all(there):
-            first = pair[0].min()
-            runs, measured = (
-                table.assign(**{name: (dates - first) / pd.Timedelta("1D")})
-                for table, dates in zip((runs, measured), pair, strict=True)
-            )
+        if not (name in runs and name in measured):
+            continue
+        of_runs, of_rows = _dates(runs[name]), _dates(measured[name])
+        if of_runs is not None and of_rows is not None:
+            first, day = of_runs.min(), pd.Timedelta("1D")
+            runs = runs.assign(**{name: (of_runs - first) / day})
+            measured = measured.assign(**{name: (of_rows - first) / day})
             print(f"{name} counts days from {_day(first)}, the first of the runs.", flush=True)
-        elif any(there) and name in runs and name in measured:
-            with_dates, without = files if there[0] else files[::-1]
+        elif of_runs is not None or of_rows is not None:
+            with_dates, without = files if of_rows is None else files[::-1]
             raise ValueError(
                 f"The input {name!r} holds dates in {with_dates}, not in {without}. Write dates in "
                 "both files, or numbers in both."
