@@ -71,8 +71,9 @@ from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.estimators.averaged import leading
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import ConfoundingWarning, DiagnosisWarning
+from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.problem.rows import without_gaps
+from hybridsurrogate.problem.rows import check_outcomes, without_gaps
 from hybridsurrogate.simulation.arrays import complete_table
 from hybridsurrogate.threads import one_blas_thread
 
@@ -243,6 +244,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         """
         check_settings(self)
         labels = getattr(self.estimator, "experiment", None)
+        check_outcomes(y, as_likelihood(getattr(self.estimator, "likelihood", "normal")))
         X, y, _ = without_gaps(X, y)
         X = complete_table(X, labels=labels)
         self._forget()

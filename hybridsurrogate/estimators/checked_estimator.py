@@ -33,6 +33,7 @@ from hybridsurrogate.problem.experiments import (
 )
 from hybridsurrogate.problem.rows import (
     MeasuredRows,
+    check_outcomes,
     check_weights,
     merged_rows,
     without_gaps,
@@ -168,6 +169,7 @@ class CheckedEstimator(BaseEstimator):
     ) -> CheckedData:
         # scikit-learn stores names where it finds them; ``fit`` stores nothing before its end
         seen = copy.copy(self)
+        check_outcomes(y, likelihood)
         X, y, sample_weight = without_gaps(X, y, sample_weight)
         X = complete_table(X, labels=self.experiment)
         tables = [X, *self._further_tables()]

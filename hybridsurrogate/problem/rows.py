@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import _safe_indexing
 
 from hybridsurrogate.exceptions import MissingMeasurementWarning
+from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_size
 
@@ -96,6 +97,35 @@ def has_measurement(y: Any) -> NDArray[np.bool_]:
     """
     there = np.atleast_1d(~np.asarray(pd.isna(y), dtype=bool))
     return np.asarray(there.reshape(len(there), -1).any(axis=1))
+
+
+def check_outcomes(y: Any, likelihood: Likelihood) -> None:
+    """Raise ValueError for booleans where a likelihood takes them for numbers with noise.
+
+    Examples
+    --------
+    >>> from hybridsurrogate.likelihoods import as_likelihood
+    >>> check_outcomes([True, False], as_likelihood("binomial"))
+    """
+    if likelihood.has_scale and _are_booleans(y):
+        raise ValueError(
+            f"y holds booleans, True and False, which the {likelihood.name} likelihood takes for "
+            "numbers with noise. Of outcomes choose likelihood='binomial', with a simulation of "
+            "their probability; of measured numbers pass y.astype(float)."
+        )
+
+
+def _are_booleans(y: Any) -> bool:
+    if isinstance(y, pd.DataFrame):
+        return any(map(_are_booleans, (column for _, column in y.items())))
+    try:
+        array = np.asarray(y)
+    except ValueError:  # lists of unequal length, which are refused later
+        return False
+    if array.dtype != object:
+        return array.dtype == bool
+    there = array[~np.asarray(pd.isna(array), dtype=bool)]
+    return len(there) > 0 and all(isinstance(value, bool | np.bool_) for value in there.flat)
 
 
 def check_weights(sample_weight: ArrayLike | None, n: int) -> FloatArray:
