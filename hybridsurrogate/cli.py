@@ -235,21 +235,7 @@ def _diagnose(given: argparse.Namespace) -> int:
         # names mean the same level in both
         measured = pd.concat([measured, later[measured.columns]], ignore_index=True)
     runs, measured = with_days(runs, measured, given.inputs, (given.simulation, given.measured))
-    for name in dict.fromkeys([*given.inputs, *given.output, *measured.select_dtypes("number")]):
-        column = measured[name]
-        if name in given.output:
-            # of several some may be missing
-            measured.loc[column.notna(), name] = numbers_of(column.dropna(), given.measured)
-            measured[name] = measured[name].astype(float)
-        else:
-            measured[name] = numbers_of(column, given.measured)
-    for name in (*given.inputs, *given.parameters):
-        if name in runs:
-            numbers_of(runs[name], given.simulation)
-    for name in given.output:
-        if name in runs:
-            # a run without a number has failed, and is dropped with a warning
-            numbers_of(runs[name].dropna(), given.simulation, finite=False)
+    _make_numbers(given, runs, measured)
     priors = _priors(given, runs)
     _warn_of_unnamed(runs, {*given.inputs, *given.parameters, *given.output})
     simulation = SimulationData.from_frame(runs, given.inputs, priors, given.output)
@@ -271,6 +257,25 @@ def _diagnose(given: argparse.Namespace) -> int:
     X = X.assign(**{name: measured[name] for name in labels})
     later = (X[n:], y[n:]) if given.new else None
     return _finish(model, X[:n], y[:n], None, later, given)
+
+
+def _make_numbers(given: argparse.Namespace, runs: pd.DataFrame, measured: pd.DataFrame) -> None:
+    """Turn measured columns into numbers, in place; raise ValueError where one of them is none."""
+    for name in dict.fromkeys([*given.inputs, *given.output, *measured.select_dtypes("number")]):
+        column = measured[name]
+        if name in given.output:
+            # of several some may be missing
+            measured.loc[column.notna(), name] = numbers_of(column.dropna(), given.measured)
+            measured[name] = measured[name].astype(float)
+        else:
+            measured[name] = numbers_of(column, given.measured)
+    for name in (*given.inputs, *given.parameters):
+        if name in runs:
+            numbers_of(runs[name], given.simulation)
+    for name in given.output:
+        if name in runs:
+            # a run without a number has failed, and is dropped with a warning
+            numbers_of(runs[name].dropna(), given.simulation, finite=False)
 
 
 def _measured(path: str, names: Sequence[str], outputs: list[str]) -> pd.DataFrame:

@@ -40,6 +40,10 @@ from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.domain import Domain
 from hybridsurrogate.surrogates.stacked import built_for_each
 
+# beyond the first number of coefficients there may be no more than the second for each row of runs:
+# the time of a fit grows with the square of their number, 8 CPU seconds for 496
+_MANY_COEFFICIENTS, _MOST_A_ROW = 1000, 10
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -220,6 +224,8 @@ def make_problem(
             f"{type(surrogate).__name__} is trained on runs, but simulation is a Simulator that "
             "has not been run: pass simulator.run(100), or surrogate=ExactSurrogate()."
         )
+    if runs is not None:
+        _check_size(basis, runs.n_rows)
     plain = MeasuredModel(
         columns,
         n_inputs,
@@ -368,3 +374,13 @@ def _callable(
     if simulation is None or simulation.simulator is None:
         return None
     return TransformedSimulation(simulation.simulator, likelihood)
+
+
+def _check_size(basis: Basis, n_rows: int) -> None:
+    """Raise ValueError for far more coefficients than rows of runs, before a fit that hangs."""
+    n = len(basis.coefficient_mean)
+    if n > max(_MANY_COEFFICIENTS, _MOST_A_ROW * n_rows):
+        raise ValueError(
+            f"The surrogate has {n} coefficients, more than {_MOST_A_ROW} for each of the {n_rows} "
+            "rows of the runs: choose a lower degree, sparse=True, or Kriging()."
+        )

@@ -64,9 +64,11 @@ def without_gaps(
     Examples
     --------
     >>> import warnings
-    >>> with warnings.catch_warnings(record=True):
-    ...     without_gaps([[1.0], [2.0], [3.0]], [4.0, None, 6.0])[1]
-    array([4., 6.])
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     X, y, _ = without_gaps([[1.0], [2.0], [3.0]], [4.0, None, 6.0])
+    >>> y, str(caught[0].message)[:35]
+    (array([4., 6.]), '1 of 3 rows have no measurement (y ')
     """
     X, y = as_table(X), None if y is None else as_table(y, word)
     there = has_measurement(y)

@@ -196,6 +196,8 @@ def as_outputs(y: ArrayLike, word: str = "y", gaps: bool = False) -> FloatArray:
     ``gaps=True``: or NaN, for what was not measured.
     """
     values = column_or_1d(as_numbers(y, word))
+    if gaps and len(values) and np.isnan(values).all():
+        raise ValueError(f"Input {word} contains NaN alone: no row has a measurement.")
     if not (np.isfinite(values) | (gaps & np.isnan(values))).all():
         what = "NaN" if not gaps and np.isnan(values).any() else "infinity"
         rows = np.flatnonzero(~np.isfinite(values))

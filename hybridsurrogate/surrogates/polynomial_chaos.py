@@ -21,9 +21,6 @@ from hybridsurrogate.surrogates.domain import Domain
 _DEFAULT_RELATIVE_SD = 5.0
 # a fit holds several matrices of terms x terms: of 10,000 terms each has 0.8 GB
 _MOST_TERMS = 10_000
-# the time of a fit grows with the square of the terms, 8 CPU seconds for 496: beyond the first number
-# there may be no more than the second for each row
-_MANY_TERMS, _MOST_A_ROW = 1000, 10
 # of the powers of a sparse expansion: products of many inputs need a low degree in each
 _NORM = 0.75
 
@@ -78,12 +75,6 @@ class PolynomialChaos(Surrogate):
                 f"PolynomialChaos(degree={self.degree}) has {n_terms:.3g} terms in {len(ranges)} "
                 f"dimensions, more than the {_MOST_TERMS} for which there is memory: choose a "
                 "lower degree, sparse=True, or Kriging()."
-            )
-        if not self.sparse and n_terms > max(_MANY_TERMS, _MOST_A_ROW * len(domain.X)):
-            raise ValueError(
-                f"PolynomialChaos(degree={self.degree}) has {n_terms} terms, more than "
-                f"{_MOST_A_ROW} for each of the {len(domain.X)} rows that train it: choose a lower "
-                "degree, sparse=True, or Kriging()."
             )
         powers = multi_indices(len(ranges), int(self.degree))
         if self.sparse:
