@@ -158,9 +158,7 @@ def _parser() -> argparse.ArgumentParser:
     own.add_argument(
         "--simulation", required=True, help="csv, Parquet or NetCDF file of simulation runs"
     )
-    own.add_argument(
-        "--inputs", nargs="+", required=True, help="columns known for both: numbers, or dates"
-    )
+    own.add_argument("--inputs", nargs="+", required=True, help="known for both: numbers, dates")
     own.add_argument("--parameters", nargs="*", default=[], help="columns known for runs only")
     own.add_argument("--output", nargs="+", required=True, help="column of the output, or several")
     own.add_argument(
