@@ -143,7 +143,8 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         given = [word.partition("=")[0] for word in self.given]
         strange = [w for w in given if w not in self.words and (w in message or w[:2] == "--")]
-        super().error(message + "".join(did_you_mean(word, self.words) for word in strange))
+        meant = "".join(did_you_mean(word, self.words) for word in strange)
+        super().error(f"{message.rstrip('.')}.{meant}" if meant else message)
 
 
 def _parser() -> argparse.ArgumentParser:
