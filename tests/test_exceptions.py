@@ -74,7 +74,6 @@ CALLS = {
     "column of experiments": (lambda: model(experiment="wnid").fit(X, Y), "wind"),
     "likelihood": (lambda: model(likelihood="student_t").fit(X, Y), "student-t"),
     "sampler": (lambda: model(sampler="emce").fit(X, Y), "emcee"),
-    "design": (lambda: SIMULATOR.run(8, design="sobo"), "sobol"),
 }
 
 

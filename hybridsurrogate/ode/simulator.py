@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.ode.checks import accepted_names
 from hybridsurrogate.ode.function import OdeFunction
 from hybridsurrogate.ode.steps import warn_if_too_long, with_step
@@ -133,10 +132,7 @@ class OdeSimulator(Simulator):
         if not states or len(set(states)) < len(states):
             raise ValueError(f"states must be the different names of the states, got {states!r}.")
         if method not in _METHODS:
-            raise ValueError(
-                f"method must be one of {', '.join(_METHODS)}, got {method!r}."
-                f"{did_you_mean(method, _METHODS)}"
-            )
+            raise ValueError(f"method must be one of {', '.join(_METHODS)}, got {method!r}.")
         if max_step is not None and not 0 < max_step < np.inf:
             raise ValueError(f"max_step must be positive, got {max_step!r}.")
         time, *others = check_ranges(inputs)

@@ -128,10 +128,7 @@ class Simulator:
         returns: str = "values",
     ) -> None:
         if returns not in _RETURNS:
-            raise ValueError(
-                f"returns must be one of {', '.join(_RETURNS)}, got {returns!r}."
-                f"{did_you_mean(returns, _RETURNS)}"
-            )
+            raise ValueError(f"returns must be one of {', '.join(_RETURNS)}, got {returns!r}.")
         fields = named_fields(tuple(inputs), parameters, assumed)
         priors = priors_of(fields["parameters"], fields["assumed"])
         outputs = output_names(output)

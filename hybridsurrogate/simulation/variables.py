@@ -97,7 +97,16 @@ def prior_names(parameters: Mapping[str, Prior | None] | Sequence[str] | None) -
     """
     if isinstance(parameters, Mapping):
         return dict(parameters)
-    return dict.fromkeys([parameters] if isinstance(parameters, str) else parameters or ())
+    names = [parameters] if isinstance(parameters, str) else parameters
+    if names is not None and not (isinstance(names, list | tuple) and _are_text(names)):
+        raise TypeError(
+            f"parameters must be a dict of name to prior, or a list of names, got {parameters!r}."
+        )
+    return dict.fromkeys(names or ())
+
+
+def _are_text(values: Sequence[object]) -> bool:
+    return all(isinstance(value, str) for value in values)
 
 
 def with_uniform_priors(

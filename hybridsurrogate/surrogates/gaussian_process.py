@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from scipy import stats
 from sklearn.utils import check_scalar
 
-from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import FloatArray, Prior, check_prior
 from hybridsurrogate.surrogates.base import Surrogate, register
 from hybridsurrogate.surrogates.basis import Basis, Factors
@@ -93,10 +92,7 @@ class GaussianProcess(Surrogate):
     def build(self, domain: Domain) -> Basis:
         """Return the basis on a domain."""
         if self.kernel not in KERNELS:
-            raise ValueError(
-                f"kernel must be one of {KERNELS}, got {self.kernel!r}."
-                f"{did_you_mean(self.kernel, KERNELS)}"
-            )
+            raise ValueError(f"kernel must be one of {KERNELS}, got {self.kernel!r}.")
         names = (*domain.input_names, *domain.parameter_names)
         degree = self.degree
         if degree is None:
