@@ -15,7 +15,7 @@ class FailedRunsWarning(HybridSurrogateWarning):
 
 
 class MissingMeasurementWarning(HybridSurrogateWarning):
-    """Rows in which nothing was measured were left out."""
+    """Rows without a measurement of the output were left out."""
 
 
 class ExtrapolationWarning(HybridSurrogateWarning):

@@ -235,7 +235,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             May carry columns that the simulation ignores: by name (DataFrame) or after its inputs
             (array). They are weighed as missing inputs, and what may happen along them.
         y : array-like of shape (n,), or (n, n_outputs) of a simulation of several outputs
-            With NaN for what was not measured: rows without any measurement are left out, with a
+            With NaN for what was not measured: of one output such rows are left out, with a
             warning.
 
         Returns

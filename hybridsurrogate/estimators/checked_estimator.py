@@ -170,7 +170,8 @@ class CheckedEstimator(BaseEstimator):
         # scikit-learn stores names where it finds them; ``fit`` stores nothing before its end
         seen = copy.copy(self)
         check_outcomes(y, likelihood)
-        X, y, sample_weight = without_gaps(X, y, sample_weight)
+        if len(self._output_names(y)) == 1:
+            X, y, sample_weight = without_gaps(X, y, sample_weight)
         X = complete_table(X, labels=self.experiment)
         tables = [X, *self._further_tables()]
         experiments = experiments_of(tables, self.experiment, self.by_experiment)

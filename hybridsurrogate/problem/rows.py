@@ -35,7 +35,9 @@ class MeasuredRows(NamedTuple):
 def without_gaps(
     X: Any, y: Any, sample_weight: ArrayLike | None = None, word: str = "y"
 ) -> tuple[Any, Any, Any]:
-    """Return tables and weights without the rows in which nothing was measured.
+    """Return tables and weights without the rows in which one output was not measured.
+
+    Of several outputs all rows stay, where any may be missing.
 
     Parameters
     ----------
@@ -72,7 +74,7 @@ def without_gaps(
     """
     X, y = as_table(X), None if y is None else as_table(y, word)
     there = has_measurement(y)
-    if there.all() or np.shape(X)[:1] != np.shape(y)[:1]:
+    if np.shape(y)[1:] not in ((), (1,)) or there.all() or np.shape(X)[:1] != np.shape(y)[:1]:
         return X, y, sample_weight
     if not there.any():
         raise ValueError(f"Input {word} contains NaN alone: no row has a measurement.")

@@ -1,4 +1,4 @@
-"""Rows in which nothing was measured: they are left out, with a warning of how many."""
+"""Rows without a measurement of one output: they are left out, with a warning of how many."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import warnings
 import numpy as np
 import pandas as pd
 import pytest
-from conftest import fall
 from sklearn.model_selection import GridSearchCV
 
 import hybridsurrogate as hs
@@ -126,23 +125,6 @@ def test_nothing_measured_is_refused(simulation, fitted, gaps):
             call()
     with pytest.raises(ValueError, match="Input y contains infinity"):
         hs.PowerScaledSurrogate(simulation).fit(X, np.where(np.isnan(y), np.inf, y))
-
-
-def test_rows_without_any_of_several_outputs_are_said_to_be_left_out():
-    both = hs.Simulator(
-        lambda t, gravity: (fall(t, gravity), gravity * t),
-        {"t": (0, 4)},
-        {"gravity": hs.truncated_normal(9.8, 1, 5, 15)},
-        output=("height", "speed"),
-    )
-    t = np.linspace(0.1, 3.9, 12)
-    Y = np.column_stack([fall(t, 9.3), 9.3 * t]) + np.random.default_rng(0).normal(0, 1, (12, 2))
-    Y[2, 0] = Y[5, 1] = np.nan
-    Y[7] = np.nan
-    model = hs.PowerScaledSurrogate(both, surrogate=hs.ExactSurrogate(), n_draws=100)
-    with pytest.warns(hs.MissingMeasurementWarning, match=r"^1 of 12 rows .*the first is row 8"):
-        model.fit(t[:, None], Y)
-    assert len(model.measured_[1]) == 11
 
 
 def test_a_diagnosis_with_gaps_is_that_without_their_rows(simulator, gaps):
