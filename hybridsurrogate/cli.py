@@ -10,7 +10,7 @@ import sys
 import warnings
 from collections.abc import Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 import pandas as pd
@@ -22,13 +22,15 @@ from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
 from hybridsurrogate.diagnosis.report.report import Report, ending_of
 from hybridsurrogate.diagnosis.validation.progress import doing
 from hybridsurrogate.estimators import PowerScaledSurrogate
-from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning
+from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning, did_you_mean
 from hybridsurrogate.likelihoods import LIKELIHOODS
 from hybridsurrogate.priors import Prior, truncated_normal
-from hybridsurrogate.simulation.files.measured_table import numbers_of, with_levels
+from hybridsurrogate.problem.rows import without_gaps
+from hybridsurrogate.simulation.curve_tables import long_table
+from hybridsurrogate.simulation.files.measured_table import numbers_of, with_days, with_levels
 from hybridsurrogate.simulation.files.table_file import RUN, read_table
 from hybridsurrogate.simulation.ranges import check_support
-from hybridsurrogate.simulation.simulator import SimulationData, read_simulation
+from hybridsurrogate.simulation.simulator import SimulationData
 from hybridsurrogate.surrogates import ExactSurrogate, Kriging, PolynomialChaos, Surrogate
 from hybridsurrogate.whole_file import check_writable, written_whole
 
@@ -122,10 +124,31 @@ def _add_experiments(command: argparse.ArgumentParser) -> None:
     )
 
 
+class _Parser(argparse.ArgumentParser):
+    """Asks, of a misspelt word, whether another one was meant."""
+
+    def __init__(self, **settings: Any) -> None:
+        self.words: list[str] = []
+        self.given: list[str] = []
+        super().__init__(**settings)
+
+    def add_argument(self, *names: str, **settings: Any) -> argparse.Action:
+        self.words += [*names, *settings.get("choices", ())]
+        return super().add_argument(*names, **settings)
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        self.given = list(sys.argv[1:] if args is None else args)
+        return super().parse_known_args(args, namespace)
+
+    def error(self, message: str) -> NoReturn:
+        given = [word.partition("=")[0] for word in self.given]
+        strange = [w for w in given if w not in self.words and (w in message or w[:2] == "--")]
+        meant = "".join(did_you_mean(word, self.words) for word in strange)
+        super().error(f"{message.rstrip('.')}.{meant}" if meant else message)
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="hybridsurrogate", description="Find out what a simulation gets wrong."
-    )
+    parser = _Parser(prog="hybridsurrogate", description="Find out what a simulation gets wrong.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     demo = commands.add_parser("demo", help="diagnose a simulation on data inside the package")
     demo.add_argument("name", nargs="?", default="co2", choices=DEMOS, help="which one (co2)")
@@ -136,7 +159,7 @@ def _parser() -> argparse.ArgumentParser:
     own.add_argument(
         "--simulation", required=True, help="csv, Parquet or NetCDF file of simulation runs"
     )
-    own.add_argument("--inputs", nargs="+", required=True, help="columns known for both")
+    own.add_argument("--inputs", nargs="+", required=True, help="known for both: numbers, dates")
     own.add_argument("--parameters", nargs="*", default=[], help="columns known for runs only")
     own.add_argument("--output", nargs="+", required=True, help="column of the output, or several")
     own.add_argument(
@@ -144,7 +167,7 @@ def _parser() -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar="NAME=MEAN,SD",
-        help="normal prior of a parameter, cut off at the range of the runs; else uniform",
+        help="normal prior of a parameter, cut off at the range of the runs; else uniform there",
     )
     _add_experiments(own)
     own.add_argument(
@@ -182,6 +205,7 @@ def _parser() -> argparse.ArgumentParser:
         command.add_argument("--report", default="report.html", help="file to write (report.html)")
         command.add_argument("--json", metavar="FILE", help="also write the numbers, for machines")
         command.add_argument("--seed", type=int, default=0, help="random seed (0)")
+    parser.words += ["demo", "diagnose", *demo.words, *own.words]
     return parser
 
 
@@ -202,32 +226,20 @@ def _demo(given: argparse.Namespace) -> int:
 
 def _diagnose(given: argparse.Namespace) -> int:
     _check_files(given)
-    runs, measured = read_table(given.simulation), _measured(given.measured)
-    _check_columns(measured, (*given.inputs, *given.output), given.measured)
+    runs = long_table(read_table(given.simulation), given.inputs, given.output)
+    measured = _measured(given.measured, (*given.inputs, *given.output), given.output)
     n = len(measured)
     if given.new:
-        later = _measured(given.new)
-        _check_columns(later, measured.columns, given.new)
+        later = _measured(given.new, measured.columns, given.output)
         # names mean the same level in both
         measured = pd.concat([measured, later[measured.columns]], ignore_index=True)
-    for name in dict.fromkeys([*given.inputs, *given.output, *measured.select_dtypes("number")]):
-        column = measured[name]
-        if name in given.output and len(given.output) > 1:
-            # of several outputs some may be missing
-            measured.loc[column.notna(), name] = numbers_of(column.dropna(), given.measured)
-            measured[name] = measured[name].astype(float)
-        else:
-            measured[name] = numbers_of(column, given.measured)
-    for name in (*given.inputs, *given.parameters):
-        if name in runs:
-            numbers_of(runs[name], given.simulation)
-    for name in given.output:
-        if name in runs:
-            # a run without a number has failed, and is dropped with a warning
-            numbers_of(runs[name].dropna(), given.simulation, finite=False)
+    runs, measured = with_days(runs, measured, given.inputs, (given.simulation, given.measured))
+    _make_numbers(given, runs, measured)
     priors = _priors(given, runs)
     _warn_of_unnamed(runs, {*given.inputs, *given.parameters, *given.output})
-    simulation = read_simulation(given.simulation, given.inputs, priors, given.output)
+    simulation = SimulationData.from_frame(runs, given.inputs, priors, given.output)
+    if given.degree is not None:
+        _check_degree(given.degree, simulation)
     model = PowerScaledSurrogate(
         simulation,
         surrogate=_surrogate(given.degree, simulation, n),
@@ -246,15 +258,37 @@ def _diagnose(given: argparse.Namespace) -> int:
     return _finish(model, X[:n], y[:n], None, later, given)
 
 
-def _measured(path: str) -> pd.DataFrame:
-    # a comma at the end of each line makes a column without a cell
-    return read_table(path).dropna(axis="columns", how="all")
+def _make_numbers(given: argparse.Namespace, runs: pd.DataFrame, measured: pd.DataFrame) -> None:
+    """Turn measured columns into numbers, in place; raise ValueError where one of them is none."""
+    for name in dict.fromkeys([*given.inputs, *given.output, *measured.select_dtypes("number")]):
+        column = measured[name]
+        if name in given.output:
+            # of several some may be missing
+            measured.loc[column.notna(), name] = numbers_of(column.dropna(), given.measured)
+            measured[name] = measured[name].astype(float)
+        else:
+            measured[name] = numbers_of(column, given.measured)
+    for name in (*given.inputs, *given.parameters):
+        if name in runs:
+            numbers_of(runs[name], given.simulation)
+    for name in given.output:
+        if name in runs:
+            # a run without a number has failed, and is dropped with a warning
+            numbers_of(runs[name].dropna(), given.simulation, finite=False)
 
 
-def _check_columns(table: pd.DataFrame, names: Sequence[str], path: str) -> None:
+def _measured(path: str, names: Sequence[str], outputs: list[str]) -> pd.DataFrame:
+    """Return measured rows that have the named columns, and any of the outputs."""
+    table = read_table(path)
     missing = [name for name in names if name not in table]
     if missing:
-        raise ValueError(f"{path} has no columns {missing}; its columns are {list(table)}.")
+        raise ValueError(
+            f"{path} has no columns {missing}; its columns are {list(table)}."
+            f"{did_you_mean(missing, table)}"
+        )
+    table, *_ = without_gaps(table, table[outputs], word=", ".join(outputs))
+    # a comma at the end of each line makes a column without a cell
+    return table.dropna(axis="columns", how="all")
 
 
 def _differing(text: str) -> tuple[str, str]:
@@ -286,6 +320,21 @@ def _surrogate(degree: int | None, simulation: SimulationData, n_rows: int) -> S
     return PolynomialChaos(_degree(simulation) if degree is None else degree)
 
 
+def _check_degree(degree: int, simulation: SimulationData) -> None:
+    """Raise ValueError for more terms than rows of the runs: a fit takes the cube of their number.
+
+    What no row determines is the prior's alone.
+    """
+    n, d = len(simulation.y), simulation.X.shape[1] + simulation.omega.shape[1]
+    terms = math.comb(d + max(degree, 0), d)
+    if terms > n:
+        most = next(k for k in range(degree) if math.comb(d + k + 1, d) > n)
+        raise ValueError(
+            f"--degree {degree} has {terms if terms < 1e6 else f'{terms:.3g}'} terms, more than "
+            f"the {n} rows of the runs determine: take at most --degree {most}, or leave it out."
+        )
+
+
 def _degree(simulation: SimulationData) -> int:
     """Return the largest degree that leaves two runs for each term."""
     n_runs, d = len(simulation.y), simulation.X.shape[1] + simulation.omega.shape[1]
@@ -293,18 +342,23 @@ def _degree(simulation: SimulationData) -> int:
     return max(fitting, default=1)
 
 
-def _priors(given: argparse.Namespace, runs: pd.DataFrame) -> dict[str, Prior]:
+def _priors(given: argparse.Namespace, runs: pd.DataFrame) -> dict[str, Prior | None]:
     missing = [name for name in given.parameters if name not in runs]
     if missing:
-        raise ValueError(f"{given.simulation} has no columns {missing}; it has {list(runs)}.")
+        raise ValueError(
+            f"{given.simulation} has no columns {missing}; it has {list(runs)}."
+            f"{did_you_mean(missing, runs)}"
+        )
     ends = {name: (float(runs[name].min()), float(runs[name].max())) for name in given.parameters}
-    priors: dict[str, Prior] = {
-        name: stats.uniform(low, high - low) for name, (low, high) in ends.items() if low < high
+    priors: dict[str, Prior | None] = {
+        name: None for name, (low, high) in ends.items() if low < high
     }
     for text in given.prior:
         name, _, numbers = text.partition("=")
         if name not in ends:
-            raise ValueError(f"--prior {text}: {name!r} is not one of --parameters.")
+            raise ValueError(
+                f"--prior {text}: {name!r} is not one of --parameters.{did_you_mean(name, ends)}"
+            )
         try:
             mean, sd = map(float, numbers.split(","))
         except ValueError:

@@ -1,4 +1,9 @@
-"""Warnings that this package raises about doubtful results and inputs."""
+"""Warnings about doubtful results and inputs, and what an error says of a misspelt name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
 
 
 class HybridSurrogateWarning(UserWarning):
@@ -7,6 +12,10 @@ class HybridSurrogateWarning(UserWarning):
 
 class FailedRunsWarning(HybridSurrogateWarning):
     """Some simulation runs failed and were dropped."""
+
+
+class MissingMeasurementWarning(HybridSurrogateWarning):
+    """Rows without a measurement of the output were left out."""
 
 
 class ExtrapolationWarning(HybridSurrogateWarning):
@@ -31,3 +40,31 @@ class DiagnosisWarning(HybridSurrogateWarning):
 
 class ConfoundingWarning(DiagnosisWarning):
     """The data cannot tell a cause from a parameter of the simulation."""
+
+
+def did_you_mean(name: object, known: Iterable[object]) -> str:
+    """Return a question, with a space before it, that gives the known name most like another one.
+
+    Nothing where none is alike. Errors about names end with it.
+
+    Parameters
+    ----------
+    name : object
+        The name that is not known; of several, in a list, each has its question.
+    known : iterable of object
+
+    Examples
+    --------
+    >>> did_you_mean("delya", ["delay", "drift"])
+    " Did you mean 'delay'?"
+    >>> did_you_mean("moon", ["co2", "nile"])
+    ''
+    """
+    by_fold = {str(one).casefold(): str(one) for one in known}
+    names = name if isinstance(name, list | tuple | set) else [name]
+    text = ""
+    for one in map(str, names):
+        for near in get_close_matches(one.casefold(), by_fold, n=1):
+            instead = f" instead of {one!r}" if len(names) > 1 else ""
+            text += f" Did you mean {by_fold[near]!r}{instead}?"
+    return text

@@ -10,6 +10,7 @@ import numpy as np
 from sklearn.utils import check_scalar
 
 from hybridsurrogate.arguments.description import described
+from hybridsurrogate.exceptions import did_you_mean
 
 
 def check_number(value: Any, name: str, kind: Any = numbers.Real, **limits: Any) -> None:
@@ -77,10 +78,13 @@ def check_choice(value: Any, name: str, choices: Sequence[str]) -> str:
     >>> check_choice("curves", "returns", ("values", "curve"))
     Traceback (most recent call last):
     ...
-    ValueError: returns must be one of values, curve, got 'curves' (str).
+    ValueError: returns must be one of values, curve, got 'curves' (str). Did you mean 'curve'?
     """
     if not isinstance(value, str) or value not in choices:
-        raise ValueError(f"{name} must be one of {', '.join(choices)}, got {described(value)}.")
+        meant = did_you_mean(value, choices) if isinstance(value, str) else ""
+        raise ValueError(
+            f"{name} must be one of {', '.join(choices)}, got {described(value)}.{meant}"
+        )
     return value
 
 

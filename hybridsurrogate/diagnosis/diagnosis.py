@@ -69,9 +69,11 @@ from hybridsurrogate.estimators.averaged import leading
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import ConfoundingWarning, DiagnosisWarning
 from hybridsurrogate.inference.prior_ends import AtPriorEnd, at_prior_ends
+from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.simulation.arrays import as_table, complete_table
+from hybridsurrogate.problem.rows import check_outcomes, without_gaps
+from hybridsurrogate.simulation.arrays import complete_table
 from hybridsurrogate.threads import one_blas_thread
 
 
@@ -245,7 +247,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             May carry columns that the simulation ignores: by name (DataFrame) or after its inputs
             (array). They are weighed as missing inputs, and what may happen along them.
         y : array-like of shape (n,), or (n, n_outputs) of a simulation of several outputs
-            With NaN for what was not measured.
+            With NaN for what was not measured: of one output such rows are left out, with a
+            warning.
 
         Returns
         -------
@@ -253,7 +256,9 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         """
         check_settings(self)
         labels = getattr(self.estimator, "experiment", None)
-        X, y = complete_table(X, labels=labels), None if y is None else as_table(y, "y")
+        check_outcomes(y, as_likelihood(getattr(self.estimator, "likelihood", "normal")))
+        X, y, _ = without_gaps(X, y)
+        X = complete_table(X, labels=labels)
         self._forget()
         random = check_random_state(self.random_state)
         self.estimator_ = clone(self.estimator).fit(X, y)

@@ -26,6 +26,7 @@ from hybridsurrogate.diagnosis.search.evidence import Search
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans, scan_beta, scan_folds
 from hybridsurrogate.diagnosis.validation.gain import Gain, gain_from, pointwise
 from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.problem.rows import without_gaps
 from hybridsurrogate.simulation.arrays import complete_table
 
 # names of earlier versions, and what stands in their place
@@ -189,8 +190,10 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         False
         """
         check_is_fitted(self)
-        y, labels = self.measured_outputs(y), self.estimator_.experiment
-        X = complete_table(X, labels=labels)
+        labels = self.estimator_.experiment
+        if len(self.estimator_.simulation.outputs) == 1:
+            X, y, _ = without_gaps(X, y)
+        X, y = complete_table(X, labels=labels), self.measured_outputs(y)
         check_consistent_length(X, y)
         self.extended_estimator_.checked_rows(X)
         known_X, known_y = complete_table(self._rows[0], labels=labels), self._rows[1]
@@ -251,6 +254,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         rows, values = self._rows if X is None or y is None else (X, y)
         grid = np.linspace(0, 1, 11) if betas is None else np.unique(np.asarray(betas, dtype=float))
         labels = self.estimator_.experiment
+        rows, values, _ = without_gaps(rows, values)
         rows, values = complete_table(rows, labels=labels), self.measured_outputs(values, "y")
         folds = scan_folds(values)
         return scan_beta(

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation.calendar import is_of_calendar
 
@@ -143,7 +144,7 @@ class Context:
         if quantity not in priors:
             raise ValueError(
                 f"The simulation has no input or parameter {quantity!r}; there are "
-                f"{[*self.inputs, *priors]}."
+                f"{[*self.inputs, *priors]}.{did_you_mean(quantity, [*self.inputs, *priors])}"
             )
         # a heavy tail may have no standard deviation
         low, high = priors[quantity].ppf([0.16, 0.84])
@@ -213,6 +214,7 @@ class Context:
         if name not in self.X:
             raise ValueError(
                 f"There is no measured column {name!r}; the columns are {list(self.X)}."
+                f"{did_you_mean(name, self.X)}"
             )
         return np.asarray(self.X[name])
 

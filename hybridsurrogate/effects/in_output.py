@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import Prior
 from hybridsurrogate.simulation.outputs import OUTPUT
 
@@ -60,6 +61,7 @@ class InOutput(Cause):
             raise ValueError(
                 f"There is no output {self.output!r} for the cause {self.cause.name!r}; there are "
                 f"{', '.join(context.outputs) or 'none but one'}."
+                f"{did_you_mean(self.output, context.outputs)}"
             )
         if self.cause.moves_inputs:
             raise ValueError(

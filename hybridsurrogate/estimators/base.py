@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import RegressorMixin
-from sklearn.utils import check_random_state
+from sklearn.utils import _safe_indexing, check_random_state
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
 from hybridsurrogate.arguments.scalars import check_flag, check_number
@@ -31,8 +31,8 @@ from hybridsurrogate.prediction.mixture import (
     warn_of_carried,
 )
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.problem.rows import check_weights
-from hybridsurrogate.simulation.arrays import as_numbers, check_size
+from hybridsurrogate.problem.rows import check_weights, has_measurement
+from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_size
 
 
 class SurrogateEstimator(RegressorMixin, CheckedEstimator):
@@ -145,9 +145,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
             check_number(level, "levels", Real, min_val=0, max_val=1, include_boundaries="neither")
         check_consistent_length(X, y)
         X, y = self.checked_rows(X), self.measured_outputs(y)
-        if self.stacking_ is None:
-            return inside_intervals(self._mixture, X, y, levels)
-        values = self.stacking_.values(y)
+        values = y if self.stacking_ is None else self.stacking_.values(y)
         there = np.isfinite(values)
         inside = inside_intervals(self._mixture, X[there], values[there], levels)
         return [_spread_out(one, there).reshape(y.shape) for one in inside]
@@ -201,26 +199,37 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         Returns
         -------
         ndarray of shape (n,), or (n, k) of several outputs
-            NaN where one of several was not measured. Minus infinity where a row is impossible:
-            where the simulation has no finite output for any draw, the likelihood has no density,
-            or y is further from all draws than a double can hold.
+            NaN where none was measured. Minus infinity where a row is impossible: where the
+            simulation has no finite output for any draw, the likelihood has no density, or y is
+            further from all draws than a double can hold.
 
         Raises
         ------
         ValueError
-            For NaN or infinity in X, and in y of one output.
+            For NaN or infinity in X.
         """
         check_is_fitted(self)
+        if self.stacking_ is None:
+            return self._log_density_with_gaps(self._in_order(X), as_table(y, "y"))
         rows, output = self._checked(self, self._in_order(X), y, reset=False)
         check_size(output, "y")
         rows = self._known_columns(rows)
-        if self.stacking_ is None:
-            return self._log_density(rows, output)
         long, values = self.stacking_.rows(rows), self.stacking_.values(output)
         there = np.isfinite(values)
         told = self._log_density(long[there], values[there])
         told = told - self.stacking_.log_scale(long[there])
         return _spread_out(told, there).reshape(output.shape)
+
+    def _log_density_with_gaps(self, X: Any, y: Any) -> FloatArray:
+        """Return the log predictive density of rows of one output, NaN where y is, (n,)."""
+        there = has_measurement(y)
+        if there.any() and np.shape(X)[:1] == there.shape:
+            X, y = (_safe_indexing(table, np.flatnonzero(there)) for table in (X, y))
+        elif len(there) and not there.any():
+            raise ValueError("Input y contains NaN alone: no row has a measurement.")
+        rows, output = self._checked(self, X, y, reset=False)
+        check_size(output, "y")
+        return _spread_out(self._log_density(self._known_columns(rows), output), there)
 
     def _log_density(self, rows: FloatArray, output: FloatArray) -> FloatArray:
         """Return the log predictive density of checked rows with one output each, (n,)."""
@@ -235,9 +244,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         )
 
     def score(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
-        """Return the expected log predictive density: its mean over the rows.
-
-        Of several outputs over all that was measured.
+        """Return the expected log predictive density: its mean over all that was measured.
 
         Parameters
         ----------

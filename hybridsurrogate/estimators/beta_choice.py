@@ -15,8 +15,9 @@ from sklearn.utils import _safe_indexing
 from hybridsurrogate.arguments.description import described
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.beta_path import beta_path, check_model
+from hybridsurrogate.problem.rows import without_gaps
 from hybridsurrogate.problem.stacking import as_several
-from hybridsurrogate.simulation.arrays import as_numbers, as_outputs, as_table, complete_table
+from hybridsurrogate.simulation.arrays import as_numbers, as_outputs, complete_table
 
 LEAVE_FUTURE_OUT = "leave-future-out"
 _FUTURE_SPLITS = 5
@@ -90,9 +91,10 @@ def choose_beta(
     """
     check_model(model)
     grid = np.linspace(0, 1, 21) if betas is None else np.atleast_1d(as_numbers(betas, "betas"))
-    X, table = complete_table(X, labels=model.experiment), as_table(y, "y")
+    X, table, _ = without_gaps(X, y)
+    X = complete_table(X, labels=model.experiment)
     names = model._output_names(table)
-    outputs = as_outputs(y) if len(names) == 1 else as_several(table, names)
+    outputs = as_outputs(table) if len(names) == 1 else as_several(table, names)
     if isinstance(cv, str):
         if cv != LEAVE_FUTURE_OUT:
             raise ValueError(f"cv must be as in scikit-learn or {LEAVE_FUTURE_OUT!r}, got {cv!r}.")

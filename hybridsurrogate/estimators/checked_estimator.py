@@ -15,6 +15,7 @@ from sklearn.utils import check_scalar
 from sklearn.utils.validation import check_consistent_length, check_is_fitted, validate_data
 
 from hybridsurrogate.arguments.functions import state_to_pickle
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood, as_likelihood
 from hybridsurrogate.priors import FloatArray, check_prior
@@ -31,7 +32,13 @@ from hybridsurrogate.problem.experiments import (
     check_experiments,
     experiments_of,
 )
-from hybridsurrogate.problem.rows import MeasuredRows, check_weights, merged_rows
+from hybridsurrogate.problem.rows import (
+    MeasuredRows,
+    check_outcomes,
+    check_weights,
+    merged_rows,
+    without_gaps,
+)
 from hybridsurrogate.problem.stacking import Stacking, as_several, stacking_of
 from hybridsurrogate.simulation.arrays import (
     as_numbers,
@@ -127,6 +134,7 @@ class CheckedEstimator(BaseEstimator):
         elif self.sampler not in SAMPLERS:
             raise ValueError(
                 f"sampler must be one of {SAMPLERS} or an EnsembleSampler, got {self.sampler!r}."
+                f"{did_you_mean(self.sampler, SAMPLERS)}"
             )
         if self.noise_prior is not None:
             check_prior(self.noise_prior, "noise_prior")
@@ -166,6 +174,9 @@ class CheckedEstimator(BaseEstimator):
     ) -> CheckedData:
         # scikit-learn stores names where it finds them; ``fit`` stores nothing before its end
         seen = copy.copy(self)
+        check_outcomes(y, likelihood)
+        if len(self._output_names(y)) == 1:
+            X, y, sample_weight = without_gaps(X, y, sample_weight)
         X = complete_table(X, labels=self.experiment)
         tables = [X, *self._further_tables()]
         experiments = experiments_of(tables, self.experiment, self.by_experiment)
@@ -301,7 +312,7 @@ class CheckedEstimator(BaseEstimator):
         Parameters
         ----------
         y : array-like of shape (n,), or (n, k) of several outputs
-            With NaN for what was not measured; columns of a DataFrame go by name.
+            With NaN for what was not measured; columns of several go by name in a DataFrame.
         word : str, default="y"
             What to call it in an error.
 
@@ -311,7 +322,7 @@ class CheckedEstimator(BaseEstimator):
         """
         check_is_fitted(self)
         if self.stacking_ is None:
-            return as_outputs(y, word)
+            return as_outputs(y, word, gaps=True)
         return as_several(as_table(y, word), self.stacking_.names, word)
 
     def _known_columns(self, rows: FloatArray) -> FloatArray:

@@ -15,6 +15,7 @@ from hybridsurrogate.arguments.description import described
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.checked_estimator import CheckedData
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.priors import FloatArray, Prior
@@ -25,11 +26,10 @@ from hybridsurrogate.problem.columns import (
     warn_outside,
 )
 from hybridsurrogate.problem.problem import Problem, make_problem
-from hybridsurrogate.problem.rows import MeasuredRows, merged_rows
+from hybridsurrogate.problem.rows import MeasuredRows, merged_rows, without_gaps
 from hybridsurrogate.problem.stacking import as_several
 from hybridsurrogate.simulation.arrays import (
     as_numbers,
-    as_table,
     check_number,
     check_size,
     complete_table,
@@ -226,17 +226,18 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
         self, source: tuple[ArrayLike, ArrayLike], data: CheckedData
     ) -> tuple[FloatArray, FloatArray]:
         """Return a measured source with its columns in the order of those in ``fit``."""
-        X = complete_table(source[0], labels=self.experiment)
+        X, y, _ = without_gaps(*source)
+        X = complete_table(X, labels=self.experiment)
         if data.experiments is not None:
             X = data.experiments.numbered(X)
         # an array has the columns of the X in ``fit``
         order, names = data.order, column_names(X)
         columns = [name for name in data.rows.columns if name != OUTPUT]
         if data.stacking is None:
-            more, values = check_X_y(X, as_numbers(source[1], "y"), dtype=np.float64)
+            more, values = check_X_y(X, as_numbers(y, "y"), dtype=np.float64)
         else:
             more = check_array(X, dtype=np.float64)
-            values = as_several(as_table(source[1], "y"), data.stacking.names)
+            values = as_several(y, data.stacking.names)
             check_consistent_length(more, values)
         check_size(more, "X")
         check_size(values, "y")
@@ -249,7 +250,7 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
             if missing:
                 raise ValueError(
                     f"A measured source lacks the columns {missing} of the X in fit; its columns "
-                    f"are {names}."
+                    f"are {names}.{did_you_mean(missing, names)}"
                 )
             order = [names.index(name) for name in columns]
         elif names:

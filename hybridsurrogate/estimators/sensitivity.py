@@ -12,10 +12,9 @@ from numpy.typing import ArrayLike
 from scipy import stats
 from sklearn.utils.validation import check_is_fitted
 
-from hybridsurrogate.arguments.scalars import check_flag, random_generator
+from hybridsurrogate.arguments.scalars import check_flag, check_number, random_generator
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.simulation.arrays import check_number
 from hybridsurrogate.simulation.outputs import OUTPUT
 
 # scipy 1.15 renamed the argument

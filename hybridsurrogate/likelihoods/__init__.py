@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.likelihoods.base import LIKELIHOODS, Likelihood
 from hybridsurrogate.likelihoods.contaminated import Contaminated
 from hybridsurrogate.likelihoods.custom import CustomLikelihood
@@ -57,5 +58,5 @@ def as_likelihood(likelihood: str | Likelihood) -> Likelihood:
     except (KeyError, TypeError):
         raise ValueError(
             f"likelihood must be one of {sorted(LIKELIHOODS)} or a Likelihood object, "
-            f"got {likelihood!r}."
+            f"got {likelihood!r}.{did_you_mean(likelihood, LIKELIHOODS)}"
         ) from None

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import FloatArray
 
 
@@ -31,7 +32,7 @@ def accepted_names(
     if unknown:
         raise TypeError(
             f"{title} needs {', '.join(unknown)}, which is no input, parameter or assumed "
-            f"constant; these are {', '.join(names) or 'none'}."
+            f"constant; these are {', '.join(names) or 'none'}.{did_you_mean(unknown, names)}"
         )
     if any(a.kind == a.VAR_KEYWORD for a in arguments):
         return names

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.modification import Modification, Numbers
 
@@ -57,7 +58,10 @@ class TimeVaryingParameter(Modification):
 
     def __post_init__(self) -> None:
         if self.shape not in _SHAPES:
-            raise ValueError(f"shape must be one of {list(_SHAPES)}, got {self.shape!r}.")
+            raise ValueError(
+                f"shape must be one of {list(_SHAPES)}, got {self.shape!r}."
+                f"{did_you_mean(self.shape, _SHAPES)}"
+            )
 
     @property
     def label(self) -> str:
@@ -77,7 +81,10 @@ class TimeVaryingParameter(Modification):
     def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
         """Raise ValueError where the right-hand side does not take the parameter."""
         if self.parameter not in rates:
-            raise ValueError(f"rhs has no parameter {self.parameter!r}; it has {list(rates)}.")
+            raise ValueError(
+                f"rhs has no parameter {self.parameter!r}; it has {list(rates)}."
+                f"{did_you_mean(self.parameter, rates)}"
+            )
 
     def factors(self, t: FloatArray, numbers: Numbers, step: float) -> dict[str, FloatArray]:
         """Return the factor on the parameter."""
@@ -128,7 +135,10 @@ class MissingTerm(Modification):
 
     def __post_init__(self) -> None:
         if self.form not in FORMS:
-            raise ValueError(f"form must be one of {list(FORMS)}, got {self.form!r}.")
+            raise ValueError(
+                f"form must be one of {list(FORMS)}, got {self.form!r}."
+                f"{did_you_mean(self.form, FORMS)}"
+            )
         if (self.form == "product") != (self.other is not None):
             raise ValueError(
                 "A product needs the name of the other state, other forms have none: got "
@@ -246,7 +256,10 @@ class DelayedState(Modification):
 
 def _check_state(state: str, states: Sequence[str]) -> None:
     if state not in states:
-        raise ValueError(f"There is no state {state!r}; the states are {list(states)}.")
+        raise ValueError(
+            f"There is no state {state!r}; the states are {list(states)}."
+            f"{did_you_mean(state, states)}"
+        )
 
 
 def _course(name: str, t: FloatArray, center: float, numbers: Numbers, step: float) -> FloatArray:

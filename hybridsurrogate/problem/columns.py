@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from hybridsurrogate.exceptions import ExtrapolationWarning
+from hybridsurrogate.exceptions import ExtrapolationWarning, did_you_mean
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.calendar import MONTH
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
@@ -43,6 +43,7 @@ def matched_columns(
             raise ValueError(
                 f"The measured data lack the simulation's inputs {missing}; their columns are "
                 f"{names}. Rename the columns or pass an array with the inputs first."
+                f"{did_you_mean(missing, names)}"
             )
         extras = [name for name in names if name not in wanted]
         return (*wanted, *extras), [names.index(name) for name in (*wanted, *extras)]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.simulation.arrays import is_numeric
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 
@@ -87,10 +88,13 @@ def check_experiments(
         if name not in parameters:
             raise ValueError(
                 f"by_experiment: {name!r} is not a parameter of the simulation; these are: "
-                f"{list(parameters)}."
+                f"{list(parameters)}.{did_you_mean(name, parameters)}"
             )
         if how not in _WAYS:
-            raise ValueError(f"by_experiment[{name!r}] must be one of {_WAYS}, got {how!r}.")
+            raise ValueError(
+                f"by_experiment[{name!r}] must be one of {_WAYS}, got {how!r}."
+                f"{did_you_mean(how, _WAYS)}"
+            )
         if column is None:
             raise ValueError(
                 "by_experiment needs experiment, the name of the measured column that says which "
@@ -111,7 +115,7 @@ def check_column(
     if name not in columns:
         raise ValueError(
             f"experiment={name!r} is none of the measured columns {list(columns)}. An array has "
-            "columns x0, x1 and so on; a DataFrame has names."
+            f"columns x0, x1 and so on; a DataFrame has names.{did_you_mean(name, columns)}"
         )
     if experiments.by and len(np.unique(values[:, list(columns).index(name)])) < 2:
         raise ValueError(

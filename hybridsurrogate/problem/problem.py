@@ -10,6 +10,7 @@ from hybridsurrogate.blocks import LARGE_BLOCK, blocks
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.in_output import prepared_for
 from hybridsurrogate.effects.noise.output_noise import OutputNoise
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.inference.conjugate.sufficient_statistics import (
     Statistics,
@@ -38,6 +39,10 @@ from hybridsurrogate.surrogates.base import Surrogate
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.domain import Domain
 from hybridsurrogate.surrogates.stacked import built_for_each
+
+# beyond the first number of coefficients there may be no more than the second for each row of runs:
+# the time of a fit grows with the square of their number, 8 CPU seconds for 496
+_MANY_COEFFICIENTS, _MOST_A_ROW = 1000, 10
 
 
 @dataclass(frozen=True)
@@ -219,6 +224,8 @@ def make_problem(
             f"{type(surrogate).__name__} is trained on runs, but simulation is a Simulator that "
             "has not been run: pass simulator.run(100), or surrogate=ExactSurrogate()."
         )
+    if runs is not None:
+        _check_size(basis, runs.n_rows)
     plain = MeasuredModel(
         columns,
         n_inputs,
@@ -247,7 +254,10 @@ def make_problem(
         check_effects(model, X)
     except KeyError as error:
         there = [*columns, *model.parameters, *model.constants]
-        raise ValueError(f"A cause asks for {error}; there are {there}.") from error
+        name = error.args[0] if error.args else ""
+        raise ValueError(
+            f"A cause asks for {error}; there are {there}.{did_you_mean(name, there)}"
+        ) from error
     if any(effect.has_outliers for effect in effects):
         _check_outliers(likelihood)
     if model.noise_follows or any(effect.bends for effect in effects):
@@ -364,3 +374,13 @@ def _callable(
     if simulation is None or simulation.simulator is None:
         return None
     return TransformedSimulation(simulation.simulator, likelihood)
+
+
+def _check_size(basis: Basis, n_rows: int) -> None:
+    """Raise ValueError for far more coefficients than rows of runs, before a fit that hangs."""
+    n = len(basis.coefficient_mean)
+    if n > max(_MANY_COEFFICIENTS, _MOST_A_ROW * n_rows):
+        raise ValueError(
+            f"The surrogate has {n} coefficients, more than {_MOST_A_ROW} for each of the {n_rows} "
+            "rows of the runs: choose a lower degree, sparse=True, or Kriging()."
+        )

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.arrays import as_numbers, check_size
 
@@ -69,6 +70,7 @@ def as_several(y: Any, names: Sequence[str], word: str = "y") -> FloatArray:
             raise ValueError(
                 f"{word} lacks the outputs {missing}; its columns are {list(y.columns)}. Fill a "
                 "column with NaN for what was not measured."
+                f"{did_you_mean(missing, y.columns)}"
             )
         y = y[list(names)]
     values = as_numbers(y, word)

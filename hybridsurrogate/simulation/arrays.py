@@ -192,11 +192,16 @@ def is_numeric(column: pd.Series) -> bool:
     return True
 
 
-def as_outputs(y: ArrayLike, word: str = "y") -> FloatArray:
-    """Return measured outputs (n,), all of them finite and within what can be squared."""
+def as_outputs(y: ArrayLike, word: str = "y", gaps: bool = False) -> FloatArray:
+    """Return measured outputs (n,), all of them finite and within what can be squared.
+
+    ``gaps=True``: or NaN, for what was not measured.
+    """
     values = column_or_1d(as_numbers(y, word))
-    if not np.isfinite(values).all():
-        what = "NaN" if np.isnan(values).any() else "infinity"
+    if gaps and len(values) and np.isnan(values).all():
+        raise ValueError(f"Input {word} contains NaN alone: no row has a measurement.")
+    if not (np.isfinite(values) | (gaps & np.isnan(values))).all():
+        what = "NaN" if not gaps and np.isnan(values).any() else "infinity"
         rows = np.flatnonzero(~np.isfinite(values))
         raise ValueError(
             f"Input {word} contains {what}: {len(rows)} of {len(values)} values, the first in row "

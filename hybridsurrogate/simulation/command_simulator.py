@@ -17,9 +17,9 @@ import numpy as np
 
 from hybridsurrogate.arguments.description import described
 from hybridsurrogate.arguments.named import check_mapping
-from hybridsurrogate.arguments.scalars import check_choice
+from hybridsurrogate.arguments.scalars import check_choice, check_number
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import FloatArray, Prior
-from hybridsurrogate.simulation.arrays import check_number
 from hybridsurrogate.simulation.files.table_file import read_table
 from hybridsurrogate.simulation.outputs import by_output, output_names
 from hybridsurrogate.simulation.simulator import Simulator
@@ -153,6 +153,7 @@ class Command:
             if unknown:
                 raise ValueError(
                     f"The template of {title!r} asks for {unknown}; there are {list(names)}."
+                    f"{did_you_mean(unknown, names)}"
                 )
             asked |= fields
         missing = [name for name in names if name not in asked and name != self.along]
@@ -214,7 +215,10 @@ class Command:
         table = read_table(path)
         for name in self.outputs:
             if name not in table:
-                raise ValueError(f"{path.name} has no column {name!r}, but {list(table)}")
+                raise ValueError(
+                    f"{path.name} has no column {name!r}, but {list(table)}."
+                    f"{did_you_mean(name, table)}"
+                )
         columns = table[list(self.outputs)].to_numpy(dtype=float)
         if places is None or self.along not in table:
             return columns[:, 0] if len(self.outputs) == 1 else columns

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,11 +12,14 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from hybridsurrogate.arguments.description import described
-from hybridsurrogate.exceptions import FailedRunsWarning
+from hybridsurrogate.exceptions import DiagnosisWarning, FailedRunsWarning, did_you_mean
 from hybridsurrogate.simulation.arrays import as_numbers, as_table
-from hybridsurrogate.simulation.files.table_file import RUN
+from hybridsurrogate.simulation.files.table_file import DATE, RUN
 from hybridsurrogate.simulation.outputs import by_output
 from hybridsurrogate.simulation.variables import as_matrix, select_columns
+
+# of a wide table
+_LEAST_PLACES, _NUMBER = 2, r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
 
 def curve_rows(
@@ -46,6 +50,9 @@ def curve_rows(
     if Y is None:
         return _of_dataset(omega, name, names, outputs)
     table = by_output(Y, outputs, "Y") if isinstance(Y, Mapping) else as_table(Y, "Y")
+    if isinstance(table, pd.DataFrame) and (omega is None or RUN in table.columns):
+        _warn_of_unnamed(table, name, names, outputs)
+        table = long_table(table, [name], outputs)
     if isinstance(table, pd.DataFrame) and RUN in table.columns:
         return _of_long(omega, table, name, names, outputs)
     points = as_matrix(omega, "omega", tuple(names))
@@ -81,6 +88,72 @@ def curve_rows(
     table.insert(0, RUN, run)
     table[list(outputs)] = curves.reshape(len(table), -1)
     return without_missing(table, name, outputs)
+
+
+def wide_along(table: pd.DataFrame, inputs: Iterable[str], outputs: Sequence[str]) -> str | None:
+    """Return the input whose values are column labels of a wide table; None for any other table.
+
+    Such a table lacks columns of that input and of its one output.
+    """
+    missing = [name for name in inputs if name not in table.columns]
+    if len(missing) != 1 or len(outputs) != 1 or outputs[0] in table.columns:
+        return None
+    return missing[0] if len(_places(table, missing[0], outputs[0])) >= _LEAST_PLACES else None
+
+
+def long_table(table: pd.DataFrame, inputs: Iterable[str], outputs: Sequence[str]) -> pd.DataFrame:
+    """Return a wide table of runs with a row for each run and place, any other table as it is.
+
+    Examples
+    --------
+    >>> wide = pd.DataFrame({"rate": [0.1, 0.2], "0": [1.0, 1.0], "5": [0.6, 0.4]})
+    >>> long_table(wide, ["t"], ["y"])
+       rate  run    t    y
+    0   0.1    0  0.0  1.0
+    1   0.1    0  5.0  0.6
+    2   0.2    1  0.0  1.0
+    3   0.2    1  5.0  0.4
+    """
+    along = wide_along(table, inputs, outputs)
+    if along is None:
+        return table
+    places = _places(table, along, outputs[0])
+    rest = table[[label for label in table.columns if label not in places]]
+    if RUN not in rest.columns:
+        rest = rest.assign(**{RUN: np.arange(len(table))})
+    long = rest.iloc[np.repeat(np.arange(len(table)), len(places))].reset_index(drop=True)
+    long[along] = np.tile(np.array(list(places.values())), len(table))
+    long[outputs[0]] = table[list(places)].to_numpy().ravel()
+    return long
+
+
+def _places(table: pd.DataFrame, along: str, output: str) -> dict[Any, Any]:
+    """Return the column labels that are values of an input: 0.5, t=0.5, y_0.5 or dates."""
+    prefix = rf"(?:(?:{re.escape(along)}|{re.escape(output)})[ _=:]*)?"
+    form = re.compile(rf"{prefix}({_NUMBER}|{DATE})")
+    found = {label: form.fullmatch(str(label).strip()) for label in table.columns}
+    texts = {label: match[1] for label, match in found.items() if match}
+    dates = {label: text for label, text in texts.items() if re.fullmatch(DATE, text)}
+    return dates or {label: float(text) for label, text in texts.items()}
+
+
+def _warn_of_unnamed(
+    table: pd.DataFrame, along: str, names: Sequence[str], outputs: Sequence[str]
+) -> None:
+    """Warn of columns that differ between the runs of a wide table, and are not named."""
+    if wide_along(table, [along], outputs) is None:
+        return
+    known = {RUN, *names, *_places(table, along, outputs[0])}
+    rest = [name for name in table.select_dtypes("number") if name not in known]
+    varied = [name for name in rest if table[name].min() < table[name].max()]
+    if varied:
+        warnings.warn(
+            f"The columns {varied} differ between runs and are not among inputs, parameters and "
+            "assumed: what they do to the output is taken for an error of the surrogate. Name "
+            "them, unless they do nothing.",
+            DiagnosisWarning,
+            stacklevel=5,
+        )
 
 
 def without_missing(table: pd.DataFrame, name: str, outputs: Sequence[str]) -> pd.DataFrame:
@@ -188,7 +261,10 @@ def _of_dataset(data: Any, name: str, names: Sequence[str], outputs: Sequence[st
         raise TypeError("Y is missing: only an xarray.Dataset holds parameters and curves at once.")
     missing = [key for key in (name, *names, *outputs) if key not in data.variables]
     if missing:
-        raise ValueError(f"The dataset has no {missing}; it has {list(data.variables)}.")
+        raise ValueError(
+            f"The dataset has no {missing}; it has {list(data.variables)}."
+            f"{did_you_mean(missing, data.variables)}"
+        )
     dims = data[outputs[0]].dims
     others = [dim for dim in dims if dim != name]
     if name not in dims or len(others) != 1:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.arguments.named import as_names
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.arrays import as_numbers
 
@@ -60,7 +61,7 @@ def by_output(value: Any, names: Sequence[str], title: str, axis: int = -1) -> F
         if missing:
             raise ValueError(
                 f"{title} returned {', '.join(map(str, value))}, but no {missing[0]!r}: name one "
-                "of these as output."
+                f"of these as output.{did_you_mean(missing[0], value)}"
             )
         value = tuple(value[name] for name in names)
         value = value[0] if len(names) == 1 else value

@@ -13,9 +13,14 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from hybridsurrogate.exceptions import FailedRunsWarning
-from hybridsurrogate.priors import FloatArray, Prior, check_priors
+from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_spread
-from hybridsurrogate.simulation.curve_tables import check_curves, curve_rows, name_of_curves
+from hybridsurrogate.simulation.curve_tables import (
+    check_curves,
+    curve_rows,
+    name_of_curves,
+    wide_along,
+)
 from hybridsurrogate.simulation.files.table_file import RUN, read_table, write_table
 from hybridsurrogate.simulation.outputs import OUTPUT, check_names, output_names
 from hybridsurrogate.simulation.ranges import (
@@ -34,8 +39,10 @@ from hybridsurrogate.simulation.variables import (
     check_lengths,
     describe,
     named_fields,
+    prior_names,
     priors_of,
     select_columns,
+    with_uniform_priors,
 )
 
 if TYPE_CHECKING:
@@ -60,7 +67,9 @@ class SimulationData:
         be missing (NaN).
     inputs : dict of name to (low, high), or list of names
         With names alone the ranges are those of the runs.
-    parameters : dict of name to scipy.stats frozen distribution, optional
+    parameters : dict of name to scipy.stats frozen distribution, or list of names, optional
+        With a name alone, or None in place of a prior, the prior is uniform over the runs, with a
+        warning.
     assumed : dict of name to Assumed, optional
     output : str or sequence of str
         What ``y`` is, for labels: a name for each output.
@@ -86,7 +95,7 @@ class SimulationData:
     FailedRunsWarning
         If runs were dropped.
     PriorWarning
-        If less than 90 % of a prior's mass lies in the simulated range.
+        If less than 90 % of a prior's mass lies in the simulated range, or no prior was given.
 
     Notes
     -----
@@ -129,18 +138,19 @@ class SimulationData:
         omega: ArrayLike | None,
         y: ArrayLike,
         inputs: Mapping[str, Range] | Sequence[str],
-        parameters: Mapping[str, Prior] | None = None,
+        parameters: Mapping[str, Prior | None] | Sequence[str] | None = None,
         assumed: Mapping[str, Assumed] | None = None,
         output: str | Sequence[str] = "y",
         simulator: Simulator | None = None,
         run: ArrayLike | None = None,
     ) -> None:
         inputs = check_inputs(inputs)
-        fields = named_fields(tuple(inputs), parameters, assumed)
-        priors = priors_of(fields["parameters"], fields["assumed"])
-        X = as_matrix(X, "X", fields["input_names"])
+        given = prior_names(parameters)
+        X = as_matrix(X, "X", tuple(inputs))
         omega = np.empty((len(X), 0)) if omega is None else omega
-        omega = as_matrix(omega, "omega", tuple(priors))
+        omega = as_matrix(omega, "omega", (*given, *check_assumed(assumed)))
+        fields = named_fields(tuple(inputs), with_uniform_priors(given, omega), assumed)
+        priors = priors_of(fields["parameters"], fields["assumed"])
         outputs = output_names(output)
         check_names(outputs, [*fields["input_names"], *priors])
         y = as_numbers(y, "y")
@@ -192,7 +202,7 @@ class SimulationData:
         Y: Any = None,
         *,
         along: str | Mapping[str, ArrayLike],
-        parameters: Mapping[str, Prior] | None = None,
+        parameters: Mapping[str, Prior | None] | Sequence[str] | None = None,
         assumed: Mapping[str, Assumed] | None = None,
         inputs: Mapping[str, Range] | Sequence[str] = (),
         output: str | Sequence[str] = "y",
@@ -208,8 +218,9 @@ class SimulationData:
             Dataset holds these, and the output over the runs and ``along``.
         Y : array-like of shape (n_runs, n_places) or DataFrame, optional
             Outputs; (n_runs, n_places, n_outputs) of several, or a dict of name to (n_runs,
-            n_places). A wide DataFrame has the places as column labels; a long one has a column
-            "run" beside those of ``along`` and the outputs, and of all else where omega is None.
+            n_places). A wide DataFrame has a row for each run, and the places as column labels; a
+            long one has a column "run" and those of ``along`` and the outputs. Where omega is None
+            either has the columns of all else, too.
         along : dict of name to array of shape (n_places,) or (n_runs, n_places), or str
             The input along which a run is a curve, and its values where Y does not say them.
         parameters, assumed
@@ -248,7 +259,8 @@ class SimulationData:
         """
         name, inputs = name_of_curves(along), check_inputs(inputs)
         others = [other for other in inputs if other != name]
-        names = [*others, *check_priors(parameters), *check_assumed(assumed)]
+        parameters = prior_names(parameters)
+        names = [*others, *parameters, *check_assumed(assumed)]
         outputs = output_names(output)
         check_names(outputs, [name, *names])
         table = curve_rows(omega, Y, along, names, outputs)
@@ -275,7 +287,7 @@ class SimulationData:
         cls,
         frame: Any,
         inputs: Mapping[str, Range] | Sequence[str],
-        parameters: Mapping[str, Prior] | None = None,
+        parameters: Mapping[str, Prior | None] | Sequence[str] | None = None,
         output: str | Sequence[str] = "y",
         assumed: Mapping[str, Assumed] | None = None,
     ) -> SimulationData:
@@ -286,7 +298,9 @@ class SimulationData:
         Parameters
         ----------
         frame : DataFrame of pandas, polars or another library
-            One output a row; other columns are ignored.
+            One output a row; other columns are ignored. Or a wide table: one run a row, whose
+            columns are called by the values of an input that has no column, such as "0.5" or
+            "t=0.5", and hold the output there.
         inputs, parameters, assumed
             As in SimulationData; their names are columns.
         output : str or sequence of str
@@ -297,7 +311,8 @@ class SimulationData:
         SimulationData
         """
         inputs = check_inputs(inputs)
-        omega_names = [*check_priors(parameters), *check_assumed(assumed)]
+        parameters = prior_names(parameters)
+        omega_names = [*parameters, *check_assumed(assumed)]
         outputs = output_names(output)
         check_names(outputs, [*inputs, *omega_names])
         frame = as_table(frame, "The table of runs")
@@ -307,6 +322,17 @@ class SimulationData:
                 "SimulationData(X, omega, y, ...)."
             )
         names = [*inputs, *omega_names, *outputs]
+        along = wide_along(frame, inputs, outputs)
+        if along is not None:
+            return cls.from_curves(
+                None,
+                frame,
+                along=along,
+                parameters=parameters,
+                assumed=assumed,
+                inputs=inputs,
+                output=outputs,
+            )
         table = select_columns(frame, names, "The simulation runs")
         X, omega = table[list(inputs)], table[omega_names]
         y = table[outputs[0] if len(outputs) == 1 else list(outputs)]
@@ -450,7 +476,7 @@ class SimulationData:
 def read_simulation(
     path: str | os.PathLike[str],
     inputs: Mapping[str, Range] | Sequence[str],
-    parameters: Mapping[str, Prior] | None = None,
+    parameters: Mapping[str, Prior | None] | Sequence[str] | None = None,
     output: str | Sequence[str] = "y",
     assumed: Mapping[str, Assumed] | None = None,
     *,
@@ -463,7 +489,8 @@ def read_simulation(
     path : str or path
         A csv file with one output a line below a line of column names; the rest of a line after
         ``#`` is ignored. Or .parquet (with pyarrow), or .nc (NetCDF, with xarray): a dataset whose
-        output stands over the runs and one input. A column "run" says which rows are one run.
+        output stands over the runs and one input. A column "run" says which rows are one run. Or
+        a wide table, one run a row.
     inputs, parameters, output, assumed
         As in ``SimulationData.from_frame``.
     allow_urls : bool, default=False

@@ -14,9 +14,10 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from hybridsurrogate.arguments.functions import check_callable, state_to_pickle
-from hybridsurrogate.arguments.scalars import check_choice, check_flag, check_n_jobs
+from hybridsurrogate.arguments.scalars import check_choice, check_flag, check_n_jobs, check_number
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import FloatArray, Prior, prior_range
-from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_number
+from hybridsurrogate.simulation.arrays import as_numbers, as_table
 from hybridsurrogate.simulation.design import draw_design, run_with_ends
 from hybridsurrogate.simulation.evaluation import (
     Function,
@@ -508,7 +509,8 @@ def _check_arguments(function: Callable[..., Any], title: str, names: tuple[str,
     if unknown and not any(a.kind == a.VAR_KEYWORD for a in arguments):
         raise TypeError(
             f"{title!r} has no argument {', '.join(sorted(unknown))}: inputs, parameters and "
-            f"assumed constants are passed to it by name."
+            "assumed constants are passed to it by name."
+            f"{did_you_mean(sorted(unknown), [a.name for a in by_name])}"
         )
     optional = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
     needed = [a.name for a in arguments if a.default is a.empty and a.kind not in optional]
@@ -516,5 +518,6 @@ def _check_arguments(function: Callable[..., Any], title: str, names: tuple[str,
     if absent:
         raise TypeError(
             f"{title!r} needs {', '.join(absent)}, which is no input, parameter or assumed "
-            f"constant: name it as one, or give it a default."
+            "constant: name it as one, or give it a default."
+            f"{did_you_mean(absent, names)}"
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,10 +10,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
+from scipy import stats
 
 from hybridsurrogate.arguments.description import described
 from hybridsurrogate.arguments.named import as_names, check_mapping
 from hybridsurrogate.arguments.scalars import as_real
+from hybridsurrogate.exceptions import PriorWarning, did_you_mean
 from hybridsurrogate.priors import FloatArray, Prior, check_prior, check_priors, prior_range
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_spread, is_numeric
 
@@ -82,6 +85,74 @@ def named_fields(
     if not input_names:
         raise ValueError("A simulation needs at least one input.")
     return fields
+
+
+def prior_names(parameters: Mapping[str, Prior | None] | Sequence[str] | None) -> dict[str, Any]:
+    """Return the prior of each parameter, None where only its name is given.
+
+    Examples
+    --------
+    >>> prior_names(["rate", "loss"])
+    {'rate': None, 'loss': None}
+    """
+    if isinstance(parameters, Mapping):
+        return check_mapping(
+            parameters, "parameters", "prior", '{"rate": scipy.stats.norm(1, 0.2)}'
+        )
+    names = [parameters] if isinstance(parameters, str) else parameters
+    if names is not None and not (isinstance(names, list | tuple) and _are_text(names)):
+        raise TypeError(
+            f"parameters must be a dict of name to prior, or a list of names, got {parameters!r}."
+        )
+    return dict.fromkeys(names or ())
+
+
+def _are_text(values: Sequence[object]) -> bool:
+    return all(isinstance(value, str) for value in values)
+
+
+def with_uniform_priors(
+    parameters: Mapping[str, Prior | None], omega: FloatArray
+) -> dict[str, Any]:
+    """Return priors, where there is none a uniform one over the runs, omega (n, at least so many).
+
+    Raises
+    ------
+    ValueError
+        For a parameter that has one value in all runs.
+
+    Warns
+    -----
+    PriorWarning
+        Says for which it was so.
+    """
+    priors, ends = dict(parameters), {}
+    for (name, prior), column in zip(parameters.items(), omega.T, strict=False):
+        if prior is not None:
+            continue
+        values = column[np.isfinite(column)]
+        low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 0.0)
+        if not low < high:
+            raise ValueError(
+                f"The parameter {name!r} was never varied in the runs: vary it or leave it out of "
+                "parameters."
+            )
+        priors[name] = stats.uniform(low, high - low)
+        ends[name] = f"{low:.6g} to {high:.6g}"
+    if len(ends) == 1:
+        ((name, text),) = ends.items()
+        taken = f"{name!r}: it is taken as uniform over the runs, {text}"
+    elif ends:
+        texts = ", ".join(f"{name} from {text}" for name, text in ends.items())
+        taken = f"{', '.join(map(repr, ends))}: they are taken as uniform over the runs, {texts}"
+    if ends:
+        warnings.warn(
+            f"No prior was given for {taken}. Give what is known: parameters={{name: "
+            "scipy.stats.norm(mean, sd)}, on the command line --prior NAME=MEAN,SD.",
+            PriorWarning,
+            stacklevel=3,
+        )
+    return priors
 
 
 def priors_of(parameters: dict[str, Prior], assumed: dict[str, Assumed]) -> dict[str, Prior]:
@@ -156,10 +227,15 @@ def select_columns(frame: pd.DataFrame, names: Sequence[str], title: str) -> pd.
         raise ValueError(
             f"{title} have no column {', '.join(missing)}; "
             f"there are {', '.join(map(str, frame.columns))}."
+            f"{did_you_mean(missing, frame.columns)}"
         )
     for name in names:
         if not is_numeric(frame[name]):
-            raise ValueError(f"The column {name!r} must hold numbers, but some are text or dates.")
+            raise ValueError(
+                f"The column {name!r} must hold numbers, but some are text or dates. Count dates "
+                "from one day in runs and measurements, (dates - pandas.Timestamp('2020-01-01')) / "
+                "pandas.Timedelta('1D')."
+            )
     return frame[list(names)]
 
 

@@ -12,6 +12,7 @@ from sklearn.base import BaseEstimator, TransformerMixin, clone
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPRegressor
 
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.surrogates.base import Surrogate, register
 from hybridsurrogate.surrogates.basis import Basis
@@ -70,6 +71,7 @@ class NetworkSurrogate(Surrogate):
         if self.activation not in ACTIVATIONS:
             raise ValueError(
                 f"activation must be one of {sorted(ACTIVATIONS)}, got {self.activation!r}."
+                f"{did_you_mean(self.activation, ACTIVATIONS)}"
             )
         network = MLPRegressor(solver="lbfgs", **self.get_params())
         return FeatureSurrogate(HiddenLayers(network)).build(domain)

@@ -101,7 +101,7 @@ def test_runs_made_elsewhere_cannot_be_exact(measured, estimator):
         ([[1.0], [2.0], [3.0]], [[1.0, 2.0]] * 3, "y should be a 1d array"),
         ([[1.0], [2.0], [3.0]], [1.0, 2.0], "inconsistent numbers of samples"),
         ([[1.0]], [90.0], r"1 sample\(s\).* a minimum of 2 is required"),
-        ([[1.0], [2.0], [3.0]], [1.0, np.nan, 3.0], "Input y contains NaN"),
+        ([[1.0], [2.0], [3.0]], [np.nan] * 3, "Input y contains NaN alone"),
         ([[1.0], [2.0], [3.0]], [1.0, np.inf, 3.0], "Input y contains infinity"),
         ([[1.0], [np.nan], [3.0]], [1.0, 2.0, 3.0], "Input X contains NaN"),
         ([["a"], ["b"]], [1.0, 2.0], "could not convert string to float"),
@@ -111,6 +111,33 @@ def test_runs_made_elsewhere_cannot_be_exact(measured, estimator):
 def test_bad_data(simulation, X, y, match, estimator):
     with pytest.raises(ValueError, match=match):
         estimator(simulation, n_draws=100).fit(X, y)
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [np.asarray, list, pd.Series, lambda y: pd.Series(pd.array(y, dtype="boolean"))],
+    ids=["array", "list", "series", "nullable"],
+)
+@pytest.mark.parametrize("with_diagnosis", [False, True])
+def test_booleans_are_no_numbers_with_noise(simulation, measured, kind, with_diagnosis):
+    X, y = measured
+    model = power_scaled(simulation)
+    model = hs.DiscrepancyDiagnosis(model) if with_diagnosis else model
+    with pytest.raises(ValueError, match=r"y holds booleans.*normal .*likelihood='binomial'"):
+        model.fit(X, kind(y > 80))
+
+
+def test_booleans_are_outcomes_of_a_binomial_likelihood():
+    simulator = hs.Simulator(
+        lambda x, a: 1 / (1 + np.exp(a * (0.5 - x))), {"x": (0, 1)}, {"a": stats.norm(5, 2)}
+    )
+    x = np.linspace(0, 1, 40)
+    outcome = np.random.default_rng(0).uniform(size=40) < simulator(x, np.full(40, 5.0))
+    model = power_scaled(simulator, surrogate=hs.ExactSurrogate(), likelihood="binomial")
+    told, numbers = (
+        model.fit(x[:, None], y).predict(x[:, None]) for y in (outcome, outcome.astype(float))
+    )
+    np.testing.assert_array_equal(told, numbers)
 
 
 @pytest.mark.parametrize("values", [[np.nan], [np.inf]])

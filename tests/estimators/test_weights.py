@@ -351,3 +351,24 @@ def test_kennedy_ohagan_against_stan():
     assert elpd["oos"] == pytest.approx(0.07, abs=0.05)
     assert elpd["ood"] == pytest.approx(-1.11, abs=0.15)
     assert np.mean(list(elpd.values())) == pytest.approx(-0.52, abs=0.08)
+
+
+def test_rows_of_no_weight_at_the_start_leave_draws_to_trust():
+    """Measured rows far noisier than the runs: step 1 starts at a noise of the runs.
+
+    There were 1.7 effective draws of 3000 and k-hat was 1.7, after ten CPU seconds.
+    """
+    runs = hs.Simulator(
+        lambda t, g: g * t, {"t": (0, 4)}, {"g": hs.truncated_normal(2, 1, 0, 5)}
+    ).run(64, random_state=0)
+    t = np.linspace(0, 4, 40)
+    y = 2 * t + np.random.default_rng(0).normal(0, 0.3, 40)
+    weights = np.where(t < 2, 0.0, 1.0)
+    model = hs.KennedyOHaganSurrogate(runs, random_state=0)
+    found = model.fit(t[:, None], y, sample_weight=weights).diagnostics_
+    assert found.second_khat < 0.7
+    assert found.second_effective_draws > 100
+    # the truth at rows that count, within a third of the noise
+    counted = t[weights > 0]
+    error = model.predict(counted[:, None]) - 2 * counted
+    assert np.sqrt(np.mean(error**2)) < 0.1

@@ -222,3 +222,83 @@ def test_failed_curves_are_counted():
 def test_the_same_curves_whatever_the_processes():
     one, two = (simulator().run(8, random_state=0, n_jobs=n) for n in (1, 2))
     np.testing.assert_array_equal(one.y, two.y)
+
+
+# ------------------------------------------------------------- wide tables, and no priors
+
+
+def wide_with_parameters(labels=None):
+    table = pd.DataFrame(Y, columns=T if labels is None else labels)
+    return pd.concat([pd.DataFrame({"run": np.arange(12), "rate": RATE}), table], axis=1)
+
+
+WIDE = {
+    "numbers": None,
+    "text": [str(t) for t in T],
+    "name of the input": [f"t={t}" for t in T],
+    "name of the output": [f"y_{t}" for t in T],
+}
+
+
+@pytest.mark.parametrize("labels", WIDE)
+def test_a_wide_table_with_its_parameters_inside(labels):
+    table = wide_with_parameters(WIDE[labels])
+    for data in (
+        hs.SimulationData.from_curves(None, table, along="t", parameters=PRIORS),
+        hs.SimulationData.from_frame(table, ["t"], PRIORS),
+        hs.SimulationData.from_frame(table.drop(columns="run"), {"t": (0, 12)}, PRIORS),
+    ):
+        assert (data.n_runs, data.n_rows) == (12, 96)
+        np.testing.assert_allclose(rows_of(data), rows_of(from_array()))
+
+
+def test_a_wide_table_beside_a_table_of_runs():
+    points = pd.DataFrame({"run": np.arange(12)[::-1], "rate": RATE[::-1]})
+    table = wide_with_parameters().drop(columns="rate")
+    data = hs.SimulationData.from_curves(points, table, along="t", parameters=PRIORS)
+    np.testing.assert_allclose(rows_of(data), rows_of(from_array()))
+
+
+def test_a_wide_file_is_read(tmp_path):
+    table = wide_with_parameters()
+    table.iloc[3, 6:] = np.nan  # a run that ended early
+    table.iloc[7, 2:] = np.nan
+    table.to_csv(tmp_path / "wide.csv", index=False)
+    with pytest.warns(hs.FailedRunsWarning, match=r"1 of 12 runs failed .* \(runs 7\)"):
+        data = hs.read_simulation(tmp_path / "wide.csv", ["t"], PRIORS)
+    assert (data.n_runs, data.n_rows) == (11, 84)
+
+
+def test_a_column_of_a_wide_table_that_is_not_named_is_pointed_out():
+    table = wide_with_parameters().assign(load=np.arange(12.0), same=1.0)
+    match = r"The columns \['load'\] differ between runs and are not among"
+    with pytest.warns(hs.DiagnosisWarning, match=match):
+        hs.SimulationData.from_frame(table, ["t"], PRIORS)
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda priors: hs.SimulationData.from_frame(long(), ["t"], priors),
+        lambda priors: hs.SimulationData.from_frame(wide_with_parameters(), ["t"], priors),
+        lambda priors: hs.SimulationData.from_curves(RATE, Y, along={"t": T}, parameters=priors),
+        lambda priors: hs.SimulationData(
+            np.tile(T, 12), np.repeat(RATE, 8), Y.ravel(), ["t"], priors
+        ),
+    ],
+    ids=["long", "wide", "curves", "arrays"],
+)
+@pytest.mark.parametrize("priors", [["rate"], "rate", {"rate": None}], ids=str)
+def test_without_priors_they_are_uniform_over_the_runs(made, priors):
+    said = r"No prior was given for 'rate': it is taken as uniform over the runs, 0\.1 to 0\.5"
+    with pytest.warns(hs.PriorWarning, match=said) as told:
+        data = made(priors)
+    assert len(told) == 1
+    assert data.parameters["rate"].support() == pytest.approx((0.1, 0.5))
+    assert data.parameters["rate"].mean() == pytest.approx(0.3)
+
+
+def test_a_parameter_without_a_prior_must_vary():
+    table = long().assign(rate=0.3)
+    with pytest.raises(ValueError, match="parameter 'rate' was never varied"):
+        hs.SimulationData.from_frame(table, ["t"], ["rate"])

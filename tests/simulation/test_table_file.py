@@ -63,3 +63,12 @@ def test_runs_are_read_as_they_stand(tmp_path):
     )
     assert runs.y.tolist() == [k % 3 for k in range(40)]
     assert runs.X[:, 0].tolist() == list(range(40))
+
+
+@pytest.mark.parametrize("ending", ["xlsx", "xls", "ods", "XLSX"])
+def test_a_spreadsheet_is_refused_with_the_cure(tmp_path, ending):
+    path = tmp_path / f"runs.{ending}"
+    path.write_bytes(b"PK\x03\x04\xff")
+    match = r"save the sheet as CSV, or read it with pandas\.read_excel and give the table to "
+    with pytest.raises(ValueError, match=match + r"SimulationData\.from_frame"):
+        hs.read_simulation(path, ["t"], {"rate": hs.truncated_normal(3, 2, 0, 7)}, "y")

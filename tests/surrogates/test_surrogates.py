@@ -151,6 +151,16 @@ def test_a_surrogate_of_the_users_own(simulation, measured):
     assert model.predict([[0.5]]) > model.predict([[3.5]]) + 30
 
 
+def test_far_more_terms_than_rows_of_runs():
+    """A fit of 5151 terms took minutes, of which the runs determine 80 at most."""
+    rng = np.random.default_rng(0)
+    t, g = rng.uniform(size=(2, 80))
+    runs = hs.SimulationData(t, g, t * g, ["t"], {"g": stats.uniform(0, 1)})
+    model = hs.PowerScaledSurrogate(runs, surrogate=hs.PolynomialChaos(degree=100))
+    with pytest.raises(ValueError, match="5151 coefficients, more than 10 for each of the 80 rows"):
+        model.fit(t[:10, None], t[:10])
+
+
 @pytest.mark.parametrize("degree", [10**9, 10_000, 40])
 def test_more_terms_than_memory(degree):
     simulator = hs.Simulator(

@@ -14,6 +14,7 @@ from hybridsurrogate.arguments.scalars import check_n_jobs, check_number
 from hybridsurrogate.diagnosis.checks.settings import SETTINGS
 from hybridsurrogate.effects.registry import kinds
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import FloatArray
 
 if TYPE_CHECKING:
@@ -30,10 +31,11 @@ def check_settings(diagnosis: DiscrepancyDiagnosis) -> None:
     as_causes(diagnosis.causes, "causes")
     exclude = diagnosis.exclude
     listed = isinstance(exclude, Collection) and not isinstance(exclude, str)
-    if not listed or any(kind not in kinds() for kind in exclude):
+    unknown = [kind for kind in exclude if kind not in kinds()] if listed else exclude
+    if not listed or unknown:
         raise ValueError(
             f"exclude must be a sequence of kinds of the catalogue, got {exclude!r}; the kinds are "
-            f"{', '.join(kinds())}."
+            f"{', '.join(kinds())}.{did_you_mean(unknown, kinds())}"
         )
     check_number(diagnosis.false_alarm_rate, "false_alarm_rate", Real)
     check_scalar(diagnosis.n_replicates, "n_replicates", Integral)

@@ -134,14 +134,13 @@ def in_one_word(kinds: Sequence[str]) -> str:
 def pointwise(estimator: Any, X: ArrayLike, y: FloatArray) -> Scores:
     """Return log density, error of the mean and whether the intervals hold y, for each row.
 
-    Of several outputs for each that was measured, errors in shares of the output's spread.
+    Of what was measured; of several outputs errors in shares of the output's spread.
     """
     inside = estimator.interval_holds(X, y, (COVERAGE_LEVEL, HALF))
     error = np.asarray(y, dtype=float) - estimator.predict(X)
     scores = Scores(estimator.log_predictive_density(X, y), error, *inside)
-    if error.ndim == 1:
-        return scores
-    scores = scores._replace(error=error / estimator.stacking_.scale)
+    if error.ndim > 1:
+        scores = scores._replace(error=error / estimator.stacking_.scale)
     there = np.isfinite(np.asarray(y, dtype=float))
     return Scores(*(values[there] for values in scores))
 

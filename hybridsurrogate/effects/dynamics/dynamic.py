@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from hybridsurrogate.effects.base import Cause, Context, Rows
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import Prior
 from hybridsurrogate.simulation.modification import Modification
 
@@ -52,7 +53,7 @@ class Dynamic(Cause):
         if unknown:
             raise ValueError(
                 f"{type(self).__name__} ({self.variant}) has no {unknown[0]!r}: "
-                f"{list(change.neutral)}."
+                f"{list(change.neutral)}.{did_you_mean(unknown[0], change.neutral)}"
             )
         return {name: given.get(name, defaults[name]) for name in change.neutral}
 
@@ -65,5 +66,8 @@ class Dynamic(Cause):
         if not context.states:
             raise ValueError(NEEDS_ODE.format(f"{type(self).__name__}({state!r})"))
         if state not in context.states:
-            raise ValueError(f"There is no state {state!r}; the states are {list(context.states)}.")
+            raise ValueError(
+                f"There is no state {state!r}; the states are {list(context.states)}."
+                f"{did_you_mean(state, context.states)}"
+            )
         return context.states[state] * context.ratio

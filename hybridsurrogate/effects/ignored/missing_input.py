@@ -19,6 +19,7 @@ from hybridsurrogate.effects.notation import (
 )
 from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.effects.registry import Form, over_extras, register
+from hybridsurrogate.exceptions import did_you_mean
 
 _SHAPES = ("linear", "quadratic", "categorical")
 # levels of a quantity, and rows of each
@@ -120,7 +121,10 @@ class MissingInput(OverColumn):
         """Fill in mean and span of the column, or its levels, from the measured rows."""
         values = context.column(self.column)
         if self.shape not in _SHAPES:
-            raise ValueError(f"shape must be one of {list(_SHAPES)}, got {self.shape!r}.")
+            raise ValueError(
+                f"shape must be one of {list(_SHAPES)}, got {self.shape!r}."
+                f"{did_you_mean(self.shape, _SHAPES)}"
+            )
         if self.level is not None and self.shape != "categorical":
             raise ValueError(f"level={self.level!r} needs shape='categorical'.")
         if self.offset and (self.shape == "quadratic" or self.level is not None):

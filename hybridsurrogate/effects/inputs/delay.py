@@ -11,6 +11,7 @@ from hybridsurrogate.effects.context import trouble_with_labels
 from hybridsurrogate.effects.notation import SIMULATION, minus, plus
 from hybridsurrogate.effects.over_column import span_and_spacing
 from hybridsurrogate.effects.registry import Form, over_inputs, register
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import Prior, frozen
 
 
@@ -60,7 +61,7 @@ class Delay(Cause):
         if self.column not in context.inputs:
             raise ValueError(
                 f"A delay shifts an input of the simulation, and {self.column!r} is none: these "
-                f"are {list(context.inputs)}."
+                f"are {list(context.inputs)}.{did_you_mean(self.column, context.inputs)}"
             )
         span, _ = span_and_spacing(values)
         lag = frozen(stats.t, 1, scale=span / 10) if self.lag is None else self.lag

@@ -10,6 +10,7 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.registry import Form, register
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import Prior, frozen, prior_sd
 
 # an experiment that was not measured
@@ -108,7 +109,7 @@ class ParameterByExperiment(Cause):
         if self.parameter not in context.parameters:
             raise ValueError(
                 f"{self.parameter!r} is not a parameter of the simulation; these are: "
-                f"{list(context.parameters)}."
+                f"{list(context.parameters)}.{did_you_mean(self.parameter, context.parameters)}"
             )
         if self.how not in ("spread", "own"):
             raise ValueError(f"how must be 'spread' or 'own', got {self.how!r}.")

@@ -26,6 +26,7 @@ from hybridsurrogate.effects.over_column import (
     span_and_spacing,
 )
 from hybridsurrogate.effects.registry import Form, register
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import Prior, frozen, prior_sd
 
 # the simulation runs at every period that is tried
@@ -175,10 +176,13 @@ class ParameterDrift(Cause):
         if self.parameter not in context.parameters:
             raise ValueError(
                 f"{self.parameter!r} is not a parameter of the simulation; these are: "
-                f"{list(context.parameters)}."
+                f"{list(context.parameters)}.{did_you_mean(self.parameter, context.parameters)}"
             )
         if self.shape not in _SHAPES:
-            raise ValueError(f"shape must be one of {list(_SHAPES)}, got {self.shape!r}.")
+            raise ValueError(
+                f"shape must be one of {list(_SHAPES)}, got {self.shape!r}."
+                f"{did_you_mean(self.shape, _SHAPES)}"
+            )
         values = context.column(self.column)
         low, high = float(values.min()), float(values.max())
         span, spacing = span_and_spacing(values)

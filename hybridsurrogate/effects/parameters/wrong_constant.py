@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from hybridsurrogate.effects.base import Cause, Context, Rows
 from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.registry import Form, register
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import Prior
 
 
@@ -61,7 +62,7 @@ class WrongConstant(Cause):
         if self.constant not in context.assumed:
             raise ValueError(
                 f"{self.constant!r} is not an assumed constant of the simulation; these are: "
-                f"{list(context.assumed)}."
+                f"{list(context.assumed)}.{did_you_mean(self.constant, context.assumed)}"
             )
         constant = context.assumed[self.constant]
         prior = constant.prior if self.prior is None else self.prior

@@ -29,7 +29,7 @@ from hybridsurrogate.inference.conjugate.sufficient_statistics import ROUNDING
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.inference.model.prior_density import prior_of_unknowns
 from hybridsurrogate.inference.sampling.hierarchical import standardised
-from hybridsurrogate.inference.sampling.modes import Gaussian, find_modes
+from hybridsurrogate.inference.sampling.modes import Gaussian, LogDensity, find_modes
 from hybridsurrogate.inference.sampling.proposals import (
     mixture_log_density,
     mixture_points,
@@ -38,6 +38,9 @@ from hybridsurrogate.inference.sampling.proposals import (
 from hybridsurrogate.inference.sampling.psis import KHAT_LIMIT, level_smooth
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.priors import FloatArray, Prior
+
+# noises that are tried, and nats by which one must be better
+_NOISES, _FAR = 20, 25.0
 
 
 @dataclass(frozen=True)
@@ -108,6 +111,22 @@ def second_step(
     return _by_proposals(problem, first_step, random_state)
 
 
+def _with_wider_noise(log_density: LogDensity, starts: FloatArray, scale: float) -> FloatArray:
+    """Return starts u (S, d), with more noise where that is far more probable.
+
+    Step 1 shares the noise with runs that may have next to none. Newton's steps change the
+    logarithm of a far too small noise by one half each: more are needed than there are.
+    """
+    ladder = np.repeat(starts[:, None], _NOISES, axis=1)
+    ends = starts[:, -1], np.maximum(starts[:, -1], np.log(scale))
+    ladder[..., -1] = np.linspace(*ends, _NOISES, axis=1)
+    value = log_density(ladder.reshape(-1, starts.shape[1])).reshape(ladder.shape[:2])
+    best = np.argmax(value, axis=1)
+    first = np.arange(len(starts))
+    far = value[first, best] > value[:, 0] + _FAR
+    return np.where(far[:, None], ladder[first, best], starts)
+
+
 def _noise_of(first_step: FloatArray) -> float:
     return float(np.exp(np.median(first_step[:, -1])))
 
@@ -122,6 +141,7 @@ def _by_proposals(
         return _log_density(problem, u, centre)[:, 0]
 
     starts = first_step[np.argsort(-at_centre(first_step[:200]))[:2]]
+    starts = _with_wider_noise(at_centre, starts, problem.scale)
     coordinates = standardised(problem.model, at_centre, starts)
     if coordinates is not None:
         first_step, starts = coordinates.of(first_step), coordinates.of(starts)

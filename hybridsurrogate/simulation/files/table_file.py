@@ -22,6 +22,8 @@ from hybridsurrogate.whole_file import written_whole
 
 # the column of a long table that says which run a row is of
 RUN = "run"
+# dates as text, ISO 8601: a day, and perhaps a time of it
+DATE = r"\d{4}-\d\d-\d\d(?:[T ].+)?"
 _NETCDF = (".nc", ".nc4", ".cdf")
 # schemes that Python fetches itself
 _FETCHED = ("http", "https", "ftp")
@@ -29,6 +31,7 @@ _FETCHED = ("http", "https", "ftp")
 _PATIENCE = 60.0
 # of what a library says
 _LONGEST = 200
+_SPREADSHEETS = (".xlsx", ".xls", ".xlsm", ".ods")
 _OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs"}
 
 
@@ -50,11 +53,17 @@ def read_table(path: str | os.PathLike[str], allow_urls: bool = False) -> pd.Dat
     OSError
         For a file that is not there or a folder.
     ValueError
-        As `read_csv`; for a damaged file, and an address that is not to be fetched.
+        For a spreadsheet, which may hold several tables; for a damaged file, and an address that is
+        not to be fetched; and as `read_csv`.
     """
     if check_flag(allow_urls, "allow_urls") and is_address(path):
         with tempfile.TemporaryDirectory(prefix="hybridsurrogate-") as folder:
             return read_table(_fetched(str(path), Path(folder)))
+    if str(path).lower().endswith(_SPREADSHEETS):
+        raise ValueError(
+            f"{path} is a spreadsheet: save the sheet as CSV, or read it with pandas.read_excel "
+            "and give the table to SimulationData.from_frame, of measurements to fit."
+        )
     file = check_readable(path)
     ending = file.suffix.lower()
     if ending == ".parquet":
