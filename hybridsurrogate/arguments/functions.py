@@ -49,10 +49,16 @@ def state_to_pickle(state: Mapping[str, Any], owner: str) -> dict[str, Any]:
 
     Examples
     --------
-    >>> state_to_pickle({"function": lambda t: t}, "the simulation")
-    Traceback (most recent call last):
-    ...
-    _pickle.PicklingError: function of the simulation is a lambda, and ...
+    >>> class Holder:
+    ...     def __init__(self, function):
+    ...         self.function = function
+    ...     def __getstate__(self):
+    ...         return state_to_pickle(self.__dict__, "the holder")
+    >>> try:
+    ...     pickle.dumps(Holder(lambda t: t))
+    ... except pickle.PicklingError as error:
+    ...     print(str(error)[:35])
+    function of the holder is a lambda,
     """
     # the caller's caller is the pickler, or whoever asked for it where it is written in C
     caller = sys._getframe(2)

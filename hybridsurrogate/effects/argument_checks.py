@@ -47,10 +47,11 @@ def check_arguments(cause: Cause) -> None:
     ...
     TypeError: column of Trend must be a name, such as "t", got ['t'] (list).
     """
-    for name, annotation in _annotations(type(cause)).items():
+    kind: Any = type(cause)
+    for name, annotation in _annotations(kind).items():
         value = getattr(cause, name, None)
         if value is not None or not annotation.endswith("| None"):
-            _CHECKS[annotation.removesuffix(" | None")](value, f"{name} of {type(cause).__name__}")
+            _CHECKS[annotation.removesuffix(" | None")](value, f"{name} of {kind.__name__}")
 
 
 @lru_cache(maxsize=256)
