@@ -84,6 +84,9 @@ class Context:
         rows, on the scale of eta per unit of it. Empty with several outputs.
     unit : float
         What one on the scale of eta is in the user's units: of one of several outputs.
+    unusual : tuple of int
+        Positions of the rows that the simulation misses most, the largest residual first. Empty
+        where nothing was measured yet, and with several outputs.
 
     Examples
     --------
@@ -115,6 +118,7 @@ class Context:
     by_experiment: tuple[str, ...] = ()
     slopes: Mapping[str, FloatArray] = field(default_factory=dict)
     unit: float = 1.0
+    unusual: tuple[int, ...] = ()
 
     def begins_at_zero(self, column: str) -> bool:
         """Tell whether a column ends near zero, and is never on the other side of it.

@@ -57,6 +57,8 @@ def null_test(result: Search, n_replicates: int, random_state: np.random.RandomS
     base = null.mode.z
     evidence = []
     for w in result.candidates:
+        if w.cause is not None and w.cause.is_screened:
+            continue
         z = w.grid.neutral.copy()
         z[: len(base)] = base
         # in a replicate a change may be anywhere, not only where the measured one is
