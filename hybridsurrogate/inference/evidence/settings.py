@@ -101,7 +101,7 @@ class SearchSettings:
     smallest_size: float = 0.3
     largest_size: float = 3.0
     n_sizes: int = 10
-    few_rows: float = 2.5
+    few_rows: float = 2.05
     few_rows_odds: float = 0.01
     beside_noise: int = 8
     behind: float = 12.0
