@@ -6,7 +6,7 @@ a `Caution`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import combinations
 from typing import Any
@@ -19,7 +19,7 @@ from hybridsurrogate.diagnosis.checks.caution import Caution
 from hybridsurrogate.diagnosis.checks.settings import SETTINGS
 from hybridsurrogate.diagnosis.search.evidence import Search
 from hybridsurrogate.diagnosis.search.local_fit import best_null
-from hybridsurrogate.digits import listing, number
+from hybridsurrogate.digits import number
 from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.columns import column_names, matched_columns
@@ -53,7 +53,9 @@ _SHIFTED = {
 }
 
 
-def check_columns(X: Any, y: ArrayLike | None, simulation: SimulationData | Simulator) -> None:
+def check_columns(
+    X: Any, y: ArrayLike | None, simulation: SimulationData | Simulator | None
+) -> None:
     """Raise ValueError for columns that leave nothing to diagnose, before anything is fitted.
 
     Parameters
@@ -61,7 +63,7 @@ def check_columns(X: Any, y: ArrayLike | None, simulation: SimulationData | Simu
     X : table of shape (n, n_columns)
         As given; what no estimator accepts is left to it.
     y : array-like of shape (n,) or (n, n_outputs), or None
-    simulation : SimulationData or Simulator
+    simulation : SimulationData, Simulator or None
 
     Raises
     ------
@@ -70,8 +72,10 @@ def check_columns(X: Any, y: ArrayLike | None, simulation: SimulationData | Simu
         all rows have the same inputs and nothing else varies; where most rows lie outside the
         simulated ranges.
     """
+    if simulation is None:
+        return
     columns = _numbers(X, simulation)
-    if not columns:
+    if not columns or y is None:
         return
     ranges = simulation.input_ranges
     outputs = np.asarray(y, dtype=object).reshape(len(next(iter(columns.values()))), -1)
@@ -153,14 +157,19 @@ def _unit(name: str, values: FloatArray, low: float, high: float) -> str:
     ways = [(f"multiplied by {f:.6g}", f * values, words) for f, words in _UNITS.items()]
     ways += [(f"divided by {f:.6g}", values / f, words) for f, words in _UNITS.items()]
     ways += [
-        (f"turned into those of the simulation ({number(a, 5)} + {number(b, 2)} x)", a + b * values, w)
+        (
+            f"as {a:.6g} + {b:.6g} of them",
+            a + b * values,
+            w,
+        )
         for (a, b), w in _SHIFTED.items()
     ]
     fitting = [way for way in ways if _share_within(way[1], low, high) >= SETTINGS.mostly]
     if not fitting:
         return "Check its unit, or simulate the range that was measured."
-    # of several units the one that fills most of what was simulated
-    how, _, words = max(fitting, key=lambda way: np.ptp(way[1]))
+    # of several units the commonest that fills about as much of what was simulated as any
+    most = max(np.ptp(way[1]) for way in fitting)
+    how, _, words = next(way for way in fitting if np.ptp(way[1]) >= SETTINGS.as_wide * most)
     return (
         f"Is it in another unit, as {words}? Its values {how} lie within. Check the unit, or "
         "simulate the range that was measured."
@@ -172,9 +181,7 @@ def _exchange(columns: Mapping[str, FloatArray], ranges: Ranges, name: str) -> s
     there = [other for other in ranges if other in columns]
     before = {one: _share_within(columns[one], *ranges[one]) for one in there}
     for other in (one for one in there if one != name):
-        after = [
-            _share_within(columns[a], *ranges[b]) for a, b in ((other, name), (name, other))
-        ]
+        after = [_share_within(columns[a], *ranges[b]) for a, b in ((other, name), (name, other))]
         gain = sum(after) - before[name] - before[other]
         if min(after) >= SETTINGS.mostly and gain >= SETTINGS.gain_of_exchange:
             return (
@@ -215,7 +222,9 @@ def doubtful_columns(problem: Problem, ranges: Ranges) -> list[Caution]:
         hint = _exchange(columns, ranges, name) if outside > 0 else ""
         if hint and not any(repr(name) in one.sentence for one in out):
             out.append(
-                Caution("columns", f"{outside:.0%} of the rows have {name!r} outside its range. {hint}")
+                Caution(
+                    "columns", f"{outside:.0%} of the rows have {name!r} outside its range. {hint}"
+                )
             )
     return out + _unit_of_output(problem)
 
@@ -284,8 +293,10 @@ def _named_shift(simulated: FloatArray, y: FloatArray) -> str | None:
     return None
 
 
-def exchanged_columns(result: Search, sigma: float) -> list[Caution]:
-    """Return inputs that fit much better in exchange, after a search that found something wrong.
+def better_columns(result: Search, ranges: Ranges, sigma: float) -> list[Caution]:
+    """Return with which inputs exchanged, or in another unit, the simulation fits much better.
+
+    After a search that found something wrong: each way takes one fit of the simulation alone.
 
     Parameters
     ----------
@@ -294,29 +305,50 @@ def exchanged_columns(result: Search, sigma: float) -> list[Caution]:
         Noise of the best cause: an exchange must do about as well.
     """
     problem, null = result.problem, result.candidates[0]
-    names = problem.model.columns[: problem.model.n_inputs]
     if problem.working_point is not None:
         return []
-    found: list[tuple[float, Sequence[str]]] = []
-    for i, j in combinations(range(len(names)), 2):
-        X = problem.X.copy()
-        X[:, [i, j]] = X[:, [j, i]]
+    found: list[tuple[float, str]] = []
+    for words, X in _other_columns(problem, ranges):
         try:
             fit = best_null(replace(problem, X=X), result.emulator, result.noise)
-        except (ValueError, FloatingPointError):
+        except ValueError:  # a simulation that fails there
             continue
-        better = fit.sigma < SETTINGS.better_exchanged * null.sigma
-        if np.isfinite(fit.mode.objective) and better and fit.sigma < 2 * sigma:
-            found.append((fit.sigma, (names[i], names[j])))
+        better = fit.sigma < SETTINGS.much_better * null.sigma
+        if (
+            np.isfinite(fit.mode.objective)
+            and better
+            and fit.sigma < SETTINGS.about_as_good * sigma
+        ):
+            found.append((fit.sigma, words))
     if not found:
         return []
-    best, pair = min(found, key=lambda one: one[0])
+    best, words = min(found)
     unit = problem.unit_noise
     return [
         Caution(
             "columns",
-            f"With the columns {listing([repr(name) for name in pair])} exchanged, the simulation "
-            f"alone misses the output by {number(unit * best, 2)} instead of "
-            f"{number(unit * null.sigma, 2)}: were they swapped?",
+            f"With {words}, the simulation alone misses the output by {number(unit * best, 2)} "
+            f"instead of {number(unit * null.sigma, 2)}. Check the columns and their units.",
         )
     ]
+
+
+def _other_columns(problem: Problem, ranges: Ranges) -> Iterator[tuple[str, FloatArray]]:
+    """Yield what may be wrong with the inputs, and rows in which it is not."""
+    names = problem.model.columns[: problem.model.n_inputs]
+    for i, j in combinations(range(len(names)), 2):
+        X = problem.X.copy()
+        X[:, [i, j]] = X[:, [j, i]]
+        yield f"the columns {names[i]!r} and {names[j]!r} exchanged", X
+    for k, name in enumerate(names):
+        if name not in ranges:
+            continue
+        values, (low, high) = problem.X[:, k], ranges[name]
+        if np.ptp(values) > SETTINGS.narrow * (high - low):
+            continue
+        for factor, units in _UNITS.items():
+            X = problem.X.copy()
+            X[:, k] = factor * values
+            filled = np.ptp(X[:, k]) > SETTINGS.most_outside * (high - low)
+            if filled and _share_within(X[:, k], low, high) >= SETTINGS.mostly:
+                yield f"{name!r} multiplied by {factor:.6g} (as {units})", X

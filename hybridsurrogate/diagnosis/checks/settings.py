@@ -31,9 +31,15 @@ class CheckSettings:
     most_outside, mostly : float
         Share of the rows outside a simulated range from which nothing is diagnosed; share within
         by which another unit, or an exchange of columns, explains it.
-    gain_of_exchange, better_exchanged : float
-        Rows (as a share, of two columns together) that an exchange must bring into the ranges; or
-        the share of the noise that it must leave at most.
+    as_wide : float
+        A unit that fills this share of what another one fills of the range is as likely.
+    gain_of_exchange : float
+        Rows (as a share, of two columns together) that an exchange must bring into the ranges.
+    narrow : float
+        Share of the simulated range below which rows that lie within may be in another unit.
+    much_better, about_as_good : float
+        Noise that other columns must leave at most, in shares of that with those given and of that
+        with the best cause.
     same_shape, far_gain, near_unit : float
         Cosine between measured and simulated output, and the factor between them from which the
         unit looks wrong; a factor this near a unit's, in logarithms, is called by its name.
@@ -71,8 +77,11 @@ class CheckSettings:
     nearly_copied: float = 0.9999
     most_outside: float = 0.5
     mostly: float = 0.9
+    as_wide: float = 0.8
     gain_of_exchange: float = 0.3
-    better_exchanged: float = 0.5
+    narrow: float = 0.05
+    much_better: float = 0.5
+    about_as_good: float = 2.0
     same_shape: float = 0.9
     far_gain: float = 5.0
     near_unit: float = 0.15

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
 from hybridsurrogate.diagnosis.search.forward_selection import Step
 from hybridsurrogate.diagnosis.search.local_prediction import local_posterior, measured_and_other
@@ -29,7 +27,9 @@ def with_rows(causes: Sequence[Cause], steps: Sequence[Step]) -> tuple[Cause, ..
     >>> with_rows(causes, []) == causes
     True
     """
-    return tuple(_found(cause, steps) if isinstance(cause, GrossError) else cause for cause in causes)
+    return tuple(
+        _found(cause, steps) if isinstance(cause, GrossError) else cause for cause in causes
+    )
 
 
 def _found(cause: GrossError, steps: Sequence[Step]) -> Cause:

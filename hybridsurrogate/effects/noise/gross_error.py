@@ -131,7 +131,9 @@ class GrossError(Cause):
     @property
     def is_screened(self) -> bool:  # type: ignore[override]
         """Whether not all rows or pairs are tried."""
-        return self.sets is not None and len(self.sets) < comb(len(self.table), self.n_rows)
+        if self.table is None or self.sets is None:
+            return False
+        return len(self.sets) < comb(len(self.table), self.n_rows)
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the measured rows, and which of them are tried."""
@@ -210,18 +212,20 @@ class GrossError(Cause):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return in words which rows, and what is there."""
         rows = [self._in_words(values, end) for end in ("", "_1", "_2") if f"row{end}" in values]
-        return f"simulation, without {listing(rows)}"
+        return f"simulation; {listing(rows)}"
 
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the simulation, and the rows that are left out."""
-        numbers = [f"{values[f'row{end}']:.0f}" for end in ("", "_1", "_2") if f"row{end}" in values]
+        numbers = [
+            f"{values[f'row{end}']:.0f}" for end in ("", "_1", "_2") if f"row{end}" in values
+        ]
         return rf"{SIMULATION}, \quad {word(f'without row {listing(numbers)}')}"
 
     def _in_words(self, values: Mapping[str, float], end: str) -> str:
         number = round(values[f"row{end}"])
         place = self._place(number)
         return (
-            f"row {number}{f' ({place})' if place else ''}, which is unlike the others: "
+            f"row {number}{f' ({place})' if place else ''} is unlike the others: "
             f"{values[f'measured{end}']:.6g}, where the simulation predicts "
             f"{values[f'predicted{end}']:.4g}"
         )

@@ -213,7 +213,10 @@ def _between_experiments(context: Context) -> Iterator[Cause]:
 
 def _lacking(context: Context) -> Iterator[tuple[str | None, str]]:
     if not context.labels:
-        yield None, "no measured column says which experiment a row is of (experiment=... declares one)"
+        yield (
+            None,
+            "no column labels experiments; experiment=... declares one",
+        )
 
 
 register(
