@@ -310,7 +310,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             return left_out
         out = [single_rows(first.search, first.chosen)]
         if verdict != "adequate":
-            out.append(better_columns(first.search, ranges, first.chosen.sigma))
+            out.append(better_columns(first.search, ranges, first.chosen))
         return out if verdict in ("named", "nearest") else [*out, mirrored(problem)]
 
     def _forget(self) -> None:

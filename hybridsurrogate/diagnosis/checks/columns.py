@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from hybridsurrogate.diagnosis.checks.caution import Caution
 from hybridsurrogate.diagnosis.checks.settings import SETTINGS
-from hybridsurrogate.diagnosis.search.evidence import Search
+from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
 from hybridsurrogate.diagnosis.search.local_fit import best_null
 from hybridsurrogate.digits import number
 from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
@@ -293,7 +293,7 @@ def _named_shift(simulated: FloatArray, y: FloatArray) -> str | None:
     return None
 
 
-def better_columns(result: Search, ranges: Ranges, sigma: float) -> list[Caution]:
+def better_columns(result: Search, ranges: Ranges, chosen: Candidate) -> list[Caution]:
     """Return with which inputs exchanged, or in another unit, the simulation fits much better.
 
     After a search that found something wrong: each way takes one fit of the simulation alone.
@@ -301,10 +301,15 @@ def better_columns(result: Search, ranges: Ranges, sigma: float) -> list[Caution
     Parameters
     ----------
     result : Search
-    sigma : float
-        Noise of the best cause: an exchange must do about as well.
+    ranges : mapping of input to (low, high)
+        Those simulated.
+    chosen : Candidate
+        The best cause: other columns must do about as well, unless it is a curve of any shape.
     """
     problem, null = result.problem, result.candidates[0]
+    least = SETTINGS.much_better * null.sigma
+    if chosen.cause is not None and not chosen.cause.is_process:
+        least = min(least, SETTINGS.about_as_good * chosen.sigma)
     if problem.working_point is not None:
         return []
     found: list[tuple[float, str]] = []
@@ -313,12 +318,7 @@ def better_columns(result: Search, ranges: Ranges, sigma: float) -> list[Caution
             fit = best_null(replace(problem, X=X), result.emulator, result.noise)
         except ValueError:  # a simulation that fails there
             continue
-        better = fit.sigma < SETTINGS.much_better * null.sigma
-        if (
-            np.isfinite(fit.mode.objective)
-            and better
-            and fit.sigma < SETTINGS.about_as_good * sigma
-        ):
+        if np.isfinite(fit.mode.objective) and fit.sigma < least:
             found.append((fit.sigma, words))
     if not found:
         return []

@@ -101,10 +101,21 @@ def mirrored(problem: Problem) -> list[Caution]:
 def is_exact(result: Search) -> bool:
     """Return whether the simulation, alone or with a cause, misses no more than rounding."""
     least = SETTINGS.near_floor * FLOOR * result.problem.scale
-    # a curve of any shape may leave as little of few rows, and tails let most rows be exact
-    named = [w for w in result.candidates if w.cause is None or not w.cause.is_process]
-    named = [w for w in named if w.cause is None or not w.cause.has_outliers]
-    return result.problem.likelihood.gaussian and any(w.sigma <= least for w in named)
+    return result.problem.likelihood.gaussian and any(
+        w.sigma <= least for w in result.candidates if _leaves_noise(w)
+    )
+
+
+def _leaves_noise(w: Candidate) -> bool:
+    """Return whether the noise of a fit is that of its rows.
+
+    A curve of any shape may leave nothing of few rows, and where noise differs between rows its
+    scale is not that of each.
+    """
+    cause = w.cause
+    if cause is None:
+        return True
+    return cause.changes_output and not cause.is_process and not cause.touches_noise
 
 
 def exact(result: Search) -> list[Caution]:
