@@ -86,7 +86,9 @@ def diagnosed(simulation, X, y):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", hs.HybridSurrogateWarning)
         try:
-            found = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(X, y)
+            found = hs.DiscrepancyDiagnosis(model, cv=None, n_replicates=39, random_state=0).fit(
+                X, y
+            )
         except ValueError as error:
             return None, str(error)
     said = [one.sentence for one in found.cautions_]
@@ -137,6 +139,7 @@ def test_the_rest_is_right_apart_from_a_wild_row():
     assert "Row 11" in str(found.report())
 
 
+@pytest.mark.slow
 def test_two_wild_rows_are_a_pair_and_many_are_tails():
     X, y = measured(np.random.default_rng(4))
     some = y.copy()
@@ -151,6 +154,7 @@ def test_two_wild_rows_are_a_pair_and_many_are_tails():
     assert (found.best_cause_.kind, found.causes_.form[0]) == ("noise", "noise: tails")
 
 
+@pytest.mark.slow
 def test_a_step_in_two_rows_rests_on_them():
     X, y = measured(np.random.default_rng(5))
     X = X.sort_values("pressure", ignore_index=True)
@@ -171,6 +175,7 @@ def test_rows_at_one_place():
     assert "give the inputs at which each row was measured" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -185,7 +190,7 @@ def test_an_output_in_another_unit(change, words):
     assert found.cautions_[0].about == "columns"
 
 
-@pytest.mark.parametrize("step", [0.0, 4.0])
+@pytest.mark.parametrize("step", [0.0, pytest.param(4.0, marks=pytest.mark.slow)])
 def test_measurements_without_noise(step):
     """A simulation of one's own, given as measurements: tails of rounding were named."""
     X, _ = measured(np.random.default_rng(2))
