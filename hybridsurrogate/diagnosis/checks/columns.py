@@ -24,6 +24,7 @@ from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_post
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.columns import column_names, matched_columns
 from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 
 Ranges = Mapping[str, tuple[float, float]]
@@ -336,7 +337,9 @@ def better_columns(result: Search, ranges: Ranges, chosen: Candidate) -> list[Ca
 def _other_columns(problem: Problem, ranges: Ranges) -> Iterator[tuple[str, FloatArray]]:
     """Yield what may be wrong with the inputs, and rows in which it is not."""
     names = problem.model.columns[: problem.model.n_inputs]
-    for i, j in combinations(range(len(names)), 2):
+    # that which output a row is of is a column, too
+    own = [k for k, name in enumerate(names) if name != OUTPUT]
+    for i, j in combinations(own, 2):
         X = problem.X.copy()
         X[:, [i, j]] = X[:, [j, i]]
         yield f"the columns {names[i]!r} and {names[j]!r} exchanged", X
