@@ -232,16 +232,16 @@ def doubtful_columns(problem: Problem, ranges: Ranges) -> list[Caution]:
 
 def _unit_of_output(problem: Problem) -> list[Caution]:
     """Return whether measured outputs look like the simulated ones in another unit."""
-    simulated, y = _simulated_alike(problem), problem.observed
-    if not len(simulated):
-        return []
-    gains = simulated @ y / np.sum(simulated**2, axis=1)
+    simulated, y = _simulated(problem), problem.observed
+    scaled, shifted = _alike(simulated, y), _alike(simulated, y, centred=True)
+    gains = scaled @ y / np.sum(scaled**2, axis=1)
     found = None
     # a unit is wrong where no parameters that draw the same shape reach the size
-    if np.all(gains > SETTINGS.far_gain) or np.all(gains * SETTINGS.far_gain < 1):
+    far = np.all(gains > SETTINGS.far_gain) or np.all(gains * SETTINGS.far_gain < 1)
+    if len(gains) and far:
         gain = float(np.median(gains))
         found = f"about {number(gain, 2)} times what is simulated{_named_factor(gain)}"
-    elif (shift := _named_shift(simulated, y)) is not None:
+    elif len(shifted) and (shift := _named_shift(shifted, y)) is not None:
         found = f"in other degrees than the simulated one: it looks like {shift}"
     if found is None:
         return []
@@ -254,11 +254,8 @@ def _unit_of_output(problem: Problem) -> list[Caution]:
     ]
 
 
-def _simulated_alike(problem: Problem) -> FloatArray:
-    """Return simulated outputs (J, n) of the shape of the measured ones, the best fit's among them.
-
-    The shape says which parameters, as the size is in doubt.
-    """
+def _simulated(problem: Problem) -> FloatArray:
+    """Return simulated outputs (J, n) at draws of the priors, and at the best fit that is known."""
     model = problem.model
     z = np.random.RandomState(0).standard_normal((SETTINGS.draws_compared, model.n_unknowns))
     z[0] = 0.0
@@ -267,11 +264,19 @@ def _simulated_alike(problem: Problem) -> FloatArray:
     with np.errstate(over="ignore", invalid="ignore"):
         eta = model.simulated(problem.X, model.values(z), coefficients)[0]
         simulated = problem.likelihood.inverse(eta)
-    sizes = np.linalg.norm(simulated, axis=1)
-    usable = np.isfinite(simulated).all(axis=1) & (sizes > 0)
-    simulated, sizes = simulated[usable], sizes[usable]
-    cosine = simulated @ problem.observed / (sizes * np.linalg.norm(problem.observed))
-    return np.asarray(simulated[cosine > SETTINGS.same_shape])
+    return np.asarray(simulated[np.isfinite(simulated).all(axis=1)])
+
+
+def _alike(simulated: FloatArray, y: FloatArray, centred: bool = False) -> FloatArray:
+    """Return those of simulated outputs (J, n) that have the shape of y, up to a factor.
+
+    The shape says which parameters, as the size is in doubt. Centred: up to a constant as well.
+    """
+    a, b = simulated, y
+    if centred:
+        a, b = a - a.mean(axis=1, keepdims=True), b - b.mean()
+    sizes = np.linalg.norm(a, axis=1) * np.linalg.norm(b)
+    return simulated[a @ b > SETTINGS.same_shape * np.maximum(sizes, np.finfo(float).tiny)]
 
 
 def _named_factor(gain: float) -> str:
