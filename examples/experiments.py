@@ -4,9 +4,9 @@
 finished case is a row of the file, and a stopped run goes on with those that are left. 10 batches
 of 12 rows, a column that numbers them, and one parameter of the simulation that differs between
 them by as much as gives an effect of 1 or 2 times the noise; without a difference whatever is found
-is a false alarm. Gaps: the numbers of the batches have some, as those of subjects do. Curves: no
-parameter differs, but each batch strays by a cubic of its own. Declared: ``by_experiment`` names
-the parameter, and nothing else is wrong.
+is a false alarm. Gaps: the numbers of the batches have some, as those of subjects do, and are
+declared. Curves: no parameter differs, but each batch strays by a cubic of its own. Declared:
+``by_experiment`` names the parameter, and nothing else is wrong.
 """
 
 from __future__ import annotations
@@ -103,6 +103,8 @@ def diagnosed(what, seed, size):
         numbers = 300 + np.cumsum(np.random.default_rng(seed).integers(1, 20, BATCHES))
         X = X.assign(batch=numbers[X.batch - 1])
     options = {"experiment": "batch", "by_experiment": {target: "spread"}} if declared else {}
+    if what.startswith("gaps"):  # else they were a quantity
+        options = {"experiment": "batch"}
     model = hs.PowerScaledSurrogate(simulator, hs.ExactSurrogate(), random_state=0, **options)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", hs.HybridSurrogateWarning)

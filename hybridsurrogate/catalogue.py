@@ -83,8 +83,9 @@ def _of_outputs(
         here = [cause.cause for cause in inside if cause.output == name]
         own, missing = catalogue(of_output(context, position), [*here, *further], excluded, alone)
         for cause in own:
-            if cause.has_outliers:
-                reason = "outliers are not weighed in one of several outputs"
+            if cause.has_outliers or cause.concerns == "data":
+                what = "outliers" if cause.has_outliers else "single rows"
+                reason = f"{what} are not weighed in one of several outputs"
                 missing.append(Skipped(cause.kind, cause.target, reason))
             elif not cause.moves_inputs:
                 causes.append(InOutput(cause, name, position, context.of_outputs[position].scale))

@@ -27,6 +27,8 @@ def fixed(value: float, decimals: int) -> str:
 def interval(mean: float, low: float, high: float) -> str:
     """Return a mean and its interval, two digits of half its width."""
     width = high - low
+    if width == 0:
+        return number(mean, 6)
     size = max(abs(mean), abs(low), abs(high))
     # far from zero, as times since 1970 are, only the width says how many digits count
     small, large = size < 1e-4, size >= 1e7 and width > 1e-3 * size

@@ -208,7 +208,9 @@ class Posterior:
             for k, (owner, name) in enumerate(self.model.column_names)
             if owner == effect
         }
-        return self.model.effects[effect].estimates(theta, coefficients)
+        told = self.model.effects[effect].estimates(theta, coefficients)
+        # what is known, as a row that is left out, is the same in every draw
+        return {name: np.broadcast_to(values, self.n_draws) for name, values in told.items()}
 
 
 def _names_of(model: MeasuredModel) -> list[str]:

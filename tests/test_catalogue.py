@@ -75,7 +75,7 @@ def test_the_whole_catalogue():
         *("missing-input: categorical", "missing-input: with offset", "interaction: from zero"),
         "missing-input: categorical with offset",
         *("noise", "noise: mean", "noise: tails", "noise: autocorrelation", "unexplained"),
-        *("input-error", "random-parameter", "ramp: loss"),
+        *("input-error", "random-parameter", "ramp: loss", "gross-error", "gross-error: two rows"),
         # batches 1 to 4 are labels
         *("parameter-by-experiment: over batch", "curve-by-experiment: by batch"),
     }
@@ -157,29 +157,20 @@ def test_a_jump_and_a_wave_along_an_extra_column():
     assert ("missing-input", "batch") in weighed
 
 
-def test_numbers_of_subjects_with_gaps_are_an_axis_and_labels():
-    subject = np.repeat([308.0, 310, 333, 351, 370, 371], 4)
-    frame = {"t": np.linspace(0, 10, 24), "subject": subject, "gram": subject + 0.5}
-    context = Context(frame, 1, {"rate": stats.norm()}, {}, 1.0)
-    assert context.labels == ()
-    assert context.possible_labels == ("subject",)
+def test_few_numbers_are_a_quantity_unless_they_count_or_are_declared():
+    """A curve of its own for each of four temperatures was named with a probability of one."""
+    degrees = np.repeat([20.0, 40, 60, 80], 5)
+    columns = {"t": np.linspace(0, 10, 20), "degrees": degrees, "batch": degrees / 20}
+    context = Context(columns, 1, {"rate": stats.norm()}, {}, 1.0)
+    assert context.labels == ("batch",)
     causes = catalogue(context)[0]
-    assert {"subject", "gram"} <= {cause.target for cause in causes if cause.kind == "step"}
-    kind = "parameter-by-experiment"
-    assert [(c.target, c.column) for c in causes if c.kind == kind] == [("rate", "subject")]
-
-
-@pytest.mark.parametrize(
-    ("values", "may_be"),
-    [(3, True), (20, True), (2, False), (21, False)],
-)
-def test_three_to_twenty_whole_numbers_of_three_rows_may_be_labels(values, may_be):
-    subject = np.repeat(300.0 + 7 * np.arange(values), 3)
-    t = np.linspace(0, 10, len(subject))
-    found = Context({"t": t, "subject": subject}, 1, {}, {}, 1.0).possible_labels
-    assert found == (("subject",) if may_be else ())
-    fewer = Context({"t": t[1:], "subject": subject[1:]}, 1, {}, {}, 1.0)
-    assert fewer.possible_labels == ()
+    by = {c.by if c.kind == "curve-by-experiment" else c.column for c in causes if "-by-" in c.kind}
+    assert by == {"batch"}
+    drifts = {(c.target, c.column) for c in causes if c.kind == "parameter-drift"}
+    assert ("rate", "degrees") in drifts
+    assert {c.target for c in causes if c.kind == "missing-input"} == {"degrees", "batch"}
+    declared = Context(columns, 1, {"rate": stats.norm()}, {}, 1.0, experiment="degrees")
+    assert declared.labels == ("degrees", "batch")
 
 
 def test_a_cause_of_ones_own_replaces_the_built_in_one():

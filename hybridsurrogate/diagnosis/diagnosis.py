@@ -19,13 +19,21 @@ from hybridsurrogate.diagnosis.answers.experimental_design import next_measureme
 from hybridsurrogate.diagnosis.answers.finding import finding_of
 from hybridsurrogate.diagnosis.answers.result import DiagnosisResult
 from hybridsurrogate.diagnosis.answers.table import cause_table, not_reached
-from hybridsurrogate.diagnosis.checks.caution import Caution
+from hybridsurrogate.diagnosis.checks.caution import Caution, warn_of
+from hybridsurrogate.diagnosis.checks.columns import (
+    better_columns,
+    check_columns,
+    doubtful_columns,
+)
 from hybridsurrogate.diagnosis.checks.cost import warn_if_slow
 from hybridsurrogate.diagnosis.checks.data import (
     check_digits,
-    warn_if_exact,
-    warn_if_mirrored,
-    warn_of_copies,
+    copied_rows,
+    exact,
+    gross_errors,
+    is_exact,
+    mirrored,
+    single_rows,
 )
 from hybridsurrogate.diagnosis.checks.detectable import smallest_detectable
 from hybridsurrogate.diagnosis.checks.emulator import check_emulator
@@ -47,7 +55,7 @@ from hybridsurrogate.diagnosis.search.forward_selection import (
     searches,
     with_correlated_noise,
 )
-from hybridsurrogate.diagnosis.search.local_fit import InterruptedSearch
+from hybridsurrogate.diagnosis.search.local_fit import InterruptedSearch, blurred
 from hybridsurrogate.diagnosis.search.setup import Prepared, prepare, trained_emulator
 from hybridsurrogate.diagnosis.search.working_rows import on_working_rows
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans
@@ -62,9 +70,11 @@ from hybridsurrogate.diagnosis.validation.refit import (
     extended,
     extended_simulator,
 )
+from hybridsurrogate.diagnosis.validation.rows_left_out import with_rows
 from hybridsurrogate.diagnosis.verdict import Verdict, conclude
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.in_output import InOutput
+from hybridsurrogate.effects.noise.gross_error import GrossError
 from hybridsurrogate.estimators.averaged import leading
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import ConfoundingWarning, DiagnosisWarning
@@ -72,6 +82,7 @@ from hybridsurrogate.inference.prior_ends import AtPriorEnd, at_prior_ends
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.problem.problem import Problem
 from hybridsurrogate.problem.rows import check_outcomes, without_gaps
 from hybridsurrogate.simulation.arrays import complete_table
 from hybridsurrogate.threads import one_blas_thread
@@ -260,6 +271,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         X, y, _ = without_gaps(X, y)
         X = complete_table(X, labels=labels)
         self._forget()
+        self.cautions_: list[Caution] = []
+        check_columns(X, y, getattr(self.estimator, "simulation", None))
         random = check_random_state(self.random_state)
         self.estimator_ = clone(self.estimator).fit(X, y)
         check_each_output(self.estimator_.measured_[1], self.estimator_.simulation.outputs)
@@ -268,9 +281,12 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         prepared.warn()
         model = prepared.problem.model
         check_rows(len(prepared.problem.y), model.columns, [*model.parameters, *model.constants])
-        self.cautions_: list[Caution] = []
         check_digits(prepared.problem)
-        warn_of_copies(prepared.problem.X, prepared.problem.y)
+        ranges = self.estimator_.simulation_.input_ranges
+        self._doubt(
+            copied_rows(prepared.problem.X, prepared.problem.y),
+            doubtful_columns(prepared.problem, ranges),
+        )
         warn_if_slow(prepared.problem)
         warn_if_rough(prepared.problem)
         try:
@@ -280,8 +296,6 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         except KeyboardInterrupt as stop:
             self._keep(prepared, stop)
             raise
-        if self.verdict_ not in ("named", "nearest"):
-            warn_if_mirrored(prepared.problem)
         self.n_features_in_ = self.estimator_.n_features_in_
         if hasattr(self.estimator_, "feature_names_in_"):
             self.feature_names_in_ = self.estimator_.feature_names_in_
@@ -290,6 +304,26 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         with one_blas_thread():
             self._prove(X, self.estimator_.measured_[1], random)
         return self
+
+    def _doubt(self, *cautions: Sequence[Caution]) -> None:
+        """Keep cautions, and warn the caller of ``fit`` of them."""
+        for some in cautions:
+            self.cautions_ += some
+            warn_of(some, stacklevel=4)
+
+    def _doubts_of(
+        self, steps: Sequence[Step], problem: Problem, verdict: str
+    ) -> list[list[Caution]]:
+        """Return what makes a search doubtful: single rows, columns and their units."""
+        first, ranges = steps[0], self.estimator_.simulation_.input_ranges
+        found = with_rows(accepted(steps), steps)
+        left_out = [gross_errors(one) for one in found if isinstance(one, GrossError)]
+        if left_out:
+            return left_out
+        out = [single_rows(first.search, first.chosen)]
+        if verdict != "adequate":
+            out.append(better_columns(first.search, ranges, first.chosen))
+        return out if verdict in ("named", "nearest") else [*out, mirrored(problem)]
 
     def _forget(self) -> None:
         """Drop what an earlier fit found: after an interrupt it would stand beside the new."""
@@ -304,19 +338,17 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     ) -> tuple[list[Step], Verdict]:
         problem, emulator = trained_emulator(prepared.problem, self.estimator_)
         problem = on_working_rows(problem, self.estimator_.posterior_)
-        steps = forward_search(
-            problem,
-            prepared.causes,
-            emulator,
-            int(self.max_causes),
-            self.false_alarm_rate,
-            int(self.n_replicates),
-            random_state,
-        )
+        settings = int(self.max_causes), self.false_alarm_rate, int(self.n_replicates)
+        steps = forward_search(problem, prepared.causes, emulator, *settings, random_state)
+        doubts = []
+        if is_exact(steps[0].search):
+            steps = forward_search(
+                blurred(problem), prepared.causes, emulator, *settings, random_state
+            )
+            doubts = [exact(steps[0].search)]
         test = steps[0].test
         assert test is not None  # only folds have none
         self.search_, self.p_value_ = steps[0].search, test.p_value
-        warn_if_exact(self.search_)
         self.emulator_check_ = check_emulator(
             self.search_, prepared.problem.model.basis, self.estimator_.simulation_
         )
@@ -328,7 +360,13 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self.causes_ = cause_table(found, prepared.skipped)
         self.indistinguishable_ = credible_kinds(found)
         verdict = self._conclude(steps)
+        doubts += self._doubts_of(steps, prepared.problem, verdict.word)
+        first = steps[0].chosen.cause
+        rests_on_it = any(one.about in ("data", "columns") for some in doubts for one in some)
+        if verdict.word == "named" and rests_on_it and first is not None and first.changes_output:
+            self.verdict_ = "nearest"
         self.probability_right_ = self._probability_right(steps[0], verdict.share)
+        self._doubt(*doubts)
         ranges = self.estimator_.simulation_.input_ranges
         places = [next_measurement(step.given_others, ranges) for step in steps]
         most = max(range(len(steps)), key=lambda k: places[k].information)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:  # the files are loaded below, room by room
     from hybridsurrogate.effects.ignored.missing_input import MissingInput
     from hybridsurrogate.effects.inputs.delay import Delay
     from hybridsurrogate.effects.noise.autocorrelation import Autocorrelation
+    from hybridsurrogate.effects.noise.gross_error import GrossError
     from hybridsurrogate.effects.noise.input_error import InputError
     from hybridsurrogate.effects.noise.noise import Noise
     from hybridsurrogate.effects.noise.noise_of_mean import NoiseOfMean
@@ -65,6 +66,7 @@ __all__ = [
     "Friction",
     "Gain",
     "GaussianProcessDiscrepancy",
+    "GrossError",
     "InOutput",
     "InputError",
     "Interaction",

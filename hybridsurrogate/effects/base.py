@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 from sklearn.base import BaseEstimator
 
 from hybridsurrogate.effects.context import Context, Rows
@@ -23,6 +24,8 @@ from hybridsurrogate.simulation.modification import Modification
 SIMULATED = "simulated output"
 # those under which it finds the slope of that over `follows_slope`, and `estimates` the noise's sd
 SLOPE = "slope of the simulated output"
+# that under which `Cause.columns` finds at which position, from 0, a row stands in its table
+ROW = "position of the row"
 NOISE_SD = "sd of the noise"
 
 
@@ -47,6 +50,9 @@ class Cause(BaseEstimator):
         Whether the columns are the basis of one random curve, so that they share one size.
     is_one_level : bool
         Whether it is one of several that differ only in the level of a column that is meant.
+    is_screened : bool
+        Whether it looks only where the measured output is unusual: a test's replicates are so
+        elsewhere, and leave it out.
     is_learned : bool
         Whether measured rows tell of it; else its numbers are drawn from their priors.
     hierarchy : (str, str, tuple of str) or None
@@ -92,6 +98,7 @@ class Cause(BaseEstimator):
     meaning: str | None = None
     is_process: bool = False
     is_one_level: bool = False
+    is_screened: bool = False
     is_learned: bool = True
     hierarchy: tuple[str, str, tuple[str, ...]] | None = None
     follows_mean: bool = False
@@ -222,6 +229,22 @@ class Cause(BaseEstimator):
         ndarray of shape (J,), or float
         """
         return 0.0
+
+    def leaves_out(self, X: Rows, y: FloatArray) -> NDArray[np.bool_] | None:
+        """Return which measured rows an estimator with this cause does not learn from.
+
+        Parameters
+        ----------
+        X : dict of name to ndarray of shape (n,)
+        y : ndarray of shape (n,)
+            As measured.
+
+        Returns
+        -------
+        ndarray of bool of shape (n,), or None
+            None: it learns from all.
+        """
+        return None
 
     def grid(self) -> dict[str, FloatArray]:
         """Return nodes of those parameters that a search has to enumerate.

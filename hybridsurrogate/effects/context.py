@@ -19,7 +19,7 @@ Rows = Mapping[str, FloatArray]  # a name and its values in n rows
 _ANOTHER_ORDER = 2.0
 # integers that count this many experiments of so many rows are labels
 _LEAST_EXPERIMENTS, _ROWS_OF_ONE = 3, 3
-# more distinct values of a column are no names of experiments, unless they are counted
+# labels of more experiments have no level of their own each
 MOST_EXPERIMENTS = 20
 # so many whole numbers one apart are an axis
 _LEAST_WHOLE = 5
@@ -88,6 +88,9 @@ class Context:
     at_prior_end : dict of str to float
         Parameters that the data push against an end of their prior, and the values they have
         there. Empty where the simulation itself cannot be run beyond it.
+    unusual : tuple of int
+        Positions of the rows that the simulation misses most, the largest residual first. Empty
+        where nothing was measured yet, and with several outputs.
 
     Examples
     --------
@@ -120,6 +123,7 @@ class Context:
     slopes: Mapping[str, FloatArray] = field(default_factory=dict)
     unit: float = 1.0
     at_prior_end: Mapping[str, float] = field(default_factory=dict)
+    unusual: tuple[int, ...] = ()
 
     def begins_at_zero(self, column: str) -> bool:
         """Tell whether a column ends near zero, and is never on the other side of it.
@@ -195,19 +199,10 @@ class Context:
     def labels(self) -> tuple[str, ...]:
         """Names of the columns of labels: the declared one, counted integers, weekday and month.
 
-        The simulation ignores them, and they are no axis.
+        The simulation ignores them, and they are no axis. A few other numbers, such as four
+        temperatures, are a quantity: numbers of subjects with gaps have to be declared.
         """
         return label_columns(self.X, self.n_inputs, self.experiment)
-
-    @property
-    def possible_labels(self) -> tuple[str, ...]:
-        """Names of the labels, and of extras that may be some: numbers of subjects, or doses.
-
-        Three to twenty whole numbers of at least three rows each. They are an axis as well, and the
-        measurements say which of the two.
-        """
-        labels = self.labels
-        return tuple(n for n in self.ignored if n in labels or _may_name_experiments(self.X[n]))
 
     def column(self, name: str) -> FloatArray:
         """Return a measured column; raise ValueError when there is none of that name."""
@@ -240,16 +235,6 @@ def trouble_with_labels(column: str, context: Context) -> str | None:
     return (
         f"{column} has {len(values)} distinct values one apart, which may be labels; "
         f"{_LEAST_WHOLE} are needed"
-    )
-
-
-def _may_name_experiments(values: FloatArray) -> bool:
-    """Tell whether a column has a few whole numbers, each in several rows."""
-    levels, rows = np.unique(values, return_counts=True)
-    return bool(
-        _LEAST_EXPERIMENTS <= len(levels) <= MOST_EXPERIMENTS
-        and rows.min() >= _ROWS_OF_ONE
-        and np.array_equal(levels, np.round(levels))
     )
 
 

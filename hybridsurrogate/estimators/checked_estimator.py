@@ -207,10 +207,17 @@ class CheckedEstimator(BaseEstimator):
             long, values = stacking.rows(rows), stacking.values(output)
             there = np.isfinite(values)
             single = long[there], values[there], np.repeat(weights, output.shape[1])[there]
+        single = (*single[:2], self._counted(columns, *single))
         merged = merged_rows(columns, *single)
         return CheckedData(
             rows, output, weights, names, order, merged, simulation, single, stacking, experiments
         )
+
+    def _counted(
+        self, columns: tuple[str, ...], X: FloatArray, y: FloatArray, weights: FloatArray
+    ) -> FloatArray:
+        """Return the weights (n,) of rows; a subclass may leave some out."""
+        return weights
 
     def _further_tables(self) -> Sequence[Any]:
         """Return measured rows beside those in ``fit``, as tables."""

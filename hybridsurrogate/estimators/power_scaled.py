@@ -6,6 +6,7 @@ import copy
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
@@ -221,6 +222,16 @@ class PowerScaledSurrogate(SurrogateEstimator):
         """Return the effects that rows tell of: the user's, then what differs by experiment."""
         learned = tuple(effect for effect in as_causes(self.effects) if effect.is_learned)
         return learned if data.experiments is None else (*learned, *data.experiments.effects())
+
+    def _counted(
+        self, columns: tuple[str, ...], X: FloatArray, y: FloatArray, weights: FloatArray
+    ) -> FloatArray:
+        """Return the weights (n,) of rows, zero where an effect leaves a row out."""
+        rows = dict(zip(columns, X.T, strict=True))
+        for effect in as_causes(self.effects):
+            left_out = effect.leaves_out(rows, y)
+            weights = weights if left_out is None else np.where(left_out, 0.0, weights)
+        return weights
 
     def _powers(self, X: FloatArray) -> tuple[float, float | FloatArray]:
         """Return alpha_S and alpha_R; a weight that changes with x is in the rows' powers."""

@@ -117,10 +117,11 @@ def test_labels_are_no_axis():
 
 @pytest.mark.slow
 def test_numbers_of_subjects_may_have_gaps():
-    """308, 310, 333 ... are an axis as well as labels; the measurements say which."""
+    """308, 310, 333 ... are labels where they are declared, and a quantity elsewhere."""
     X, y, _ = batches(5, n=8)
     subjects = np.random.default_rng(5).choice(np.arange(300, 380), X.batch.nunique(), False)
-    diagnosis = diagnosed(X.assign(batch=subjects[X.batch.str[1:].astype(int)]), y)
+    X = X.assign(batch=subjects[X.batch.str[1:].astype(int)])
+    diagnosis = diagnosed(X, y, experiment="batch")
     assert (diagnosis.best_cause_.kind, diagnosis.best_cause_.target) == (
         "parameter-by-experiment",
         "rate",

@@ -42,13 +42,20 @@ def averaged_over(
         Returns the estimator fitted with causes as effects.
     """
     sets, shares = explanations(steps)
-    models, weights = [with_remainder(before, fitted(sets[0]))], shares[:1]
+
+    def reaching(causes: Causes) -> PowerScaledSurrogate:
+        model = fitted(causes)
+        # rows that were left out say nothing of the simulation elsewhere
+        in_data = all(cause.concerns == "data" for cause in causes)
+        return model if in_data else with_remainder(before, model)
+
+    models, weights = [reaching(sets[0])], shares[:1]
     for causes, share in zip(sets[1:], shares[1:], strict=True):
         try:
             with warnings.catch_warnings():
                 # of the rows the first fit has warned; doubtful draws are in the report
                 warnings.simplefilter("ignore", HybridSurrogateWarning)
-                model = with_remainder(before, fitted(causes)) if causes else before
+                model = reaching(causes) if causes else before
         except ValueError as error:
             warnings.warn(
                 f"{' and '.join(cause.name for cause in causes)}, with {100 * share:.0f} % of the "

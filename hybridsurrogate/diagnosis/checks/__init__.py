@@ -2,7 +2,8 @@
 
 caution          a reason to doubt a verdict
 parameters       of the diagnosis itself
-data             copies, exact data, wrong signs, lost digits
+columns          outputs among the inputs, wrong units, exchanged columns
+data             single rows that are far off, copies, exact data, wrong signs, lost digits
 cost             simulations that take long
 roughness        simulations that jump
 emulator         what the runs leave open at the measured rows

@@ -1,18 +1,21 @@
-"""Measured data of which a diagnosis had better not be believed: copies, lost digits, no noise."""
+"""Measured data that make a diagnosis doubtful: rows far off, copies, lost digits, no noise."""
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
+from numpy.typing import NDArray
 
+from hybridsurrogate.diagnosis.checks.caution import Caution
 from hybridsurrogate.diagnosis.checks.settings import SETTINGS
-from hybridsurrogate.diagnosis.search.evidence import Search
-from hybridsurrogate.diagnosis.search.local_fit import FLOOR
-from hybridsurrogate.exceptions import DiagnosisWarning
+from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
+from hybridsurrogate.diagnosis.search.local_fit import BLUR, FLOOR
+from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
+from hybridsurrogate.digits import listing, number
+from hybridsurrogate.effects.noise.gross_error import GrossError
 from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.priors import FloatArray, from_normal
 from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.simulation.outputs import OUTPUT
 
 
 def copies(X: FloatArray, y: FloatArray) -> int:
@@ -31,18 +34,20 @@ def copies(X: FloatArray, y: FloatArray) -> int:
     return alike if alike >= SETTINGS.fewest_rows and 2 * alike > again else 0
 
 
-def warn_of_copies(X: FloatArray, y: FloatArray) -> None:
-    """Warn the caller of ``fit`` of rows that are in the data twice."""
+def copied_rows(X: FloatArray, y: FloatArray) -> list[Caution]:
+    """Return whether rows are in the data twice; arguments as of `copies`."""
     n = copies(X, y)
-    if n:
-        warnings.warn(
+    if not n:
+        return []
+    return [
+        Caution(
+            "data",
             f"{n} of {len(X)} measured rows are copies of others, in every input and in the "
             "output. Copies count as measurements made again, so that the noise looks "
             "autocorrelated and causes look surer than they are: drop them, "
             "DataFrame.drop_duplicates(), unless each was measured.",
-            DiagnosisWarning,
-            stacklevel=3,
         )
+    ]
 
 
 def check_digits(problem: Problem) -> None:
@@ -68,11 +73,11 @@ def check_digits(problem: Problem) -> None:
             )
 
 
-def warn_if_mirrored(problem: Problem) -> None:
-    """Warn the caller of ``fit`` where the output is that of the simulation with the other sign."""
+def mirrored(problem: Problem) -> list[Caution]:
+    """Return whether the output is that of the simulation with the other sign."""
     model = problem.model
     if problem.likelihood.log_scale or not len(problem.good):
-        return
+        return []
     coefficients = emulator_posterior(model.basis, problem.simulation).mean
     with np.errstate(over="ignore", invalid="ignore"):
         simulated = model.simulated(
@@ -81,26 +86,152 @@ def warn_if_mirrored(problem: Problem) -> None:
         sizes = np.linalg.norm(simulated) * np.linalg.norm(problem.y)
         likeness = float(simulated @ problem.y) / sizes if sizes > 0 else 0.0
     # a cosine: positive where the simulation has anything of the output
-    if likeness < -SETTINGS.mirrored:
-        warnings.warn(
+    if not likeness < -SETTINGS.mirrored:
+        return []
+    return [
+        Caution(
+            "columns",
             "Even at its best fit the simulation has the other sign than the measured output: "
             f"the cosine between the two is {likeness:.2f}. No cause that is searched for changes "
             "a sign. Check the sign conventions of both, such as up or down, gain or loss.",
-            DiagnosisWarning,
-            stacklevel=3,
         )
+    ]
 
 
-def warn_if_exact(result: Search) -> None:
-    """Warn the caller of ``fit`` where the simulation alone misses too little to be diagnosed."""
-    least = FLOOR * result.problem.scale
-    if result.candidates[0].sigma > SETTINGS.near_floor * least:
-        return
-    warnings.warn(
-        f"The simulation meets the measured output to about {FLOOR:g} of its spread. Smaller noise "
-        "is not searched for, so that a cause of that size may go unseen or get the wrong name. "
-        "Such data come from a computation: add noise as large as the differences that matter, "
-        "and diagnose again.",
-        DiagnosisWarning,
-        stacklevel=4,
+def is_exact(result: Search) -> bool:
+    """Return whether the simulation, alone or with a cause, misses no more than rounding."""
+    least = SETTINGS.near_floor * FLOOR * result.problem.scale
+    return result.problem.likelihood.gaussian and any(
+        w.sigma <= least for w in result.candidates if _leaves_noise(w)
     )
+
+
+def _leaves_noise(w: Candidate) -> bool:
+    """Return whether the noise of a fit is that of its rows.
+
+    A curve of any shape may leave nothing of few rows, and where noise differs between rows its
+    scale is not that of each.
+    """
+    cause = w.cause
+    if cause is None:
+        return True
+    return cause.changes_output and not cause.is_process and not cause.touches_noise
+
+
+def exact(result: Search) -> list[Caution]:
+    """Return that measured data have no noise, of a search for which they were given some.
+
+    Parameters
+    ----------
+    result : Search
+    """
+    alone = result.candidates[0].sigma <= SETTINGS.near_floor * BLUR * result.problem.scale
+    what = "The simulation meets" if alone else "With a cause the simulation meets"
+    return [
+        Caution(
+            "noise",
+            f"{what} the measured output to about {FLOOR:g} of its spread: the data are exact, as "
+            "those of a computation are, and have no noise. Noise of "
+            f"{BLUR:g} of the spread was added for the search. A cause of that size may go unseen: "
+            "add noise as large as the differences that matter, and diagnose again.",
+        )
+    ]
+
+
+def single_rows(result: Search, chosen: Candidate) -> list[Caution]:
+    """Return which one or two rows a finding rests on, or which few are far off.
+
+    Parameters
+    ----------
+    result : Search
+        The first one.
+    chosen : Candidate
+        Of its candidates: the first cause, or nothing wrong.
+    """
+    problem = result.problem
+    if problem.working_point is not None:
+        return []
+    cause = chosen.cause
+    if cause is not None and cause.concerns == "data":
+        return []
+    null = predict_locally(result, result.candidates[0], problem.X)[0]
+    found = null if cause is None else predict_locally(result, chosen, problem.X)[0]
+    if cause is not None and cause.changes_output:
+        explained = np.maximum((problem.y - null) ** 2 - (problem.y - found) ** 2, 0.0)
+        first = np.argsort(-explained)[:2]
+        # one row suffices where it alone carries as much
+        share = np.cumsum(explained[first]) / max(float(explained.sum()), np.finfo(float).tiny)
+        if share[-1] > SETTINGS.carried_by_two:
+            rows = first[:1] if share[0] > SETTINGS.carried_by_two else np.sort(first)
+            return [_on_rows(result, rows, null)]
+    rows = _far_off(result, problem.y - found)
+    return [_unlike(result, rows, found)] if len(rows) else []
+
+
+def gross_errors(cause: GrossError) -> list[Caution]:
+    """Return which rows a diagnosis left out as unlike the others."""
+    rows = [
+        f"Row {row.number} ({_place(dict(row.at))}) is unlike the others: {row.measured:.6g}, "
+        f"where the simulation predicts {row.predicted:.4g}; check it."
+        for row in cause.rows
+    ]
+    if not rows:
+        return []
+    return [Caution("data", f"{' '.join(rows)} All else in this report is that of the other rows.")]
+
+
+def _on_rows(result: Search, rows: NDArray[np.intp], simulated: FloatArray) -> Caution:
+    few = "one row" if len(rows) == 1 else "two rows"
+    return Caution(
+        "data",
+        f"The cause rests on {few}: {_described(result, rows, simulated)}. Check "
+        f"{'it' if len(rows) == 1 else 'them'}, and diagnose without, before believing the cause.",
+    )
+
+
+def _unlike(result: Search, rows: NDArray[np.intp], simulated: FloatArray) -> Caution:
+    few = "A few rows are" if len(rows) > 1 else "One row is"
+    return Caution(
+        "data",
+        f"{few} unlike the others: {_described(result, rows, simulated)}. Check "
+        f"{'it' if len(rows) == 1 else 'them'}, and correct or leave out what is wrong.",
+    )
+
+
+def _far_off(result: Search, missed: FloatArray) -> NDArray[np.intp]:
+    """Return the rows whose residuals are far outside those of the others, if these are few."""
+    problem, stacking = result.problem, result.problem.stacking
+    of = np.zeros(len(missed)) if stacking is None else problem.X[:, stacking.at]
+    far = np.zeros(len(missed), dtype=bool)
+    for output in np.unique(of):
+        here = of == output
+        away = np.abs(missed[here] - np.median(missed[here]))
+        # 1.4826 median absolute deviations are a standard deviation of normal residuals
+        sd = max(1.4826 * float(np.median(away)), SETTINGS.near_floor * FLOOR * problem.scale)
+        far[here] = away > SETTINGS.far_off * sd
+    most = max(2, int(SETTINGS.most_far_off * len(missed)))
+    rows = np.flatnonzero(far)
+    return rows if len(rows) <= most else rows[:0]
+
+
+def _described(result: Search, rows: NDArray[np.intp], simulated: FloatArray) -> str:
+    problem = result.problem
+    inverse, columns = problem.likelihood.inverse, problem.model.columns
+    out = []
+    for i in rows:
+        at = dict(zip(columns, problem.X[i].tolist(), strict=False))
+        unit = 1.0
+        which = f"row {i + 1}"
+        if problem.stacking is not None:
+            position = int(at.pop(OUTPUT))
+            unit = float(problem.stacking.scale[position])
+            which = f"the {problem.stacking.names[position]} at"
+        values = [unit * float(v) for v in (problem.observed[i], inverse(simulated[i : i + 1])[0])]
+        out.append(
+            f"{which} ({_place(at)}), {values[0]:.6g} where the simulation has {values[1]:.4g}"
+        )
+    return listing(out)
+
+
+def _place(at: dict[str, float]) -> str:
+    return ", ".join(f"{name} = {number(value)}" for name, value in at.items())

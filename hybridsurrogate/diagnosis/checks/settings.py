@@ -25,6 +25,33 @@ class CheckSettings:
     mirrored : float
         Cosine between what is measured and simulated from which the sign looks wrong; the best fit
         of parameters has moved it towards zero.
+    copied, nearly_copied : float
+        A column whose correlation with the output is so little below one is the output; one above
+        the second looks like it.
+    most_outside, mostly : float
+        Share of the rows outside a simulated range from which nothing is diagnosed; share within
+        by which another unit, or an exchange of columns, explains it.
+    as_wide : float
+        A unit that fills this share of what another one fills of the range is as likely.
+    gain_of_exchange : float
+        Rows (as a share, of two columns together) that an exchange must bring into the ranges.
+    narrow : float
+        Share of the simulated range below which rows that lie within may be in another unit.
+    much_better, about_as_good : float
+        Noise that other columns must leave at most, in shares of that with those given and of that
+        with the best cause.
+    same_shape, far_gain, near_unit : float
+        Cosine between measured and simulated output, and the factor between them from which the
+        unit looks wrong; a factor this near a unit's, in logarithms, is called by its name.
+    far_shift, near_shift : float
+        Spreads of the output: how far it must be shifted, and how near a shift of degrees.
+    draws_compared : int
+        Draws of the priors that are compared with the output.
+    carried_by_two : float
+        Share of what a cause explains from which two rows carry it.
+    far_off, most_far_off : float
+        Robust standard deviations of the residuals beyond which a row is far off, and the share of
+        the rows that may be without being a pattern.
     large_jump : float
         Jumps of this share of the noise hide effects.
     correlated : float
@@ -46,6 +73,24 @@ class CheckSettings:
     fewest_rows: int = 3
     near_floor: float = 3.0
     mirrored: float = 0.7
+    copied: float = 1e-9
+    nearly_copied: float = 0.9999
+    most_outside: float = 0.5
+    mostly: float = 0.9
+    as_wide: float = 0.8
+    gain_of_exchange: float = 0.3
+    narrow: float = 0.05
+    much_better: float = 0.5
+    about_as_good: float = 2.0
+    same_shape: float = 0.9
+    far_gain: float = 5.0
+    near_unit: float = 0.15
+    far_shift: float = 3.0
+    near_shift: float = 1.0
+    draws_compared: int = 64
+    carried_by_two: float = 0.9
+    far_off: float = 10.0
+    most_far_off: float = 0.02
     large_jump: float = 0.25
     correlated: float = 0.9
     unknown: float = 0.5

@@ -163,8 +163,8 @@ class View:
 
     @property
     def cause(self) -> Cause | None:
-        """The first cause in the extended model, prepared."""
-        return self.found.effects[0] if self.extended else None
+        """The first cause that was found, prepared, as its search knows it."""
+        return self.diagnosis.result_.steps[0].chosen.cause if self.extended else None
 
     @property
     def search(self) -> Search:
@@ -176,8 +176,9 @@ class View:
         """Every accepted cause, what was found about it and the cause itself, in order."""
         if not self.extended:
             return []
-        effects = [e for e in self.found.effects if e.is_learned]
-        return list(zip(self.diagnosis.found_causes_, effects, strict=True))
+        causes = [step.chosen.cause for step in self.diagnosis.result_.steps]
+        found = zip(self.diagnosis.found_causes_, causes, strict=True)
+        return [(finding, cause) for finding, cause in found if cause is not None]
 
     @property
     def kinds(self) -> str:

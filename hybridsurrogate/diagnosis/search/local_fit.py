@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +20,8 @@ from hybridsurrogate.problem.problem import Problem
 
 # noise below this share of the output's scale is rounding
 FLOOR = 1e-6
+# and that of data which have none, for a search: well above what it cannot see
+BLUR = 1e-5
 
 
 class InterruptedSearch(KeyboardInterrupt):
@@ -42,6 +45,15 @@ class Fitted(NamedTuple):
     grid: Grid
     mode: LocalMode
     sigma: float
+
+
+def blurred(problem: Problem) -> Problem:
+    """Return the problem with a little noise in the output, for data that have none.
+
+    Where residuals are rounding, their tails and their order mean nothing.
+    """
+    noise = np.random.RandomState(0).standard_normal(len(problem.y))
+    return replace(problem, y=problem.y + BLUR * problem.scale * noise)
 
 
 def largest_size(problem: Problem) -> float:

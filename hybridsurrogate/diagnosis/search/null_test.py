@@ -74,6 +74,8 @@ def statistics(result: Search, responses: FloatArray) -> FloatArray:
     base = null.mode.z
     evidence = []
     for w in result.candidates:
+        if w.cause is not None and w.cause.is_screened:
+            continue
         z = w.grid.neutral.copy()
         z[: len(base)] = base
         # in a replicate a change may be anywhere, not only where the measured one is

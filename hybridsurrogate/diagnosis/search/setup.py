@@ -14,6 +14,7 @@ from hybridsurrogate.diagnosis.emulation.conditioned import krige
 from hybridsurrogate.diagnosis.search.noise_of_outputs import at_noise_of
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.in_output import prepared_for
+from hybridsurrogate.effects.noise.gross_error import MOST_ROWS
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import DiagnosisWarning
@@ -127,6 +128,7 @@ def prepare(
     if problem.stacking is None:
         at = problem.model.values(problem.good)
         context = with_slopes(context, problem.model, X, coefficients, at)
+        context = replace(context, unusual=_most_missed(problem, coefficients))
     if problem.model.basis.is_simulation:
         ends = {one.name: one.mean for one in at_prior_ends(fitted.posterior_)}
         context = replace(context, at_prior_end=ends)
@@ -140,6 +142,15 @@ def prepare(
             unusable.append(Skipped(cause.kind, cause.target, reason))
     causes, skipped = catalogue(context, usable, excluded, alone=max_causes == 1)
     return Prepared(problem, causes, [*unusable, *skipped], unusable)
+
+
+def _most_missed(problem: Problem, coefficients: FloatArray) -> tuple[int, ...]:
+    """Return the positions of rows, that with the largest residual of the best draw first."""
+    at = problem.model.values(problem.good)
+    with np.errstate(over="ignore", invalid="ignore"):
+        output, _, noise = problem.model.simulated(problem.X, at, coefficients)
+        missed = np.abs(problem.y - output[0]) / noise[0]
+    return tuple(np.argsort(-np.nan_to_num(missed), kind="stable")[:MOST_ROWS].tolist())
 
 
 def _best_draw(fitted: PowerScaledSurrogate, problem: Problem) -> FloatArray:

@@ -23,6 +23,7 @@ from hybridsurrogate.diagnosis.search.forward_selection import (
 from hybridsurrogate.diagnosis.search.setup import prepare, with_basis
 from hybridsurrogate.diagnosis.search.working_rows import on_working_rows
 from hybridsurrogate.diagnosis.validation.gain import in_one_word
+from hybridsurrogate.diagnosis.validation.rows_left_out import with_rows
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.carried import fitted_near
@@ -102,7 +103,7 @@ class Refit:
 
         def fitted(causes: tuple[Cause, ...]) -> PowerScaledSurrogate:
             fit = quickly_fitted if causes == found else coarsely_fitted
-            model = clone(plain).set_params(effects=causes)
+            model = clone(plain).set_params(effects=with_rows(causes, steps))
             return fit(model, X, y, known.get(_forms(causes)))
 
         return Pair(before, averaged_over(steps, before, fitted), kind)
@@ -181,7 +182,7 @@ def extended(
         return before
 
     def fitted(causes: tuple[Cause, ...]) -> PowerScaledSurrogate:
-        model = clone(before).set_params(effects=causes)
+        model = clone(before).set_params(effects=with_rows(causes, steps))
         if causes == found:
             return model.fit(X, y)
         return coarsely_fitted(model, X, y)

@@ -232,7 +232,7 @@ class MissingInput(OverColumn):
 def trouble_with_levels(context: Context, column: str) -> str | None:
     """Return why a column cannot be taken as levels, None if it can."""
     _, counts = np.unique(context.X[column], return_counts=True)
-    most = MOST_EXPERIMENTS if column in context.possible_labels else _MOST_LEVELS
+    most = MOST_EXPERIMENTS if column in context.labels else _MOST_LEVELS
     if not 2 <= len(counts) <= most:
         return f"{column} has {len(counts)} distinct values, 2 to {most} can be levels"
     if counts.min() < _ROWS_PER_LEVEL:

@@ -89,7 +89,7 @@ class NoiseAtLevel(Cause):
 
 
 def _at_levels(context: Context) -> Iterator[Cause]:
-    for column in context.possible_labels:
+    for column in context.labels:
         if trouble_with_levels(context, column) is None:
             for level in np.unique(context.X[column]):
                 yield NoiseAtLevel(column, float(level))
@@ -107,7 +107,7 @@ register(
         formula="eta; noise ratio sigma where the label e is 2",
         priors="ratio: log-normal, s = 1",
         estimates="ratio",
-        left_out="no column of labels, or of three to twenty whole numbers; more than 20 labels, "
+        left_out="no column of labels (declared, or 1, 2, 3 ...); more than 20 labels, "
         "or one with fewer than 3 rows",
     )
 )

@@ -163,14 +163,17 @@ class CurveByExperiment(OverColumn):
 
 
 def _own_curves(context: Context) -> Iterator[Cause]:
-    for by in context.possible_labels:
+    for by in context.labels:
         if not is_of_calendar(by):
             yield from (CurveByExperiment(column, by) for column in context.inputs)
 
 
 def _lacking(context: Context) -> Iterator[tuple[str | None, str]]:
-    if not context.possible_labels:
-        yield None, "no measured column says which experiment a row is of"
+    if not context.labels:
+        yield (
+            None,
+            "no column labels experiments; experiment=... declares one",
+        )
 
 
 def _trouble(cause: Cause, context: Context) -> str | None:
@@ -202,7 +205,7 @@ register(
         priors="length: log-uniform, 15 % to 100 % of the span; amplitude: log-uniform, 0.3 % to "
         "100 % of the spread of the output",
         estimates="length, amplitude",
-        left_out="no column of labels, or of three to twenty whole numbers; fewer than four places "
+        left_out="no column of labels (declared, or 1, 2, 3 ...); fewer than four places "
         "in each experiment",
     )
 )

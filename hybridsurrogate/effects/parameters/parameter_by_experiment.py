@@ -204,7 +204,7 @@ class ParameterByExperiment(Cause):
 
 
 def _between_experiments(context: Context) -> Iterator[Cause]:
-    for column in context.possible_labels:
+    for column in context.labels:
         declared = column == context.experiment
         for parameter in context.parameters:
             if not declared or parameter not in context.by_experiment:
@@ -213,8 +213,11 @@ def _between_experiments(context: Context) -> Iterator[Cause]:
 
 
 def _lacking(context: Context) -> Iterator[tuple[str | None, str]]:
-    if not context.possible_labels:
-        yield None, "no measured column says which experiment a row is of"
+    if not context.labels:
+        yield (
+            None,
+            "no column labels experiments; experiment=... declares one",
+        )
 
 
 register(
@@ -231,6 +234,6 @@ register(
         formula="eta(p + spread u_e)",
         priors="spread: half-Cauchy, prior sd of p; u_e: standard normal",
         estimates="spread, and how far each experiment is from the mean",
-        left_out="no column of labels, or of three to twenty whole numbers",
+        left_out="no column of labels (declared, or 1, 2, 3 ...)",
     )
 )

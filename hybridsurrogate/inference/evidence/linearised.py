@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from hybridsurrogate.blocks import BLOCK, blocks, in_blocks
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.evidence.grid import Grid
+from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray
 
@@ -316,4 +317,23 @@ def linearise(
         cap = np.concatenate([cap, np.full(columns.rms.shape, np.inf)], axis=1)
     noise = _noise_at_nodes(model, X, grid, z, emulator.mean, around.output)
     outliers = _outliers_at_nodes(model, grid, z)
-    return Linearised(around.mean, G, H, rms, cap, around.U, grid.log_weight, noise, outliers)
+    log_weight = grid.log_weight + _odds_of_places(model, grid, H)
+    return Linearised(around.mean, G, H, rms, cap, around.U, log_weight, noise, outliers)
+
+
+def _odds_of_places(model: MeasuredModel, grid: Grid, H: FloatArray) -> FloatArray | float:
+    """Return the log odds (T,) of each place: less than one where few rows carry the shape.
+
+    How many these are is the participation ratio of the squares w of the shape at the rows,
+    ``(sum w)^2 / sum w^2``: k where k rows have the same and all others nothing.
+    """
+    if not len(grid.nodes) or not H.size:
+        return 0.0
+    last = model.effects[-1]
+    if last.is_process or last.concerns == "data":
+        return 0.0
+    w = np.einsum("tnq,tnq->tn", H, H)
+    total = np.maximum(np.sum(w, axis=1), np.finfo(float).tiny)
+    w /= total[:, None]
+    carrying = 1 / np.maximum(np.einsum("tn,tn->t", w, w), 1 / w.shape[1])
+    return np.where(carrying < SETTINGS.few_rows, np.log(SETTINGS.few_rows_odds), 0.0)

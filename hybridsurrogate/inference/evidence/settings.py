@@ -18,6 +18,10 @@ class SearchSettings:
     smallest_size, largest_size, n_sizes : float, float, int
         Prior scales of effects' sizes, log-spaced: from a share of the noise to a few times the
         spread of the output.
+    few_rows, few_rows_odds : float, float
+        A shape at a place where less than so many rows carry it is a mechanism with these odds, as
+        much else happens to single rows (`GrossError`). Of 60 rows with a wild last one the kinds
+        that jump there shared the probability in four.
     beside_noise : int
         Causes weighed beside correlated noise: those that explain most alone.
     behind, behind_nearby, hopeless_nearby : float
@@ -97,6 +101,8 @@ class SearchSettings:
     smallest_size: float = 0.3
     largest_size: float = 3.0
     n_sizes: int = 10
+    few_rows: float = 2.05
+    few_rows_odds: float = 0.01
     beside_noise: int = 8
     behind: float = 12.0
     behind_nearby: float = 4.0

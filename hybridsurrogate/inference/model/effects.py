@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from hybridsurrogate.blocks import in_blocks
-from hybridsurrogate.effects.base import SIMULATED, SLOPE, Cause, Rows
+from hybridsurrogate.effects.base import ROW, SIMULATED, SLOPE, Cause, Rows
 from hybridsurrogate.likelihoods import Contaminated, Likelihood, TransformedNormal
 from hybridsurrogate.priors import FloatArray, Prior
 
@@ -87,11 +87,18 @@ class CausesOnRows:
         """Whether single rows have a noise of their own."""
         return self.has_row_noise or any(effect.touches_noise for effect in self.effects)
 
+    @property
+    def _by_position(self) -> bool:
+        """Whether a cause concerns single measurements."""
+        return any(effect.concerns == "data" for effect in self.effects)
+
     def rows(self, X: FloatArray, values: FloatArray) -> tuple[Rows, Rows, list[Rows]]:
         """Return columns, omega and each cause's theta, every row of every draw after another."""
         J, n = len(values), len(X)
         names = (*self.columns, _ROW_NOISE) if self.has_row_noise else self.columns
         rows: Rows = dict(zip(names, np.tile(X.T, J), strict=False))
+        if self._by_position:
+            rows = {**rows, ROW: np.tile(np.arange(n, dtype=float), J)}
         repeated = np.repeat(values.T, n, axis=1).T  # columns in one piece
         omega: Rows = {
             **{name: repeated[:, k] for k, name in enumerate(self.parameters)},

@@ -123,7 +123,7 @@ def test_digits():
     assert digits.interval(1898.34, 1896.71, 1899.31) == "1898.3 (1896.7 to 1899.3)"
     assert digits.interval(-243.1, -294.0, -192.6) == "-243 (-294 to -193)"
     assert digits.interval(0.0312, 0.0301, 0.0323) == "0.0312 (0.0301 to 0.0323)"
-    assert digits.interval(2.0, 2.0, 2.0) == "2 (2 to 2)"
+    assert digits.interval(2.0, 2.0, 2.0) == "2"
     assert digits.plus_minus(0.2503, 0.0664, sign=True) == "+0.250 ± 0.066"
     assert digits.plus_minus(-0.0001, 0.5) == "0.00 ± 0.50"
     assert digits.number(20.0) == "20"

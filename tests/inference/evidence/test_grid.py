@@ -9,7 +9,7 @@ from scipy.special import logsumexp
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.search.evidence import search
 from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
-from hybridsurrogate.inference.evidence.grid import make_grid
+from hybridsurrogate.inference.evidence.grid import make_grid, refine
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.problem.context import make_context
 from hybridsurrogate.problem.problem import make_problem
@@ -44,6 +44,26 @@ def test_a_constant_assumed_at_the_end_of_its_prior_is_found():
     exact = logsumexp(log_evidences(shares, t, y, problem.noise_prior)) - np.log(len(shares))
     loss = np.log(10) + (1 - stats.norm.ppf(0.3)) ** 2 / 2
     assert exact - loss < one.log_evidence < exact
+
+
+def test_a_sure_place_is_paid_for():
+    """Cells without hope are dropped: what is left had the whole prior, and places cost nothing."""
+    simulator = hs.Simulator(lambda t: 0 * t, inputs={"t": (0, 60)})
+    t = np.linspace(0, 60, 61)
+    likelihood = as_likelihood("normal")
+    X = t[:, None]
+    problem = make_problem(simulator, hs.ExactSurrogate(), likelihood, None, (), ("t",), X, 0.1 * t)
+    basis = problem.model.basis
+    context = make_context(simulator, ("t",), 1, X, 1.0, likelihood, basis, 3.0)
+    model = problem.model.with_effects((hs.Bump("t").prepare(context),))
+    grid = make_grid(model)
+    np.testing.assert_allclose(np.exp(grid.log_weight).sum(), 1.0, rtol=1e-6)
+    sure = np.where(np.arange(len(grid.points)) == 5, 0.0, -500.0)
+    finer = refine(model, grid, sure + grid.log_weight)
+    assert len(finer.points) == 9
+    np.testing.assert_allclose(
+        np.exp(finer.log_weight).sum(), np.exp(grid.log_weight[5]), rtol=1e-6
+    )
 
 
 def log_evidences(shares, t, y, noise_prior):

@@ -1,0 +1,362 @@
+"""Measured columns that are not what they should be: copies of the output, units, exchanged ones.
+
+What leaves nothing to diagnose is refused before anything is fitted. What is only doubtful becomes
+a `Caution`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
+
+from hybridsurrogate.diagnosis.checks.caution import Caution
+from hybridsurrogate.diagnosis.checks.settings import SETTINGS
+from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
+from hybridsurrogate.diagnosis.search.local_fit import best_null
+from hybridsurrogate.digits import number
+from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.problem.columns import column_names, matched_columns
+from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.simulation.outputs import OUTPUT
+from hybridsurrogate.simulation.simulator import SimulationData, Simulator
+
+Ranges = Mapping[str, tuple[float, float]]
+
+# how many of the small unit make one of the large
+_UNITS = {
+    60.0: "seconds and minutes, or minutes and hours",
+    3600.0: "seconds and hours",
+    86400.0: "seconds and days",
+    24.0: "hours and days",
+    1440.0: "minutes and days",
+    7.0: "days and weeks",
+    12.0: "months and years",
+    365.25: "days and years",
+    10.0: "mm and cm",
+    100.0: "percent and shares, or cm and m",
+    1e3: "milli and one, or one and kilo",
+    1e6: "micro and one, or one and mega",
+    180 / np.pi: "degrees and radians",
+}
+# y = offset + factor x
+_SHIFTED = {
+    (273.15, 1.0): "kelvins, and the simulation degrees Celsius",
+    (-273.15, 1.0): "degrees Celsius, and the simulation kelvins",
+    (32.0, 1.8): "degrees Fahrenheit, and the simulation degrees Celsius",
+    (-32 / 1.8, 1 / 1.8): "degrees Celsius, and the simulation degrees Fahrenheit",
+}
+
+
+def check_columns(
+    X: Any, y: ArrayLike | None, simulation: SimulationData | Simulator | None
+) -> None:
+    """Raise ValueError for columns that leave nothing to diagnose, before anything is fitted.
+
+    Parameters
+    ----------
+    X : table of shape (n, n_columns)
+        As given; what no estimator accepts is left to it.
+    y : array-like of shape (n,) or (n, n_outputs), or None
+    simulation : SimulationData, Simulator or None
+
+    Raises
+    ------
+    ValueError
+        Where a column that the simulation ignores is the output or a linear function of it; where
+        all rows have the same inputs and nothing else varies; where most rows lie outside the
+        simulated ranges.
+    """
+    if simulation is None:
+        return
+    columns = _numbers(X, simulation)
+    if not columns or y is None:
+        return
+    ranges = simulation.input_ranges
+    outputs = np.asarray(y, dtype=object).reshape(len(next(iter(columns.values()))), -1)
+    for name, values in columns.items():
+        if name not in ranges:
+            _check_no_copy(name, values, outputs)
+    _check_spread(columns, ranges)
+    _check_ranges(columns, ranges)
+
+
+def _numbers(X: Any, simulation: SimulationData | Simulator) -> dict[str, FloatArray]:
+    """Return the columns that hold numbers, by name; none of what is no table of rows."""
+    if np.ndim(X) != 2 or not len(X):
+        return {}
+    names, order = matched_columns(column_names(X), np.shape(X)[1], simulation)
+    table = X.iloc[:, order] if isinstance(X, pd.DataFrame) else np.asarray(X)[:, order]
+    out = {}
+    for name, (_, values) in zip(names, pd.DataFrame(table).items(), strict=True):
+        numbers = pd.to_numeric(values, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
+        if np.isfinite(numbers).all():
+            out[name] = numbers
+    return out
+
+
+def _check_no_copy(name: str, values: FloatArray, outputs: FloatArray) -> None:
+    for y in outputs.T:
+        numbers = np.asarray(pd.to_numeric(pd.Series(y), errors="coerce"), dtype=float)
+        there = np.isfinite(numbers)
+        if there.sum() > 2 and 1 - _likeness(values[there], numbers[there]) < SETTINGS.copied:
+            raise ValueError(
+                f"The column {name!r} is the output itself, or a linear function of it: drop it. "
+                "Whatever the simulation misses, such a column explains it."
+            )
+
+
+def _likeness(a: FloatArray, b: FloatArray) -> float:
+    """Return the size of a correlation, zero where one has no spread."""
+    if min(np.ptp(a), np.ptp(b)) <= 0:
+        return 0.0
+    a, b = a - a.mean(), b - b.mean()
+    return float(abs(a @ b) / (np.linalg.norm(a) * np.linalg.norm(b)))
+
+
+def _check_spread(columns: Mapping[str, FloatArray], ranges: Ranges) -> None:
+    """Raise ValueError where no input has a spread, and no other column either."""
+    if any(np.ptp(values) > 0 for values in columns.values()):
+        return
+    place = ", ".join(f"{name} = {number(columns[name][0])}" for name in ranges if name in columns)
+    raise ValueError(
+        f"All {len(next(iter(columns.values())))} measured rows have the same inputs, {place}. "
+        "A diagnosis compares the simulation with measurements along its inputs and needs a spread "
+        "in one of them at least: give the inputs at which each row was measured."
+    )
+
+
+def _check_ranges(columns: Mapping[str, FloatArray], ranges: Ranges) -> None:
+    """Raise ValueError where at least half of the rows lie outside a simulated range."""
+    for name, (low, high) in ranges.items():
+        if name not in columns:
+            continue
+        values = columns[name]
+        outside = 1 - _share_within(values, low, high)
+        if outside < SETTINGS.most_outside:
+            continue
+        hint = _exchange(columns, ranges, name) or _unit(name, values, low, high)
+        raise ValueError(
+            f"{outside:.0%} of the measured rows have {name!r} outside the simulated range, "
+            f"{low:g} to {high:g}: they go from {values.min():g} to {values.max():g}. {hint}"
+        )
+
+
+def _share_within(values: FloatArray, low: float, high: float) -> float:
+    slack = 1e-9 * (high - low)
+    return float(np.mean((values >= low - slack) & (values <= high + slack)))
+
+
+def _unit(name: str, values: FloatArray, low: float, high: float) -> str:
+    """Return what may be wrong with the unit of values, and what to do."""
+    ways = [(f"multiplied by {f:.6g}", f * values, words) for f, words in _UNITS.items()]
+    ways += [(f"divided by {f:.6g}", values / f, words) for f, words in _UNITS.items()]
+    ways += [
+        (
+            f"as {a:.6g} + {b:.6g} of them",
+            a + b * values,
+            w,
+        )
+        for (a, b), w in _SHIFTED.items()
+    ]
+    fitting = [way for way in ways if _share_within(way[1], low, high) >= SETTINGS.mostly]
+    if not fitting:
+        return "Check its unit, or simulate the range that was measured."
+    # of several units the commonest that fills about as much of what was simulated as any
+    most = max(np.ptp(way[1]) for way in fitting)
+    how, _, words = next(way for way in fitting if np.ptp(way[1]) >= SETTINGS.as_wide * most)
+    return (
+        f"Is it in another unit, as {words}? Its values {how} lie within. Check the unit, or "
+        "simulate the range that was measured."
+    )
+
+
+def _exchange(columns: Mapping[str, FloatArray], ranges: Ranges, name: str) -> str:
+    """Return which input may be exchanged with one that lies outside its range."""
+    there = [other for other in ranges if other in columns]
+    before = {one: _share_within(columns[one], *ranges[one]) for one in there}
+    for other in (one for one in there if one != name):
+        after = [_share_within(columns[a], *ranges[b]) for a, b in ((other, name), (name, other))]
+        gain = sum(after) - before[name] - before[other]
+        if min(after) >= SETTINGS.mostly and gain >= SETTINGS.gain_of_exchange:
+            return (
+                f"With the columns {name!r} and {other!r} exchanged, {min(after):.0%} lie within: "
+                "were they swapped?"
+            )
+    return ""
+
+
+def doubtful_columns(problem: Problem, ranges: Ranges) -> list[Caution]:
+    """Return what looks wrong with single columns before a search.
+
+    Parameters
+    ----------
+    problem : Problem
+        Without effects.
+    ranges : mapping of input to (low, high)
+        Those simulated.
+    """
+    if problem.stacking is not None:
+        return []
+    model = problem.model
+    columns = dict(zip(model.columns, problem.X.T, strict=False))
+    out = []
+    for name in list(columns)[model.n_inputs :]:
+        likeness = _likeness(columns[name], problem.observed)
+        if likeness > SETTINGS.nearly_copied:
+            out.append(
+                Caution(
+                    "columns",
+                    f"The column {name!r} follows the output almost exactly (correlation "
+                    f"{likeness:.5f}). Is it the output once more, rounded or computed from it? "
+                    "Then drop it.",
+                )
+            )
+    for name in ranges:
+        outside = 1 - _share_within(columns[name], *ranges[name])
+        hint = _exchange(columns, ranges, name) if outside > 0 else ""
+        if hint and not any(repr(name) in one.sentence for one in out):
+            out.append(
+                Caution(
+                    "columns", f"{outside:.0%} of the rows have {name!r} outside its range. {hint}"
+                )
+            )
+    return out + _unit_of_output(problem)
+
+
+def _unit_of_output(problem: Problem) -> list[Caution]:
+    """Return whether measured outputs look like the simulated ones in another unit."""
+    simulated, y = _simulated(problem), problem.observed
+    scaled, shifted = _alike(simulated, y), _alike(simulated, y, centred=True)
+    gains = scaled @ y / np.sum(scaled**2, axis=1)
+    found = None
+    # a unit is wrong where no parameters that draw the same shape reach the size
+    far = np.all(gains > SETTINGS.far_gain) or np.all(gains * SETTINGS.far_gain < 1)
+    if len(gains) and far:
+        gain = float(np.median(gains))
+        found = f"about {number(gain, 2)} times what is simulated{_named_factor(gain)}"
+    elif len(shifted) and (shift := _named_shift(shifted, y)) is not None:
+        found = f"in other degrees than the simulated one: it looks like {shift}"
+    if found is None:
+        return []
+    return [
+        Caution(
+            "columns",
+            f"The measured output is {found}. Check that both have the same unit before believing "
+            "a cause.",
+        )
+    ]
+
+
+def _simulated(problem: Problem) -> FloatArray:
+    """Return simulated outputs (J, n) at draws of the priors, and at the best fit that is known."""
+    model = problem.model
+    z = np.random.RandomState(0).standard_normal((SETTINGS.draws_compared, model.n_unknowns))
+    z[0] = 0.0
+    z = np.vstack([z, problem.good]) if len(problem.good) else z
+    coefficients = emulator_posterior(model.basis, problem.simulation).mean
+    with np.errstate(over="ignore", invalid="ignore"):
+        eta = model.simulated(problem.X, model.values(z), coefficients)[0]
+        simulated = problem.likelihood.inverse(eta)
+    return np.asarray(simulated[np.isfinite(simulated).all(axis=1)])
+
+
+def _alike(simulated: FloatArray, y: FloatArray, centred: bool = False) -> FloatArray:
+    """Return those of simulated outputs (J, n) that have the shape of y, up to a factor.
+
+    The shape says which parameters, as the size is in doubt. Centred: up to a constant as well.
+    """
+    a, b = simulated, y
+    if centred:
+        a, b = a - a.mean(axis=1, keepdims=True), b - b.mean()
+    sizes = np.linalg.norm(a, axis=1) * np.linalg.norm(b)
+    return simulated[a @ b > SETTINGS.same_shape * np.maximum(sizes, np.finfo(float).tiny)]
+
+
+def _named_factor(gain: float) -> str:
+    for factor, words in _UNITS.items():
+        for value in (factor, 1 / factor):
+            if abs(np.log(gain / value)) < SETTINGS.near_unit:
+                return f" (as {words})"
+    return ""
+
+
+def _named_shift(simulated: FloatArray, y: FloatArray) -> str | None:
+    """Return the shift between two units of temperature, where it is one."""
+    spread = float(np.std(y))
+    if not np.all(np.abs(np.mean(y - simulated, axis=1)) > SETTINGS.far_shift * spread):
+        return None
+    for (offset, factor), words in _SHIFTED.items():
+        left = np.mean(y - offset - factor * simulated, axis=1)
+        if np.min(np.abs(left)) < SETTINGS.near_shift * spread:
+            return words
+    return None
+
+
+def better_columns(result: Search, ranges: Ranges, chosen: Candidate) -> list[Caution]:
+    """Return with which inputs exchanged, or in another unit, the simulation fits much better.
+
+    After a search that found something wrong: each way takes one fit of the simulation alone.
+
+    Parameters
+    ----------
+    result : Search
+    ranges : mapping of input to (low, high)
+        Those simulated.
+    chosen : Candidate
+        The best cause: other columns must do about as well, unless it is a curve of any shape.
+    """
+    problem, null = result.problem, result.candidates[0]
+    least = SETTINGS.much_better * null.sigma
+    if chosen.cause is not None and not chosen.cause.is_process:
+        least = min(least, SETTINGS.about_as_good * chosen.sigma)
+    if problem.working_point is not None:
+        return []
+    found: list[tuple[float, str]] = []
+    for words, X in _other_columns(problem, ranges):
+        try:
+            fit = best_null(replace(problem, X=X), result.emulator, result.noise)
+        except ValueError:  # a simulation that fails there
+            continue
+        if np.isfinite(fit.mode.objective) and fit.sigma < least:
+            found.append((fit.sigma, words))
+    if not found:
+        return []
+    best, words = min(found)
+    unit = problem.unit_noise
+    return [
+        Caution(
+            "columns",
+            f"With {words}, the simulation alone misses the output by {number(unit * best, 2)} "
+            f"instead of {number(unit * null.sigma, 2)}. Check the columns and their units.",
+        )
+    ]
+
+
+def _other_columns(problem: Problem, ranges: Ranges) -> Iterator[tuple[str, FloatArray]]:
+    """Yield what may be wrong with the inputs, and rows in which it is not."""
+    names = problem.model.columns[: problem.model.n_inputs]
+    # that which output a row is of is a column, too
+    own = [k for k, name in enumerate(names) if name != OUTPUT]
+    for i, j in combinations(own, 2):
+        X = problem.X.copy()
+        X[:, [i, j]] = X[:, [j, i]]
+        yield f"the columns {names[i]!r} and {names[j]!r} exchanged", X
+    for k, name in enumerate(names):
+        if name not in ranges:
+            continue
+        values, (low, high) = problem.X[:, k], ranges[name]
+        if np.ptp(values) > SETTINGS.narrow * (high - low):
+            continue
+        for factor, units in _UNITS.items():
+            X = problem.X.copy()
+            X[:, k] = factor * values
+            filled = np.ptp(X[:, k]) > SETTINGS.most_outside * (high - low)
+            if filled and _share_within(X[:, k], low, high) >= SETTINGS.mostly:
+                yield f"{name!r} multiplied by {factor:.6g} (as {units})", X
