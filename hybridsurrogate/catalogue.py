@@ -11,8 +11,8 @@ from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.in_output import InOutput, of_all_outputs, of_output
 from hybridsurrogate.effects.registry import FORMS, Form
 
-# distinct times that a change inside an ODE needs
-_MIN_TIMES = 8
+# distinct times that a change inside an ODE needs: one that is placed in time, and any other
+_TIMES_IN_TIME, _TIMES = 8, 3
 
 
 @dataclass(frozen=True)
@@ -119,8 +119,9 @@ def _reason_to_skip(form: Form, cause: Cause, context: Context) -> str | None:
         return "the likelihood has no scale of the noise that could change"
     if cause.modification is not None and context.states:
         distinct = len(np.unique(context.X[context.inputs[0]]))
-        if distinct < _MIN_TIMES:
-            return f"{context.inputs[0]} has {distinct} distinct values, {_MIN_TIMES} are needed"
+        needed = _TIMES_IN_TIME if cause.modification.is_in_time else _TIMES
+        if distinct < needed:
+            return f"{context.inputs[0]} has {distinct} distinct values, {needed} are needed"
         if cause.modification.looks_back and not context.remembers:
             return "inside the dynamics: needs an OdeSimulator with method='rk4'"
     trouble = form.trouble(cause, context)
