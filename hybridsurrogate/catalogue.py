@@ -86,6 +86,9 @@ def _of_outputs(
             if cause.has_outliers:
                 reason = "outliers are not weighed in one of several outputs"
                 missing.append(Skipped(cause.kind, cause.target, reason))
+            elif cause.overdisperses:
+                reason = "overdispersion is not compared in one of several outputs"
+                missing.append(Skipped(cause.kind, cause.target, reason))
             elif not cause.moves_inputs:
                 causes.append(InOutput(cause, name, position, context.of_outputs[position].scale))
         skipped += [one for one in missing if one not in skipped]
@@ -115,7 +118,9 @@ def _reason_to_skip(form: Form, cause: Cause, context: Context) -> str | None:
         return f"{n} rows are too few"
     if cause.has_outliers and not context.gaussian:
         return "the likelihood is not normal, and outliers are part of it or impossible"
-    if cause.touches_noise and not context.scales_noise:
+    if cause.overdisperses and not context.overdisperses:
+        return "it is a scatter beyond that of a Poisson likelihood"
+    if cause.touches_noise and not (context.scales_noise or cause.overdisperses):
         return "the likelihood has no scale of the noise that could change"
     if cause.modification is not None and context.states:
         distinct = len(np.unique(context.X[context.inputs[0]]))

@@ -19,7 +19,7 @@ from hybridsurrogate.diagnosis.answers.experimental_design import next_measureme
 from hybridsurrogate.diagnosis.answers.finding import finding_of
 from hybridsurrogate.diagnosis.answers.result import DiagnosisResult
 from hybridsurrogate.diagnosis.answers.table import cause_table, not_reached
-from hybridsurrogate.diagnosis.checks.caution import Caution
+from hybridsurrogate.diagnosis.checks.caution import Caution, warn_of
 from hybridsurrogate.diagnosis.checks.cost import warn_if_slow
 from hybridsurrogate.diagnosis.checks.data import (
     check_digits,
@@ -27,6 +27,7 @@ from hybridsurrogate.diagnosis.checks.data import (
     warn_if_mirrored,
     warn_of_copies,
 )
+from hybridsurrogate.diagnosis.checks.dispersion import cautions_of_dispersion
 from hybridsurrogate.diagnosis.checks.emulator import check_emulator
 from hybridsurrogate.diagnosis.checks.identifiability import confounded, confounding, sentences
 from hybridsurrogate.diagnosis.checks.outside import probability_right
@@ -72,6 +73,7 @@ from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.estimators.averaged import leading
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import ConfoundingWarning, DiagnosisWarning
+from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.arrays import as_table, complete_table
 from hybridsurrogate.threads import one_blas_thread
@@ -267,6 +269,9 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         except KeyboardInterrupt as stop:
             self._keep(prepared, stop)
             raise
+        cautions = cautions_of_dispersion(prepared.problem, self._of_mean())
+        self.cautions_ += cautions
+        warn_of(cautions)
         if self.verdict_ not in ("named", "nearest"):
             warn_if_mirrored(prepared.problem)
         self.n_features_in_ = self.estimator_.n_features_in_
@@ -333,6 +338,13 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self.next_measurement_ = places[most].place
         self.next_information_ = places[most].information
         return steps
+
+    def _of_mean(self) -> list[Posterior]:
+        """Return the posterior before and, where what was found is in the mean, that after."""
+        causes = accepted(self.result_.steps)
+        of_any_shape = any(cause.is_process for cause in causes)
+        after = [] if of_any_shape or not causes else [leading(self.extended_estimator_).posterior_]
+        return [self.estimator_.posterior_, *after]
 
     def _probability_right(self, first: Step) -> float | None:
         if self.verdict_ in ("adequate", "unexplained"):

@@ -36,6 +36,10 @@ class Binomial(Likelihood):
     trials: int = 1
     name = "binomial"
     has_scale = False
+    remedy_of_scatter = (
+        "look for what trials of one row share, such as a batch (experiment=...), or model the "
+        "shares of successes with likelihood='normal'"
+    )
 
     def check(self, y: FloatArray, source: str = "measured") -> None:
         """Raise ValueError unless all y are whole numbers from zero to ``trials``."""

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import special, stats
 
 from hybridsurrogate.likelihoods.base import Likelihood, register
+from hybridsurrogate.likelihoods.given_scale import GivenScale
 from hybridsurrogate.priors import FloatArray, Prior
 
 # beyond this eta a mean has no use and its square no number
@@ -62,6 +63,7 @@ class Poisson(_Counts):
 
     name = "Poisson"
     has_scale = False
+    remedy_of_scatter = "use likelihood='negative-binomial'"
 
     def log_density(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the log probability of each y."""
@@ -80,6 +82,10 @@ class Poisson(_Counts):
     def information(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the mean."""
         return self.inverse(eta) + 1e-12
+
+    def overdispersed(self, scatter: FloatArray) -> Likelihood:
+        """Return the negative binomial likelihood with this second parameter."""
+        return GivenScale(NegativeBinomial(), scatter)
 
     def derivatives(
         self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None

@@ -250,6 +250,8 @@ def make_problem(
         raise ValueError(f"A cause asks for {error}; there are {there}.") from error
     if any(effect.has_outliers for effect in effects):
         _check_outliers(likelihood)
+    if any(effect.overdisperses for effect in effects):
+        _check_overdispersed(likelihood)
     if model.noise_follows or any(effect.bends for effect in effects):
         model = replace(model, reference=_reference(basis, domain, run_weights))
     kept, run_statistics = None, None
@@ -364,3 +366,11 @@ def _callable(
     if simulation is None or simulation.simulator is None:
         return None
     return TransformedSimulation(simulation.simulator, likelihood)
+
+
+def _check_overdispersed(likelihood: Likelihood) -> None:
+    if likelihood.overdispersed(np.zeros((1, 1))) is None:
+        raise ValueError(
+            "Overdispersion is a scatter beyond that of a Poisson likelihood; a "
+            f"{likelihood.name} one has a scale of its own, or no such form."
+        )
