@@ -100,6 +100,10 @@ class Likelihood(ABC):
         smallest = np.min(y[y > 0], initial=1.0)
         return np.log(np.maximum(y, 0.5 * smallest))
 
+    def working_runs(self, y: FloatArray) -> FloatArray:
+        """Return outputs of runs on the scale of eta: draws of y or, of counts, expected values."""
+        return self.working(y)
+
     def link(self, output: FloatArray) -> FloatArray:
         """Return the eta of a noise-free output; by default the output, or its logarithm."""
         return np.log(output) if self.log_scale else np.asarray(output, dtype=float)

@@ -12,6 +12,8 @@ from hybridsurrogate.priors import FloatArray
 
 # log odds beyond which a success is certain to all digits
 _MAX_ETA = 36.0
+# fewer expected successes, or failures, are none with so much probability
+_LEAST_MEAN = 1e-4
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ class Binomial(Likelihood):
             raise ValueError(
                 f"Binomial needs a number of trials of 1, 2, ..., got {self.trials!r}."
             )
-        whole = y == np.round(y) if source == "measured" else np.full(np.shape(y), True)
+        whole = y == np.round(y) if source != "simulated" else np.full(np.shape(y), True)
         bad = np.flatnonzero(~((y >= 0) & (y <= self.trials) & whole))
         if bad.size:
             raise ValueError(
@@ -59,6 +61,12 @@ class Binomial(Likelihood):
     def working(self, y: FloatArray) -> FloatArray:
         """Return the log odds of (y + 1/2) / (trials + 1)."""
         return special.logit((np.asarray(y, dtype=float) + 0.5) / (self.trials + 1))
+
+    def working_runs(self, y: FloatArray) -> FloatArray:
+        """Return the log odds as `working` of whole numbers, and those of expected successes."""
+        if np.all(y == np.round(y)):
+            return self.working(y)
+        return special.logit(np.clip(y, _LEAST_MEAN, self.trials - _LEAST_MEAN) / self.trials)
 
     def link(self, output: FloatArray) -> FloatArray:
         """Return the log odds of an expected number of successes."""

@@ -121,7 +121,7 @@ class Problem:
         simulation = None
         if self.runs is not None and len(basis.coefficient_mean):
             X, omega = self.runs.X, self.runs.omega
-            eta = self.likelihood.working(self.runs.y)
+            eta = self.likelihood.working_runs(self.runs.y)
             scale = spread(eta - basis.known(X, omega))
             simulation = statistics_of_runs(basis, X, omega, eta, scale, self.runs.weights)
         model = replace(self.model, basis=basis, reference=None)
@@ -281,7 +281,7 @@ def make_problem(
 def _working(likelihood: Likelihood, y: FloatArray) -> tuple[FloatArray, ValueError | None]:
     """Return simulated outputs on the scale of eta, and why they cannot be draws of y.
 
-    Expected counts are none, but an emulator that interpolates them asks for no likelihood of them.
+    An emulator that interpolates them asks for no likelihood of them.
     """
     try:
         likelihood.check_training(y, "simulated")
@@ -291,7 +291,7 @@ def _working(likelihood: Likelihood, y: FloatArray) -> tuple[FloatArray, ValueEr
         if not np.isfinite(eta).all():
             raise
         return eta, error
-    return likelihood.working(y), None
+    return likelihood.working_runs(y), None
 
 
 def _check_outliers(likelihood: Likelihood) -> None:
