@@ -27,7 +27,10 @@ from hybridsurrogate.diagnosis.checks.data import (
     warn_if_mirrored,
     warn_of_copies,
 )
-from hybridsurrogate.diagnosis.checks.dispersion import cautions_of_dispersion
+from hybridsurrogate.diagnosis.checks.dispersion import (
+    cautions_of_dispersion,
+    cautions_of_rounding,
+)
 from hybridsurrogate.diagnosis.checks.emulator import check_emulator
 from hybridsurrogate.diagnosis.checks.identifiability import confounded, confounding, sentences
 from hybridsurrogate.diagnosis.checks.outside import probability_right
@@ -269,7 +272,12 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         except KeyboardInterrupt as stop:
             self._keep(prepared, stop)
             raise
-        cautions = cautions_of_dispersion(prepared.problem, self._of_mean())
+        cautions = [
+            *cautions_of_dispersion(prepared.problem, self._of_mean()),
+            *cautions_of_rounding(
+                self.estimator_.likelihood_, self.estimator_.simulation_, self.emulator_check_
+            ),
+        ]
         self.cautions_ += cautions
         warn_of(cautions)
         if self.verdict_ not in ("named", "nearest"):

@@ -50,6 +50,8 @@ class Likelihood(ABC):
     remedy_of_scatter : str
         What to do where values scatter more than the likelihood allows; empty where that is what
         its second parameter is for.
+    means_as_runs : bool
+        Whether y are whole numbers, and runs of a simulation may be their expected values.
 
     Examples
     --------
@@ -74,6 +76,7 @@ class Likelihood(ABC):
     rough = False
     gaussian = False
     remedy_of_scatter = ""
+    means_as_runs = False
 
     def check(self, y: FloatArray, source: str = "measured") -> None:
         """Raise ValueError when y cannot come from this likelihood; name its source.

@@ -38,6 +38,7 @@ class Binomial(Likelihood):
     trials: int = 1
     name = "binomial"
     has_scale = False
+    means_as_runs = True
     remedy_of_scatter = (
         "look for what trials of one row share, such as a batch (experiment=...), or model the "
         "shares of successes with likelihood='normal'"

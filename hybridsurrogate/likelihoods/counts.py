@@ -23,6 +23,7 @@ _MAX_MEAN = 1e15
 
 class _Counts(Likelihood):
     log_scale = True
+    means_as_runs = True
 
     def check(self, y: FloatArray, source: str = "measured") -> None:
         """Raise ValueError unless all y are whole numbers from zero on.
@@ -33,7 +34,11 @@ class _Counts(Likelihood):
         bad = np.flatnonzero(~((y >= 0) & whole))
         if bad.size:
             what = "negative" if y[bad[0]] < 0 else "no whole number"
-            needed = "expected counts of zero or more" if source == "simulated" else "counts 0, 1, 2, ..."
+            needed = (
+                "expected counts of zero or more"
+                if source == "simulated"
+                else "counts 0, 1, 2, ..."
+            )
             raise ValueError(
                 f"The {self.name} likelihood needs {needed}, but {bad.size} of {y.size} "
                 f"{source} values are not (first at row {bad[0]}: {y[bad[0]]:g} is {what}). Use "

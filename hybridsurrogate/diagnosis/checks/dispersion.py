@@ -1,4 +1,4 @@
-"""Whether counts scatter more than their likelihood allows, whatever their mean is."""
+"""Counts: whether they scatter more than their likelihood allows, and whether runs are rounded."""
 
 from __future__ import annotations
 
@@ -10,15 +10,19 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from hybridsurrogate.diagnosis.checks.caution import Caution
+from hybridsurrogate.diagnosis.checks.emulator import EmulatorCheck
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.simulation.simulator import SimulationData
 
 # a caution is raised in one of a hundred sets without overdispersion
 _LEVEL, _N_REPLICATES = 0.01, 999
 # pairs that a test needs; rounds of pairing; distances that are no neighbourhood, in medians
 _LEAST_PAIRS, _ROUNDS, _TOO_FAR = 8, 3, 3.0
+# of the noise: an effect of its size, in some rows, is still found beside so much
+_MUCH_OPEN = 0.3
 # of one pair: three standard deviations
 _LARGEST_SQUARE = 9.0
 # Newton steps to the mean of a pair, of which the first two do nearly all
@@ -70,6 +74,32 @@ def cautions_of_dispersion(problem: Problem, posteriors: Sequence[Posterior]) ->
             f"their neighbours as a {likelihood.name} likelihood allows (p = {found.p_value:.3g})."
             " Intervals are too narrow, and noise may be taken for a fault of the simulation: "
             f"{likelihood.remedy_of_scatter}.",
+        )
+    ]
+
+
+def cautions_of_rounding(
+    likelihood: Likelihood, runs: SimulationData, check: EmulatorCheck | None
+) -> list[Caution]:
+    """Return a caution where runs may be rounded means, and leave much of the simulation open.
+
+    Parameters
+    ----------
+    likelihood : Likelihood
+    runs : SimulationData
+    check : EmulatorCheck or None
+        Of an emulator through them.
+    """
+    if check is None or not likelihood.means_as_runs or check.left_open < _MUCH_OPEN:
+        return []
+    if not np.all(runs.y == np.round(runs.y)):
+        return []
+    return [
+        Caution(
+            "runs",
+            "The simulated values are whole numbers, and the runs leave the simulation open by "
+            f"{check.left_open:.2g} times the noise. If they are rounded expected values, give "
+            f"these as they are: a {likelihood.name} likelihood takes expected values as runs.",
         )
     ]
 

@@ -19,11 +19,11 @@ _MOST = 6
 
 
 class TermByExperiment(Dynamic):
-    """A state of an `OdeSimulator` gains or loses in proportion to it, in each experiment by itself.
+    """A term missing from an `OdeSimulator` with another rate in each experiment.
 
-    As `DynamicTerm` of the form ``"proportional"``, ``rate x`` in the slope of the state x, but the
-    rate is another one in each experiment: two assays of one reaction have two rate constants where
-    everything else in them has two. An experiment that was not measured has a rate of zero.
+    As `DynamicTerm` of the form ``"proportional"``, ``rate x`` in the slope of the state x. Where
+    the known rate constants of two assays differ, that of what is missing may differ as well. An
+    experiment that was not measured has a rate of zero.
 
     Parameters
     ----------
