@@ -11,8 +11,8 @@ from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.in_output import InOutput, of_all_outputs, of_output
 from hybridsurrogate.effects.registry import FORMS, Form
 
-# distinct times that a change inside an ODE needs
-_MIN_TIMES = 8
+# distinct times that a change inside an ODE needs: one that is placed in time, and any other
+_TIMES_IN_TIME, _TIMES = 8, 3
 
 
 @dataclass(frozen=True)
@@ -87,6 +87,9 @@ def _of_outputs(
                 what = "outliers" if cause.has_outliers else "single rows"
                 reason = f"{what} are not weighed in one of several outputs"
                 missing.append(Skipped(cause.kind, cause.target, reason))
+            elif cause.overdisperses:
+                reason = "overdispersion is not compared in one of several outputs"
+                missing.append(Skipped(cause.kind, cause.target, reason))
             elif not cause.moves_inputs:
                 causes.append(InOutput(cause, name, position, context.of_outputs[position].scale))
         skipped += [one for one in missing if one not in skipped]
@@ -116,12 +119,15 @@ def _reason_to_skip(form: Form, cause: Cause, context: Context) -> str | None:
         return f"{n} rows are too few"
     if cause.has_outliers and not context.gaussian:
         return "the likelihood is not normal, and outliers are part of it or impossible"
-    if cause.touches_noise and not context.scales_noise:
+    if cause.overdisperses and not context.overdisperses:
+        return "it is a scatter beyond that of a Poisson likelihood"
+    if cause.touches_noise and not (context.scales_noise or cause.overdisperses):
         return "the likelihood has no scale of the noise that could change"
     if cause.modification is not None and context.states:
         distinct = len(np.unique(context.X[context.inputs[0]]))
-        if distinct < _MIN_TIMES:
-            return f"{context.inputs[0]} has {distinct} distinct values, {_MIN_TIMES} are needed"
+        needed = _TIMES_IN_TIME if cause.modification.is_in_time else _TIMES
+        if distinct < needed:
+            return f"{context.inputs[0]} has {distinct} distinct values, {needed} are needed"
         if cause.modification.looks_back and not context.remembers:
             return "inside the dynamics: needs an OdeSimulator with method='rk4'"
     trouble = form.trouble(cause, context)

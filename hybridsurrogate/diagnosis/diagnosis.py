@@ -36,6 +36,10 @@ from hybridsurrogate.diagnosis.checks.data import (
     single_rows,
 )
 from hybridsurrogate.diagnosis.checks.detectable import smallest_detectable
+from hybridsurrogate.diagnosis.checks.dispersion import (
+    cautions_of_dispersion,
+    cautions_of_rounding,
+)
 from hybridsurrogate.diagnosis.checks.emulator import check_emulator
 from hybridsurrogate.diagnosis.checks.identifiability import confounded, confounding, sentences
 from hybridsurrogate.diagnosis.checks.outside import probability_right
@@ -296,6 +300,12 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         except KeyboardInterrupt as stop:
             self._keep(prepared, stop)
             raise
+        self._doubt(
+            cautions_of_dispersion(prepared.problem, self._of_mean()),
+            cautions_of_rounding(
+                self.estimator_.likelihood_, self.estimator_.simulation_, self.emulator_check_
+            ),
+        )
         self.n_features_in_ = self.estimator_.n_features_in_
         if hasattr(self.estimator_, "feature_names_in_"):
             self.feature_names_in_ = self.estimator_.feature_names_in_
@@ -402,6 +412,13 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
                 self.search_, steps[0].test, self.false_alarm_rate
             )
         return verdict
+
+    def _of_mean(self) -> list[Posterior]:
+        """Return the posterior before and, where what was found is in the mean, that after."""
+        causes = accepted(self.result_.steps)
+        of_any_shape = any(cause.is_process for cause in causes)
+        after = [] if of_any_shape or not causes else [leading(self.extended_estimator_).posterior_]
+        return [self.estimator_.posterior_, *after]
 
     def _probability_right(self, first: Step, share: float) -> float | None:
         if self.verdict_ in ("adequate", "unexplained", "undecided"):

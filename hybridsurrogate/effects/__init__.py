@@ -18,6 +18,7 @@ if TYPE_CHECKING:  # the files are loaded below, room by room
     from hybridsurrogate.effects.dynamics.dynamic_delay import DynamicDelay
     from hybridsurrogate.effects.dynamics.dynamic_drift import DynamicDrift
     from hybridsurrogate.effects.dynamics.dynamic_term import DynamicTerm
+    from hybridsurrogate.effects.dynamics.term_by_experiment import TermByExperiment
     from hybridsurrogate.effects.ignored.friction import Friction
     from hybridsurrogate.effects.ignored.missing_input import MissingInput
     from hybridsurrogate.effects.inputs.delay import Delay
@@ -27,6 +28,7 @@ if TYPE_CHECKING:  # the files are loaded below, room by room
     from hybridsurrogate.effects.noise.noise import Noise
     from hybridsurrogate.effects.noise.noise_of_mean import NoiseOfMean
     from hybridsurrogate.effects.noise.outliers import Outliers
+    from hybridsurrogate.effects.noise.overdispersion import Overdispersion
     from hybridsurrogate.effects.noise.random_parameter import RandomParameter
     from hybridsurrogate.effects.output.bump import Bump
     from hybridsurrogate.effects.output.decay import Decay
@@ -78,6 +80,7 @@ __all__ = [
     "NoiseOfMean",
     "Offset",
     "Outliers",
+    "Overdispersion",
     "ParameterDrift",
     "Periodic",
     "Ramp",
@@ -87,6 +90,7 @@ __all__ = [
     "SecondStore",
     "SensorResponse",
     "Step",
+    "TermByExperiment",
     "Trend",
     "TrendSinceStart",
     "WrongConstant",

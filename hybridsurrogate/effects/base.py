@@ -246,6 +246,19 @@ class Cause(BaseEstimator):
         """
         return None
 
+    def overdispersion(self, theta: Rows) -> FloatArray | float:
+        """Return the relative scatter of means, beyond what a likelihood without a scale allows.
+
+        Parameters
+        ----------
+        theta : dict of name to ndarray of shape (J,)
+
+        Returns
+        -------
+        ndarray of shape (J,), or float
+        """
+        return 0.0
+
     def grid(self) -> dict[str, FloatArray]:
         """Return nodes of those parameters that a search has to enumerate.
 
@@ -378,6 +391,11 @@ class Cause(BaseEstimator):
     def has_outliers(self) -> bool:
         """Whether the noise has heavy tails, so that rows are not Gaussian given the rest."""
         return type(self).outliers is not Cause.outliers
+
+    @property
+    def overdisperses(self) -> bool:
+        """Whether values scatter more than a likelihood without a scale of the noise allows."""
+        return type(self).overdispersion is not Cause.overdispersion
 
     @property
     def variant(self) -> str:

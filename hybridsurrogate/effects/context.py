@@ -69,6 +69,8 @@ class Context:
         Those parameters that set the initial state of a simulation in time and nothing else.
     gaussian, scales_noise : bool
         Whether the likelihood is normal on the scale of eta, and whether it has a scale of noise.
+    overdisperses : bool
+        Whether it has a form whose values scatter more than it allows: Poisson has.
     outputs : tuple of str
         Names of several outputs, each in units of its measured standard deviation; rows then say
         which they are of. Empty where there is one.
@@ -115,6 +117,7 @@ class Context:
     starts: tuple[str, ...] = ()
     gaussian: bool = True
     scales_noise: bool = True
+    overdisperses: bool = False
     outputs: tuple[str, ...] = ()
     of_outputs: tuple[OfOutput, ...] = ()
     experiment: str | None = None

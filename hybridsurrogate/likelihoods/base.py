@@ -47,6 +47,11 @@ class Likelihood(ABC):
     gaussian : bool
         Whether ``working(y)`` is normal around eta with standard deviation sigma, so that whatever
         is linear in eta can be integrated out in closed form.
+    remedy_of_scatter : str
+        What to do where values scatter more than the likelihood allows; empty where that is what
+        its second parameter is for.
+    means_as_runs : bool
+        Whether y are whole numbers, and runs of a simulation may be their expected values.
 
     Examples
     --------
@@ -70,6 +75,8 @@ class Likelihood(ABC):
     scales_noise = False
     rough = False
     gaussian = False
+    remedy_of_scatter = ""
+    means_as_runs = False
 
     def check(self, y: FloatArray, source: str = "measured") -> None:
         """Raise ValueError when y cannot come from this likelihood; name its source.
@@ -95,6 +102,10 @@ class Likelihood(ABC):
             return np.asarray(y, dtype=float)
         smallest = np.min(y[y > 0], initial=1.0)
         return np.log(np.maximum(y, 0.5 * smallest))
+
+    def working_runs(self, y: FloatArray) -> FloatArray:
+        """Return outputs of runs on the scale of eta: draws of y or, of counts, expected values."""
+        return self.working(y)
 
     def link(self, output: FloatArray) -> FloatArray:
         """Return the eta of a noise-free output; by default the output, or its logarithm."""
@@ -202,6 +213,16 @@ class Likelihood(ABC):
         information = self.information(eta, sigma)
         score, _ = self.derivatives(y, eta, sigma)
         return eta + score / information, information**-0.5
+
+    def overdispersed(self, scatter: FloatArray) -> Likelihood | None:
+        """Return the likelihood of values that scatter more, None where it has no such form.
+
+        Parameters
+        ----------
+        scatter : ndarray of shape (J, 1)
+            Relative scatter of the means for each draw; zero is this likelihood.
+        """
+        return None
 
     def take(self, index: FloatArray) -> Likelihood:
         """Return the likelihood of some of the draws, where it has something of each."""

@@ -13,6 +13,8 @@ from hybridsurrogate.priors import FloatArray
 
 # log odds beyond which a success is certain to all digits
 _MAX_ETA = 36.0
+# fewer expected successes, or failures, are none with so much probability
+_LEAST_MEAN = 1e-4
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,11 @@ class Binomial(Likelihood):
     trials: int = 1
     name = "binomial"
     has_scale = False
+    means_as_runs = True
+    remedy_of_scatter = (
+        "look for what trials of one row share, such as a batch (experiment=...), or model the "
+        "shares of successes with likelihood='normal'"
+    )
 
     def check(self, y: FloatArray, source: str = "measured") -> None:
         """Raise ValueError unless all y are whole numbers from zero to ``trials``."""
@@ -45,7 +52,7 @@ class Binomial(Likelihood):
             raise ValueError(
                 f"Binomial needs a number of trials of 1, 2, ..., got {self.trials!r}."
             )
-        whole = y == np.round(y) if source == "measured" else np.full(np.shape(y), True)
+        whole = y == np.round(y) if source != "simulated" else np.full(np.shape(y), True)
         bad = np.flatnonzero(~((y >= 0) & (y <= self.trials) & whole))
         if bad.size:
             raise ValueError(
@@ -57,6 +64,12 @@ class Binomial(Likelihood):
     def working(self, y: FloatArray) -> FloatArray:
         """Return the log odds of (y + 1/2) / (trials + 1)."""
         return special.logit((np.asarray(y, dtype=float) + 0.5) / (self.trials + 1))
+
+    def working_runs(self, y: FloatArray) -> FloatArray:
+        """Return the log odds as `working` of whole numbers, and those of expected successes."""
+        if np.all(y == np.round(y)):
+            return self.working(y)
+        return special.logit(np.clip(y, _LEAST_MEAN, self.trials - _LEAST_MEAN) / self.trials)
 
     def link(self, output: FloatArray) -> FloatArray:
         """Return the log odds of an expected number of successes."""

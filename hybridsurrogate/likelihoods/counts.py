@@ -8,33 +8,52 @@ import numpy as np
 from scipy import special, stats
 
 from hybridsurrogate.likelihoods.base import Likelihood, register
+from hybridsurrogate.likelihoods.given_scale import GivenScale
 from hybridsurrogate.priors import FloatArray, Prior
 
 # beyond this eta a mean has no use and its square no number
 _MAX_ETA = 60.0
 # below this sigma a negative binomial is a Poisson distribution to all digits
 _MIN_SIGMA = 1e-4
+# an expected count below this is none, with so much probability
+_LEAST_MEAN = 1e-4
 # the largest mean that numpy draws from
 _MAX_MEAN = 1e15
 
 
 class _Counts(Likelihood):
     log_scale = True
+    means_as_runs = True
 
     def check(self, y: FloatArray, source: str = "measured") -> None:
-        """Raise ValueError unless all y are whole numbers from zero on."""
-        bad = np.flatnonzero(~((y >= 0) & (y == np.round(y))))
+        """Raise ValueError unless all y are whole numbers from zero on.
+
+        Simulated values may be expected counts: any finite numbers from zero on.
+        """
+        whole = y == np.round(y) if source != "simulated" else np.isfinite(y)
+        bad = np.flatnonzero(~((y >= 0) & whole))
         if bad.size:
             what = "negative" if y[bad[0]] < 0 else "no whole number"
+            needed = (
+                "expected counts of zero or more"
+                if source == "simulated"
+                else "counts 0, 1, 2, ..."
+            )
             raise ValueError(
-                f"The {self.name} likelihood needs counts 0, 1, 2, ..., but {bad.size} of {y.size} "
-                f"{source} values are not (first at row {bad[0]}: {y[bad[0]]:g} is {what}). Round "
-                "simulated values, or use likelihood='lognormal' for outputs that are no counts."
+                f"The {self.name} likelihood needs {needed}, but {bad.size} of {y.size} "
+                f"{source} values are not (first at row {bad[0]}: {y[bad[0]]:g} is {what}). Use "
+                "likelihood='lognormal' or 'normal' for outputs that are no counts."
             )
 
     def working(self, y: FloatArray) -> FloatArray:
         """Return log(y + 1/2)."""
         return np.log(y + 0.5)
+
+    def working_runs(self, y: FloatArray) -> FloatArray:
+        """Return log(y + 1/2) of whole numbers, and log(y) of expected counts."""
+        if np.all(y == np.round(y)):
+            return self.working(y)
+        return np.log(np.maximum(y, _LEAST_MEAN))
 
     def link(self, output: FloatArray) -> FloatArray:
         """Return the logarithm of the output."""
@@ -62,6 +81,7 @@ class Poisson(_Counts):
 
     name = "Poisson"
     has_scale = False
+    remedy_of_scatter = "use likelihood='negative-binomial'"
 
     def log_density(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the log probability of each y."""
@@ -80,6 +100,10 @@ class Poisson(_Counts):
     def information(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the mean."""
         return self.inverse(eta) + 1e-12
+
+    def overdispersed(self, scatter: FloatArray) -> Likelihood:
+        """Return the negative binomial likelihood with this second parameter."""
+        return GivenScale(NegativeBinomial(), scatter)
 
     def derivatives(
         self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None

@@ -78,6 +78,11 @@ class TimeVaryingParameter(Modification):
         """The amount, the rate, or sine and cosine."""
         return _SHAPES[self.shape].sizes
 
+    @property
+    def is_in_time(self) -> bool:
+        """It is a course in time."""
+        return True
+
     def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
         """Raise ValueError where the right-hand side does not take the parameter."""
         if self.parameter not in rates:
@@ -159,6 +164,11 @@ class MissingTerm(Modification):
     def sizes(self) -> tuple[str, ...]:
         """The rate, or sine and cosine."""
         return ("sine", "cosine") if self._is_seasonal else ("rate",)
+
+    @property
+    def is_in_time(self) -> bool:
+        """Whether it has a period."""
+        return self._is_seasonal
 
     @property
     def _is_seasonal(self) -> bool:

@@ -60,6 +60,7 @@ def make_context(
         starts=starts,
         gaussian=likelihood.gaussian,
         scales_noise=likelihood.scales_noise,
+        overdisperses=likelihood.overdispersed(np.zeros((1, 1))) is not None,
         outputs=tuple(outputs or ()),
         of_outputs=tuple((outputs or {}).values()),
         experiment=experiments.column if experiments else None,

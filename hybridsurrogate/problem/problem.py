@@ -126,7 +126,7 @@ class Problem:
         simulation = None
         if self.runs is not None and len(basis.coefficient_mean):
             X, omega = self.runs.X, self.runs.omega
-            eta = self.likelihood.working(self.runs.y)
+            eta = self.likelihood.working_runs(self.runs.y)
             scale = spread(eta - basis.known(X, omega))
             simulation = statistics_of_runs(basis, X, omega, eta, scale, self.runs.weights)
         model = replace(self.model, basis=basis, reference=None)
@@ -260,6 +260,8 @@ def make_problem(
         ) from error
     if any(effect.has_outliers for effect in effects):
         _check_outliers(likelihood)
+    if any(effect.overdisperses for effect in effects):
+        _check_overdispersed(likelihood)
     if model.noise_follows or any(effect.bends for effect in effects):
         model = replace(model, reference=_reference(basis, domain, run_weights))
     kept, run_statistics = None, None
@@ -289,7 +291,7 @@ def make_problem(
 def _working(likelihood: Likelihood, y: FloatArray) -> tuple[FloatArray, ValueError | None]:
     """Return simulated outputs on the scale of eta, and why they cannot be draws of y.
 
-    Expected counts are none, but an emulator that interpolates them asks for no likelihood of them.
+    An emulator that interpolates them asks for no likelihood of them.
     """
     try:
         likelihood.check_training(y, "simulated")
@@ -299,7 +301,7 @@ def _working(likelihood: Likelihood, y: FloatArray) -> tuple[FloatArray, ValueEr
         if not np.isfinite(eta).all():
             raise
         return eta, error
-    return likelihood.working(y), None
+    return likelihood.working_runs(y), None
 
 
 def _check_outliers(likelihood: Likelihood) -> None:
@@ -383,4 +385,12 @@ def _check_size(basis: Basis, n_rows: int) -> None:
         raise ValueError(
             f"The surrogate has {n} coefficients, more than {_MOST_A_ROW} for each of the {n_rows} "
             "rows of the runs: choose a lower degree, sparse=True, or Kriging()."
+        )
+
+
+def _check_overdispersed(likelihood: Likelihood) -> None:
+    if likelihood.overdispersed(np.zeros((1, 1))) is None:
+        raise ValueError(
+            "Overdispersion is a scatter beyond that of a Poisson likelihood; a "
+            f"{likelihood.name} one has a scale of its own, or no such form."
         )

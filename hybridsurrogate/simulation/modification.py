@@ -38,6 +38,11 @@ class Modification(ABC):
     def sizes(self) -> tuple[str, ...]:
         """Own names of those numbers which, all at neutral, change nothing."""
 
+    @property
+    def is_in_time(self) -> bool:
+        """Whether its numbers place it in time, as a period or a location does."""
+        return False
+
     @abstractmethod
     def check(self, rates: Sequence[str], states: Sequence[str]) -> None:
         """Raise ValueError where an ODE with these rates and states has nothing to change."""

@@ -55,8 +55,9 @@ def test_what_a_form_declares(form):
 @pytest.mark.parametrize("form", FORMS.values(), ids=lambda form: form.name)
 def test_what_a_form_proposes(form):
     """In a simulation of two inputs, measured with a time of its own and batches."""
-    # a second store is one where the logarithm of the output is measured
-    context = context_of(likelihood="lognormal" if form.kind == "second-store" else "normal")
+    # a second store is one where the logarithm of the output is measured, overdispersion of counts
+    needed = {"second-store": "lognormal", "noise: overdispersed": "poisson"}
+    context = context_of(likelihood=needed.get(form.name, "normal"))
     proposed = list(form.propose(context))
     # it has no states that an equation moves, no input of few values, no column from zero beside
     # and none of its parameters is at an end of its prior

@@ -129,9 +129,3 @@ def test_counts_beside_runs_of_expected_counts_agree_with_the_simulation_itself(
     leading = [one.causes_.set_index("form")["probability"].head(3) for one in found]
     for form, probability in leading[0].items():
         assert leading[1].get(form, 0.0) == pytest.approx(probability, abs=0.1)
-    # single runs, which a polynomial is trained on as draws, must be counts
-    rows = hs.PowerScaledSurrogate(
-        simulator.run(60, random_state=0), likelihood="poisson", random_state=0
-    )
-    with pytest.raises(ValueError, match=r"needs counts .* simulated values are not"):
-        rows.fit(t[:, None], counts.astype(float))

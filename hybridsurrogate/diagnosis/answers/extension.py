@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.dynamics.dynamic import Dynamic
 from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.priors import FloatArray
@@ -70,7 +71,8 @@ def extend_simulator(simulator: Simulator, cause: Cause, problem: Problem) -> Si
         raise ValueError(f"The cause {cause.name!r} leaves the simulation as it is.")
     change = cause.modification
     if change is not None:
-        priors = {change.full(name): prior for name, prior in cause.parameters.items()}
+        own = cause.priors_of_change if isinstance(cause, Dynamic) else cause.parameters
+        priors = {change.full(name): prior for name, prior in own.items()}
         return simulator.modified([change], priors)
     taken = {*simulator.input_names, *simulator.parameter_names, *simulator.assumed_names}
     taken |= set(cause.reads)

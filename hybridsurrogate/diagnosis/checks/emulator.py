@@ -111,8 +111,8 @@ def check_emulator(result: Search, surrogate: Basis, runs: SimulationData) -> Em
     own = emulator_posterior(surrogate, problem.simulation).mean
     alone = replace(w.model, basis=surrogate, reference=own)
     missed = alone.simulated(problem.X, values, own)[0] - outputs
-    # outputs of their own noise count in units of that
-    unit = noise[0] if problem.stacking is not None else np.ones(1)
+    # outputs, rows and counts have a noise of their own: of counts sigma is one
+    unit = noise[0]
     left_open = np.sum(U**2, axis=1) / unit**2
     inputs, points = w.model.places(problem.X, values)
     basis = problem.model.basis

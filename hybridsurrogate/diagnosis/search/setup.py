@@ -204,7 +204,7 @@ def trained_emulator(
     trained = problem.simulation is not None or basis.holds_runs
     if not trained or not isinstance(runs, SimulationData):
         return problem, emulator
-    run_eta = problem.likelihood.working(runs.y)
+    run_eta = problem.likelihood.working_runs(runs.y)
     kriged, emulator = krige(basis, emulator, runs, run_eta)
     return with_basis(problem, kriged), emulator
 

@@ -18,12 +18,17 @@ NEEDS_ODE = (
 class Dynamic(Cause):
     """A cause that modifies the right-hand side, and sets the numbers of the modification."""
 
-    priors: Mapping[str, Prior] | None
+    priors: Mapping[str, Prior] | None = None
 
     @property
     def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
         """The priors of the modification's numbers."""
         return self.priors or {}
+
+    @property
+    def priors_of_change(self) -> Mapping[str, Prior]:
+        """The priors of the modification's numbers, by their own names."""
+        return self.parameters
 
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
         """Run the simulation with other numbers in its right-hand side."""

@@ -114,6 +114,6 @@ register(
         formula="slopes follow the state as it was a lag ago",
         priors="lag: half-Cauchy, scale a tenth of the span",
         estimates="lag",
-        left_out='fewer than 8 times; no `OdeSimulator` with `method="rk4"` and `ExactSurrogate`',
+        left_out='fewer than 3 times; no `OdeSimulator` with `method="rk4"` and `ExactSurrogate`',
     )
 )

@@ -238,7 +238,7 @@ register(
         formula="slope of the state + rate",
         priors="rate: Student-t, typical state over the span",
         estimates="rate",
-        left_out="fewer than 8 times; no `OdeSimulator` with `ExactSurrogate`",
+        left_out="fewer than 3 times; no `OdeSimulator` with `ExactSurrogate`",
     )
 )
 register(
@@ -264,7 +264,7 @@ register(
         priors="sine, cosine: Student-t, half the typical state at the median period; period: log-"
         "uniform, 2 spacings to 2 spans",
         estimates="period, amplitude",
-        left_out="the same",
+        left_out="fewer than 8 times",
     )
 )
 register(

@@ -80,7 +80,7 @@ class LaplacePosterior:
         runs, basis = self.runs, self.model.basis.given(hyper)
         if runs is None or not len(basis.coefficient_mean):
             return None
-        eta = self.likelihood.working(runs.y) - basis.known(runs.X, runs.omega)
+        eta = self.likelihood.working_runs(runs.y) - basis.known(runs.X, runs.omega)
         return statistics(basis.features(runs.X, runs.omega), eta, self.scale, runs.weights)
 
     @property

@@ -220,9 +220,23 @@ class CausesOnRows:
         return 1 - rest
 
     def likelihood_of(self, likelihood: Likelihood, values: FloatArray) -> Likelihood:
-        """Return the likelihood of measured rows for draws of `values`: some rows are outliers."""
+        """Return the likelihood of measured rows for draws of `values`.
+
+        Some rows are outliers, or counts scatter more, where a cause says so.
+        """
+        wider = self._overdispersed(likelihood, values)
+        if wider is not None:
+            return wider
         share = self.outlier_share(values)
         if share is None:
             return likelihood
         assert isinstance(likelihood, TransformedNormal)
         return Contaminated(likelihood, share[:, None])
+
+    def _overdispersed(self, likelihood: Likelihood, values: FloatArray) -> Likelihood | None:
+        if not any(effect.overdisperses for effect in self.effects):
+            return None
+        squares = np.zeros(len(values))
+        for effect, own in zip(self.effects, self.theta(values), strict=True):
+            squares = squares + np.square(effect.overdispersion(own))
+        return likelihood.overdispersed(np.sqrt(squares)[:, None])

@@ -1,0 +1,182 @@
+"""The cause that a term is missing from the dynamics, with a rate of its own in each experiment."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.dynamics.dynamic import Dynamic
+from hybridsurrogate.effects.dynamics.dynamic_term import DynamicTerm
+from hybridsurrogate.effects.notation import SIMULATION, signed, word
+from hybridsurrogate.effects.registry import Form, register
+from hybridsurrogate.ode.dynamics import MissingTerm
+from hybridsurrogate.priors import Prior
+
+# with more experiments a rate that they share says nearly as much
+_MOST = 6
+
+
+class TermByExperiment(Dynamic):
+    """A term missing from an `OdeSimulator` with another rate in each experiment.
+
+    As `DynamicTerm` of the form ``"proportional"``, ``rate x`` in the slope of the state x. Where
+    the known rate constants of two assays differ, that of what is missing may differ as well. An
+    experiment that was not measured has a rate of zero.
+
+    Parameters
+    ----------
+    state : str
+    column : str
+        The measured column that says which experiment a row is of.
+    prefix : str or None, default=None
+        As in `DynamicDrift`.
+    prior : frozen scipy.stats distribution or None, default=None
+        Of each rate. None: as in `DynamicTerm`.
+    levels : tuple of float or None, default=None
+        Values of the column. None: those of the measured rows, or 0, 1, ... of labels.
+    labels : tuple of str or None, default=None
+        What to call them. None: as they are.
+
+    Examples
+    --------
+    >>> import numpy as np, hybridsurrogate as hs
+    >>> loss = hs.TermByExperiment("b", "assay", prefix="loss", levels=(0.0, 1.0))
+    >>> theta = {"rate, assay = 0": np.full(3, -0.2), "rate, assay = 1": np.full(3, -0.1)}
+    >>> _, omega = loss.inputs({"assay": np.array([0.0, 1.0, 7.0])}, {}, theta)
+    >>> omega["loss_rate"].tolist()
+    [-0.2, -0.1, 0.0]
+    """
+
+    kind = "missing-term"
+    meaning = (
+        "{target} gains or loses something in proportion to it, at another rate in each "
+        "experiment, and its equation leaves that out"
+    )
+
+    def __init__(
+        self,
+        state: str,
+        column: str,
+        prefix: str | None = None,
+        prior: Prior | None = None,
+        levels: tuple[float, ...] | None = None,
+        labels: tuple[str, ...] | None = None,
+    ):
+        self.state = state
+        self.column = column
+        self.prefix = prefix
+        self.prior = prior
+        self.levels = levels
+        self.labels = labels
+
+    @property
+    def target(self) -> str:  # type: ignore[override]
+        """The state concerned."""
+        return self.state
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """The column of the experiments."""
+        return (self.column,)
+
+    @property
+    def variant(self) -> str:
+        """The form of the term, and what it differs by."""
+        return f"proportional by {self.column}"
+
+    @property
+    def name(self) -> str:
+        """The kind, the state, and the form of the term."""
+        return f"{self.kind}({self.state}, {self.variant})"
+
+    @property
+    def modification(self) -> MissingTerm:
+        """The change of the right-hand side, of one experiment."""
+        return MissingTerm(self.state, "proportional", self.prefix)
+
+    def prepare(self, context: Context) -> Cause:
+        """Fill in the experiments and the prior of their rates."""
+        term = DynamicTerm(self.state, "proportional", self.prefix).prepare(context)
+        assert isinstance(term, DynamicTerm)
+        levels = self.levels
+        if levels is None and self.labels is not None:
+            levels = tuple(map(float, range(len(self.labels))))
+        elif levels is None:
+            levels = tuple(np.unique(context.column(self.column)).tolist())
+        prior = self.prior or term.parameters["rate"]
+        return self.filled(prefix=term.prefix, prior=prior, levels=levels)
+
+    @property
+    def _names(self) -> list[str]:
+        """Names of the experiments' rates."""
+        assert self.levels is not None
+        labels = self.labels or tuple(f"{level:.12g}" for level in self.levels)
+        return [f"rate, {self.column} = {label}" for label in labels]
+
+    @property
+    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
+        """The priors of the rates."""
+        return dict.fromkeys(self._names, self.prior)
+
+    @property
+    def priors_of_change(self) -> Mapping[str, Prior]:
+        """The prior of the rate of one experiment."""
+        assert self.prior is not None
+        return {"rate": self.prior}
+
+    def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
+        """Run the simulation with the rate of each row's experiment in its right-hand side."""
+        assert self.levels is not None
+        levels, column = np.asarray(self.levels), X[self.column]
+        which = np.minimum(np.searchsorted(levels, column), len(levels) - 1)
+        which = np.where(levels[which] == column, which, len(levels))
+        each = np.stack([*(theta[name] for name in self._names), np.zeros(len(column))])
+        own = each[which, np.arange(len(which))]
+        return X, {**omega, self.modification.full("rate"): own}
+
+    def start(self) -> dict[str, float]:
+        """Return rates of zero."""
+        return dict.fromkeys(self._names, 0.0)
+
+    def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return the rates."""
+        return {name: np.asarray(theta[name]) for name in self._names}
+
+    def formula(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in words."""
+        rates = ", ".join(f"{values[name]:+.4g} ({name[6:]})" for name in self._names)
+        return f"simulation with a rate of its own times {self.state} in its slope: {rates}"
+
+    def latex(self, values: Mapping[str, float]) -> str:
+        """Return the extended simulation in LaTeX."""
+        state = word(self.state)
+        slope = rf"\frac{{d}}{{dt}} {state}"
+        rates = ", ".join(signed(values[name]) for name in self._names)
+        return rf"{SIMULATION}, \quad {slope} \to {slope} + r \, {state}, \quad r = {rates}"
+
+
+def _of_states(context: Context) -> Iterator[Cause]:
+    column = context.experiment
+    # where no rate is known to differ, one that all experiments share comes first
+    if column is None or not set(context.by_experiment) & set(context.rates):
+        return
+    if len(np.unique(context.X[column])) > _MOST:
+        return
+    for state in context.states:
+        yield TermByExperiment(state, column, labels=context.experiment_labels)
+
+
+register(
+    Form(
+        "missing-term: proportional by",
+        TermByExperiment,
+        _of_states,
+        call="`TermByExperiment(state, e)`",
+        formula="slope of the state + rate of the experiment times the state",
+        priors="rates: Student-t, one over the span",
+        estimates="rate of each experiment",
+        left_out="no declared experiments in which a rate differs, or more than six",
+    )
+)
