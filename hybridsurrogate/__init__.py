@@ -59,6 +59,7 @@ from hybridsurrogate.exceptions import (
     FailedRunsWarning,
     HybridSurrogateWarning,
     PriorWarning,
+    RowByRowWarning,
     SamplingWarning,
     SolverWarning,
 )
@@ -151,6 +152,7 @@ __all__ = [
     "Ramp",
     "RandomParameter",
     "Remainder",
+    "RowByRowWarning",
     "SamplingWarning",
     "Saturation",
     "SecondStore",

@@ -9,6 +9,10 @@ class FailedRunsWarning(HybridSurrogateWarning):
     """Some simulation runs failed and were dropped."""
 
 
+class RowByRowWarning(HybridSurrogateWarning):
+    """A simulation that was to take arrays takes numbers only, and is called row by row."""
+
+
 class ExtrapolationWarning(HybridSurrogateWarning):
     """Measured or predicted inputs, or all measured outputs, lie outside what was simulated."""
 
