@@ -57,8 +57,8 @@ _BETWEEN = (
 _DEEPEST, _FIRST, _LONGEST = 44, 12, 6
 # errors of a step in shares of a state; of a small one in shares of its size
 _RELATIVE, _ABSOLUTE = 3e-5, 1e-4
-# an error that leaves room for twice the step: it is of fourth order
-_ROOM = 1 / 32
+# how often the step changes by two at a time
+_MOST_HALVINGS, _MOST_DOUBLINGS = 12, 3
 
 # slopes (n_states, k) at a time, of states (n_states, k) of the solutions (k,) that are named
 Slope = Callable[[float, FloatArray, NDArray[np.intp]], FloatArray]
@@ -104,6 +104,7 @@ def rosenbrock(
     np.maximum.at(latest, member, np.where(np.isfinite(times), times, start))
     state, tried = state.copy(), np.zeros(m, dtype=np.intp)
     position, level = np.zeros(m, dtype=np.int64), np.full(m, _FIRST)
+    again = np.zeros(m, dtype=bool)
     running = (latest > start) & np.isfinite(state).all(axis=0)
     while running.any():
         earliest = position[running].min()
@@ -127,18 +128,34 @@ def rosenbrock(
                 old[:, at], new[:, at], [bend[:, at] for bend in bends], (times[rows] - t) / h
             )
         state[:, done] = new[:, good]
-        position[done] += 1 << (_DEEPEST - own)
-        even = position[done] % (1 << (_DEEPEST - own + 1)) == 0
-        level[done] -= (even & (share[good] < _ROOM) & (own > _LONGEST)).astype(level.dtype)
-        # halved as often as an error of fourth order needs
-        halved = np.ceil(np.log2(np.minimum(share[~good], 2.0**12)) / 4).astype(level.dtype)
-        level[which[~good]] += np.maximum(halved, 1)
+        position[done] = reached = int(earliest) + (1 << (_DEEPEST - own))
+        # steps begin at multiples of themselves: the lowest bit that is set is the longest
+        longest = max(_LONGEST, _DEEPEST - (reached & -reached).bit_length() + 1)
+        level[done] = np.maximum(own - _doublings(share[good]), min(own, longest))
+        # an error that is left after the first time is not of fourth order: a jump
+        worse = share[~good]
+        level[which[~good]] += _halvings(worse, np.where(again[which[~good]], 1, 4))
+        again[which] = ~good
         tried[which] += 1
         failed |= running & ((tried > max_steps) | (level > _DEEPEST - 2))
-        reached = start + span * (position / 2.0**_DEEPEST) >= latest
-        running &= ~failed & ~reached
+        running &= ~failed & (start + span * (position / 2.0**_DEEPEST) < latest)
     out[:, failed[member]] = np.nan
     return out, failed
+
+
+def _doublings(share: FloatArray) -> NDArray[np.intp]:
+    """Return how often a step may be doubled whose error of fourth order is a share of the limit.
+
+    Half of the limit is left as it is.
+    """
+    often = np.floor((-np.log2(np.maximum(share, 2.0**-60)) - 1) / 4)
+    return np.clip(often, 0, _MOST_DOUBLINGS).astype(np.intp)
+
+
+def _halvings(share: FloatArray, order: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return how often a step must be halved whose error is more than the limit."""
+    often = np.ceil(np.log2(np.minimum(share, 2.0**60)) / order)
+    return np.clip(often, 1, _MOST_HALVINGS // order).astype(np.intp)
 
 
 def _step(
