@@ -253,7 +253,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         check_rows(len(prepared.problem.y), model.columns, [*model.parameters, *model.constants])
         check_digits(prepared.problem)
         warn_of_copies(prepared.problem.X, prepared.problem.y)
-        warn_if_slow(prepared.problem)
+        warn_if_slow(prepared.problem, self.cv)
         warn_if_rough(prepared.problem)
         try:
             with one_blas_thread(), doing("Search", bool(self.progress)):

@@ -31,6 +31,8 @@ Columns = Mapping[str, FloatArray]
 _CALLS_A_STEP = 10
 # sets of solutions that go on together, and are kept
 _GROUPS, _NO_DRIVE = 64, Drive({}, {})
+# times at which a right-hand side is asked whether it takes several
+_TIMES_TRIED = 9
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,7 +278,7 @@ class _Solutions:
 
     def slope(
         self,
-        t: float,
+        t: float | FloatArray,
         state: FloatArray,
         drive: Drive | None = None,
         late: Mapping[str, FloatArray] | None = None,
@@ -362,6 +364,20 @@ class _Solutions:
         states, slopes = runge_kutta(slope_at, self.initial(), n_steps, ode.step)
         return hermite(states, slopes, ode.step, (times - ode.start) / ode.step, member)
 
+    def _takes_times(self) -> bool:
+        """Whether the right-hand side gives for times (k,) what it gives for each of them."""
+        several = np.linspace(self.ode.start, self.ode.start + self.ode.span, _TIMES_TRIED)
+        which = np.arange(_TIMES_TRIED) % len(self)
+        state, some = self.initial()[:, which], self.named(which)
+        try:
+            at_once = some.slope(several, state, _NO_DRIVE)
+            each = [some.slope(t, state, _NO_DRIVE)[:, k] for k, t in enumerate(several.tolist())]
+        except Exception:
+            # a function of one time may fail in any way
+            return False
+        # array kernels round otherwise
+        return np.allclose(at_once, np.stack(each, axis=1), rtol=1e-10, atol=0, equal_nan=True)
+
     @property
     def _too_many(self) -> str:
         return f"a solution by {self.ode.method!r} took more than max_steps={self.ode.max_steps}"
@@ -370,18 +386,21 @@ class _Solutions:
         ode = self.ode
         sizes = np.array(ode.sizes)
         groups: dict[bytes, _Solutions] = {}
+        together = not self.active and self._takes_times()
 
-        def slope(t: float, state: FloatArray, which: NDArray[np.intp]) -> FloatArray:
+        def slope(t: FloatArray, state: FloatArray, which: NDArray[np.intp]) -> FloatArray:
+            if together:
+                return self.named(which).slope(t, state, _NO_DRIVE)
             key = which.tobytes()
             if key not in groups:
                 if len(groups) >= _GROUPS:
                     groups.clear()
                 groups[key] = self.named(which)
-            return groups[key].slope(t, state, None if self.active else _NO_DRIVE)
+            return groups[key].slope(float(t[0]), state, None if self.active else _NO_DRIVE)
 
         start = self.initial()
         states, stopped = rosenbrock(
-            slope, start, times, member, ode.start, ode.span, sizes, ode.max_steps
+            slope, start, times, member, ode.start, ode.span, sizes, ode.max_steps, not together
         )
         if stopped.any():
             self.said.append(self._too_many)

@@ -60,8 +60,8 @@ _RELATIVE, _ABSOLUTE = 3e-5, 1e-4
 # how often the step changes by two at a time
 _MOST_HALVINGS, _MOST_DOUBLINGS = 12, 3
 
-# slopes (n_states, k) at a time, of states (n_states, k) of the solutions (k,) that are named
-Slope = Callable[[float, FloatArray, NDArray[np.intp]], FloatArray]
+# slopes (n_states, k) at times (k,), of states (n_states, k) of the solutions (k,) that are named
+Slope = Callable[[FloatArray, FloatArray, NDArray[np.intp]], FloatArray]
 
 
 def rosenbrock(
@@ -73,13 +73,14 @@ def rosenbrock(
     span: float,
     sizes: FloatArray,
     max_steps: int,
+    at_one_time: bool,
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Follow m solutions; what a solution gives does not depend on the others.
 
     Parameters
     ----------
     slope : callable
-        ``slope(t, state, which) -> (n_states, k)``
+        ``slope(t, state, which) -> (n_states, k)``, t of shape (k,)
     state : ndarray of shape (n_states, m)
         At the start.
     times, member : ndarray of shape (n,)
@@ -90,6 +91,8 @@ def rosenbrock(
         Of the states, of which small ones have errors in shares.
     max_steps : int
         Of one solution, those that are taken back included.
+    at_one_time : bool
+        Whether the times in a call of slope must be equal, which takes many more calls.
 
     Returns
     -------
@@ -107,11 +110,12 @@ def rosenbrock(
     again = np.zeros(m, dtype=bool)
     running = (latest > start) & np.isfinite(state).all(axis=0)
     while running.any():
-        earliest = position[running].min()
-        here = running & (position == earliest)
-        which = np.flatnonzero(here & (level == level[here].max()))
-        own = int(level[which[0]])
-        t, h = start + span * (float(earliest) / 2.0**_DEEPEST), span * 2.0**-own
+        which = np.flatnonzero(running)
+        if at_one_time:
+            which = which[position[which] == position[which].min()]
+            which = which[level[which] == level[which].max()]
+        own, before = level[which], position[which]
+        t, h = start + span * (before / 2.0**_DEEPEST), span / 2.0**own
         old = state[:, which]
         new, error, bends = _step(slope, t, h, old, which, sizes)
         scale = np.minimum(np.maximum(np.abs(old), np.abs(new)), sizes[:, None])
@@ -121,17 +125,18 @@ def rosenbrock(
         done = which[good]
         column = np.full(m, -1)
         column[done] = np.flatnonzero(good)
-        rows = np.flatnonzero((times > t) & (times <= t + h) & (column[member] >= 0))
+        at = column[member]
+        rows = np.flatnonzero((at >= 0) & (times > t[at]) & (times <= t[at] + h[at]))
         if rows.size:
-            at = column[member[rows]]
-            out[:, rows] = _between(
-                old[:, at], new[:, at], [bend[:, at] for bend in bends], (times[rows] - t) / h
-            )
+            at = at[rows]
+            s = (times[rows] - t[at]) / h[at]
+            out[:, rows] = _between(old[:, at], new[:, at], [bend[:, at] for bend in bends], s)
         state[:, done] = new[:, good]
-        position[done] = reached = int(earliest) + (1 << (_DEEPEST - own))
+        position[done] = reached = before[good] + (1 << (_DEEPEST - own[good]))
         # steps begin at multiples of themselves: the lowest bit that is set is the longest
-        longest = max(_LONGEST, _DEEPEST - (reached & -reached).bit_length() + 1)
-        level[done] = np.maximum(own - _doublings(share[good]), min(own, longest))
+        lowest = np.log2(reached & -reached).astype(np.int64)
+        longest = np.maximum(_LONGEST, _DEEPEST - lowest)
+        level[done] = np.maximum(own[good] - _doublings(share[good]), longest)
         # an error that is left after the first time is not of fourth order: a jump
         worse = share[~good]
         level[which[~good]] += _halvings(worse, np.where(again[which[~good]], 1, 4))
@@ -159,7 +164,12 @@ def _halvings(share: FloatArray, order: NDArray[np.intp]) -> NDArray[np.intp]:
 
 
 def _step(
-    slope: Slope, t: float, h: float, state: FloatArray, which: NDArray[np.intp], sizes: FloatArray
+    slope: Slope,
+    t: FloatArray,
+    h: FloatArray,
+    state: FloatArray,
+    which: NDArray[np.intp],
+    sizes: FloatArray,
 ) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
     """Return states (n_states, k) after a step, their errors, and how they bend between."""
     n, k = state.shape
@@ -168,13 +178,14 @@ def _step(
     moved = np.repeat(state[:, None], n + 1, axis=1)
     moved[np.arange(n), np.arange(1, n + 1)] += change
     change = moved[np.arange(n), np.arange(1, n + 1)] - state
-    slopes = slope(t, moved.reshape(n, -1), np.tile(which, n + 1)).reshape(n, n + 1, k)
+    slopes = slope(np.tile(t, n + 1), moved.reshape(n, -1), np.tile(which, n + 1))
+    slopes = slopes.reshape(n, n + 1, k)
     first = slopes[:, 0]
     jacobian = ((slopes[:, 1:] - slopes[:, :1]) / change).transpose(2, 0, 1)
     later = t + small * h
-    by_time = (slope(later, state, which) - first) / (later - t) if later > t else 0 * first
+    by_time = (slope(later, state, which) - first) / np.where(later > t, later - t, np.inf)
     try:
-        inverse = np.linalg.inv(np.eye(n) / (_GAMMA * h) - jacobian)
+        inverse = np.linalg.inv(np.eye(n) / (_GAMMA * h)[:, None, None] - jacobian)
     except np.linalg.LinAlgError:
         return state, np.full_like(state, np.inf), []
     stages: list[FloatArray] = []

@@ -55,7 +55,9 @@ def test_runs_of_a_function_of_numbers():
     simulator = hs.Simulator(scalar, INPUTS, RATE)
     with pytest.warns(hs.RowByRowWarning):
         simulation = simulator.run(16, random_state=0)
-    exact = [scalar(t, rate) for t, rate in zip(simulation.X[:, 0], simulation.omega[:, 0], strict=True)]
+    exact = [
+        scalar(t, rate) for t, rate in zip(simulation.X[:, 0], simulation.omega[:, 0], strict=True)
+    ]
     np.testing.assert_allclose(simulation.y, exact)
 
 
