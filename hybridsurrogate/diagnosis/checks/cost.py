@@ -47,12 +47,13 @@ def warn_if_slow(problem: Problem, n_folds: int | None = None) -> None:
     sets = SETTINGS.runs_of_a_search * (1 + SETTINGS.cost_of_a_fold * folds)
     if each * sets < SETTINGS.slow_search:
         return
+    thousands = round(sets, -3)
     without = "" if n_folds is None else " cv=None leaves the folds out."
     warnings.warn(
         f"The simulation takes {number(1000 * each, 2)} ms for one set of parameters, and this "
-        f"diagnosis runs about {round(sets, -3):,.0f} of them, {round(sets, -3) * len(problem.y):,.0f}"
+        f"diagnosis runs about {thousands:,.0f} of them, {thousands * len(problem.y):,.0f}"
         f" rows: about {number(each * sets / 60, 2)} minutes. Runs of it, "
-        f"simulation=simulator.run(200, n_jobs=-1) with surrogate=Kriging(), are searched in "
+        "simulation=simulator.run(200, n_jobs=-1) with surrogate=Kriging(), are searched in "
         f"seconds.{without}",
         DiagnosisWarning,
         stacklevel=3,

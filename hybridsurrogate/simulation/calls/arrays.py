@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -85,9 +86,8 @@ def _kept(function: Function, points: FloatArray, error: str) -> tuple[FloatArra
 def _check_for_numbers(function: Function, points: FloatArray, said: str) -> None:
     """Raise TakesNumbersError where arrays of two rows fail and one row of numbers does not."""
     for point in (np.array(function.typical()), *points[:1]):
-        if _quietly(lambda point=point: _of_numbers(function, point)) and not _works(
-            function, np.array([point, point])
-        ):
+        twice = np.array([point, point])
+        if _quietly(partial(_of_numbers, function, point)) and not _works(function, twice):
             raise TakesNumbersError(said)
 
 
@@ -97,7 +97,7 @@ def _of_numbers(function: Function, point: FloatArray) -> FloatArray:
 
 
 def _works(function: Function, points: FloatArray) -> bool:
-    return _quietly(lambda: _outputs(function, points))
+    return _quietly(partial(_outputs, function, points))
 
 
 def _quietly(call: Callable[[], Any]) -> bool:

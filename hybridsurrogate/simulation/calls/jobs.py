@@ -47,8 +47,9 @@ def called(
         Seconds that a call may take.
     """
     calls = list(zip(arguments, indices, strict=True))
+    outcomes: Iterator[Outcome]
     if effective_n_jobs(n_jobs) == 1:
-        outcomes = (_call(function, own, which, timeout) for own, which in calls)
+        outcomes = iter(_call(function, own, which, timeout) for own, which in calls)
     else:
         tasks = [delayed(_call)(function, own, which, timeout) for own, which in calls]
         outcomes = _outcomes(tasks, n_jobs)
