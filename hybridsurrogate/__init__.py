@@ -62,6 +62,7 @@ from hybridsurrogate.exceptions import (
     HybridSurrogateWarning,
     MissingMeasurementWarning,
     PriorWarning,
+    RowByRowWarning,
     SamplingWarning,
     SolverWarning,
 )
@@ -157,6 +158,7 @@ __all__ = [
     "Ramp",
     "RandomParameter",
     "Remainder",
+    "RowByRowWarning",
     "SamplingWarning",
     "Saturation",
     "SecondStore",

@@ -18,6 +18,10 @@ class MissingMeasurementWarning(HybridSurrogateWarning):
     """Rows without a measurement of the output were left out."""
 
 
+class RowByRowWarning(HybridSurrogateWarning):
+    """A simulation that was to take arrays takes numbers only, and is called row by row."""
+
+
 class ExtrapolationWarning(HybridSurrogateWarning):
     """Measured or predicted inputs, or all measured outputs, lie outside what was simulated."""
 

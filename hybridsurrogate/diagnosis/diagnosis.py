@@ -291,7 +291,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             copied_rows(prepared.problem.X, prepared.problem.y),
             doubtful_columns(prepared.problem, ranges),
         )
-        warn_if_slow(prepared.problem)
+        warn_if_slow(prepared.problem, self.cv)
         warn_if_rough(prepared.problem)
         try:
             with one_blas_thread(), doing("Search", bool(self.progress)):

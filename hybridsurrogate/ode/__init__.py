@@ -3,8 +3,9 @@
 simulator    OdeSimulator: states, right-hand side, solver
 checks       what a right-hand side returns
 function     the equation as a function of arrays
-steps        steps as short as the solutions need
+steps        steps as short as the solutions need, and the choice of a method
 integration  the solvers, vectorised over sets of parameters
+rosenbrock   the solver for stiff equations, with steps for each solution
 dynamics     changes of the right-hand side: courses of a rate, terms, delays
 """
 

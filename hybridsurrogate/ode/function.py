@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -20,11 +21,18 @@ from hybridsurrogate.ode.integration import (
     runge_kutta,
     together,
 )
+from hybridsurrogate.ode.rosenbrock import rosenbrock
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.modification import Active, Drive, Modification, drive_of, lags
 from hybridsurrogate.simulation.outputs import by_output
 
 Columns = Mapping[str, FloatArray]
+# calls of a right-hand side that a step takes by methods of scipy
+_CALLS_A_STEP = 10
+# sets of solutions that go on together, and are kept
+_GROUPS, _NO_DRIVE = 64, Drive({}, {})
+# times at which a right-hand side is asked whether it takes several
+_TIMES_TRIED = 9
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +47,15 @@ class OdeFunction:
     start : float
         Time at which solutions start.
     step, max_step : float
-        Of "rk4", and of the other methods.
+        Of "rk4", and of the methods of scipy.
     outputs_seen : tuple of str
         What observe returns.
+    span : float
+        Length of the range of time.
+    max_steps : int
+        Of one solution, by any method but "rk4".
+    sizes : tuple of float
+        Of the states, for "rosenbrock".
     """
 
     rhs: Callable[..., Any]
@@ -58,6 +72,9 @@ class OdeFunction:
     max_step: float
     modifications: tuple[Modification, ...]
     outputs_seen: tuple[str, ...]
+    span: float
+    max_steps: int
+    sizes: tuple[float, ...] = ()
 
     @property
     def __name__(self) -> str:
@@ -157,7 +174,7 @@ class OdeFunction:
                 middle = (low + high) // 2
                 if high - low > 1:
                     pending += [(middle, high), (low, middle)]
-        return out, error
+        return out, error or next(iter(solutions.said), None)
 
     def _check_times(self, times: FloatArray) -> None:
         early = np.flatnonzero(times < self.start - 1e-9 * max(abs(self.start), self.step))
@@ -203,6 +220,8 @@ class _Solutions:
     times: FloatArray
     member: NDArray[np.intp]
     first: int
+    # why some of them failed
+    said: list[str] = field(default_factory=list)
 
     def part(self, low: int, high: int) -> _Solutions:
         values = {name: column[low:high] for name, column in self.values.items()}
@@ -210,16 +229,29 @@ class _Solutions:
             (change, {name: column[low:high] for name, column in numbers.items()})
             for change, numbers in self.active
         ]
-        return _Solutions(self.ode, values, active, self.times, self.member, low)
+        return _Solutions(self.ode, values, active, self.times, self.member, low, self.said)
+
+    def named(self, which: NDArray[np.intp]) -> _Solutions:
+        """Return solutions by number, a number perhaps several times."""
+        values = {name: column[which] for name, column in self.values.items()}
+        active = [
+            (change, {name: column[which] for name, column in numbers.items()})
+            for change, numbers in self.active
+        ]
+        return _Solutions(self.ode, values, active, self.times, self.member, 0)
 
     def __len__(self) -> int:
         return len(next(iter(self.values.values()))) if self.values else int(self.member[-1]) + 1
 
     def batches(self, block: int) -> list[tuple[int, int]]:
         """Cut the solutions so that the states of one piece stay small."""
-        if self.ode.method != "rk4":
-            return [(k, k + 1) for k in range(len(self))]
-        width = (self._n_steps(self.times) + 1) * 2 * (len(self.ode.states) + len(self.active))
+        n = len(self.ode.states)
+        if self.ode.method == "rosenbrock":
+            width = 8 * n * (n + 2)
+        elif self.ode.method == "rk4":
+            width = (self._n_steps(self.times) + 1) * 2 * (n + len(self.active))
+        else:
+            width = block
         length = max(1, block // width)
         return [(k, min(k + length, len(self))) for k in range(0, len(self), length)]
 
@@ -246,7 +278,7 @@ class _Solutions:
 
     def slope(
         self,
-        t: float,
+        t: float | FloatArray,
         state: FloatArray,
         drive: Drive | None = None,
         late: Mapping[str, FloatArray] | None = None,
@@ -304,10 +336,14 @@ class _Solutions:
     def at_rows(self, rows: slice) -> FloatArray:
         """Return the states (n_states, n) at the rows of these solutions."""
         ode, times, member = self.ode, self.times[rows], self.member[rows] - self.first
+        if ode.method == "rosenbrock":
+            return self._rosenbrock(times, member)
         if ode.method != "rk4":
-            start = self.initial()
+            start, asked = self.initial(), count(1)
 
             def slope(t: float, state: FloatArray) -> FloatArray:
+                if next(asked) > _CALLS_A_STEP * ode.max_steps:
+                    raise RuntimeError(self._too_many)
                 return self.slope(t, state[:, None])[:, 0]
 
             return adaptive(slope, start[:, 0], times, ode.start, ode.method, ode.max_step)
@@ -327,3 +363,45 @@ class _Solutions:
 
         states, slopes = runge_kutta(slope_at, self.initial(), n_steps, ode.step)
         return hermite(states, slopes, ode.step, (times - ode.start) / ode.step, member)
+
+    def _takes_times(self) -> bool:
+        """Whether the right-hand side gives for times (k,) what it gives for each of them."""
+        several = np.linspace(self.ode.start, self.ode.start + self.ode.span, _TIMES_TRIED)
+        which = np.arange(_TIMES_TRIED) % len(self)
+        state, some = self.initial()[:, which], self.named(which)
+        try:
+            at_once = some.slope(several, state, _NO_DRIVE)
+            each = [some.slope(t, state, _NO_DRIVE)[:, k] for k, t in enumerate(several.tolist())]
+        except Exception:
+            # a function of one time may fail in any way
+            return False
+        # array kernels round otherwise
+        return np.allclose(at_once, np.stack(each, axis=1), rtol=1e-10, atol=0, equal_nan=True)
+
+    @property
+    def _too_many(self) -> str:
+        return f"a solution by {self.ode.method!r} took more than max_steps={self.ode.max_steps}"
+
+    def _rosenbrock(self, times: FloatArray, member: NDArray[np.intp]) -> FloatArray:
+        ode = self.ode
+        sizes = np.array(ode.sizes)
+        groups: dict[bytes, _Solutions] = {}
+        together = not self.active and self._takes_times()
+
+        def slope(t: FloatArray, state: FloatArray, which: NDArray[np.intp]) -> FloatArray:
+            if together:
+                return self.named(which).slope(t, state, _NO_DRIVE)
+            key = which.tobytes()
+            if key not in groups:
+                if len(groups) >= _GROUPS:
+                    groups.clear()
+                groups[key] = self.named(which)
+            return groups[key].slope(float(t[0]), state, None if self.active else _NO_DRIVE)
+
+        start = self.initial()
+        states, stopped = rosenbrock(
+            slope, start, times, member, ode.start, ode.span, sizes, ode.max_steps, not together
+        )
+        if stopped.any():
+            self.said.append(self._too_many)
+        return states

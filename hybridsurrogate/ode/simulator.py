@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import numbers
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,10 +15,10 @@ from numpy.typing import ArrayLike
 from hybridsurrogate.arguments.description import described
 from hybridsurrogate.arguments.functions import check_callable
 from hybridsurrogate.arguments.named import as_names
-from hybridsurrogate.arguments.scalars import as_real, check_choice
+from hybridsurrogate.arguments.scalars import as_real, check_choice, check_number
 from hybridsurrogate.ode.checks import accepted_names
 from hybridsurrogate.ode.function import OdeFunction
-from hybridsurrogate.ode.steps import warn_if_too_long, with_step
+from hybridsurrogate.ode.steps import chosen, sized, warn_if_too_long, with_step
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation.arrays import as_numbers, as_table
 from hybridsurrogate.simulation.evaluation import Running, evaluate
@@ -29,7 +30,7 @@ from hybridsurrogate.simulation.variables import Assumed, Range, check_ranges, n
 # solutions that are tried for the length of a step, and times
 _TRIED, _TIMES = 8, 64
 _CALLED = {"rhs": "(t, state, rate)", "observe": "(state)"}
-_METHODS = ("rk4", "RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
+_METHODS = ("auto", "rk4", "rosenbrock", "RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
 
 Start = Callable[..., Any] | Sequence[Any] | Mapping[str, Any]
 
@@ -59,14 +60,22 @@ class OdeSimulator(Simulator):
     states : tuple of str
         Names of the states, in their order.
     output : str or sequence of str
-    method : str, default="rk4"
-        "rk4": Runge-Kutta of fourth order with a fixed step, for all solutions at once. Or a
-        method of `scipy.integrate.solve_ivp`, such as "LSODA" or "Radau" for stiff equations, one
-        solution after another.
+    method : str, default="auto"
+        "rk4": Runge-Kutta of fourth order with a fixed step, for all solutions at once.
+        "rosenbrock": RODAS (Hairer and Wanner 1996, section IV.7), for stiff equations, for all
+        solutions at once, each with steps of its own. "auto": the first, or the second where 1,600
+        steps do not do for the first; the attribute is the one that was chosen. Or a method of
+        `scipy.integrate.solve_ivp`, such as "LSODA" or "Radau", one solution after another.
     max_step : float, optional
         The step of "rk4", by default the longest that leaves solutions as they are when it is
-        halved, from 1/400 to 1/6400 of the range of time; the largest step of the others, which
-        have no limit by default.
+        halved, from 1/400 to 1/6400 of the range of time; the largest step of scipy's methods,
+        which have no limit by default. With "auto" it is that of "rk4".
+    max_steps : int, default=5000
+        Of one solution, by any method but "rk4"; of scipy's methods ten times as many calls of
+        rhs. A solution that takes more counts as failed.
+    sizes : sequence of float, optional
+        Of the states, for "rosenbrock": smaller values need not be exact in shares of themselves.
+        By default how far states go at the medians of the priors.
     modifications : sequence of Modification
         Changes of the right-hand side, see `modified`.
 
@@ -112,6 +121,7 @@ class OdeSimulator(Simulator):
     states: tuple[str, ...]
     method: str
     max_step: float | None
+    max_steps: int
     modifications: tuple[Modification, ...]
     modifiers: dict[str, float]
     rates: tuple[str, ...]
@@ -129,9 +139,11 @@ class OdeSimulator(Simulator):
         assumed: Mapping[str, Assumed] | None = None,
         states: Sequence[str] = (),
         output: str | Sequence[str] = "y",
-        method: str = "rk4",
+        method: str = "auto",
         max_step: float | None = None,
         modifications: Sequence[Modification] = (),
+        max_steps: int = 5000,
+        sizes: Sequence[float] = (),
     ) -> None:
         states = as_names(states, "states", '("s", "i")')
         if not states or len(set(states)) < len(states):
@@ -141,13 +153,17 @@ class OdeSimulator(Simulator):
             raise ValueError(f"max_step must be positive, got {max_step!r}.")
         for name, function in {"rhs": rhs, "observe": observe}.items():
             check_callable(function, name, "def " + name + _CALLED[name])
+        if len(sizes) and not (len(sizes) == len(states) and min(sizes) > 0):
+            raise ValueError(f"sizes must be a positive number for each state, got {sizes!r}.")
+        check_number(max_steps, "max_steps", numbers.Integral, min_val=1)
+        wanted, method = method, "rk4" if method == "auto" else method
         ranges = check_ranges(inputs)
         unknown = named_fields(tuple(ranges), parameters, assumed)
         time, *others = ranges
         start, stop = ranges[time]
-        numbers = _numbers(modifications)
+        changing = _numbers(modifications)
         names = (*others, *unknown["parameters"], *unknown["assumed"])
-        names = tuple(name for name in names if name not in numbers)
+        names = tuple(name for name in names if name not in changing)
         rates = accepted_names(rhs, "rhs", 2, names)
         first = accepted_names(initial_state, "initial_state", 0, names)
         seen = accepted_names(observe, "observe", 1, names)
@@ -173,6 +189,9 @@ class OdeSimulator(Simulator):
             np.inf if max_step is None else max_step,
             tuple(modifications),
             output_names(output),
+            stop - start,
+            int(max_steps),
+            tuple(map(float, sizes)),
         )
         unused = [name for name in names if name not in function.used]
         if unused:
@@ -188,17 +207,23 @@ class OdeSimulator(Simulator):
             "states": states,
             "method": method,
             "max_step": max_step,
+            "max_steps": int(max_steps),
             "modifications": tuple(modifications),
-            "modifiers": {k: v for k, v in numbers.items() if k not in self.parameter_ranges},
+            "modifiers": {k: v for k, v in changing.items() if k not in self.parameter_ranges},
             "rates": tuple(name for name in rates if name in self.parameter_ranges),
             "starts": tuple(n for n in first if n in self.parameters and n not in {*rates, *seen}),
         }
         self.__dict__.update(own)
         function.check(self._medians(2))
-        if method == "rk4" and max_step is None:
-            self.__dict__["function"] = with_step(function, self._typical(), stop - start)
+        if wanted == "auto" and max_step is None:
+            function = chosen(function, self._typical(), stop - start)
+        elif method == "rk4" and max_step is None:
+            function = with_step(function, self._typical(), stop - start)
+        elif method == "rosenbrock" and not len(sizes):
+            function = sized(function, self._typical())
         elif method == "rk4" and not modifications:
             warn_if_too_long(function, self._typical())
+        self.__dict__.update(function=function, method=function.method)
 
     def modified(
         self,
@@ -241,6 +266,8 @@ class OdeSimulator(Simulator):
             self.method,
             self.function.step if self.method == "rk4" else self.max_step,
             (*self.modifications, *modifications),
+            self.max_steps,
+            self.function.sizes,
         )
 
     def single_output(self, scale: FloatArray) -> OdeSimulator:
@@ -264,6 +291,8 @@ class OdeSimulator(Simulator):
             self.method,
             self.function.step if self.method == "rk4" else self.max_step,
             self.modifications,
+            self.max_steps,
+            self.function.sizes,
         )
 
     def solution(self, X: ArrayLike, omega: ArrayLike | None = None) -> FloatArray:

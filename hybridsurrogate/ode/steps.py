@@ -1,9 +1,10 @@
-"""The step of a Runge-Kutta method: as long as solutions allow."""
+"""The step of a Runge-Kutta method: as long as solutions allow; and the method for stiff ones."""
 
 from __future__ import annotations
 
 import warnings
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,10 @@ from hybridsurrogate.priors import FloatArray
 
 # steps over the range of time
 _FEWEST, _MOST = 400, 6400
+# steps from which those of a method for stiff equations, about as many times dearer, are tried
+_QUICK = 1600
+# in which the sizes of states settle
+_ROUNDS = 4
 # errors of a state in shares of its extent. Where a right-hand side jumps, errors are of
 # first order in the step, and small ones are not to be had
 _SMALL, _SMALL_WITH_JUMPS, _DOUBTFUL = 1e-4, 3e-3, 1e-2
@@ -23,6 +28,53 @@ _SMALL, _SMALL_WITH_JUMPS, _DOUBTFUL = 1e-4, 3e-3, 1e-2
 _MENDS, _LEFT = 8.0, 1 / 15
 # states that are smaller than this share of the largest are rounding
 _ROUNDING = 1e-10
+
+
+def chosen(function: OdeFunction, columns: Columns, span: float) -> OdeFunction:
+    """Return the function with a step, or with the method for stiff equations where none will do.
+
+    Parameters
+    ----------
+    columns, span
+        As in `with_step`.
+
+    Warns
+    -----
+    SolverWarning
+        As in `with_step`, and where a part of the solutions fails.
+    """
+    found = _ladder(function, columns, span, _QUICK)
+    if found.good and found.known.all():
+        return replace(function, step=span / found.n_steps)
+    stiff = replace(function, method="rosenbrock", max_steps=min(_QUICK, function.max_steps))
+    first = {name: values[: _times(function, columns)] for name, values in columns.items()}
+    stiff = sized(stiff, first)
+    if not (stiff.sizes and _known(_solved(stiff, first)).all()):
+        return with_step(function, columns, span)
+    solutions = _solved(stiff, columns)
+    if found.good and _known(solutions).sum() <= found.known.sum():
+        return replace(function, step=span / found.n_steps)
+    return replace(stiff, max_steps=function.max_steps)
+
+
+def sized(function: OdeFunction, columns: Columns) -> OdeFunction:
+    """Return a function of the method "rosenbrock" with the sizes of its states.
+
+    Sizes are how far states go at the medians of the priors; none where that solution fails.
+    """
+    n = _times(function, columns)
+    first = {name: values[:n] for name, values in columns.items()}
+    start = np.abs(function.solution({name: values[:1] for name, values in first.items()})[:, 0])
+    size = np.full(len(start), np.max(start, initial=0.0) or 1.0)
+    for _ in range(_ROUNDS):
+        fine = _solved(replace(function, sizes=tuple(map(float, size))), first)[:, 0]
+        if not np.isfinite(fine).all():
+            return replace(function, sizes=())
+        before, size = size, extent(fine)
+        size = np.maximum(size, max(_ROUNDING * float(np.max(size)), np.finfo(float).tiny))
+        if np.all(np.abs(np.log10(size / before)) < 1):
+            break
+    return replace(function, sizes=tuple(map(float, size)))
 
 
 def with_step(function: OdeFunction, columns: Columns, span: float) -> OdeFunction:
@@ -40,43 +92,62 @@ def with_step(function: OdeFunction, columns: Columns, span: float) -> OdeFuncti
     SolverWarning
         Where the shortest step is too long.
     """
+    found = _ladder(function, columns, span, _MOST)
+    if found.known[0]:
+        _warn(found.error, span / found.n_steps, "The shortest step that is tried")
+    else:
+        warnings.warn(
+            "The solution at the medians of the priors is not finite, even with steps of "
+            f'{span / _MOST:g}. If it should be, the equation is stiff: take method="rosenbrock" '
+            'or "LSODA", which choose their own steps.',
+            SolverWarning,
+            stacklevel=3,
+        )
+    return replace(function, step=span / found.n_steps)
+
+
+class _Found(NamedTuple):
+    """A number of steps, the error that it leaves, and which solutions are known."""
+
+    n_steps: int
+    error: float
+    good: bool
+    known: NDArray[np.bool_]
+
+
+def _ladder(function: OdeFunction, columns: Columns, span: float, most: int) -> _Found:
+    """Return the fewest steps with small errors, up to the most."""
 
     def solved(n_steps: int) -> FloatArray:
-        out = replace(function, step=span / n_steps).solution(columns)
-        return out.reshape(len(out), _n_solutions(function, columns), -1)
+        return _solved(replace(function, step=span / n_steps), columns)
 
     n_steps, before = _FEWEST, np.inf
     coarse, fine = solved(n_steps // 2), solved(n_steps)
     # a solution that fails may need shorter steps, or break down whatever the step
     known = _known(fine)
     if not known.all():
-        known = _known(solved(_MOST))
+        known = _known(solved(most))
     while True:
         change = _change(coarse, fine, known)
         smooth = change * _MENDS < before
         error = change * _LEFT if smooth else change
-        if error < (_SMALL if smooth else _SMALL_WITH_JUMPS) or n_steps >= _MOST:
-            break
+        good = error < (_SMALL if smooth else _SMALL_WITH_JUMPS)
+        if good or n_steps >= most:
+            return _Found(n_steps, error, good, known)
         n_steps, before, coarse = 2 * n_steps, change, fine
         fine = solved(n_steps)
-    if known[0]:
-        _warn(error, span / n_steps, "The shortest step that is tried")
-    else:
-        warnings.warn(
-            "The solution at the medians of the priors is not finite, even with steps of "
-            f'{span / _MOST:g}. If it should be, the equation is stiff: take method="LSODA", which '
-            "chooses its own steps.",
-            SolverWarning,
-            stacklevel=3,
-        )
-    return replace(function, step=span / n_steps)
+
+
+def _solved(function: OdeFunction, columns: Columns) -> FloatArray:
+    """Return solutions (n_states, n_solutions, n_times)."""
+    out = function.solution(columns)
+    return out.reshape(len(out), _n_solutions(function, columns), -1)
 
 
 def warn_if_too_long(function: OdeFunction, columns: Columns) -> None:
     """Warn where solutions, as in `with_step`, change when the step is halved."""
     coarse, fine = (
-        f.solution(columns).reshape(len(f.states), _n_solutions(f, columns), -1)
-        for f in (function, replace(function, step=function.step / 2))
+        _solved(f, columns) for f in (function, replace(function, step=function.step / 2))
     )
     _warn(_change(coarse, fine, _known(fine)), function.step, "max_step")
 
@@ -84,6 +155,10 @@ def warn_if_too_long(function: OdeFunction, columns: Columns) -> None:
 def _n_solutions(function: OdeFunction, columns: Columns) -> int:
     times = columns[function.time]
     return int(np.sum(times == times[0]))
+
+
+def _times(function: OdeFunction, columns: Columns) -> int:
+    return len(columns[function.time]) // _n_solutions(function, columns)
 
 
 def _known(solutions: FloatArray) -> NDArray[np.bool_]:
@@ -110,7 +185,7 @@ def _warn(error: float, step: float, which: str) -> None:
     warnings.warn(
         f"{which}, {step:g}, is too long for the right-hand side: a state is off by about "
         f"{how_much}. What a diagnosis finds may be this error. Use a shorter max_step, or "
-        'method="LSODA", which chooses its own steps.',
+        'method="rosenbrock" or "LSODA", which choose their own steps.',
         SolverWarning,
         stacklevel=4,
     )

@@ -49,4 +49,4 @@ class TransformedSimulation:
     def _run(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         # parameters far in the tails may break a simulation: NaN there means impossible
         with np.errstate(all="ignore"):
-            return self.likelihood.link(self.simulator.evaluate(self.simulator.held(X), omega))
+            return self.likelihood.link(self.simulator.cached(self.simulator.held(X), omega))

@@ -11,6 +11,7 @@ ranges           what lies outside the simulated ranges
 curve_tables     runs that are curves, from arrays, wide and long tables, datasets
 outputs          several outputs: their names, and rows of one output each
 modification     a change of an ODE's right-hand side, described
+calls/           how the function is called: all rows at once, row by row, cached
 files/           tables, measurements and finished runs on disk
 """
 

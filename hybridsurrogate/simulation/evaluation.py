@@ -5,48 +5,28 @@ Each is stored when it ends; those that are stored are not made again.
 
 from __future__ import annotations
 
-import signal
-import threading
-import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pickle import PicklingError
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import effective_n_jobs
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from hybridsurrogate.exceptions import FailedRunsWarning
 from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.simulation.calls.arrays import TakesNumbersError, all_at_once
+from hybridsurrogate.simulation.calls.function import Function
+from hybridsurrogate.simulation.calls.jobs import Outcome, called
+from hybridsurrogate.simulation.calls.rows import row_by_row
 from hybridsurrogate.simulation.files.run_store import RunStore
-from hybridsurrogate.simulation.outputs import by_output
 
+# Of so many rows for each process the first are called here, for so many seconds: processes take
+# about a second to start, and share the others where these take longer
+_MANY, _ALONE, _SHARED = 32, 0.1, 2.0
 
-@dataclass(frozen=True)
-class Function:
-    """A simulation's function and how it is called.
-
-    Attributes
-    ----------
-    call : callable
-    name : str
-    names : sequence of str
-        Its arguments, inputs first.
-    outputs : sequence of str
-    returns : {"values", "curve"}
-    vectorized : bool
-    """
-
-    call: Callable[..., Any]
-    name: str
-    names: Sequence[str]
-    outputs: Sequence[str]
-    returns: str
-    vectorized: bool
+__all__ = ["Function", "Running", "TakesNumbersError", "evaluate", "warn_of_lost_curves"]
 
 
 @dataclass(frozen=True)
@@ -75,11 +55,38 @@ def evaluate(
 
     Of k outputs (n, k).
     """
-    if function.vectorized and running.store is None:
-        return _all_at_once(function, X, omega), None
     points = np.hstack([X, omega])
+    if function.vectorized and running.store is None:
+        return all_at_once(function, points)
+    if function.returns == "values" and running == Running(running.n_jobs):
+        return _by_row(function, points, running)
+    return _by_run(function, points, running)
+
+
+def _by_row(
+    function: Function, points: FloatArray, running: Running
+) -> tuple[FloatArray, str | None]:
+    n_jobs = effective_n_jobs(running.n_jobs)
+    if n_jobs == 1:
+        return row_by_row(function, points)[:2]
+    if len(points) < _MANY * n_jobs:
+        return _by_run(function, points, running)
+    y, error, n = row_by_row(function, points, _ALONE)
+    if n == len(points):
+        return y, error
+    left = points[n:]
+    if len(left) * _ALONE / n < _SHARED:
+        others, another, _ = row_by_row(function, left)
+    else:
+        others, another = _by_run(function, left, running)
+    return np.concatenate([y, others]), error or another
+
+
+def _by_run(
+    function: Function, points: FloatArray, running: Running
+) -> tuple[FloatArray, str | None]:
     runs = _runs(function, points)
-    y, errors = np.full((len(points), *_several(function)), np.nan), {}
+    y, errors = np.full((len(points), *function.several), np.nan), {}
     missing = []
     for k, rows in enumerate(runs):
         known = None if running.store is None else running.store.known(points[rows])
@@ -123,8 +130,12 @@ def _made(
     """Yield the outcomes that come together, their values as arrays of their outputs."""
     if function.vectorized:
         rows = np.concatenate([runs[k] for k in missing] or [np.empty(0, dtype=np.intp)])
-        y = _all_at_once(function, points[rows], points[rows, :0]) if len(rows) else np.empty(0)
-        yield [Outcome(k, value, None, 0.0) for k, value in zip(missing, y, strict=True)]
+        y, error = all_at_once(function, points[rows]) if len(rows) else (np.empty(0), None)
+        failed = np.asarray(np.isnan(y).reshape(len(y), -1).all(axis=1))
+        yield [
+            Outcome(k, value, error if lost else None, 0.0)
+            for k, value, lost in zip(missing, y, failed, strict=True)
+        ]
         return
     curve = function.returns == "curve"
     arguments = []
@@ -139,149 +150,9 @@ def _made(
     for outcome in outcomes:
         if outcome.error is None:
             rows = runs[outcome.which]
-            value = _outputs(function, outcome.value, points[rows, 0])
+            value = function.of_run(outcome.value, points[rows, 0])
             outcome = outcome._replace(value=value)
         yield [outcome]
-
-
-def _several(function: Function) -> tuple[int, ...]:
-    """Return the shape of what a row has: () for one output, (k,) for several."""
-    return () if len(function.outputs) == 1 else (len(function.outputs),)
-
-
-def _outputs(function: Function, value: Any, places: FloatArray) -> FloatArray:
-    """Return what one call returned as the outputs of its rows."""
-    outputs = by_output(value, function.outputs, repr(function.name))
-    if function.returns != "curve":
-        _check_shape(function, outputs.shape, _several(function))
-        return outputs[None]
-    different, which = np.unique(places, return_inverse=True)
-    _check_shape(function, outputs.shape, (*different.shape, *_several(function)))
-    out: FloatArray = outputs[which.ravel()]
-    return out
-
-
-def _all_at_once(function: Function, X: FloatArray, omega: FloatArray) -> FloatArray:
-    columns = np.ascontiguousarray(np.concatenate([X.T, omega.T]))
-    arguments = dict(zip(function.names, columns, strict=True))
-    y = by_output(function.call(**arguments), function.outputs, repr(function.name))
-    _check_shape(function, y.shape, (len(X), *_several(function)))
-    return y
-
-
-def _check_shape(function: Function, actual: tuple[int, ...], expected: tuple[int, ...]) -> None:
-    if actual == expected:
-        return
-    hint = f"vectorized={function.vectorized}: "
-    hint += "arrays in, an array out" if function.vectorized else "numbers in, a number out"
-    if function.returns == "curve":
-        hint = 'returns="curve": as many values as the first input has'
-    raise ValueError(
-        f"{function.name!r} returned an array of shape {actual}, expected {expected} ({hint})."
-    )
-
-
-class Outcome(NamedTuple):
-    """What a call came to: which one it was, its value, or its error."""
-
-    which: int
-    value: Any
-    error: str | None
-    seconds: float
-
-
-def called(
-    function: Callable[..., Any],
-    arguments: Sequence[Mapping[str, Any]],
-    indices: Sequence[int],
-    n_jobs: int | None,
-    progress: str | None,
-    timeout: float | None,
-) -> Iterator[Outcome]:
-    """Call a function once for each set of arguments, and yield what comes as it comes.
-
-    Parameters
-    ----------
-    function : callable
-    arguments : sequence of dict
-    indices : sequence of int
-        What to call each.
-    n_jobs : int or None
-        As in `joblib.Parallel`, with any of its backends.
-    progress : str or None
-        Title of a progress bar with the time that is left.
-    timeout : float or None
-        Seconds that a call may take.
-    """
-    tasks = [
-        delayed(_call)(function, own, which, timeout)
-        for own, which in zip(arguments, indices, strict=True)
-    ]
-    outcomes = _sent(_outcomes(tasks, n_jobs), function, n_jobs)
-    if progress is not None:
-        outcomes = iter(tqdm(outcomes, total=len(tasks), desc=progress))
-    yield from outcomes
-
-
-def _sent(
-    outcomes: Iterator[Outcome], function: Callable[..., Any], n_jobs: int | None
-) -> Iterator[Outcome]:
-    """Yield outcomes; raise PicklingError where other processes cannot be given the function."""
-    try:
-        yield from outcomes
-    except PicklingError as error:
-        name = getattr(function, "__name__", type(function).__name__)
-        raise PicklingError(
-            f"n_jobs={n_jobs} sends the function {name!r} to other processes, and it cannot be "
-            "pickled. Write it as `def name(...)` at the top of a module, without open files, "
-            "locks or generators around it, and pass that; or use n_jobs=None."
-        ) from error
-
-
-def _outcomes(tasks: Iterable[Any], n_jobs: int | None) -> Iterator[Outcome]:
-    try:
-        # what is finished comes at once, not after those before it
-        parallel = Parallel(n_jobs=n_jobs, return_as="generator_unordered")
-    except ValueError:  # a backend that gives all at the end, such as "multiprocessing"
-        parallel = Parallel(n_jobs=n_jobs)
-    yield from parallel(tasks)
-
-
-def _call(
-    function: Callable[..., Any], arguments: Mapping[str, Any], which: int, timeout: float | None
-) -> Outcome:
-    start = time.perf_counter()
-    try:
-        with _limited(timeout):
-            value, error = function(**arguments), None
-    except Exception as caught:
-        # a simulation may fail in any way: the run is dropped, and the message is shown
-        value, error = np.nan, " ".join(f"{type(caught).__name__}: {caught}".split())
-    return Outcome(which, value, error, time.perf_counter() - start)
-
-
-@contextmanager
-def _limited(seconds: float | None) -> Iterator[None]:
-    """Raise TimeoutError in a block that takes longer; RuntimeError where no signal can stop it."""
-    if seconds is None:
-        yield
-        return
-    if not hasattr(signal, "SIGALRM") or threading.current_thread() is not threading.main_thread():
-        raise RuntimeError(
-            "timeout needs signals and the main thread of a process: use processes (joblib's loky) "
-            "on Linux or macOS, or a CommandSimulator with a timeout of its own"
-        )
-
-    def stop(*_: Any) -> None:
-        raise TimeoutError(f"the run took longer than {seconds:g} s and was stopped")
-
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
 
 
 def warn_of_lost_curves(

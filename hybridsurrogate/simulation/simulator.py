@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import numbers
 import os
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeGuard
@@ -15,13 +16,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from hybridsurrogate.arguments.functions import check_callable, state_to_pickle
 from hybridsurrogate.arguments.scalars import check_choice, check_flag, check_n_jobs, check_number
-from hybridsurrogate.exceptions import did_you_mean
+from hybridsurrogate.exceptions import RowByRowWarning, did_you_mean
 from hybridsurrogate.priors import FloatArray, Prior, prior_range
 from hybridsurrogate.simulation.arrays import as_numbers, as_table
+from hybridsurrogate.simulation.calls.output_cache import OutputCache
 from hybridsurrogate.simulation.design import draw_design, run_with_ends
 from hybridsurrogate.simulation.evaluation import (
     Function,
     Running,
+    TakesNumbersError,
     evaluate,
     warn_of_lost_curves,
 )
@@ -67,8 +70,10 @@ class Simulator:
         The constants that the modeller fixed.
     output : str or sequence of str
         What the function returns, for labels; several names for several outputs.
-    vectorized : bool
-        False if the function does one run at a time: numbers in, a number out.
+    vectorized : bool, default=True
+        False if the function does one run at a time: numbers in, a number out, as with `math.exp`
+        and ``if``. A function that turns out to take numbers only is called row by row, with a
+        `RowByRowWarning`, and the attribute becomes False.
     returns : {"values", "curve"}, default="values"
         "curve": one call is one run. The function gets all values of the first input as an array
         of shape (n_places,), numbers for all else, and returns an array of shape (n_places,), or a
@@ -117,6 +122,7 @@ class Simulator:
     parameter_ranges: dict[str, Range]
     rates: tuple[str, ...]
     starts: tuple[str, ...]
+    cache: OutputCache
     # whether the first input is time, along which there is a before and an after
     is_in_time = False
 
@@ -146,6 +152,7 @@ class Simulator:
             "parameter_ranges": {name: prior_range(prior) for name, prior in priors.items()},
             "rates": (),
             "starts": (),
+            "cache": OutputCache(),
         }
         self.__dict__.update(fields)
         _check_arguments(function, self.name, (*self.input_names, *self.parameter_ranges))
@@ -230,12 +237,19 @@ class Simulator:
         Returns
         -------
         ndarray of shape (n,), or (n, n_outputs) of several
-            NaN where a run of one at a time raised an exception.
+            NaN where a run raised an exception.
 
         Raises
         ------
         ValueError
             For points that hold NaN or infinity, or have another shape.
+        Exception
+            What a function of arrays raised, where it fails in the middle of the ranges too.
+
+        Warns
+        -----
+        RowByRowWarning
+            At the first call of a function that was to take arrays, and takes numbers only.
         """
         X, omega = self._check_points(X, omega)
         check_finite(X, "X", self.input_names)
@@ -258,6 +272,24 @@ class Simulator:
         ndarray of shape (n,), or (n, n_outputs) of several
         """
         return self._evaluate(*self._check_points(X, omega))[0]
+
+    def cached(self, X: FloatArray, omega: FloatArray) -> FloatArray:
+        """Run the simulation where a search does: of rows that were run before, what they gave.
+
+        Parameters
+        ----------
+        X, omega : ndarray
+            As in a call, with the columns of assumed constants.
+
+        Returns
+        -------
+        ndarray of shape (n,) or (n, n_outputs)
+        """
+        if self.is_quick or X.ndim != 2 or omega.ndim != 2:
+            return self.evaluate(X, omega)
+        k = len(self.input_names)
+        points = np.concatenate([X, omega], axis=1)
+        return self.cache.outputs(lambda new: self.evaluate(new[:, :k], new[:, k:]), points)
 
     def run(
         self,
@@ -458,14 +490,39 @@ class Simulator:
         self, X: FloatArray, omega: FloatArray, running: Running = _PLAINLY
     ) -> tuple[FloatArray, str | None]:
         # the outputs, NaN where a run raised, and what the first such run said
+        try:
+            return evaluate(self._called, X, omega, running)
+        except TakesNumbersError as said:
+            warnings.warn(
+                f"{self.name!r} takes numbers, not arrays ({said}): it is called row by row, which "
+                "is slower. Write it with numpy (np.exp for math.exp, np.where for if), or pass "
+                "vectorized=False to accept this.",
+                RowByRowWarning,
+                stacklevel=3,
+            )
+        self.__dict__["vectorized"] = False
         return evaluate(self._called, X, omega, running)
 
     @property
     def _called(self) -> Function:
         names = (*self.input_names, *self.parameter_ranges)
         return Function(
-            self.function, self.name, names, self.outputs, self.returns, self.vectorized
+            self.function,
+            self.name,
+            names,
+            self.outputs,
+            self.returns,
+            self.vectorized,
+            self._typical_point,
         )
+
+    def _typical_point(self) -> list[float]:
+        """Return the middle of the inputs, medians of the priors, and assumed values."""
+        return [
+            *((low + high) / 2 for low, high in self.input_ranges.values()),
+            *(float(self.parameters[name].median()) for name in self.parameter_names),
+            *(constant.value for constant in self.assumed.values()),
+        ]
 
     def _running(
         self,

@@ -92,8 +92,8 @@ def test_steps_that_are_too_long_are_told():
     with pytest.warns(hs.SolverWarning, match="max_step, 0.5, is too long .* more than its size"):
         oscillator(100, max_step=0.5)
     priors = {"rate": hs.truncated_normal(20000, 200, 10000, 30000)}
-    with pytest.warns(hs.SolverWarning, match='not finite, even with .* method="LSODA"'):
-        ode(lambda t, state, rate: -rate * (state - np.cos(t)), [0.0], 3, priors)
+    with pytest.warns(hs.SolverWarning, match='not finite, even with .* method="rosenbrock"'):
+        ode(lambda t, state, rate: -rate * (state - np.cos(t)), [0.0], 3, priors, method="rk4")
 
     def lorenz(t, state, r):
         x, y, z = state

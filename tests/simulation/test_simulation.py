@@ -168,7 +168,6 @@ class TestSimulator:
     @pytest.mark.parametrize(
         ("function", "vectorized", "match"),
         [
-            (lambda t: 1.0, True, r"returned an array of shape \(\), expected \(3,\)"),
             (lambda t: t[:2], True, r"returned an array of shape \(2,\), expected \(3,\)"),
             (lambda t: [t, t], False, r"returned an array of shape \(2,\), expected \(\)"),
         ],

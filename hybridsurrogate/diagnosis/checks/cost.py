@@ -23,7 +23,8 @@ def seconds_a_run(problem: Problem) -> float:
     if not model.basis.is_simulation:
         return each
     for n in SETTINGS.timed_runs:
-        z = np.random.RandomState(0).standard_normal((n, model.n_unknowns))
+        # other sets each time: outputs that are known already take no time
+        z = np.random.RandomState().standard_normal((n, model.n_unknowns))
         start = perf_counter()
         model.simulated(problem.X, model.values(z))
         each = (perf_counter() - start) / n
@@ -32,17 +33,28 @@ def seconds_a_run(problem: Problem) -> float:
     return each
 
 
-def warn_if_slow(problem: Problem) -> None:
-    """Warn the caller of ``fit`` where the simulation is too slow to be run in a search."""
+def warn_if_slow(problem: Problem, n_folds: int | None = None) -> None:
+    """Warn the caller of ``fit`` where the simulation is too slow to be run in a search.
+
+    Parameters
+    ----------
+    problem : Problem
+    n_folds : int or None, default=None
+        Of the cross-validation, each with a search of its own.
+    """
     each = seconds_a_run(problem)
-    if each < SETTINGS.slow_run:
+    folds = 0 if n_folds is None else n_folds
+    sets = SETTINGS.runs_of_a_search * (1 + SETTINGS.cost_of_a_fold * folds)
+    if each * sets < SETTINGS.slow_search:
         return
-    runs = SETTINGS.runs_of_a_search
+    thousands = round(sets, -3)
+    without = "" if n_folds is None else " cv=None leaves the folds out."
     warnings.warn(
-        f"The simulation takes {number(1000 * each, 2)} ms for one set of parameters, and a search "
-        f"runs at least {runs} of them: {number(runs * each / 60, 2)} minutes or much more, and "
-        "several times as many with folds. Runs of it, simulator.run(200) with "
-        "surrogate=Kriging(), are searched in seconds; cv=None leaves the folds out.",
+        f"The simulation takes {number(1000 * each, 2)} ms for one set of parameters, and this "
+        f"diagnosis runs about {thousands:,.0f} of them, {thousands * len(problem.y):,.0f}"
+        f" rows: about {number(each * sets / 60, 2)} minutes. Runs of it, "
+        "simulation=simulator.run(200, n_jobs=-1) with surrogate=Kriging(), are searched in "
+        f"seconds.{without}",
         DiagnosisWarning,
         stacklevel=3,
     )

@@ -13,10 +13,11 @@ class CheckSettings:
     ----------
     least_rows : int
         Measured rows that a diagnosis needs.
-    runs_of_a_search, slow_run, timed_runs : int, float, tuple
-        Sets of parameters that a search runs at least (33 000 to 112 000 with two parameters and 40
-        rows), seconds for one from which it takes minutes, and sets that are timed: many at once
-        may take hardly longer than two.
+    runs_of_a_search, cost_of_a_fold, slow_search, slow_run, timed_runs : numbers, tuple
+        Sets of parameters that a search runs (25 000 and 107 000 with five folds at two parameters
+        and 50 rows, 33 000 to 112 000 in other cases), those of a fold in shares of it, seconds
+        from which the user is warned, seconds of a set from which many are timed, and how many:
+        many at once may take hardly longer than two.
     fewest_rows : int
         Rows that agree before they are told: one or two may by chance where the output is rounded.
     near_floor : float
@@ -68,7 +69,9 @@ class CheckSettings:
 
     least_rows: int = 8
     runs_of_a_search: int = 30_000
-    slow_run: float = 0.005
+    cost_of_a_fold: float = 0.65
+    slow_search: float = 150.0
+    slow_run: float = 0.001
     timed_runs: tuple[int, int] = (2, 200)
     fewest_rows: int = 3
     near_floor: float = 3.0

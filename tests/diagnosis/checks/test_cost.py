@@ -58,6 +58,26 @@ def test_a_slow_simulation_is_told(clock):
         cost.warn_if_slow(timed(slow))
 
 
+def test_the_estimate_counts_the_folds_and_the_rows(clock):
+    """It said 5 minutes or much more: five folds take three to four times as long again."""
+    slow = timed(clock.simulation(0, 0.001))
+    with pytest.warns(hs.DiagnosisWarning, match=r"128,000 of them, 1,280,000 rows: about 21 min"):
+        cost.warn_if_slow(slow, 5)
+
+
+def test_a_second_estimate_is_not_one_of_known_outputs():
+    def slow_line(t, slope):
+        clock.now += 0.001
+        return slope * t
+
+    clock = Clock()
+    simulator = hs.Simulator(slow_line, {"t": (0, 1)}, SLOPE, vectorized=False)
+    problem = problem_of(FRAME, np.zeros(len(FRAME)), simulator)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cost, "perf_counter", clock)
+        assert [cost.seconds_a_run(problem) for _ in range(2)] == pytest.approx([0.01, 0.01])
+
+
 def test_a_fast_simulation_is_not(clock):
     with warnings.catch_warnings():
         warnings.simplefilter("error")

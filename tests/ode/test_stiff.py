@@ -1,0 +1,155 @@
+"""Stiff and unlucky equations: a method with steps of its own is chosen, and right."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.stats import lognorm, uniform
+
+import hybridsurrogate as hs
+from hybridsurrogate.ode.dynamics import TimeVaryingParameter
+
+RATES = {"k1": 5e4, "k2": 1e3, "k3": 1.2e4}
+START = [0.008, 0.08, 0.0, 0.2, 0.0, 0.0]
+TIMES = np.linspace(0.01, 0.1, 10)
+
+
+def catalysis(t, state, k1, k2, k3):
+    v1, v2, v3 = k1 * state[0] * state[1], k2 * state[2] * state[3], k3 * state[4]
+    return np.stack([-v1 + v3, -v1, v1 - v2, -v2, v2 - v3, v3])
+
+
+def product(state):
+    return state[5]
+
+
+def make_chain(**settings):
+    return hs.OdeSimulator(
+        catalysis,
+        START,
+        product,
+        {"t": (0, 0.1)},
+        {name: lognorm(1, scale=rate) for name, rate in RATES.items()},
+        states=("s0", "s1", "s2", "s3", "s4", "s5"),
+        **settings,
+    )
+
+
+def by_radau(rhs, start, times, *numbers):
+    found = solve_ivp(
+        rhs,
+        (0, times[-1]),
+        start,
+        method="Radau",
+        t_eval=times,
+        args=numbers,
+        rtol=1e-9,
+        atol=1e-12,
+    )
+    return found.y
+
+
+@pytest.fixture(scope="module")
+def chain():
+    return make_chain()
+
+
+def test_a_method_for_stiff_equations_is_chosen(chain):
+    """RK4 has steps of a 6,400th: at the upper ends of the priors solutions were not finite."""
+    assert chain.method == "rosenbrock"
+    priors = {"rate": hs.truncated_normal(1, 0.1, 0.5, 2)}
+    decay = hs.OdeSimulator(
+        lambda t, state, rate: -rate * state, [1.0], lambda state: state[0], {"t": (0, 4)}, priors,
+        states="n",
+    )  # fmt: skip
+    assert decay.method == "rk4"
+
+
+def test_solutions_are_those_of_an_implicit_method(chain):
+    rates = np.array([*RATES.values()]) * np.exp(np.random.default_rng(0).normal(size=(20, 3)))
+    found = chain(np.tile(TIMES, 20)[:, None], np.repeat(rates, 10, axis=0)).reshape(20, 10)
+    for row, own in zip(found, rates, strict=True):
+        np.testing.assert_allclose(row, by_radau(catalysis, START, TIMES, *own)[5], rtol=1e-5)
+
+
+def test_a_solution_does_not_depend_on_those_that_run_with_it(chain):
+    rates = np.array([*RATES.values()]) * np.exp(np.random.default_rng(1).normal(size=(5, 3)))
+    together = chain(np.tile(TIMES, 5)[:, None], np.repeat(rates, 10, axis=0)).reshape(5, 10)
+    alone = [chain(TIMES[:, None], np.tile(own, (10, 1))) for own in rates]
+    np.testing.assert_allclose(together, alone, rtol=1e-11)
+
+
+def test_stiff_rates_that_no_step_of_rk4_follows():
+    priors = {"rate": hs.truncated_normal(20000, 200, 10000, 30000)}
+    simulator = hs.OdeSimulator(
+        lambda t, state, rate: -rate * (state - np.cos(t)),
+        [0.0],
+        lambda state: state[0],
+        {"t": (0, 3)},
+        priors,
+        states="x",
+    )
+    t = np.linspace(0.1, 3, 20)
+    # the slow solution, to second order in 1 / rate
+    exact = np.cos(t) + np.sin(t) / 20000 - np.cos(t) / 20000**2
+    found = simulator(t[:, None], np.full((20, 1), 20000.0))
+    np.testing.assert_allclose(found, exact, atol=2e-5)
+
+
+def test_a_start_that_is_unknown():
+    """Nothing happens before the first case: a jump, elsewhere for each set of parameters."""
+
+    def epidemic(t, state, r0, lead):
+        s, e, i = state
+        new = r0 * 1.4 * s * i / 1e6
+        return np.stack([-new, new - 7 / 3 * e, 7 / 3 * e - 1.4 * i]) * (t >= -lead)
+
+    simulator = hs.OdeSimulator(
+        epidemic,
+        [1e6 - 1, 0.0, 1.0],
+        lambda state: 0.1 * 7 / 3 * state[1],
+        {"t": (-8, 23)},
+        {"r0": uniform(1, 4), "lead": uniform(0, 8)},
+        states=("s", "e", "i"),
+    )
+    assert simulator.method == "rosenbrock"
+    t = np.arange(1.0, 24)
+    for r0, lead in [(2.2, 4.0), (3.5, 0.7)]:
+        states = by_radau(epidemic, [1e6 - 1, 0, 1], np.append(0, t + lead), r0, 0.0)
+        found = simulator(t[:, None], np.tile([r0, lead], (23, 1)))
+        np.testing.assert_allclose(found, 0.1 * 7 / 3 * states[1, 1:], rtol=2e-4)
+
+
+@pytest.mark.parametrize("method", ["rosenbrock", "LSODA"])
+def test_a_solution_that_takes_too_many_steps_failed(method):
+    simulator = hs.OdeSimulator(
+        lambda t, state, rate: np.stack([rate * state[1], -rate * state[0]]),
+        [1.0, 0.0],
+        lambda state: state[0],
+        {"t": (0, 10)},
+        {"rate": uniform(0.1, 200)},
+        states=("x", "v"),
+        method=method,
+        sizes=(1.0, 1.0),
+        max_steps=200,
+    )
+    found = simulator([[1.0], [1.0]], [[0.5], [200.0]])
+    np.testing.assert_allclose(found[0], np.cos(0.5), rtol=1e-3)
+    assert np.isnan(found[1])
+    with pytest.warns(hs.FailedRunsWarning, match="took more than max_steps=200"):
+        simulator.run(64, random_state=0)
+
+
+def test_changed_dynamics_keep_the_method(chain):
+    changed = chain.modified([TimeVaryingParameter("k2", "ramp")])
+    assert changed.method == "rosenbrock"
+    assert changed.function.sizes == chain.function.sizes
+    omega = np.tile([*RATES.values(), 1.0, 0.0, 1e-9], (10, 1))
+    doubled = np.tile([5e4, 2e3, 1.2e4], (10, 1))
+    np.testing.assert_allclose(
+        changed(TIMES[:, None], omega), chain(TIMES[:, None], doubled), rtol=1e-4
+    )
+
+
+def test_sizes_are_checked():
+    with pytest.raises(ValueError, match="sizes must be a positive number for each state"):
+        make_chain(method="rosenbrock", sizes=(1.0,))
