@@ -6,7 +6,6 @@ import warnings
 from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -54,7 +53,7 @@ from hybridsurrogate.diagnosis.search.forward_selection import (
 from hybridsurrogate.diagnosis.search.local_fit import InterruptedSearch
 from hybridsurrogate.diagnosis.search.setup import Prepared, prepare, trained_emulator
 from hybridsurrogate.diagnosis.search.working_rows import on_working_rows
-from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans
+from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans, FewScan
 from hybridsurrogate.diagnosis.validation.cross_validation import cross_validated
 from hybridsurrogate.diagnosis.validation.folds import folds_beyond, random_folds
 from hybridsurrogate.diagnosis.validation.gain import Gain, in_one_word
@@ -278,9 +277,6 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         for name in [name for name in vars(self) if name.endswith("_")]:
             delattr(self, name)
 
-    def __sklearn_is_fitted__(self) -> bool:
-        return hasattr(self, "n_features_in_")
-
     def _search(self, prepared: Prepared, random_state: np.random.RandomState) -> list[Step]:
         problem, emulator = trained_emulator(prepared.problem, self.estimator_)
         problem = on_working_rows(problem, self.estimator_.posterior_)
@@ -390,7 +386,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             raise
         # the weights are tried when they are asked for
         self.gain_, self.gain_out_of_range_ = (
-            gain and replace(gain, scan=partial(self.beta_scans_.few, out_of_range))
+            gain and replace(gain, scan=FewScan(self.beta_scans_, out_of_range))
             for gain, out_of_range in zip(gains, (False, True), strict=True)
         )
 

@@ -9,6 +9,7 @@ from typing import Any, NoReturn
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
+from sklearn import get_config
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_consistent_length, check_scalar
 from sklearn.utils.validation import check_is_fitted
@@ -23,6 +24,7 @@ from hybridsurrogate.diagnosis.answers.monitor import Monitor, joined, monitored
 from hybridsurrogate.diagnosis.answers.next_runs import next_runs
 from hybridsurrogate.diagnosis.answers.result import DiagnosisResult
 from hybridsurrogate.diagnosis.search.evidence import Search
+from hybridsurrogate.diagnosis.stored import restored, stored
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans, scan_beta, scan_folds
 from hybridsurrogate.diagnosis.validation.gain import Gain, gain_from, pointwise
 from hybridsurrogate.priors import FloatArray
@@ -54,6 +56,30 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         if name in _FORMER:
             text += f": {_FORMER[name]}"
         raise AttributeError(text, name=name, obj=self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # for pickle, joblib and skops, which stores no tables of pandas
+        return dict(stored(dict(super().__getstate__())))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        super().__setstate__(restored(state))
+
+    def _repr_html_inner(self) -> str:
+        if not self.__sklearn_is_fitted__():
+            return str(super()._repr_html_inner())
+        from .report.report import short_html
+
+        return short_html(self)
+
+    def _repr_mimebundle_(self, **kwargs: Any) -> dict[str, str]:
+        # scikit-learn's own prints every fitted attribute
+        out = {"text/plain": repr(self)}
+        if get_config()["display"] == "diagram":
+            out["text/html"] = self._repr_html_inner()
+        return out
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "n_features_in_")
 
     def gain_on(self, X_test: ArrayLike, y_test: ArrayLike) -> Gain:
         """Return the gain on a test set, from the fitted models before and after.

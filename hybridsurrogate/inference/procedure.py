@@ -43,6 +43,9 @@ class Fit:
     powers: tuple[float, float | FloatArray]
     proposals: Proposals | None = None
 
+    def __repr__(self) -> str:
+        return f"Fit({self.second!r}, {self.diagnostics!r})"
+
 
 def make_target(
     problem: Problem, simulation_power: float, measured_power: float | FloatArray

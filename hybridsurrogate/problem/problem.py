@@ -85,6 +85,13 @@ class Problem:
     working_point: WorkingPoint | None = None
     stacking: Stacking | None = None
 
+    def __repr__(self) -> str:
+        causes = ", ".join(effect.kind for effect in self.model.effects) or "none"
+        return (
+            f"Problem({len(self.y)} rows, columns: {', '.join(self.model.columns)}; "
+            f"parameters: {', '.join(self.model.parameters) or 'none'}; causes: {causes})"
+        )
+
     @property
     def noise_is_known(self) -> bool:
         """Whether rows have the noise that they carry, and no scale of it is inferred."""

@@ -50,6 +50,10 @@ class BetaScans:
     n_jobs: int | None
     known: dict[bool, pd.DataFrame | None] = field(default_factory=dict, repr=False, compare=False)
 
+    def __repr__(self) -> str:
+        tried = sum(scan is not None for scan in self.known.values())
+        return f"BetaScans({len(np.asarray(self.y))} rows, {tried} of 2 scans tried)"
+
     def few(self, out_of_range: bool) -> pd.DataFrame | None:
         """Return the scan within the measured range or beyond it.
 
@@ -72,6 +76,24 @@ class BetaScans:
         if not folds:
             return None
         return scan_beta(self.models, np.array(_FEW_BETAS), folds, self.X, self.y, self.n_jobs)
+
+
+@dataclass(frozen=True)
+class FewScan:
+    """One of the two scans of a fitted diagnosis; calling it tries the weights.
+
+    Attributes
+    ----------
+    scans : BetaScans
+    out_of_range : bool
+    """
+
+    scans: BetaScans
+    out_of_range: bool
+
+    def __call__(self) -> pd.DataFrame | None:
+        """Return the scan, tried when it is first asked for."""
+        return self.scans.few(self.out_of_range)
 
 
 def scan_folds(y: ArrayLike) -> Folds:
