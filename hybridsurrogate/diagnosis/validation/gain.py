@@ -215,10 +215,10 @@ def pointwise(
 
     Of several outputs for each that was measured, errors in shares of the output's spread.
     """
-    inside = estimator.interval_holds(X, y, (COVERAGE_LEVEL, HALF))
+    inside, half = estimator.interval_holds(X, y, (COVERAGE_LEVEL, HALF))
     y = np.asarray(y, dtype=float)
     error, weight = y - estimator.predict(X), np.ones(len(y)) if weights is None else weights
-    scores = Scores(estimator.log_predictive_density(X, y), error, *inside, weight)
+    scores = Scores(estimator.log_predictive_density(X, y), error, inside, half, weight)
     if error.ndim == 1:
         return scores
     scores = scores._replace(
