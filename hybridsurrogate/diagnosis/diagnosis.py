@@ -21,6 +21,7 @@ from hybridsurrogate.diagnosis.answers.table import cause_table, not_reached
 from hybridsurrogate.diagnosis.checks.cost import warn_if_slow
 from hybridsurrogate.diagnosis.checks.data import (
     check_digits,
+    counted_rows,
     warn_if_exact,
     warn_if_mirrored,
     warn_of_copies,
@@ -223,7 +224,9 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self.random_state = random_state
         self.progress = progress
 
-    def fit(self, X: ArrayLike, y: ArrayLike) -> DiscrepancyDiagnosis:
+    def fit(
+        self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None
+    ) -> DiscrepancyDiagnosis:
         """Diagnose measured data.
 
         Parameters
@@ -233,6 +236,11 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             (array). They are weighed as missing inputs, and what may happen along them.
         y : array-like of shape (n,), or (n, n_outputs) of a simulation of several outputs
             With NaN for what was not measured.
+        sample_weight : array-like of shape (n,) or None, default=None
+            Powers of the likelihoods of single rows: a row of weight two counts like two equal
+            rows in evidence, estimates and gain, one of weight zero is left out. For the p-value a
+            row is measured once, with a variance of the noise divided by its weight, and evidence
+            alone makes it no smaller.
 
         Returns
         -------
@@ -241,9 +249,11 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         check_settings(self)
         labels = getattr(self.estimator, "experiment", None)
         X, y = complete_table(X, labels=labels), None if y is None else as_table(y, "y")
+        X, y, weights = counted_rows(X, y, sample_weight)
         self._forget()
+        self._weights = weights
         random = check_random_state(self.random_state)
-        self.estimator_ = clone(self.estimator).fit(X, y)
+        self.estimator_ = clone(self.estimator).fit(X, y, weights)
         check_each_output(self.estimator_.measured_[1], self.estimator_.simulation.outputs)
         own, excluded = tuple(self.causes), tuple(self.exclude)
         prepared = prepare(self.estimator_, own, excluded, int(self.max_causes))
@@ -336,9 +346,11 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     def _extend(self, steps: Sequence[Step], X: ArrayLike, y: ArrayLike) -> None:
         causes, problem = accepted(steps), self.search_.problem
         self._rows = deepcopy((X, y))
-        self.extended_estimator_ = extended(self.estimator_, steps, X, y)
+        self.extended_estimator_ = extended(self.estimator_, steps, X, y, self._weights)
         found = leading(self.extended_estimator_)
-        self.beta_scans_ = BetaScans((self.estimator_, found), *self._rows, self.n_jobs)
+        self.beta_scans_ = BetaScans(
+            (self.estimator_, found), *self._rows, self.n_jobs, self._weights
+        )
         posterior = found.posterior_
         self.at_prior_end_ = at_prior_ends(posterior)
         self.found_causes_ = [finding_of(step, k, posterior) for k, step in enumerate(steps)]
@@ -374,7 +386,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         beyond = folds_beyond(self.estimator_.simulation, self.estimator_.measured_[0])
         try:
             gains = cross_validated(
-                refitted, within, beyond, X, y, self.n_jobs, bool(self.progress)
+                refitted, within, beyond, X, y, self.n_jobs, bool(self.progress), self._weights
             )
         except KeyboardInterrupt:
             warnings.warn(

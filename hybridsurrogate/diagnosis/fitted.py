@@ -48,6 +48,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
     result_: DiagnosisResult
     search_: Search
     _rows: tuple[ArrayLike, ArrayLike]
+    _weights: FloatArray | None
     _new: tuple[Any, FloatArray]
 
     def __getattr__(self, name: str) -> NoReturn:
@@ -226,7 +227,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         self.monitor_ = monitored(
             self.extended_estimator_,
             self.search_,
-            (known_X, self.measured_outputs(known_y)),
+            (known_X, self.measured_outputs(known_y), self._weights),
             self._new,
             self.result_.false_alarm_rate,
         )
@@ -274,14 +275,14 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
             )
         if X is None and betas is None:
             return self.beta_scans_.few(out_of_range)
+        given = X is None or y is None
         rows, values = self._rows if X is None or y is None else (X, y)
         grid = np.linspace(0, 1, 11) if betas is None else np.unique(np.asarray(betas, dtype=float))
         labels = self.estimator_.experiment
         rows, values = complete_table(rows, labels=labels), self.measured_outputs(values, "y")
         folds = scan_folds(values)
-        return scan_beta(
-            self.beta_scans_.models, grid, folds, rows, values, self.beta_scans_.n_jobs
-        )
+        scans, weights = self.beta_scans_, self._weights if given else None
+        return scan_beta(scans.models, grid, folds, rows, values, scans.n_jobs, weights)
 
     def measured_outputs(self, y: ArrayLike, word: str = "y") -> FloatArray:
         """Return outputs as the fitted models read them, (n,), or (n, k) with NaN of several.

@@ -247,7 +247,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         found, (X, y) = self._pointwise_loo(), self.single_rows_
         outside = self._rows.origin < 0
         log_scale = 0.0 if self.stacking_ is None else self.stacking_.log_scale(X)
-        return loo_of_rows(found, outside, self._mixture, X, y, self._sample_weight, log_scale)
+        return loo_of_rows(found, outside, self._mixture, X, y, self.row_weights_, log_scale)
 
     @abstractmethod
     def _pointwise_loo(self) -> PointwiseLoo:

@@ -65,7 +65,11 @@ class BetaPath:
 
 
 def beta_path(
-    model: SurrogateEstimator, X: ArrayLike, y: ArrayLike, betas: Sequence[float]
+    model: SurrogateEstimator,
+    X: ArrayLike,
+    y: ArrayLike,
+    betas: Sequence[float],
+    sample_weight: ArrayLike | None = None,
 ) -> BetaPath:
     """Fit an estimator at many beta by as few fits as possible.
 
@@ -81,6 +85,8 @@ def beta_path(
     X, y : array-like of shape (n, n_columns), (n,)
         Measured data.
     betas : sequence of float
+    sample_weight : array-like of shape (n,) or None, default=None
+        Of the rows, as in ``fit``.
 
     Returns
     -------
@@ -102,7 +108,7 @@ def beta_path(
     if grid.ndim != 1 or not len(grid) or not ((grid >= 0) & (grid <= 1)).all():
         raise ValueError(f"betas must be numbers between 0 and 1, got {betas!r}.")
     if isinstance(model, PredictiveWeightedSurrogate):
-        fitted = clone(model).set_params(beta=float(grid[0])).fit(X, y)
+        fitted = clone(model).set_params(beta=float(grid[0])).fit(X, y, sample_weight)
         models = [copy.copy(fitted).set_params(beta=float(beta)) for beta in grid]
         for other, beta in zip(models, grid, strict=True):
             other.beta_ = float(beta)
@@ -113,17 +119,21 @@ def beta_path(
             "beta_path needs a PowerScaledSurrogate or a PredictiveWeightedSurrogate, got "
             f"{type(model).__name__}."
         )
-    return _power_scaled_path(model, X, y, grid)
+    return _power_scaled_path(model, X, y, grid, sample_weight)
 
 
 def _power_scaled_path(
-    model: PowerScaledSurrogate, X: ArrayLike, y: ArrayLike, grid: FloatArray
+    model: PowerScaledSurrogate,
+    X: ArrayLike,
+    y: ArrayLike,
+    grid: FloatArray,
+    sample_weight: ArrayLike | None,
 ) -> BetaPath:
     out: dict[int, Any] = {}
     refitted, khat = np.zeros(len(grid), dtype=bool), np.full(len(grid), np.nan)
     checked = clone(model).set_params(beta=0.5)
     surrogate, likelihood = checked._check_parameters()
-    data = checked._check_fit_data(X, y, likelihood)
+    data = checked._check_fit_data(X, y, likelihood, sample_weight)
     problem = checked._problem(surrogate, likelihood, data, data.rows)
     # from the middle outwards: there both sources speak, and the ends are its neighbours
     for k in _outwards(grid):

@@ -62,7 +62,11 @@ def carried(
 
 
 def fitted_near(
-    estimator: PowerScaledSurrogate, X: ArrayLike, y: ArrayLike, known: PowerScaledSurrogate
+    estimator: PowerScaledSurrogate,
+    X: ArrayLike,
+    y: ArrayLike,
+    known: PowerScaledSurrogate,
+    sample_weight: ArrayLike | None = None,
 ) -> PowerScaledSurrogate | None:
     """Return an estimator fitted to rows X, y by the proposals of its fit to most of them and more.
 
@@ -76,10 +80,11 @@ def fitted_near(
     X, y : array-like of shape (n, n_columns), (n,)
     known : PowerScaledSurrogate
         Fitted, with the same unknowns.
+    sample_weight : array-like of shape (n,) or None, default=None
     """
     out = clone(estimator)
     surrogate, likelihood = out._check_parameters()
-    data = out._check_fit_data(X, y, likelihood)
+    data = out._check_fit_data(X, y, likelihood, sample_weight)
     problem = out._problem(surrogate, likelihood, data, data.rows)
     n, whole = int(out.n_draws), known._fitted[1]
     proposals = whole.proposals

@@ -31,6 +31,7 @@ from hybridsurrogate.surrogates.basis import Basis
 
 # draws of the posterior of which the best is taken
 _TRIED = 200
+_NO_WEIGHTS = "rows have weights, and outliers are weighed among rows that count alike"
 
 
 class Prepared(NamedTuple):
@@ -100,6 +101,7 @@ def prepare(
         columns,
         X,
         y,
+        weights=fitted.row_weights_,
         stacking=fitted.stacking_,
         experiments=experiments,
     )
@@ -118,7 +120,7 @@ def prepare(
         problem.scale,
         likelihood,
         problem.model.basis,
-        float(np.mean(problem.y)),
+        float(np.average(problem.y, weights=problem.weights)),
         mismatch(problem.model, *rows),
         of_each_output(problem.model, *rows, problem.stacking, likelihood),
         experiments,
@@ -135,6 +137,9 @@ def prepare(
         else:
             unusable.append(Skipped(cause.kind, cause.target, reason))
     causes, skipped = catalogue(context, usable, excluded, alone=max_causes == 1)
+    if not np.all(problem.weights == 1.0):
+        skipped += [Skipped(c.kind, c.target, _NO_WEIGHTS) for c in causes if c.has_outliers]
+        causes = [cause for cause in causes if not cause.has_outliers]
     return Prepared(problem, causes, [*unusable, *skipped], unusable)
 
 
@@ -145,7 +150,7 @@ def _best_draw(fitted: PowerScaledSurrogate, problem: Problem) -> FloatArray:
     some = posterior.take(np.unique(np.linspace(0, n - 1, min(n, _TRIED)).astype(int)))
     # a draw for which the simulation fails is far off
     with np.errstate(over="ignore", invalid="ignore"):
-        squares = np.sum((problem.y - some.eta(problem.X)[0]) ** 2, axis=1)
+        squares = (problem.y - some.eta(problem.X)[0]) ** 2 @ problem.weights
     best = int(np.argmin(np.where(np.isfinite(squares), squares, np.inf)))
     # what the problem holds at a known value is an unknown of the posterior
     of_posterior = [*posterior.model.parameters, *posterior.model.theta_names]

@@ -231,34 +231,36 @@ def pointwise(
 def gain_from(before: Scores, after: Scores, folds: tuple[FoldGain, ...] = ()) -> Gain:
     """Summarise two sets of pointwise scores of the same rows, each row with its weight."""
     weight = before.weight
-    rmse = [float(np.sqrt(_mean(scores.error**2, weight)[0])) for scores in (before, after)]
+    rmse = [
+        float(np.sqrt(mean_and_error(scores.error**2, weight)[0])) for scores in (before, after)
+    ]
     # d RMSE = d(mean of squares) / (2 RMSE): the delta method
     per_row = [
         scores.error**2 / (2 * max(root, np.finfo(float).tiny))
         for scores, root in zip((before, after), rmse, strict=True)
     ]
-    change, error = _mean(after.log_density - before.log_density, weight)
+    change, error = mean_and_error(after.log_density - before.log_density, weight)
     return Gain(
-        _mean(before.log_density, weight)[0],
-        _mean(after.log_density, weight)[0],
+        mean_and_error(before.log_density, weight)[0],
+        mean_and_error(after.log_density, weight)[0],
         change,
         error,
         rmse[0],
         rmse[1],
-        _mean(before.inside, weight)[0],
-        _mean(after.inside, weight)[0],
-        _mean(before.inside_half, weight)[0],
-        _mean(after.inside_half, weight)[0],
+        mean_and_error(before.inside, weight)[0],
+        mean_and_error(after.inside, weight)[0],
+        mean_and_error(before.inside_half, weight)[0],
+        mean_and_error(after.inside_half, weight)[0],
         len(before.error),
         tuple(fold.kind for fold in folds),
         folds,
-        rmse_error=_mean(per_row[1] - per_row[0], weight)[1],
-        coverage_error=_mean(after.inside - before.inside, weight)[1],
-        half_error=_mean(after.inside_half - before.inside_half, weight)[1],
+        rmse_error=mean_and_error(per_row[1] - per_row[0], weight)[1],
+        coverage_error=mean_and_error(after.inside - before.inside, weight)[1],
+        half_error=mean_and_error(after.inside_half - before.inside_half, weight)[1],
     )
 
 
-def _mean(values: FloatArray, weight: FloatArray) -> tuple[float, float]:
+def mean_and_error(values: FloatArray, weight: FloatArray) -> tuple[float, float]:
     """Return the weighted mean of rows and its standard error, NaN of a single row.
 
     Weights are fixed and rows independent, whatever their scatter:
@@ -280,9 +282,13 @@ def _signed(value: float) -> str:
 def _fold_gain(held: Held) -> FoldGain:
     """Summarise one fold."""
     before, after, weight = held.before.log_density, held.after.log_density, held.before.weight
-    error = _mean(after - before, weight)[1]
+    error = mean_and_error(after - before, weight)[1]
     return FoldGain(
-        held.kind, len(before), _mean(before, weight)[0], _mean(after, weight)[0], error
+        held.kind,
+        len(before),
+        mean_and_error(before, weight)[0],
+        mean_and_error(after, weight)[0],
+        error,
     )
 
 

@@ -53,6 +53,9 @@ class Linearised:
         Factor on sigma, K is 1 where the nodes do not touch it, else T. None: one everywhere.
     outliers : ndarray of shape (T,) or None
         Share of rows that are outliers; e then has heavy tails. None: e is normal.
+    weights : ndarray of shape (n,) or None
+        Powers of the rows' likelihoods, by which ``noise`` is reduced already: a row counts so
+        often in the normalising constant. None: one each.
     """
 
     mean: FloatArray
@@ -64,6 +67,7 @@ class Linearised:
     log_weight: FloatArray
     noise: FloatArray | None = None
     outliers: FloatArray | None = None
+    weights: FloatArray | None = None
 
     def at(self, index: NDArray[np.intp] | slice) -> Linearised:
         """Return the model at some of the nodes."""
@@ -109,6 +113,16 @@ class Linearised:
             (self.at(index)._over(factor), factor)
             for index, factor in zip(nodes, self.noise, strict=True)
         ]
+
+    def log_noise(self, factor: FloatArray) -> FloatArray:
+        """Return the log of the product of the rows' noise factors (..., n), each to its power.
+
+        With weights less a constant, which is the same for all causes.
+        """
+        log_factor = np.log(factor)
+        if self.weights is None:
+            return np.asarray(np.sum(log_factor, axis=-1))
+        return np.asarray(log_factor @ self.weights)
 
     def whitened(self, whiten: Callable[[FloatArray, int], FloatArray]) -> Linearised:
         """Return the model of rows ``whiten(rows, axis)``, which no known covariance ties."""
@@ -162,12 +176,12 @@ def columns_at_nodes(model: MeasuredModel, X: FloatArray, grid: Grid, z: FloatAr
     earlier = model.added_by(before, X, values[:1])[0]
     earlier = earlier * model.column_sd[: earlier.shape[1]]
     process = bool(model.effects) and model.effects[-1].is_process
-    last = range(len(before), len(model.effects))
+    last, weights = range(len(before), len(model.effects)), model.row_weights(X)
 
     def scaled(block: FloatArray) -> tuple[FloatArray, ...]:
         # some nodes at a time, before they leave the processor's cache
         curves = np.swapaxes(model.added_by(last, X, block), 1, 2)
-        rms = _rms(curves)
+        rms = _rms(curves, weights)
         if process:
             rms = _of_one_process(rms)
         return curves / rms[:, :, None], rms
@@ -186,9 +200,13 @@ def _of_one_process(rms: FloatArray) -> FloatArray:
     return np.broadcast_to(np.sqrt(np.sum(rms**2, axis=1, keepdims=True)), rms.shape)
 
 
-def _rms(curves: FloatArray) -> FloatArray:
+def _rms(curves: FloatArray, weights: FloatArray | None) -> FloatArray:
     """Return the root mean square of curves (T, q, n), (T, q), of a zero one as good as zero."""
-    rms: FloatArray = np.sqrt(np.einsum("tqn,tqn->tq", curves, curves) / curves.shape[2])
+    if weights is None:
+        squares = np.einsum("tqn,tqn->tq", curves, curves) / curves.shape[2]
+    else:
+        squares = np.einsum("tqn,tqn,n->tq", curves, curves, weights / weights.sum())
+    rms: FloatArray = np.sqrt(squares)
     return np.maximum(rms, _NOTHING * max(float(np.max(rms, initial=0.0)), 1e-280))
 
 
@@ -298,7 +316,8 @@ def linearise(
     around = _slopes(model, X, emulator, grid, z)
     T, M, d = len(grid.points), len(around.mean), len(grid.fixed)
     G, curves = np.swapaxes(around.slopes[:, :d], 1, 2), around.slopes[:, d:]
-    rms = _rms(curves)
+    weights = model.row_weights(X)
+    rms = _rms(curves, weights)
     if len(grid.sizes) and model.effects[-1].is_process:
         rms = _of_one_process(rms)
     curves /= rms[:, :, None]
@@ -316,4 +335,6 @@ def linearise(
         cap = np.concatenate([cap, np.full(columns.rms.shape, np.inf)], axis=1)
     noise = _noise_at_nodes(model, X, grid, z, emulator.mean, around.output)
     outliers = _outliers_at_nodes(model, grid, z)
-    return Linearised(around.mean, G, H, rms, cap, around.U, grid.log_weight, noise, outliers)
+    return Linearised(
+        around.mean, G, H, rms, cap, around.U, grid.log_weight, noise, outliers, weights
+    )
