@@ -13,11 +13,11 @@ from sklearn.base import clone
 from sklearn.utils import check_random_state
 
 from hybridsurrogate.estimators.base import SurrogateEstimator
-from hybridsurrogate.estimators.carried import carried
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.estimators.predictive_weighted import PredictiveWeightedSurrogate
 from hybridsurrogate.inference.model.power_scaling import powers_of
 from hybridsurrogate.inference.procedure import fit_problem
+from hybridsurrogate.inference.warm_start import carried
 from hybridsurrogate.priors import FloatArray
 
 # a fit has three: a path costs less
