@@ -237,10 +237,9 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         y : array-like of shape (n,), or (n, n_outputs) of a simulation of several outputs
             With NaN for what was not measured.
         sample_weight : array-like of shape (n,) or None, default=None
-            Powers of the likelihoods of single rows: a row of weight two counts like two equal
-            rows in evidence, estimates and gain, one of weight zero is left out. For the p-value a
-            row is measured once, with a variance of the noise divided by its weight, and evidence
-            alone makes it no smaller.
+            As the estimator's: powers of the likelihoods of single rows, a weight of zero leaves a
+            row out. The search takes each row for one measurement whose noise has a variance
+            divided by its weight, relative to the mean weight; the gain is a weighted mean.
 
         Returns
         -------

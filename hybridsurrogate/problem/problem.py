@@ -98,14 +98,9 @@ class Problem:
         return self.working_point is not None and not self.likelihood.scales_noise
 
     @property
-    def total_weight(self) -> float:
-        """How many rows of weight one the measured rows count for."""
-        return float(self.weights.sum())
-
-    @property
     def unit_noise(self) -> float:
-        """Typical noise of a row of weight one where sigma is one."""
-        if not self.model.has_row_noise or self.model.has_row_weights:
+        """Typical noise of a row where sigma is one; of rows with weights that of weight one."""
+        if not self.model.has_row_noise or self.working_point is None:
             return 1.0
         return float(np.exp(np.mean(np.log(self.X[:, -1]))))
 

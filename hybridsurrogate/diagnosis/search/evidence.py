@@ -139,7 +139,7 @@ def search(
         On an interrupt: it holds the search over the causes that were fitted by then.
     """
     problem = replace(problem, model=replace(problem.model, reference=emulator.mean))
-    n = problem.total_weight
+    n = len(problem.y)
     noise = (
         KnownNoise(n)
         if problem.noise_is_known

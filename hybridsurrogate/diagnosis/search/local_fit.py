@@ -100,9 +100,8 @@ def deviance(problem: Problem, mode: LocalMode, sigma: float) -> float:
         return np.inf
     if problem.noise_is_known:
         return mode.objective
-    n = problem.total_weight
-    squares = max(mode.squares, n * (FLOOR * problem.scale) ** 2)
-    return float(n * np.log(squares) + mode.objective - mode.squares / sigma**2)
+    squares = max(mode.squares, len(problem.y) * (FLOOR * problem.scale) ** 2)
+    return float(len(problem.y) * np.log(squares) + mode.objective - mode.squares / sigma**2)
 
 
 def node_evidence(
@@ -159,4 +158,4 @@ def sigma_of(problem: Problem, mode: LocalMode, sigma: float) -> float:
     """Return the noise that a fit suggests; the one it was made with where it failed."""
     if problem.noise_is_known or not np.isfinite(mode.objective):
         return sigma
-    return max(float(np.sqrt(mode.squares / problem.total_weight)), FLOOR * problem.scale)
+    return max(float(np.sqrt(mode.squares / len(problem.y))), FLOOR * problem.scale)

@@ -62,11 +62,11 @@ def _at_node(result: Search, w: Candidate, X: FloatArray, node: int) -> Linearis
 def local_posterior(result: Search, w: Candidate, rows: Rows, size: float) -> Local:
     """Return the posterior of a cause's linear coefficients, its size of scale ``size``."""
     design, first = rows.design, rows.first
-    H, weights = design[:, first:], result.problem.weights
+    H = design[:, first:]
     if w.cause is not None and w.cause.is_process:
-        rms = np.full(H.shape[1], np.sqrt(np.average(np.sum(H**2, axis=1), weights=weights)))
+        rms = np.full(H.shape[1], np.sqrt(np.mean(np.sum(H**2, axis=1))))
     else:
-        rms = np.sqrt(np.average(H**2, axis=0, weights=weights))
+        rms = np.sqrt(np.mean(H**2, axis=0))
     # what moves no measured row, as beyond the range of the runs, is not learned: any scale does
     own = np.divide(size, rms, out=np.ones_like(rms), where=rms > 0)
     scale = np.concatenate([np.ones(first), own])

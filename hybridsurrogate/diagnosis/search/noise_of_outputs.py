@@ -103,10 +103,7 @@ def _updated(result: Search, w: Candidate) -> tuple[tuple[float, ...], float]:
     squares = squares / (noise / _noise_of(w.model).noise(rows, {})) ** 2
     which = problem.X[:, problem.stacking.at]
     each = np.array(
-        [
-            np.sqrt(np.sum(squares[which == k]) / np.sum(problem.weights[which == k]))
-            for k in range(len(problem.stacking.names))
-        ]
+        [np.sqrt(np.mean(squares[which == k])) for k in range(len(problem.stacking.names))]
     )
     each = np.maximum(each, FLOOR * problem.scale)
     return tuple((each / each[0]).tolist()), float(each[0])

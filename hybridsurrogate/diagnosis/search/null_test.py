@@ -57,9 +57,6 @@ def null_test(result: Search, n_replicates: int, random_state: np.random.RandomS
     statistic. Causes that were accepted before stay where they were found: their places free, to
     first order, changed no cause and no verdict of 82 cases (48 pairs of size 2, 34 single effects
     of size 4, up to two causes each).
-
-    A row is drawn once, whatever its weight w, with a noise of sigma / sqrt(w): weights that are
-    all multiplied by a number leave the p-value as it is.
     """
     problem, null = result.problem, result.candidates[0]
     responses = np.vstack([problem.y, _replicates(result, n_replicates, random_state)])
@@ -90,9 +87,6 @@ def evidence_bound(result: Search) -> float:
     Coarse, but it holds far from the null fit too, where a first order says nothing: a cause that
     shifts the phase of an oscillation is far from its tangent.
     """
-    if result.problem.model.has_row_weights:
-        # a likelihood to a power is no density: its expectation is not one
-        return 1.0
     nothing = result.probability[0]
     odds = nothing / max(1 - nothing, np.finfo(float).tiny)
     prior = prior_odds([w.cause for w in result.candidates])

@@ -116,7 +116,7 @@ def _unmoved(
         return Fitted(model, grid, other.mode, other.sigma)
     z, accepted = other.mode.z.copy(), slice(model.n_parameters, len(null.mode.z))
     z[accepted] = null.mode.z[accepted]
-    mode = LocalMode(z, problem.total_weight * other.sigma**2, 0.0, 0)
+    mode = LocalMode(z, len(problem.y) * other.sigma**2, 0.0, 0)
     return Fitted(model, grid, mode, other.sigma)
 
 

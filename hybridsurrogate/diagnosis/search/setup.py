@@ -31,7 +31,6 @@ from hybridsurrogate.surrogates.basis import Basis
 
 # draws of the posterior of which the best is taken
 _TRIED = 200
-_NO_WEIGHTS = "rows have weights, and outliers are weighed among rows that count alike"
 
 
 class Prepared(NamedTuple):
@@ -105,6 +104,8 @@ def prepare(
         stacking=fitted.stacking_,
         experiments=experiments,
     )
+    # as many measurements as there are rows, whatever the unit of their weights
+    problem = replace(problem, weights=problem.weights / problem.weights.mean())
     problem = _at_spread_of(at_noise_of(problem, fitted.posterior_), fitted.posterior_)
     # a search over causes has no time to infer a surrogate's hyperparameters each time
     hyper = fitted.posterior_.values[:, fitted.posterior_.model.n_unknowns :]
@@ -137,9 +138,6 @@ def prepare(
         else:
             unusable.append(Skipped(cause.kind, cause.target, reason))
     causes, skipped = catalogue(context, usable, excluded, alone=max_causes == 1)
-    if not np.all(problem.weights == 1.0):
-        skipped += [Skipped(c.kind, c.target, _NO_WEIGHTS) for c in causes if c.has_outliers]
-        causes = [cause for cause in causes if not cause.has_outliers]
     return Prepared(problem, causes, [*unusable, *skipped], unusable)
 
 

@@ -40,14 +40,14 @@ def on_working_rows(problem: Problem, posterior: Posterior) -> Problem:
 
 
 def _with_weights(problem: Problem) -> Problem:
-    """Return a problem whose rows carry one over the root of their weights as noise.
+    """Return a problem whose rows have a variance of sigma^2 over their weight.
 
-    N(y; m, sigma^2)^w is N(y; m, sigma^2 / w) but for a factor: of sigma, and of what a cause makes
-    of the noise, there are as many powers as the weights sum to (`Linearised.log_noise`).
+    N(y; m, sigma^2)^w is N(y; m, sigma^2 / w) but for a factor, which would make w measurements of
+    one: a curve through each row would then leave no noise at all.
     """
     if np.all(problem.weights == 1.0):
         return problem
-    model = replace(problem.model, has_row_noise=True, has_row_weights=True)
+    model = replace(problem.model, has_row_noise=True)
     return replace(problem, model=model, X=np.column_stack([problem.X, problem.weights**-0.5]))
 
 

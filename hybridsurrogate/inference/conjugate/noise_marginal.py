@@ -67,11 +67,11 @@ class NoiseTable:
     noise_prior : prior of sigma
     scale : float
         Spread of the output.
-    n : float
-        Number of rows, of rows with weights their sum.
+    n : int
+        Number of rows.
     """
 
-    def __init__(self, noise_prior: Prior, scale: float, n: float):
+    def __init__(self, noise_prior: Prior, scale: float, n: int):
         self._low = np.log(n) + 2 * np.log(ROUNDING * scale)
         self._high = np.log(n) + 2 * np.log(1e4 * scale)
         squares = np.exp(np.linspace(self._low, self._high, _N_TABLE))
@@ -101,11 +101,11 @@ class KnownNoise:
 
     Parameters
     ----------
-    n : float
-        Number of rows, of rows with weights their sum.
+    n : int
+        Number of rows.
     """
 
-    def __init__(self, n: float):
+    def __init__(self, n: int):
         self._constant = -0.5 * n * float(np.log(2 * np.pi))
 
     def __call__(self, squares: FloatArray) -> FloatArray:

@@ -53,9 +53,6 @@ class Linearised:
         Factor on sigma, K is 1 where the nodes do not touch it, else T. None: one everywhere.
     outliers : ndarray of shape (T,) or None
         Share of rows that are outliers; e then has heavy tails. None: e is normal.
-    weights : ndarray of shape (n,) or None
-        Powers of the rows' likelihoods, by which ``noise`` is reduced already: a row counts so
-        often in the normalising constant. None: one each.
     """
 
     mean: FloatArray
@@ -67,7 +64,6 @@ class Linearised:
     log_weight: FloatArray
     noise: FloatArray | None = None
     outliers: FloatArray | None = None
-    weights: FloatArray | None = None
 
     def at(self, index: NDArray[np.intp] | slice) -> Linearised:
         """Return the model at some of the nodes."""
@@ -113,16 +109,6 @@ class Linearised:
             (self.at(index)._over(factor), factor)
             for index, factor in zip(nodes, self.noise, strict=True)
         ]
-
-    def log_noise(self, factor: FloatArray) -> FloatArray:
-        """Return the log of the product of the rows' noise factors (..., n), each to its power.
-
-        With weights less a constant, which is the same for all causes.
-        """
-        log_factor = np.log(factor)
-        if self.weights is None:
-            return np.asarray(np.sum(log_factor, axis=-1))
-        return np.asarray(log_factor @ self.weights)
 
     def whitened(self, whiten: Callable[[FloatArray, int], FloatArray]) -> Linearised:
         """Return the model of rows ``whiten(rows, axis)``, which no known covariance ties."""
@@ -176,12 +162,12 @@ def columns_at_nodes(model: MeasuredModel, X: FloatArray, grid: Grid, z: FloatAr
     earlier = model.added_by(before, X, values[:1])[0]
     earlier = earlier * model.column_sd[: earlier.shape[1]]
     process = bool(model.effects) and model.effects[-1].is_process
-    last, weights = range(len(before), len(model.effects)), model.row_weights(X)
+    last = range(len(before), len(model.effects))
 
     def scaled(block: FloatArray) -> tuple[FloatArray, ...]:
         # some nodes at a time, before they leave the processor's cache
         curves = np.swapaxes(model.added_by(last, X, block), 1, 2)
-        rms = _rms(curves, weights)
+        rms = _rms(curves)
         if process:
             rms = _of_one_process(rms)
         return curves / rms[:, :, None], rms
@@ -200,13 +186,9 @@ def _of_one_process(rms: FloatArray) -> FloatArray:
     return np.broadcast_to(np.sqrt(np.sum(rms**2, axis=1, keepdims=True)), rms.shape)
 
 
-def _rms(curves: FloatArray, weights: FloatArray | None) -> FloatArray:
+def _rms(curves: FloatArray) -> FloatArray:
     """Return the root mean square of curves (T, q, n), (T, q), of a zero one as good as zero."""
-    if weights is None:
-        squares = np.einsum("tqn,tqn->tq", curves, curves) / curves.shape[2]
-    else:
-        squares = np.einsum("tqn,tqn,n->tq", curves, curves, weights / weights.sum())
-    rms: FloatArray = np.sqrt(squares)
+    rms: FloatArray = np.sqrt(np.einsum("tqn,tqn->tq", curves, curves) / curves.shape[2])
     return np.maximum(rms, _NOTHING * max(float(np.max(rms, initial=0.0)), 1e-280))
 
 
@@ -316,8 +298,7 @@ def linearise(
     around = _slopes(model, X, emulator, grid, z)
     T, M, d = len(grid.points), len(around.mean), len(grid.fixed)
     G, curves = np.swapaxes(around.slopes[:, :d], 1, 2), around.slopes[:, d:]
-    weights = model.row_weights(X)
-    rms = _rms(curves, weights)
+    rms = _rms(curves)
     if len(grid.sizes) and model.effects[-1].is_process:
         rms = _of_one_process(rms)
     curves /= rms[:, :, None]
@@ -335,6 +316,4 @@ def linearise(
         cap = np.concatenate([cap, np.full(columns.rms.shape, np.inf)], axis=1)
     noise = _noise_at_nodes(model, X, grid, z, emulator.mean, around.output)
     outliers = _outliers_at_nodes(model, grid, z)
-    return Linearised(
-        around.mean, G, H, rms, cap, around.U, grid.log_weight, noise, outliers, weights
-    )
+    return Linearised(around.mean, G, H, rms, cap, around.U, grid.log_weight, noise, outliers)

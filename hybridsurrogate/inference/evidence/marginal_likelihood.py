@@ -68,7 +68,7 @@ def scan(
         y = whiten((responses / factor).T, 0).T
         for piece in unit.pieces(len(responses)):
             found = _scan(piece.whitened(whiten), y, sigma, log_marginal, sizes)
-            evidence.append(found - log_det - parts.log_noise(factor))
+            evidence.append(found - log_det - np.sum(np.log(factor)))
     return np.concatenate(evidence, axis=1)
 
 
@@ -247,7 +247,7 @@ def _solve(
     if parts.noise is not None:
         # without noise factors the determinant is the same everywhere, and only sigma matters
         deviance = deviance + 2 * np.concatenate([np.full(len(u[0]), u[3]) for u in units])
-        deviance = deviance + 2 * parts.log_noise(parts.noise)
+        deviance = deviance + 2 * np.sum(np.log(parts.noise), axis=1)
     deviance = np.where(np.isnan(deviance), np.inf, deviance)
     node = int(np.argmin(deviance))
     # the fit at z itself: what is nonlinear stays, columns are estimated anew
@@ -269,7 +269,7 @@ def _solve(
     prior = float(penalty[node, ~free] @ conditioned**2 + penalty[node, free] @ fitted**2)
     objective = (squares + prior) / sigma**2
     if parts.noise is not None:
-        objective += 2 * (log_det + float(parts.log_noise(factor)))
+        objective += 2 * (log_det + float(np.sum(np.log(factor))))
     mode = LocalMode(z.copy(), squares, objective if np.isfinite(objective) else np.inf, node)
     move = z.copy()
     move[grid.fixed] = np.clip(solution[node, : len(grid.fixed)], -6, 6)

@@ -35,8 +35,6 @@ class CausesOnRows:
         Prior sd of column coefficients for causes that name none.
     has_row_noise : bool
         Whether rows X carry, in a last column that has no name, a factor on their noise.
-    has_row_weights : bool
-        Whether that factor is one over the root of the row's weight: a power of its likelihood.
     """
 
     columns: tuple[str, ...]
@@ -46,7 +44,6 @@ class CausesOnRows:
     effects: tuple[Cause, ...]
     default_sd: float
     has_row_noise: bool = field(default=False, kw_only=True)
-    has_row_weights: bool = field(default=False, kw_only=True)
 
     @cached_property
     def theta_names(self) -> tuple[tuple[int, str], ...]:
@@ -89,10 +86,6 @@ class CausesOnRows:
     def touches_noise(self) -> bool:
         """Whether single rows have a noise of their own."""
         return self.has_row_noise or any(effect.touches_noise for effect in self.effects)
-
-    def row_weights(self, X: FloatArray) -> FloatArray | None:
-        """Return the weight of each row of X, (n,), None where all are one."""
-        return X[:, -1] ** -2.0 if self.has_row_weights else None
 
     def rows(self, X: FloatArray, values: FloatArray) -> tuple[Rows, Rows, list[Rows]]:
         """Return columns, omega and each cause's theta, every row of every draw after another."""
