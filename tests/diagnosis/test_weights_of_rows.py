@@ -78,8 +78,8 @@ def test_the_extension_is_fitted_with_the_estimators_weights(simulator):
         assert_same_numbers(twice.predict(X), fitted.predict(X))
 
 
-def test_means_with_their_counts_say_what_the_single_rows_say(simulator):
-    """A mean of w measurements has a variance of sigma^2 / w: nothing is lost but within it."""
+def test_means_with_their_counts_estimate_what_the_single_rows_do(simulator):
+    """A mean of w measurements has a variance of sigma^2 / w: least squares are the same."""
     random = np.random.default_rng(3)
     counts = np.tile([1, 4, 9], 8)
     t = np.linspace(0, 12, 24)
@@ -89,13 +89,12 @@ def test_means_with_their_counts_say_what_the_single_rows_say(simulator):
     means = np.array([y[single == one].mean() for one in t])
     single_rows = diagnosis(simulator).fit(single[:, None], y)
     weighted = diagnosis(simulator).fit(t[:, None], means, sample_weight=counts)
-    plain = diagnosis(simulator).fit(t[:, None], means)
     assert single_rows.best_cause_.kind == weighted.best_cause_.kind == "periodic"
-    truth = evidence(single_rows)["periodic(t)", ""]
-    told = [abs(evidence(one)["periodic(t)", ""] - truth) for one in (weighted, plain)]
-    assert told[0] < 0.5 * told[1]
-    ours, theirs = (one.best_cause_.estimates["amplitude"] for one in (weighted, single_rows))
-    assert ours == pytest.approx(theirs, abs=0.25)
+    for name in ("amplitude", "period"):
+        ours, theirs = (one.best_cause_.estimates[name] for one in (weighted, single_rows))
+        assert ours[0] == pytest.approx(theirs[0], abs=0.2 * (theirs[2] - theirs[1]))
+        # the noise is known from fewer rows
+        assert 0.8 < (ours[2] - ours[1]) / (theirs[2] - theirs[1]) < 1.5
 
 
 def test_weights_of_one_change_nothing(simulator):
@@ -165,14 +164,15 @@ def test_all_else_takes_weights(simulator):
     """Runs, several causes, the scans over beta, new measurements, the report."""
     X, y = measured(slow_wave)
     weights = np.tile([1.0, 2.0, 1.5], 8)
-    runs = simulator.run(40, along=12, random_state=0)
-    fitted = diagnosis(runs, hs.Kriging(), cv=2, max_causes=2).fit(X, y, weights)
-    assert fitted.gain_.n_rows == 24
+    # the folds of `test_weights_of_one_change_nothing` have weights, too
+    fitted = diagnosis(simulator, max_causes=2).fit(X, y, weights)
     fitted.update(X[:3], y[:3])
     assert "Verdict" in str(fitted.report())
     assert len(fitted.next_measurements(2, places=X)) == 2
-    polynomial = diagnosis(simulator.run(100, random_state=0), hs.PolynomialChaos(degree=3))
-    table = polynomial.fit(X, y, weights).beta_scan()
+    runs = simulator.run(40, along=12, random_state=0)
+    assert diagnosis(runs, hs.Kriging()).fit(X, y, weights).best_cause_.kind == "periodic"
+    model = diagnosis(simulator.run(60, random_state=0), hs.PolynomialChaos(degree=3))
+    table = model.fit(X, y, weights).beta_scan(X, y, [0.3, 0.7])
     assert np.isfinite(table["before"]).all()
 
 
