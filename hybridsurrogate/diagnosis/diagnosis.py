@@ -239,7 +239,9 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         sample_weight : array-like of shape (n,) or None, default=None
             As the estimator's: powers of the likelihoods of single rows, a weight of zero leaves a
             row out. The search takes each row for one measurement whose noise has a variance
-            divided by its weight, relative to the mean weight; the gain is a weighted mean.
+            divided by its weight, relative to the mean weight; the gain is a weighted mean. Give
+            precisions, such as the counts behind means, a mean of one: a sum beyond the number of
+            rows makes the intervals of the extension those of as many measurements.
 
         Returns
         -------
