@@ -129,6 +129,9 @@ class Posterior:
     coefficients: FloatArray
     effect_coefficients: FloatArray
 
+    def __repr__(self) -> str:
+        return f"Posterior({self.n_draws} draws of {', '.join(self.named())})"
+
     @property
     def n_draws(self) -> int:
         """Number of draws."""

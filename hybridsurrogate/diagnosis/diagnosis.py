@@ -6,7 +6,6 @@ import warnings
 from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -29,6 +28,7 @@ from hybridsurrogate.diagnosis.checks.cost import warn_if_slow
 from hybridsurrogate.diagnosis.checks.data import (
     check_digits,
     copied_rows,
+    counted_rows,
     exact,
     gross_errors,
     is_exact,
@@ -62,7 +62,7 @@ from hybridsurrogate.diagnosis.search.forward_selection import (
 from hybridsurrogate.diagnosis.search.local_fit import InterruptedSearch, blurred
 from hybridsurrogate.diagnosis.search.setup import Prepared, prepare, trained_emulator
 from hybridsurrogate.diagnosis.search.working_rows import on_working_rows
-from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans
+from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans, FewScan
 from hybridsurrogate.diagnosis.validation.cross_validation import cross_validated
 from hybridsurrogate.diagnosis.validation.folds import folds_beyond, random_folds
 from hybridsurrogate.diagnosis.validation.gain import Gain, in_one_word
@@ -253,7 +253,9 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self.random_state = random_state
         self.progress = progress
 
-    def fit(self, X: ArrayLike, y: ArrayLike) -> DiscrepancyDiagnosis:
+    def fit(
+        self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None
+    ) -> DiscrepancyDiagnosis:
         """Diagnose measured data.
 
         Parameters
@@ -264,6 +266,12 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         y : array-like of shape (n,), or (n, n_outputs) of a simulation of several outputs
             With NaN for what was not measured: of one output such rows are left out, with a
             warning.
+        sample_weight : array-like of shape (n,) or None, default=None
+            As the estimator's: powers of the likelihoods of single rows, a weight of zero leaves a
+            row out. The search takes each row for one measurement whose noise has a variance
+            divided by its weight, relative to the mean weight; the gain is a weighted mean. Give
+            precisions, such as the counts behind means, a mean of one: a sum beyond the number of
+            rows makes the intervals of the extension those of as many measurements.
 
         Returns
         -------
@@ -272,13 +280,15 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         check_settings(self)
         labels = getattr(self.estimator, "experiment", None)
         check_outcomes(y, as_likelihood(getattr(self.estimator, "likelihood", "normal")))
-        X, y, _ = without_gaps(X, y)
+        X, y, weights = without_gaps(X, y, sample_weight)
         X = complete_table(X, labels=labels)
+        X, y, weights = counted_rows(X, y, weights)
         self._forget()
+        self._weights = weights
         self.cautions_: list[Caution] = []
         check_columns(X, y, getattr(self.estimator, "simulation", None))
         random = check_random_state(self.random_state)
-        self.estimator_ = clone(self.estimator).fit(X, y)
+        self.estimator_ = clone(self.estimator).fit(X, y, weights)
         check_each_output(self.estimator_.measured_[1], self.estimator_.simulation.outputs)
         own, excluded = tuple(self.causes), tuple(self.exclude)
         prepared = prepare(self.estimator_, own, excluded, int(self.max_causes))
@@ -339,9 +349,6 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         """Drop what an earlier fit found: after an interrupt it would stand beside the new."""
         for name in [name for name in vars(self) if name.endswith("_")]:
             delattr(self, name)
-
-    def __sklearn_is_fitted__(self) -> bool:
-        return hasattr(self, "n_features_in_")
 
     def _search(
         self, prepared: Prepared, random_state: np.random.RandomState
@@ -431,9 +438,11 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     ) -> None:
         causes, problem = accepted(steps), self.search_.problem
         self._rows = deepcopy((X, y))
-        self.extended_estimator_ = extended(self.estimator_, steps, X, y)
+        self.extended_estimator_ = extended(self.estimator_, steps, X, y, self._weights)
         found = leading(self.extended_estimator_)
-        self.beta_scans_ = BetaScans((self.estimator_, found), *self._rows, self.n_jobs)
+        self.beta_scans_ = BetaScans(
+            (self.estimator_, found), *self._rows, self.n_jobs, self._weights
+        )
         posterior = found.posterior_
         self.at_prior_end_ = self._at_prior_end(causes, posterior)
         self.found_causes_ = [
@@ -479,7 +488,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         beyond = folds_beyond(self.estimator_.simulation, self.estimator_.measured_[0])
         try:
             gains = cross_validated(
-                refitted, within, beyond, X, y, self.n_jobs, bool(self.progress)
+                refitted, within, beyond, X, y, self.n_jobs, bool(self.progress), self._weights
             )
         except KeyboardInterrupt:
             warnings.warn(
@@ -491,7 +500,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             raise
         # the weights are tried when they are asked for
         self.gain_, self.gain_out_of_range_ = (
-            gain and replace(gain, scan=partial(self.beta_scans_.few, out_of_range))
+            gain and replace(gain, scan=FewScan(self.beta_scans_, out_of_range))
             for gain, out_of_range in zip(gains, (False, True), strict=True)
         )
 

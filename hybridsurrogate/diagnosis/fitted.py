@@ -9,6 +9,7 @@ from typing import Any, NoReturn
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
+from sklearn import get_config
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_consistent_length, check_scalar
 from sklearn.utils.validation import check_is_fitted
@@ -23,6 +24,7 @@ from hybridsurrogate.diagnosis.answers.monitor import Monitor, joined, monitored
 from hybridsurrogate.diagnosis.answers.next_runs import next_runs
 from hybridsurrogate.diagnosis.answers.result import DiagnosisResult
 from hybridsurrogate.diagnosis.search.evidence import Search
+from hybridsurrogate.diagnosis.stored import restored, stored
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans, scan_beta, scan_folds
 from hybridsurrogate.diagnosis.validation.gain import Gain, gain_from, pointwise
 from hybridsurrogate.priors import FloatArray
@@ -47,6 +49,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
     result_: DiagnosisResult
     search_: Search
     _rows: tuple[ArrayLike, ArrayLike]
+    _weights: FloatArray | None
     _new: tuple[Any, FloatArray]
 
     def __getattr__(self, name: str) -> NoReturn:
@@ -55,6 +58,30 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         if name in _FORMER:
             text += f": {_FORMER[name]}"
         raise AttributeError(text, name=name, obj=self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # for pickle, joblib and skops, which stores no tables of pandas
+        return dict(stored(dict(super().__getstate__())))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        super().__setstate__(restored(state))
+
+    def _repr_html_inner(self) -> str:
+        if not self.__sklearn_is_fitted__():
+            return str(super()._repr_html_inner())
+        from .report.report import short_html
+
+        return short_html(self)
+
+    def _repr_mimebundle_(self, **kwargs: Any) -> dict[str, str]:
+        # scikit-learn's own prints every fitted attribute
+        out = {"text/plain": repr(self)}
+        if get_config()["display"] == "diagram":
+            out["text/html"] = self._repr_html_inner()
+        return out
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "n_features_in_")
 
     def gain_on(self, X_test: ArrayLike, y_test: ArrayLike) -> Gain:
         """Return the gain on a test set, from the fitted models before and after.
@@ -203,7 +230,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         self.monitor_ = monitored(
             self.extended_estimator_,
             self.search_,
-            (known_X, self.measured_outputs(known_y)),
+            (known_X, self.measured_outputs(known_y), self._weights),
             self._new,
             self.result_.false_alarm_rate,
         )
@@ -251,15 +278,15 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
             )
         if X is None and betas is None:
             return self.beta_scans_.few(out_of_range)
+        given = X is None or y is None
         rows, values = self._rows if X is None or y is None else (X, y)
         grid = np.linspace(0, 1, 11) if betas is None else np.unique(np.asarray(betas, dtype=float))
         labels = self.estimator_.experiment
         rows, values, _ = without_gaps(rows, values)
         rows, values = complete_table(rows, labels=labels), self.measured_outputs(values, "y")
         folds = scan_folds(values)
-        return scan_beta(
-            self.beta_scans_.models, grid, folds, rows, values, self.beta_scans_.n_jobs
-        )
+        scans, weights = self.beta_scans_, self._weights if given else None
+        return scan_beta(scans.models, grid, folds, rows, values, scans.n_jobs, weights)
 
     def measured_outputs(self, y: ArrayLike, word: str = "y") -> FloatArray:
         """Return outputs as the fitted models read them, (n,), or (n, k) with NaN of several.

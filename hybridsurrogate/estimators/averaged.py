@@ -20,6 +20,7 @@ from hybridsurrogate.exceptions import SamplingWarning
 from hybridsurrogate.inference.loo import PointwiseLoo
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.posterior import Diagnostics, Posterior
+from hybridsurrogate.prediction.summary import Part
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.arrays import as_numbers
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
@@ -251,6 +252,15 @@ class AveragedSurrogate(SurrogateEstimator):
     def _learned(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
         pairs = zip(self.weights_, self.estimators_, strict=True)
         return [(float(weight), one._fitted[1].second) for weight, one in pairs if weight > 0]
+
+    def _parts(self) -> list[Part]:
+        pairs = zip(self.weights_, self.estimators_, strict=True)
+        return [
+            part._replace(weight=float(weight))
+            for weight, one in pairs
+            for part in one._parts()
+            if weight > 0
+        ]
 
     def _pointwise_loo(self) -> PointwiseLoo:
         parts = [one._pointwise_loo() for one in self.estimators_]

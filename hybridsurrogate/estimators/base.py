@@ -8,6 +8,7 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import RegressorMixin
 from sklearn.utils import _safe_indexing, check_random_state
@@ -30,6 +31,7 @@ from hybridsurrogate.prediction.mixture import (
     samples,
     warn_of_carried,
 )
+from hybridsurrogate.prediction.summary import Part, summary_of
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.rows import check_weights, has_measurement
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_size
@@ -37,6 +39,9 @@ from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_size
 
 class SurrogateEstimator(RegressorMixin, CheckedEstimator):
     """Base of the estimators; subclasses implement ``fit`` and ``_mixture``."""
+
+    diagnostics_: Any
+    _fitted: Any
 
     @abstractmethod
     def _mixture(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
@@ -278,29 +283,67 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         found, (X, y) = self._pointwise_loo(), self.single_rows_
         outside = self._rows.origin < 0
         log_scale = 0.0 if self.stacking_ is None else self.stacking_.log_scale(X)
-        return loo_of_rows(found, outside, self._mixture, X, y, self._sample_weight, log_scale)
+        return loo_of_rows(found, outside, self._mixture, X, y, self.row_weights_, log_scale)
 
     @abstractmethod
     def _pointwise_loo(self) -> PointwiseLoo:
         """Return leave-one-out densities of the rows given to ``fit``, NaN without weight."""
 
+    def summary(self) -> pd.DataFrame:
+        """Return the estimates: parameters, noise, and what causes report.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Indexed by name; a parameter that differs between experiments has a row for each, such
+            as ``rate[b1]``. Columns: "experiment" and "cause" (empty where there is none), "mean",
+            "sd", "q5" and "q95" (5 % and 95 % quantiles of the posterior), "ess" (independent draws
+            that step 1 is worth, at most those that are kept), "khat" (largest Pareto k-hat of
+            both steps; above 0.7 the draws are doubtful), and "source": "prior" of a cause that the
+            rows say nothing about. Of several posteriors that are mixed also "model" and "weight".
+
+        Examples
+        --------
+        >>> import hybridsurrogate as hs
+        >>> from hybridsurrogate.datasets import make_log_sin
+        >>> case = make_log_sin(random_state=0)
+        >>> model = hs.PowerScaledSurrogate(case.simulation, random_state=0).fit(case.X, case.y)
+        >>> list(model.summary().index)
+        ['omega', 'sigma']
+        """
+        check_is_fitted(self)
+        return summary_of(self._parts())
+
+    def _parts(self) -> list[Part]:
+        """Return the posteriors of `_mixture`, without rows, with what is known of them."""
+        (weight, posterior), *_ = self._mixture()
+        return [Part(weight, posterior, self.diagnostics_, self._fitted[0].noise_prior)]
+
     def to_arviz(self) -> Any:
-        """Return posterior, log likelihood, posterior predictive and observed data for ArviZ.
+        """Return posterior, prior, log likelihood, log prior, predictions and data for ArviZ.
 
         ``arviz.loo`` of it is wrong where the measured likelihood has a power other than one, and
-        where draws are of two surrogates: use `loo`.
+        where draws are of two surrogates: use `loo`. ``log_prior`` is that of step 2, in which
+        measured rows and original priors speak: how sensitive its results are, `arviz.psens` says.
 
         Returns
         -------
         InferenceData (ArviZ 0.x) or DataTree (ArviZ 1.x)
-            Variables: parameters by name, ``sigma``, ``coefficients``, ``y``; one chain. Where a
-            parameter is called so itself: ``noise_sigma``, ``surrogate_coefficients``; for one
-            called like a dimension of ArviZ: ``parameter_chain``, ``parameter_draw``.
+            Variables: parameters by name, ``sigma``, ``coefficients``, ``y``. A parameter that
+            differs between experiments has a dimension with their labels, named like their column;
+            where it is spread, also ``p_mean`` and ``p_spread``. What is drawn from its prior
+            alone is left out. One chain: draws of an ensemble are thinned and in random order, and
+            its walkers are no independent chains. Where a parameter is called so itself:
+            ``noise_sigma``, ``surrogate_coefficients``; for one called like a dimension of ArviZ:
+            ``parameter_chain``, ``parameter_draw``.
         """
         check_is_fitted(self)
         X, y = self.single_rows_
         random = check_random_state(self.random_state)
-        return arviz_of(*curves(self._mixture(X), None, random), X, y, random)
+        posteriors, followed = curves(self._mixture(X), None, random)
+        priors = {id(part.posterior.model): part.noise_prior for part in self._parts()}
+        noise_priors = [priors[id(posterior.model)] for posterior in posteriors]
+        return arviz_of(posteriors, noise_priors, followed, X, y, random)
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()

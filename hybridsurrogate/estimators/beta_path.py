@@ -14,11 +14,11 @@ from sklearn.utils import check_random_state
 
 from hybridsurrogate.arguments.description import described
 from hybridsurrogate.estimators.base import SurrogateEstimator
-from hybridsurrogate.estimators.carried import carried
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.estimators.predictive_weighted import PredictiveWeightedSurrogate
 from hybridsurrogate.inference.model.power_scaling import powers_of
 from hybridsurrogate.inference.procedure import fit_problem
+from hybridsurrogate.inference.warm_start import carried
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.arrays import as_numbers
 
@@ -76,7 +76,11 @@ def check_model(model: SurrogateEstimator) -> None:
 
 
 def beta_path(
-    model: SurrogateEstimator, X: ArrayLike, y: ArrayLike, betas: Sequence[float]
+    model: SurrogateEstimator,
+    X: ArrayLike,
+    y: ArrayLike,
+    betas: Sequence[float],
+    sample_weight: ArrayLike | None = None,
 ) -> BetaPath:
     """Fit an estimator at many beta by as few fits as possible.
 
@@ -92,6 +96,8 @@ def beta_path(
     X, y : array-like of shape (n, n_columns), (n,)
         Measured data.
     betas : sequence of float
+    sample_weight : array-like of shape (n,) or None, default=None
+        Of the rows, as in ``fit``.
 
     Returns
     -------
@@ -114,7 +120,7 @@ def beta_path(
     if grid.ndim != 1 or not len(grid) or not ((grid >= 0) & (grid <= 1)).all():
         raise ValueError(f"betas must be numbers between 0 and 1, got {betas!r}.")
     if isinstance(model, PredictiveWeightedSurrogate):
-        fitted = clone(model).set_params(beta=float(grid[0])).fit(X, y)
+        fitted = clone(model).set_params(beta=float(grid[0])).fit(X, y, sample_weight)
         models = [copy.copy(fitted).set_params(beta=float(beta)) for beta in grid]
         for other, beta in zip(models, grid, strict=True):
             other.beta_ = float(beta)
@@ -125,17 +131,21 @@ def beta_path(
             "beta_path needs a PowerScaledSurrogate or a PredictiveWeightedSurrogate, got "
             f"{type(model).__name__}."
         )
-    return _power_scaled_path(model, X, y, grid)
+    return _power_scaled_path(model, X, y, grid, sample_weight)
 
 
 def _power_scaled_path(
-    model: PowerScaledSurrogate, X: ArrayLike, y: ArrayLike, grid: FloatArray
+    model: PowerScaledSurrogate,
+    X: ArrayLike,
+    y: ArrayLike,
+    grid: FloatArray,
+    sample_weight: ArrayLike | None,
 ) -> BetaPath:
     out: dict[int, Any] = {}
     refitted, khat = np.zeros(len(grid), dtype=bool), np.full(len(grid), np.nan)
     checked = clone(model).set_params(beta=0.5)
     surrogate, likelihood = checked._check_parameters()
-    data = checked._check_fit_data(X, y, likelihood)
+    data = checked._check_fit_data(X, y, likelihood, sample_weight)
     problem = checked._problem(surrogate, likelihood, data, data.rows)
     # from the middle outwards: there both sources speak, and the ends are its neighbours
     for k in _outwards(grid):

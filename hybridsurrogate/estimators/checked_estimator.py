@@ -55,7 +55,7 @@ from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
 
 # what a fit keeps of the measured data
 _STORED = (
-    "measured_", "single_rows_", "_sample_weight", "simulation_", "stacking_", "experiments_",
+    "measured_", "single_rows_", "row_weights_", "simulation_", "stacking_", "experiments_",
     "_columns", "column_order_", "_rows",
 )  # fmt: skip
 
@@ -267,7 +267,7 @@ class CheckedEstimator(BaseEstimator):
     def _store(self, data: CheckedData, rows: MeasuredRows | None = None) -> None:
         """Store the measured data of a fit that has ended, and the rows that trained."""
         self.measured_, self.single_rows_ = (data.X, data.y), data.single[:2]
-        self._sample_weight = data.single[2]
+        self.row_weights_ = data.single[2]
         self.simulation_, self.stacking_ = data.simulation, data.stacking
         self.experiments_ = data.experiments
         self._columns, self.column_order_ = data.rows.columns, data.order

@@ -17,6 +17,7 @@ from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.prediction.leave_one_out import loo_of_fit
+from hybridsurrogate.prediction.summary import Part
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.problem.problem import make_problem
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
@@ -205,3 +206,12 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
             weight = float(self.beta_)
         pairs = [(weight, self.simulation_posterior_), (1.0 - weight, self.measured_posterior_)]
         return [pair for pair in pairs if np.max(pair[0]) > 0]
+
+    def _parts(self) -> list[Part]:
+        source = {id(fit.second): name for name, (_, fit) in self._fitted.items()}
+        parts = []
+        for weight, posterior in self._mixture():
+            name = source[id(posterior)]
+            prior = self._fitted[name][0].noise_prior
+            parts.append(Part(float(weight), posterior, self.diagnostics_[name], prior))
+        return parts

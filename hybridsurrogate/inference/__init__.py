@@ -9,6 +9,7 @@ conditional  step 2: unknowns given each draw of the coefficients
 
 posterior_sampler  step 1: draws, k-hat and log evidence of any target
 procedure          both steps of the procedure, from a problem to a posterior
+warm_start         a fit from the proposals of a neighbouring one
 loo                leave-one-out of a power-scaled posterior
 prior_ends         parameters that are pushed against the end of their prior
 """

@@ -36,7 +36,11 @@ class PointwiseLoo(NamedTuple):
 
 
 def pointwise_loo(
-    first: FloatArray, powers: FloatArray, second: FloatArray, weights: FloatArray
+    first: FloatArray,
+    powers: FloatArray,
+    second: FloatArray,
+    weights: FloatArray,
+    removed: FloatArray | None = None,
 ) -> PointwiseLoo:
     """Return leave-one-out densities from log likelihoods of draws.
 
@@ -51,6 +55,10 @@ def pointwise_loo(
         ``first[:, None]``.
     weights : ndarray of shape (n,)
         Power of each row in step 2; zero without a second step.
+    removed : ndarray of shape (S, M, n) or None, default=None
+        Log of what leaving the row out takes from the density of a draw in step 2. None:
+        ``weights * second``. Where Gaussian coefficients are integrated out, ``second`` is the
+        density of the row given the others and the draw.
 
     Examples
     --------
@@ -65,17 +73,20 @@ def pointwise_loo(
     True
     """
     n = first.shape[1]
-    # step 2: E[p^(1 - w)] / E[p^-w], over its draws
-    held_out = special.logsumexp((1 - weights) * second, axis=1)
-    held_out = held_out - special.logsumexp(-weights * second, axis=1)
+    removed = weights * second if removed is None else removed
+    # step 2: E[p / q] / E[1 / q] over its draws, where q = p^w is what the row gave
+    held_out = special.logsumexp(second - removed, axis=1)
+    held_out = held_out - special.logsumexp(-removed, axis=1)
     log_density, khat = np.empty(n), np.empty(n)
     for i in range(n):
         smoothed, k = pareto_smooth(-powers[i] * first[:, i]) if powers[i] else (0 * first[:, i], 0)
         khat[i] = k
         if weights[i]:
-            khat[i] = max(k, pareto_smooth(-weights[i] * second[..., i].ravel())[1])
+            khat[i] = max(k, pareto_smooth(-removed[..., i].ravel())[1])
         log_density[i] = special.logsumexp(smoothed + held_out[:, i]) - special.logsumexp(smoothed)
-    return PointwiseLoo(log_density, khat, khat > khat_limit(len(first)))
+    # a row without power in step 1 has the draws of step 2 as one sample
+    limits = khat_limit(len(first)), khat_limit(first.shape[0] * second.shape[1])
+    return PointwiseLoo(log_density, khat, khat > np.where(powers > 0, *limits))
 
 
 def stacking_weight(first: FloatArray, second: FloatArray, weights: FloatArray) -> float:

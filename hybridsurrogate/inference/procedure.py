@@ -43,6 +43,9 @@ class Fit:
     powers: tuple[float, float | FloatArray]
     proposals: Proposals | None = None
 
+    def __repr__(self) -> str:
+        return f"Fit({self.second!r}, {self.diagnostics!r})"
+
 
 def make_target(
     problem: Problem, simulation_power: float, measured_power: float | FloatArray
@@ -144,9 +147,14 @@ def measured_draws(
     c: FloatArray,
     a: FloatArray,
     random_state: np.random.RandomState,
+    n_each: int = 1,
 ) -> MeasuredDraws:
-    """Draw what measured rows say given each coefficient draw: by grid, proposals or moves."""
+    """Draw what measured rows say given each coefficient draw: by grid, proposals or moves.
+
+    ``n_each`` draws for each, one after the other.
+    """
     if not problem.collapses:
+        u, c, a = (np.repeat(values, n_each, axis=0) for values in (u, c, a))
         return conditional_draws(
             problem.model,
             problem.X,
@@ -170,4 +178,5 @@ def measured_draws(
         problem.scale,
         without_hyper,
         random_state,
+        n_each,
     )

@@ -90,6 +90,13 @@ class Problem:
     working_point: WorkingPoint | None = None
     stacking: Stacking | None = None
 
+    def __repr__(self) -> str:
+        causes = ", ".join(effect.kind for effect in self.model.effects) or "none"
+        return (
+            f"Problem({len(self.y)} rows, columns: {', '.join(self.model.columns)}; "
+            f"parameters: {', '.join(self.model.parameters) or 'none'}; causes: {causes})"
+        )
+
     @property
     def noise_is_known(self) -> bool:
         """Whether rows have the noise that they carry, and no scale of it is inferred."""
@@ -97,8 +104,8 @@ class Problem:
 
     @property
     def unit_noise(self) -> float:
-        """Typical noise of a row where sigma is one."""
-        if not self.model.has_row_noise:
+        """Typical noise of a row where sigma is one; of rows with weights that of weight one."""
+        if not self.model.has_row_noise or self.working_point is None:
             return 1.0
         return float(np.exp(np.mean(np.log(self.X[:, -1]))))
 

@@ -1,5 +1,6 @@
 """The pages of the documentation: none is left out, and Sphinx builds them without a warning."""
 
+import re
 import runpy
 import shutil
 import subprocess
@@ -23,6 +24,16 @@ def test_every_page_is_in_the_contents():
     assert listed("contents.rst") - {"api", "auto_examples/index"} == {
         page.stem for page in DOCS.glob("*.md")
     }
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/index.md"])
+def test_figures_of_studies_stand_on_their_pages_alone(page):
+    """A second copy is not generated anew, and was wrong: 60 / 75 / 91 next to 61 / 77 / 92."""
+    text = (DOCS.parent / page).read_text(encoding="utf-8")
+    prose = " ".join(re.sub(r"```.*?```", "", text, flags=re.DOTALL).split())
+    # counts of cases, rates by size of the effect, seconds on some machine
+    counts = r"\b\d+ of (the )?\d+\b|\d+(, \d+)+ and \d+ %|\d+ / \d+ / \d+|\b\d+ seconds\b"
+    assert [found.group() for found in re.finditer(counts, prose)] == []
 
 
 def test_every_public_name_has_its_page():

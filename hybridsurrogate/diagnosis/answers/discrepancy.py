@@ -48,6 +48,10 @@ class Discrepancy:
     upper: FloatArray
     residual: FloatArray = field(default_factory=lambda: np.zeros(0))
 
+    def __repr__(self) -> str:
+        share = f"{100 * self.share_outside:.0f} % of the range outside a 90 % band around zero"
+        return f"Discrepancy(over {self.column}, {len(self.mean)} places; {share})"
+
     @property
     def share_outside(self) -> float:
         """Share of the range in which the band excludes zero."""

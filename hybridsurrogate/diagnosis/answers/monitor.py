@@ -95,7 +95,7 @@ class Monitor:
 def monitored(
     estimator: PowerScaledSurrogate | AveragedSurrogate,
     found: Search,
-    known: tuple[Any, FloatArray],
+    known: tuple[Any, FloatArray, FloatArray | None],
     new: tuple[Any, FloatArray],
     false_alarm_rate: float,
 ) -> Monitor:
@@ -107,8 +107,8 @@ def monitored(
         Fitted. The weights of what is averaged follow the new measurements.
     found : Search
         Of the diagnosis.
-    known : X and y
-        Measured data that the estimator was fitted to.
+    known : X, y and weights
+        Measured data that the estimator was fitted to; None for weights of one.
     new : X and y
         Further ones, in the order in which they came.
     false_alarm_rate : float
@@ -125,8 +125,9 @@ def monitored(
         if first >= len(y) or np.any(odds >= limit):
             break
         so_far = joined(known[0], X[:first]), np.concatenate([known[1], y[:first]])
+        weights = None if known[2] is None else np.concatenate([known[2], np.ones(first)])
         kept = np.flatnonzero(shares > _LEAST_WEIGHT)
-        models, shares = [clone(models[k]).fit(*so_far) for k in kept], shares[kept]
+        models, shares = [clone(models[k]).fit(*so_far, weights) for k in kept], shares[kept]
     passed = np.flatnonzero(odds >= limit)
     end = int(passed[0]) + 1 if len(passed) else len(odds)
     table = table_of(found, estimator.checked_rows(X), estimator.experiments_)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hybridsurrogate.diagnosis.search.evidence import Search
+from hybridsurrogate.diagnosis.search.evidence import Search, kind_of
 from hybridsurrogate.diagnosis.search.forward_selection import Step
 from hybridsurrogate.diagnosis.search.null_test import NullTest
 
@@ -30,3 +30,7 @@ class DiagnosisResult:
     test: NullTest
     false_alarm_rate: float
     n_replicates: int
+
+    def __repr__(self) -> str:
+        found = ", ".join(kind_of(step.chosen) for step in self.steps)
+        return f"DiagnosisResult({found}; {len(self.steps)} steps, p = {self.test.p_value:.3g})"

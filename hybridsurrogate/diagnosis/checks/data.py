@@ -2,20 +2,50 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from sklearn.utils import check_consistent_length
 
 from hybridsurrogate.diagnosis.checks.caution import Caution
 from hybridsurrogate.diagnosis.checks.settings import SETTINGS
 from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
 from hybridsurrogate.diagnosis.search.local_fit import BLUR, FLOOR
 from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
+from hybridsurrogate.diagnosis.validation.folds import rows_of
 from hybridsurrogate.digits import listing, number
 from hybridsurrogate.effects.noise.gross_error import GrossError
 from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.priors import FloatArray, from_normal
 from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.problem.rows import check_weights
 from hybridsurrogate.simulation.outputs import OUTPUT
+
+
+def counted_rows(
+    X: Any, y: Any, sample_weight: ArrayLike | None
+) -> tuple[Any, Any, FloatArray | None]:
+    """Return the rows that have a weight, and their weights; None where all weights are one.
+
+    Parameters
+    ----------
+    X, y : array-like of shape (n, n_columns), (n,) or (n, n_outputs)
+    sample_weight : array-like of shape (n,) or None
+
+    Raises
+    ------
+    ValueError
+        For weights that are unusable.
+    """
+    if sample_weight is None or X is None or y is None:  # an estimator says what is missing
+        return X, y, None
+    check_consistent_length(X, y)
+    weights = check_weights(sample_weight, len(X))
+    if np.all(weights == 1.0):
+        return X, y, None
+    kept = np.flatnonzero(weights > 0)
+    return rows_of(X)(kept), rows_of(y)(kept), weights[kept]
 
 
 def copies(X: FloatArray, y: FloatArray) -> int:

@@ -7,6 +7,7 @@ import json
 import os
 import textwrap
 from dataclasses import dataclass
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -23,6 +24,7 @@ from hybridsurrogate.whole_file import check_writable, written_whole
 
 if TYPE_CHECKING:
     from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
+    from hybridsurrogate.diagnosis.report.pictures import Test
 
 _WIDTH, _HOLD = 88, "\u00a0"
 _NOTE = (
@@ -107,7 +109,7 @@ def ending_of(path: str | os.PathLike[str]) -> str:
 
 
 def make_report(
-    diagnosis: DiscrepancyDiagnosis, test: pictures.Test = None, beta_scan: bool = False
+    diagnosis: DiscrepancyDiagnosis, test: Test = None, beta_scan: bool = False
 ) -> Report:
     """Write the report of a fitted diagnosis.
 
@@ -123,6 +125,8 @@ def make_report(
     -------
     Report
     """
+    # a notebook that shows a verdict does not wait for matplotlib
+
     view = view_of(diagnosis)
     if test is not None:
         test = test[0], diagnosis.measured_outputs(test[1], "y_test")
@@ -178,9 +182,31 @@ def make_report(
     return Report(title, sections, summary(view, title, sections, measured, (within, beyond)))
 
 
+def short_html(diagnosis: DiscrepancyDiagnosis) -> str:
+    """Return what a notebook shows of a fitted diagnosis: verdict, causes, gain and settings.
+
+    Nothing is drawn and nothing is fitted.
+
+    Parameters
+    ----------
+    diagnosis : DiscrepancyDiagnosis
+    """
+    view = view_of(diagnosis)
+    verdict = Section(
+        findings.title_of(view),
+        (*findings.verdict(view)[:3], "All else: .report()."),
+        table=tables.cause_table(view),
+        caption=f"Verdict: {diagnosis.verdict_}",
+    )
+    gain = "" if diagnosis.gain_ is None else f"<pre>{escape(str(diagnosis.gain_))}</pre>"
+    settings = f"<details><summary>Settings</summary><pre>{escape(repr(diagnosis))}</pre></details>"
+    return f"{html.fragment((verdict,))}\n{gain}\n{settings}"
+
+
 def _by_output(view: View) -> tuple[Section, ...]:
     if view.stacking is None:
         return ()
+
     others = [view.of(name) for name in view.outputs if name != view.output]
     drawn = tuple(pictures.picture_output(other) for other in others)
     told = tuple(findings.by_output(view))

@@ -22,7 +22,6 @@ from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.effects.noise.output_noise import OutputNoise
 from hybridsurrogate.estimators.averaged import AveragedSurrogate, leading
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
-from hybridsurrogate.plotting import Prediction
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.stacking import Stacking
 from hybridsurrogate.simulation.outputs import OUTPUT
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
     from hybridsurrogate.diagnosis.answers.discrepancy import Discrepancy
     from hybridsurrogate.diagnosis.answers.finding import CauseFinding
     from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
+    from hybridsurrogate.plotting import Prediction
 
 
 @dataclass(frozen=True)
@@ -206,6 +206,8 @@ class View:
 
     def prediction(self, model: Any, rows: Any) -> Prediction:
         """Return mean and central intervals of a fitted model at rows as the user gives them."""
+        from hybridsurrogate.plotting import Prediction
+
         values = [model.predict(rows), *model.predict_interval(rows, 0.5)]
         values += model.predict_interval(rows, 0.9)
         return Prediction(*map(self.of_output, values))

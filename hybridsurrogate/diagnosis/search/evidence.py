@@ -51,6 +51,10 @@ class Candidate(NamedTuple):
     log_evidence_with_remainder: float = -np.inf
     log_evidence_with_noise: float = -np.inf
 
+    def __repr__(self) -> str:
+        name = "none" if self.cause is None else f"{self.cause.name}: {self.cause.variant}"
+        return f"Candidate({name.removesuffix(': ')}, log_evidence={self.log_evidence:.2f})"
+
 
 @dataclass(frozen=True)
 class Search:
@@ -83,6 +87,12 @@ class Search:
     correlated: FloatArray
     sizes: FloatArray
     noise: LogMarginal
+
+    def __repr__(self) -> str:
+        order = np.argsort(-self.probability)[:3]
+        best = ", ".join(f"{kind_of(self.candidates[k])} {self.probability[k]:.2f}" for k in order)
+        rows = len(self.problem.y)
+        return f"Search({len(self.candidates)} candidates on {rows} rows; {best})"
 
     def reweighed(self, candidates: list[Candidate]) -> Search:
         """Return the search with other evidence for its candidates."""

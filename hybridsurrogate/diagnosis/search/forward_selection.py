@@ -50,6 +50,10 @@ class Step:
     given_others: Search
     tried: tuple[Search, ...] = ()
 
+    def __repr__(self) -> str:
+        test = "" if self.test is None else f", p = {self.test.p_value:.3g}"
+        return f"Step(chosen={self.chosen!r}{test}, search={self.search!r})"
+
     @property
     def is_accepted(self) -> bool:
         """Whether a cause was accepted."""

@@ -31,6 +31,12 @@ class NullTest(NamedTuple):
     replicates: FloatArray
     bound: float = 1.0
 
+    def __repr__(self) -> str:
+        n = len(self.replicates)
+        return (
+            f"NullTest(statistic={self.statistic:.3g}, p_value={self.p_value:.3g}, {n} replicates)"
+        )
+
     @property
     def share(self) -> float:
         """(1 + #{T_rep >= T}) / (1 + R)."""

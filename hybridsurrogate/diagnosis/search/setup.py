@@ -102,9 +102,12 @@ def prepare(
         columns,
         X,
         y,
+        weights=fitted.row_weights_,
         stacking=fitted.stacking_,
         experiments=experiments,
     )
+    # as many measurements as there are rows, whatever the unit of their weights
+    problem = replace(problem, weights=problem.weights / problem.weights.mean())
     problem = _at_spread_of(at_noise_of(problem, fitted.posterior_), fitted.posterior_)
     # a search over causes has no time to infer a surrogate's hyperparameters each time
     hyper = fitted.posterior_.values[:, fitted.posterior_.model.n_unknowns :]
@@ -120,7 +123,7 @@ def prepare(
         problem.scale,
         likelihood,
         problem.model.basis,
-        float(np.mean(problem.y)),
+        float(np.average(problem.y, weights=problem.weights)),
         mismatch(problem.model, *rows),
         of_each_output(problem.model, *rows, problem.stacking, likelihood),
         experiments,
@@ -160,7 +163,7 @@ def _best_draw(fitted: PowerScaledSurrogate, problem: Problem) -> FloatArray:
     some = posterior.take(np.unique(np.linspace(0, n - 1, min(n, _TRIED)).astype(int)))
     # a draw for which the simulation fails is far off
     with np.errstate(over="ignore", invalid="ignore"):
-        squares = np.sum((problem.y - some.eta(problem.X)[0]) ** 2, axis=1)
+        squares = (problem.y - some.eta(problem.X)[0]) ** 2 @ problem.weights
     best = int(np.argmin(np.where(np.isfinite(squares), squares, np.inf)))
     # what the problem holds at a known value is an unknown of the posterior
     of_posterior = [*posterior.model.parameters, *posterior.model.theta_names]

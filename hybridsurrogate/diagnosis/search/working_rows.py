@@ -29,7 +29,7 @@ def on_working_rows(problem: Problem, posterior: Posterior) -> Problem:
         Of the estimator without effects.
     """
     if problem.likelihood.gaussian:
-        return problem
+        return _with_weights(problem)
     eta = posterior.eta(problem.X)[0]
     eta = np.mean(eta[np.isfinite(eta).all(axis=1)], axis=0)
     sigma = float(np.median(posterior.sigma))
@@ -37,6 +37,18 @@ def on_working_rows(problem: Problem, posterior: Posterior) -> Problem:
     model = replace(problem.model, has_row_noise=True)
     X = np.column_stack([problem.X, np.ones(len(eta))])
     return expanded(replace(problem, model=model, X=X), point)
+
+
+def _with_weights(problem: Problem) -> Problem:
+    """Return a problem whose rows have a variance of sigma^2 over their weight.
+
+    N(y; m, sigma^2)^w is N(y; m, sigma^2 / w) but for a factor, which would make w measurements of
+    one: a curve through each row would then leave no noise at all.
+    """
+    if np.all(problem.weights == 1.0):
+        return problem
+    model = replace(problem.model, has_row_noise=True)
+    return replace(problem, model=model, X=np.column_stack([problem.X, problem.weights**-0.5]))
 
 
 def expanded(problem: Problem, point: WorkingPoint) -> Problem:

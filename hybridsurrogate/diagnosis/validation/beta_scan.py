@@ -9,17 +9,18 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 from joblib import delayed
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from sklearn.base import clone
 
 from hybridsurrogate.diagnosis.validation.folds import Folds, folds_beyond, random_folds, rows_of
+from hybridsurrogate.diagnosis.validation.gain import mean_and_error
 from hybridsurrogate.diagnosis.validation.parallel import in_parallel
 from hybridsurrogate.estimators.beta_path import beta_path
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import HybridSurrogateWarning
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.scoring.scores import last_of_the_best, paired_difference
+from hybridsurrogate.scoring.scores import last_of_the_best
 
 # enough to see whether the best weight moved
 _FEW_BETAS, _SCAN_FOLDS = (0.05, 0.25, 0.5, 0.75, 0.95), 3
@@ -40,6 +41,8 @@ class BetaScans:
     X, y : array-like of shape (n, n_columns), (n,)
         Measured data.
     n_jobs : int or None
+    weights : ndarray of shape (n,) or None
+        Of the rows.
     known : dict
         The scans that were tried: out of range or not.
     """
@@ -48,7 +51,12 @@ class BetaScans:
     X: ArrayLike
     y: ArrayLike
     n_jobs: int | None
+    weights: FloatArray | None = None
     known: dict[bool, pd.DataFrame | None] = field(default_factory=dict, repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        tried = sum(scan is not None for scan in self.known.values())
+        return f"BetaScans({len(np.asarray(self.y))} rows, {tried} of 2 scans tried)"
 
     def few(self, out_of_range: bool) -> pd.DataFrame | None:
         """Return the scan within the measured range or beyond it.
@@ -71,7 +79,26 @@ class BetaScans:
         )
         if not folds:
             return None
-        return scan_beta(self.models, np.array(_FEW_BETAS), folds, self.X, self.y, self.n_jobs)
+        betas = np.array(_FEW_BETAS)
+        return scan_beta(self.models, betas, folds, self.X, self.y, self.n_jobs, self.weights)
+
+
+@dataclass(frozen=True)
+class FewScan:
+    """One of the two scans of a fitted diagnosis; calling it tries the weights.
+
+    Attributes
+    ----------
+    scans : BetaScans
+    out_of_range : bool
+    """
+
+    scans: BetaScans
+    out_of_range: bool
+
+    def __call__(self) -> pd.DataFrame | None:
+        """Return the scan, tried when it is first asked for."""
+        return self.scans.few(self.out_of_range)
 
 
 def scan_folds(y: ArrayLike) -> Folds:
@@ -99,6 +126,7 @@ def scan_beta(
     X: ArrayLike,
     y: ArrayLike,
     n_jobs: int | None,
+    weights: FloatArray | None = None,
 ) -> pd.DataFrame:
     """Return the held-out ELPD per row of the models before and after at each weight.
 
@@ -114,6 +142,8 @@ def scan_beta(
     X, y : array-like of shape (n, n_columns), (n,)
     n_jobs : int or None
         Folds at the same time, as in `joblib.Parallel`.
+    weights : ndarray of shape (n,) or None, default=None
+        Of the rows, in the fits and in the means of their scores.
 
     Returns
     -------
@@ -122,42 +152,46 @@ def scan_beta(
         score's difference from that at the best weight, paired by rows.
     """
     (before, after), take, values = models, rows_of(X), np.asarray(y, dtype=float)
+
+    def rows(some: NDArray[np.intp]) -> tuple[ArrayLike, FloatArray, FloatArray | None]:
+        return take(some), values[some], None if weights is None else weights[some]
+
     tasks = [
-        delayed(_scores_of_fold)(model, betas, take(train), values[train], take(test), values[test])
+        delayed(_scores_of_fold)(model, betas, rows(train), rows(test)[:2])
         for model in ([before] if after is before else models)
         for train, test in folds
     ]
     told = in_parallel(tasks, n_jobs)
-    n = len(folds)
-    rows = {
-        "before": np.concatenate(told[:n], axis=1),
-        # the same tasks where nothing was found
-        "after": np.concatenate(told[-n:], axis=1),
-    }
-    means = {word: scores.mean(axis=1) for word, scores in rows.items()}
-    errors = {f"{word}_error": _errors(scores) for word, scores in rows.items()}
+    n, tests = len(folds), np.concatenate([test for _, test in folds])
+    # the same tasks where nothing was found
+    scores = {"before": told[:n], "after": told[-n:]}
+    joined = {word: np.concatenate(parts, axis=1) for word, parts in scores.items()}
+    each = np.ones(len(values)) if weights is None else weights
+    there = np.isfinite(values[tests])
+    share = np.broadcast_to(each[tests].reshape(-1, *[1] * (values.ndim - 1)), there.shape)[there]
+    means = {word: np.average(s, axis=1, weights=share) for word, s in joined.items()}
+    errors = {f"{word}_error": _errors(s, share) for word, s in joined.items()}
     return pd.DataFrame({"beta": betas, **means, **errors})
 
 
 def _scores_of_fold(
     model: PowerScaledSurrogate,
     betas: FloatArray,
-    X: ArrayLike,
-    y: FloatArray,
-    X_held: ArrayLike,
-    y_held: FloatArray,
+    train: tuple[ArrayLike, FloatArray, FloatArray | None],
+    test: tuple[ArrayLike, FloatArray],
 ) -> FloatArray:
     """Return the log predictive density of held-out rows at each weight: (n_betas, n_held)."""
     draws = min(int(model.n_draws), _DRAWS)
     quick = clone(model).set_params(sampler="importance", n_draws=draws)
+    X, y, weights = train
     with warnings.catch_warnings():
         # fits at extreme weights are often doubtful; the curve shows it
         warnings.simplefilter("ignore", HybridSurrogateWarning)
-        path = beta_path(quick, X, y, list(betas))
-        held = np.array([m.log_predictive_density(X_held, y_held) for m in path.estimators])
-    return held[:, np.isfinite(y_held)]
+        path = beta_path(quick, X, y, list(betas), weights)
+        held = np.array([m.log_predictive_density(*test) for m in path.estimators])
+    return held[:, np.isfinite(test[1])]
 
 
-def _errors(scores: FloatArray) -> FloatArray:
-    best = scores[last_of_the_best(scores.mean(axis=1))]
-    return np.array([paired_difference(one, best).standard_error for one in scores])
+def _errors(scores: FloatArray, weights: FloatArray) -> FloatArray:
+    best = scores[last_of_the_best(np.average(scores, axis=1, weights=weights))]
+    return np.array([mean_and_error(one - best, weights)[1] for one in scores])

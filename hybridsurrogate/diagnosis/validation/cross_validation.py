@@ -31,6 +31,7 @@ def cross_validated(
     y: FloatArray,
     n_jobs: int | None,
     progress: bool = False,
+    weights: FloatArray | None = None,
 ) -> tuple[Gain | None, Gain | None]:
     """Return the gain within the measured range and beyond it, None where there are no folds.
 
@@ -44,10 +45,19 @@ def cross_validated(
         Folds at the same time, as in `joblib.Parallel`.
     progress : bool
         Count the folds on a terminal.
+    weights : ndarray of shape (n,) or None
+        Of the rows, in the fits and in the means of their scores.
     """
     take = rows_of(X)
     tasks = [
-        delayed(score_fold)(refitted, take(train), y[train], take(test), y[test])
+        delayed(score_fold)(
+            refitted,
+            take(train),
+            y[train],
+            take(test),
+            y[test],
+            None if weights is None else (weights[train], weights[test]),
+        )
         for train, test in [*within, *beyond]
     ]
     scored: list[FoldScores] = in_parallel(tasks, n_jobs, progress)
@@ -70,6 +80,7 @@ def score_fold(
     y: FloatArray,
     X_held: ArrayLike,
     y_held: FloatArray,
+    weights: tuple[FloatArray, FloatArray] | None = None,
 ) -> FoldScores:
     """Return the scores of the models before and after on held-out rows.
 
@@ -77,8 +88,9 @@ def score_fold(
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", HybridSurrogateWarning)
-        plain, extended, kind = refitted(X, y)
-        before = pointwise(plain, X_held, y_held)
-        after = before if extended is plain else pointwise(extended, X_held, y_held)
+        train, held = (None, None) if weights is None else weights
+        plain, extended, kind = refitted(X, y, train)
+        before = pointwise(plain, X_held, y_held, held)
+        after = before if extended is plain else pointwise(extended, X_held, y_held, held)
     doubts = [str(w.message) for w in caught if "doubtful" in str(w.message)]
     return FoldScores(Held(before, after, kind), doubts)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -10,8 +11,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from hybridsurrogate import digits
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.scoring import elpd, paired_difference
 from hybridsurrogate.scoring.scores import last_of_the_best
 
 COVERAGE_LEVEL, HALF = 0.9, 0.5
@@ -64,6 +65,22 @@ class Gain:
     scan : callable or None
         Returns the held-out scores over the weight beta on which the best weights rest. It is
         called when they are first asked for, and may take longer than the diagnosis.
+    rmse_error, coverage_error, half_error : float
+        Standard errors of the paired differences of RMSE (by the delta method) and of coverage.
+        NaN with a single row.
+
+    Examples
+    --------
+    >>> one, zero = np.ones(2), np.zeros(2)
+    >>> before = Scores(np.array([-2.0, -3.0]), np.array([1.0, 3.0]), one, zero, one)
+    >>> after = Scores(-one, one, one, one, one)
+    >>> print(gain_from(before, after))
+                       before  after  difference
+    ELPD a row          -2.50  -1.00  +1.50 ± 0.50
+    RMSE                 2.24   1.00  -1.24 ± 0.89
+    in 90 % intervals   100 %  100 %  0 % ± 0 %
+    in 50 % intervals     0 %  100 %  +100 % ± 0 %
+    2 held-out rows
     """
 
     elpd_before: float
@@ -80,6 +97,65 @@ class Gain:
     kinds: tuple[str, ...] = ()
     folds: tuple[FoldGain, ...] = ()
     scan: Callable[[], pd.DataFrame | None] | None = field(default=None, repr=False, compare=False)
+    rmse_error: float = field(default=np.nan, compare=False)
+    coverage_error: float = field(default=np.nan, compare=False)
+    half_error: float = field(default=np.nan, compare=False)
+
+    def __repr__(self) -> str:
+        change = digits.plus_minus(self.elpd_difference, self.standard_error, sign=True)
+        return f"{type(self).__name__}({change} nats a row on {self.n_rows} held-out rows)"
+
+    def __str__(self) -> str:
+        rows = [("", "before", "after", "difference"), *self._scores(), *self._shares()]
+        widths = [max(len(row[k]) for row in rows) for k in range(3)]
+        lines = [
+            f"{name:<{widths[0]}}  {a:>{widths[1]}}  {b:>{widths[2]}}  {change}"
+            for name, a, b, change in rows
+        ]
+        chosen = ", ".join(f"{kind} in {n}" for kind, n in Counter(self.kinds).most_common())
+        folds = f"; the searches of {len(self.kinds)} folds chose {chosen}" if chosen else ""
+        return "\n".join([*lines, f"{self.n_rows} held-out rows{folds}"])
+
+    def _scores(self) -> list[tuple[str, ...]]:
+        return [
+            (
+                name,
+                digits.score(a, error),
+                digits.score(b, error),
+                digits.plus_minus(change, error, sign=True),
+            )
+            for name, a, b, change, error in (
+                (
+                    "ELPD a row",
+                    self.elpd_before,
+                    self.elpd_after,
+                    self.elpd_difference,
+                    self.standard_error,
+                ),
+                (
+                    "RMSE",
+                    self.rmse_before,
+                    self.rmse_after,
+                    self.rmse_after - self.rmse_before,
+                    self.rmse_error,
+                ),
+            )
+        ]
+
+    def _shares(self) -> list[tuple[str, ...]]:
+        pairs = (
+            (COVERAGE_LEVEL, self.coverage_before, self.coverage_after, self.coverage_error),
+            (HALF, self.half_before, self.half_after, self.half_error),
+        )
+        return [
+            (
+                f"in {100 * level:.0f} % intervals",
+                f"{100 * a:.0f} %",
+                f"{100 * b:.0f} %",
+                f"{_signed(100 * (b - a))} % ± {digits.fixed(100 * error, 0)} %",
+            )
+            for level, a, b, error in pairs
+        ]
 
     def best_beta_before(self) -> float | None:
         """Return the weight of the simulation with the best held-out score, before.
@@ -99,12 +175,13 @@ class Gain:
 
 
 class Scores(NamedTuple):
-    """Pointwise scores of one fitted estimator on held-out rows."""
+    """Pointwise scores of one fitted estimator on held-out rows, and the weights of the rows."""
 
     log_density: FloatArray
     error: FloatArray
     inside: FloatArray
     inside_half: FloatArray
+    weight: FloatArray
 
 
 class Held(NamedTuple):
@@ -131,47 +208,88 @@ def in_one_word(kinds: Sequence[str]) -> str:
     return " + ".join(sorted(kinds))
 
 
-def pointwise(estimator: Any, X: ArrayLike, y: FloatArray) -> Scores:
+def pointwise(
+    estimator: Any, X: ArrayLike, y: FloatArray, weights: FloatArray | None = None
+) -> Scores:
     """Return log density, error of the mean and whether the intervals hold y, for each row.
 
     Of what was measured; of several outputs errors in shares of the output's spread.
     """
-    inside = estimator.interval_holds(X, y, (COVERAGE_LEVEL, HALF))
-    error = np.asarray(y, dtype=float) - estimator.predict(X)
-    scores = Scores(estimator.log_predictive_density(X, y), error, *inside)
+    inside, half = estimator.interval_holds(X, y, (COVERAGE_LEVEL, HALF))
+    y = np.asarray(y, dtype=float)
+    error, weight = y - estimator.predict(X), np.ones(len(y)) if weights is None else weights
+    scores = Scores(estimator.log_predictive_density(X, y), error, inside, half, weight)
     if error.ndim > 1:
-        scores = scores._replace(error=error / estimator.stacking_.scale)
-    there = np.isfinite(np.asarray(y, dtype=float))
+        scores = scores._replace(
+            error=error / estimator.stacking_.scale,
+            weight=np.repeat(weight[:, None], y.shape[1], 1),
+        )
+    there = np.isfinite(y)
     return Scores(*(values[there] for values in scores))
 
 
 def gain_from(before: Scores, after: Scores, folds: tuple[FoldGain, ...] = ()) -> Gain:
-    """Summarise two sets of pointwise scores of the same rows."""
-    difference = paired_difference(after.log_density, before.log_density)
+    """Summarise two sets of pointwise scores of the same rows, each row with its weight."""
+    weight = before.weight
+    rmse = [
+        float(np.sqrt(mean_and_error(scores.error**2, weight)[0])) for scores in (before, after)
+    ]
+    # d RMSE = d(mean of squares) / (2 RMSE): the delta method
+    per_row = [
+        scores.error**2 / (2 * max(root, np.finfo(float).tiny))
+        for scores, root in zip((before, after), rmse, strict=True)
+    ]
+    change, error = mean_and_error(after.log_density - before.log_density, weight)
     return Gain(
-        elpd(before.log_density)[0],
-        elpd(after.log_density)[0],
-        difference.difference,
-        difference.standard_error,
-        float(np.sqrt(np.mean(before.error**2))),
-        float(np.sqrt(np.mean(after.error**2))),
-        float(np.mean(before.inside)),
-        float(np.mean(after.inside)),
-        float(np.mean(before.inside_half)),
-        float(np.mean(after.inside_half)),
+        mean_and_error(before.log_density, weight)[0],
+        mean_and_error(after.log_density, weight)[0],
+        change,
+        error,
+        rmse[0],
+        rmse[1],
+        mean_and_error(before.inside, weight)[0],
+        mean_and_error(after.inside, weight)[0],
+        mean_and_error(before.inside_half, weight)[0],
+        mean_and_error(after.inside_half, weight)[0],
         len(before.error),
         tuple(fold.kind for fold in folds),
         folds,
+        rmse_error=mean_and_error(per_row[1] - per_row[0], weight)[1],
+        coverage_error=mean_and_error(after.inside - before.inside, weight)[1],
+        half_error=mean_and_error(after.inside_half - before.inside_half, weight)[1],
     )
+
+
+def mean_and_error(values: FloatArray, weight: FloatArray) -> tuple[float, float]:
+    """Return the weighted mean of rows and its standard error, NaN of a single row.
+
+    Weights are fixed and rows independent, whatever their scatter:
+    ``se^2 = n / (n - 1) sum_i w_i^2 (v_i - mean)^2 / (sum_i w_i)^2``, that of a plain mean where
+    all weights are equal.
+    """
+    n, share = len(values), weight / weight.sum()
+    mean = float(share @ values)
+    if n < 2:
+        return mean, float("nan")
+    return mean, float(np.sqrt(n / (n - 1) * np.sum((share * (values - mean)) ** 2)))
+
+
+def _signed(value: float) -> str:
+    text = digits.fixed(value, 0)
+    return f"+{text}" if value > 0 and text != "0" else text
 
 
 def _fold_gain(held: Held) -> FoldGain:
     """Summarise one fold."""
-    difference = held.after.log_density - held.before.log_density
-    n = len(difference)
-    error = float(np.std(difference, ddof=1) / np.sqrt(n)) if n > 1 else float("nan")
-    means = float(np.mean(held.before.log_density)), float(np.mean(held.after.log_density))
-    return FoldGain(held.kind, n, *means, error)
+    before, after, weight = held.before.log_density, held.after.log_density, held.before.weight
+    error = mean_and_error(after - before, weight)[1]
+    return FoldGain(
+        held.kind,
+        len(before),
+        mean_and_error(before, weight)[0],
+        mean_and_error(after, weight)[0],
+        error,
+    )
 
 
 def gain_over(folds: Sequence[Held]) -> Gain:

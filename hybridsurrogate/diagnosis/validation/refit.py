@@ -31,6 +31,7 @@ from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import HybridSurrogateWarning
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.inference.sampling.psis import KHAT_LIMIT
+from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.problem import Problem
 from hybridsurrogate.simulation.outputs import OUTPUT, AllOutputs
 from hybridsurrogate.simulation.simulator import Simulator
@@ -76,11 +77,11 @@ class Refit:
     max_causes: int
     false_alarm_rate: float
 
-    def __call__(self, X: ArrayLike, y: ArrayLike) -> Pair:
+    def __call__(self, X: ArrayLike, y: ArrayLike, weights: FloatArray | None = None) -> Pair:
         """Return the models before and after for these rows."""
         draws = min(int(self.estimator.n_draws), FOLD_DRAWS)
         plain = clone(self.estimator).set_params(n_draws=draws)
-        before = quickly_fitted(plain, X, y, self.fitted.before)
+        before = quickly_fitted(plain, X, y, self.fitted.before, weights)
         prepared = prepare(before, self.own, self.excluded, self.max_causes)
         problem = with_basis(prepared.problem, self.found[0].problem.model.basis)
         problem = on_working_rows(problem, before.posterior_)
@@ -104,7 +105,7 @@ class Refit:
         def fitted(causes: tuple[Cause, ...]) -> PowerScaledSurrogate:
             fit = quickly_fitted if causes == found else coarsely_fitted
             model = clone(plain).set_params(effects=with_rows(causes, steps))
-            return fit(model, X, y, known.get(_forms(causes)))
+            return fit(model, X, y, known.get(_forms(causes)), weights)
 
         return Pair(before, averaged_over(steps, before, fitted), kind)
 
@@ -124,6 +125,7 @@ def quickly_fitted(
     X: ArrayLike,
     y: ArrayLike,
     near: PowerScaledSurrogate | None = None,
+    weights: FloatArray | None = None,
 ) -> PowerScaledSurrogate:
     """Fit by importance draws; by the ensemble only where these are not to be trusted.
 
@@ -132,17 +134,18 @@ def quickly_fitted(
     these serve.
     """
     if estimator.sampler != "auto":
-        return estimator.fit(X, y)
-    known = fitted_near(estimator, X, y, near) if near is not None else None
+        return estimator.fit(X, y, weights)
+    known = fitted_near(estimator, X, y, near, weights) if near is not None else None
     if known is not None:
         return known
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", HybridSurrogateWarning)
-        quick = clone(estimator).set_params(sampler="importance").fit(X, y)
+        quick = clone(estimator).set_params(sampler="importance").fit(X, y, weights)
     if quick.diagnostics_.khat <= KHAT_LIMIT:
         return quick
     # an ensemble that has not converged by then says so
-    return clone(estimator).set_params(sampler=EnsembleSampler(max_steps=FOLD_STEPS)).fit(X, y)
+    ensemble = EnsembleSampler(max_steps=FOLD_STEPS)
+    return clone(estimator).set_params(sampler=ensemble).fit(X, y, weights)
 
 
 def coarsely_fitted(
@@ -150,6 +153,7 @@ def coarsely_fitted(
     X: ArrayLike,
     y: ArrayLike,
     near: PowerScaledSurrogate | None = None,
+    weights: FloatArray | None = None,
 ) -> PowerScaledSurrogate:
     """Fit one of several models that are averaged by importance draws, trusted or not.
 
@@ -160,8 +164,8 @@ def coarsely_fitted(
     model = clone(estimator).set_params(n_draws=min(int(estimator.n_draws), RIVAL_DRAWS))
     if model.sampler == "auto":
         model.set_params(sampler="importance")
-    known = fitted_near(model, X, y, near) if near is not None else None
-    return model.fit(X, y) if known is None else known
+    known = fitted_near(model, X, y, near, weights) if near is not None else None
+    return model.fit(X, y, weights) if known is None else known
 
 
 def accepted(steps: Sequence[Step]) -> tuple[Cause, ...]:
@@ -170,7 +174,11 @@ def accepted(steps: Sequence[Step]) -> tuple[Cause, ...]:
 
 
 def extended(
-    before: PowerScaledSurrogate, steps: Sequence[Step], X: ArrayLike, y: ArrayLike
+    before: PowerScaledSurrogate,
+    steps: Sequence[Step],
+    X: ArrayLike,
+    y: ArrayLike,
+    weights: FloatArray | None = None,
 ) -> PowerScaledSurrogate | AveragedSurrogate:
     """Return the estimator extended by what may be missing, fitted; the one before for nothing.
 
@@ -184,8 +192,8 @@ def extended(
     def fitted(causes: tuple[Cause, ...]) -> PowerScaledSurrogate:
         model = clone(before).set_params(effects=with_rows(causes, steps))
         if causes == found:
-            return model.fit(X, y)
-        return coarsely_fitted(model, X, y)
+            return model.fit(X, y, weights)
+        return coarsely_fitted(model, X, y, weights=weights)
 
     return averaged_over(steps, before, fitted)
 

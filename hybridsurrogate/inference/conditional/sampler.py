@@ -8,7 +8,7 @@ too narrow for what all share, each draw has proposals of its own.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -80,6 +80,7 @@ def second_step(
     scale: float,
     first_step: FloatArray,
     random_state: np.random.RandomState,
+    n_each: int = 1,
 ) -> MeasuredDraws:
     """Draw (omega, theta, sigma, a) given each coefficient draw.
 
@@ -95,6 +96,8 @@ def second_step(
     first_step : ndarray of shape (S, d)
         Draws of u from step 1, which tell where the proposals should lie.
     random_state : RandomState
+    n_each : int, default=1
+        Draws given each, one after the other.
 
     Returns
     -------
@@ -102,13 +105,18 @@ def second_step(
     """
     problem = MeasuredGiven(model, X, y, weights, coefficients, noise_prior, scale)
     if model.n_unknowns in GRID_NODES and not model.effects:
+        problem, first_step = _repeated(problem, n_each), np.repeat(first_step, n_each, axis=0)
         u, resolved = grid_draws(problem, _noise_of(first_step), random_state)
         if resolved:
             return _drawn(problem, u, -np.inf, np.nan, "grid", random_state)
         # far from the simulation's guidance every draw has a narrow posterior of its own
         own = own_draws(problem, np.stack([u, first_step]), random_state)
         return _drawn(problem, *own, "importance", random_state)
-    return _by_proposals(problem, first_step, random_state)
+    return _by_proposals(problem, first_step, random_state, n_each)
+
+
+def _repeated(problem: MeasuredGiven, n_each: int) -> MeasuredGiven:
+    return problem if n_each == 1 else replace(problem, c=np.repeat(problem.c, n_each, axis=0))
 
 
 def _with_wider_noise(log_density: LogDensity, starts: FloatArray, scale: float) -> FloatArray:
@@ -132,7 +140,10 @@ def _noise_of(first_step: FloatArray) -> float:
 
 
 def _by_proposals(
-    problem: MeasuredGiven, first_step: FloatArray, random_state: np.random.RandomState
+    problem: MeasuredGiven,
+    first_step: FloatArray,
+    random_state: np.random.RandomState,
+    n_each: int,
 ) -> MeasuredDraws:
     """Weigh proposals that all coefficient draws share, moved to where the mass is."""
     centre = SharedDraws(problem.draws.centre[None])
@@ -172,16 +183,17 @@ def _by_proposals(
         if enough or round_ == SETTINGS.conditional_rounds - 1:
             break
         components = [moment_match(points, share.mean(axis=1), first), modes[0]]
-    drawn = OwnDraws(u[one_node_each(share, random_state)], khat, effective)
+    node = one_node_each(np.repeat(share, n_each, axis=1), random_state)
+    drawn = OwnDraws(u[node], khat, effective)
     # proposals of its own for each draw take a Hessian each: in many dimensions only where shared
     # ones are doubtful, and never in a hierarchy, whose ridges they do not follow
     doubtful = khat > KHAT_LIMIT or effective < SETTINGS.least_effective
     wanted = doubtful if first_step.shape[1] > SETTINGS.many_dimensions else not enough
     if wanted and coordinates is None:
         best = u[np.argmax(log_weight + log_proposal[:, None], axis=0)]
-        own = own_draws(problem, np.stack([best, plain(first_step)[0]]), random_state)
+        own = own_draws(problem, np.stack([best, plain(first_step)[0]]), random_state, n_each)
         drawn = own if own.khat < max(khat, KHAT_LIMIT) else drawn
-    return _drawn(problem, *drawn, "importance", random_state)
+    return _drawn(_repeated(problem, n_each), *drawn, "importance", random_state)
 
 
 def _drawn(

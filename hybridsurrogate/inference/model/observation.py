@@ -64,6 +64,14 @@ class MeasuredModel(CausesOnRows):
     least_step: float = 0.0
     unchanged: tuple[Basis, dict[str, float]] | None = None
 
+    def __repr__(self) -> str:
+        causes = ", ".join(effect.kind for effect in self.effects) or "none"
+        return (
+            f"MeasuredModel({type(self.basis).__name__}; columns: {', '.join(self.columns)}; "
+            f"unknowns: {', '.join([*self.parameters, *(n for _, n in self.theta_names)])}; "
+            f"causes: {causes})"
+        )
+
     def with_effects(self, effects: Sequence[Cause]) -> MeasuredModel:
         """Return the model with these causes instead; some may change an ODE's right-hand side."""
         basis, constants = self.unchanged or (self.basis, self.constants)

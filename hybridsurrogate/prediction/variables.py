@@ -1,0 +1,150 @@
+"""Draws by name, with their priors; what differs between experiments has a value for each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import norm
+
+from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
+from hybridsurrogate.posterior import Posterior
+from hybridsurrogate.priors import FloatArray, Prior
+
+# values of other variables by name
+Values = Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True)
+class Variable:
+    """Draws of one unknown.
+
+    Attributes
+    ----------
+    name : str
+    values : ndarray of shape (S, ...)
+    log_prior : ndarray of the shape of values, or None
+        Log prior density of each draw, given the variables before; None where the draws are of
+        step 1 alone, in which this is no prior of the measured rows.
+    prior_of : callable or None
+        Takes uniform numbers (N, ...) and prior draws of the variables before, returns prior draws.
+    column : str or None
+        The measured column of experiments.
+    labels : tuple of str
+        What the values along the last axis belong to; empty for a single value.
+    """
+
+    name: str
+    values: FloatArray
+    log_prior: FloatArray | None = None
+    prior_of: Callable[[FloatArray, Values], FloatArray] | None = None
+    column: str | None = None
+    labels: tuple[str, ...] = ()
+
+
+def variables_of(posterior: Posterior, noise_prior: Prior) -> list[Variable]:
+    """Return all unknowns of which the measured rows say something.
+
+    A parameter with a value for each experiment has these values and no other; one that is spread
+    has its mean and the standard deviation between experiments before them, as ``p_mean`` and
+    ``p_spread``. Left out is what is drawn from its prior alone.
+
+    Parameters
+    ----------
+    posterior : Posterior
+    noise_prior : prior of sigma
+    """
+    model = posterior.model
+    named = posterior.named()
+    names, draws = list(named), posterior.values.T
+    differing = {
+        effect.parameter: k
+        for k, effect in enumerate(model.effects)
+        if isinstance(effect, ParameterByExperiment)
+    }
+    out: list[Variable] = []
+    for k, (name, prior) in enumerate(model.parameters.items()):
+        if name in differing:
+            out += _by_experiment(posterior, differing[name], draws[k])
+        else:
+            out.append(_single(name, draws[k], prior))
+    first = model.n_parameters
+    for k, (owner, _) in enumerate(model.theta_names, start=first):
+        if owner not in differing.values() and model.effects[owner].is_learned:
+            out.append(_single(names[k], draws[k], model.all_priors[k]))
+    for k in range(model.n_unknowns, draws.shape[0]):
+        out.append(_single(names[k], draws[k], model.all_priors[k]))
+    rest = {name: values for name, values in named.items() if name not in names[: len(draws)]}
+    for name, values in rest.items():
+        if name.endswith("effect_coefficients"):
+            learned = [model.effects[owner].is_learned for owner, _ in model.column_names]
+            sd = model.column_sd[learned]
+            if len(sd):
+                out.append(_columns(name, values[:, learned], sd))
+        elif values.ndim == 1:
+            out.append(_single(name, values, noise_prior))
+        else:
+            out.append(Variable(name, values))
+    return out
+
+
+def prior_draws(
+    variables: list[Variable], n: int, random_state: np.random.RandomState
+) -> dict[str, FloatArray]:
+    """Return n draws from the priors of all variables that have one, by name.
+
+    Parameters
+    ----------
+    variables : list of Variable
+    n : int
+    random_state : RandomState
+    """
+    drawn: dict[str, FloatArray] = {}
+    for one in variables:
+        if one.prior_of is not None:
+            u = random_state.uniform(size=(n, *one.values.shape[1:]))
+            drawn[one.name] = one.prior_of(u, drawn)
+    return drawn
+
+
+def _single(name: str, values: FloatArray, prior: Prior) -> Variable:
+    with np.errstate(divide="ignore"):
+        log_prior = np.asarray(prior.logpdf(values))
+    return Variable(name, values, log_prior, lambda u, _: np.asarray(prior.ppf(u)))
+
+
+def _columns(name: str, values: FloatArray, sd: FloatArray) -> Variable:
+    return Variable(name, values, norm.logpdf(values, 0, sd), lambda u, _: norm.ppf(u, 0, sd))
+
+
+def _by_experiment(posterior: Posterior, k: int, mean: FloatArray) -> list[Variable]:
+    """Return the values of a parameter in each experiment, after their mean and spread."""
+    model = posterior.model
+    effect = model.effects[k]
+    assert isinstance(effect, ParameterByExperiment)
+    assert effect.prior is not None
+    name, prior, column = effect.parameter, effect.prior, effect.column
+    told = posterior.estimates(k)
+    each = np.column_stack([told[own] for own in told if own != "spread"])
+    labels = tuple(own.removeprefix(f"{column} = ") for own in told if own != "spread")
+    if effect.how == "own":
+        log_prior = np.asarray(prior.logpdf(each))
+        return [
+            Variable(name, each, log_prior, lambda u, _: np.asarray(prior.ppf(u)), column, labels)
+        ]
+    spread: FloatArray = told["spread"]
+    low, high = prior.support()
+    out = [_single(f"{name}_mean", mean, prior)]
+    if "spread" in effect.parameters:
+        out.append(_single(f"{name}_spread", spread, effect.parameters["spread"]))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        log_prior = norm.logpdf(each, 0, spread[:, None])
+
+    def of_prior(u: FloatArray, before: Values) -> FloatArray:
+        sd = before.get(f"{name}_spread", np.full(len(u), spread[0]))
+        values = before[f"{name}_mean"][:, None] + sd[:, None] * norm.ppf(u)
+        return np.clip(values, low, high)
+
+    values = np.clip(mean[:, None] + each, low, high)
+    return [*out, Variable(name, values, log_prior, of_prior, column, labels)]
