@@ -29,7 +29,11 @@ from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPoste
 from hybridsurrogate.inference.conjugate.noise_marginal import KnownNoise, LogMarginal, NoiseTable
 from hybridsurrogate.inference.evidence.grid import Grid, make_grid
 from hybridsurrogate.inference.evidence.linearised import linearise
-from hybridsurrogate.inference.evidence.marginal_likelihood import LocalMode, scan
+from hybridsurrogate.inference.evidence.marginal_likelihood import (
+    LocalMode,
+    scan,
+    scan_with_process,
+)
 from hybridsurrogate.inference.evidence.outliers import settled
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.inference.model.observation import MeasuredModel
@@ -286,20 +290,9 @@ def _with_process(result: Search, w: Candidate, bases: FloatArray) -> float:
         parts = settled(parts, problem.y, w.sigma)
         plain = scan(parts, problem.y[None], w.sigma, noise, sizes)[0]
         beyond_node = float(special.logsumexp(nodes)) - float(plain[0])
-    terms = [
-        np.logaddexp.reduce(
-            scan(
-                replace(parts, U=np.hstack([parts.U, size * basis])),
-                problem.y[None],
-                w.sigma,
-                noise,
-                sizes,
-            )[0]
-        )
-        for basis in bases
-        for size in sizes[::2]
-    ]
-    return float(np.logaddexp.reduce(terms) - np.log(len(terms))) + beyond_node + beyond_last
+    terms = scan_with_process(parts, problem.y, w.sigma, noise, sizes, bases, sizes[::2])
+    added = float(np.logaddexp.reduce(terms, axis=None)) - np.log(len(bases) * len(sizes[::2]))
+    return added + beyond_node + beyond_last
 
 
 def prior_odds(causes: Sequence[Cause | None]) -> FloatArray:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.blocks import BLOCK, blocks, in_blocks
+from hybridsurrogate.blocks import blocks, in_blocks
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.model.observation import MeasuredModel
@@ -82,9 +82,15 @@ class Linearised:
         )
 
     def pieces(self, n_responses: int) -> list[Linearised]:
-        """Cut the nodes into pieces that stay in the processor's cache, unless responses do not."""
+        """Cut the nodes into pieces of which all numbers stay in the processor's cache.
+
+        A node has its columns and, where it differs in the simulation, its mean and slopes (for
+        many responses also slopes that differ from those of another node), in all rows; and
+        products of these with all responses.
+        """
         T, n, q = self.H.shape
-        cuts = blocks(T, n * q, max(BLOCK, n * n_responses))
+        own = q if len(self.mean) == 1 else q + 2 * (1 + self.G.shape[2])
+        cuts = blocks(T, own * max(n, n_responses))
         return [self] if len(cuts) == 1 else [self.at(piece) for piece in cuts]
 
     def simplified(self) -> Linearised:
