@@ -32,7 +32,7 @@ class Grid:
     edges : ndarray of shape (T, len(nodes), 2)
         The cell around each node.
     log_weight : ndarray of shape (T,)
-        Log prior mass of each node.
+        Log prior mass of each node, that of what it stands for included.
     exact : bool
         Whether nothing changes within a cell, so that a finer grid would be no better.
     """
@@ -124,22 +124,30 @@ def _cells(nodes: FloatArray, prior: Prior) -> FloatArray:
 
 
 def at_cells(model: MeasuredModel, grid: Grid, edges: FloatArray) -> Grid:
-    """Return the grid with other cells: nodes in their middle, weighed by their prior mass."""
+    """Return the grid with other cells: nodes in their middle, of their share of the prior."""
+    log_mass = _log_mass(model, grid, edges)
+    # scipy's logsumexp costs a fifth of a millisecond, whatever the size
+    return with_cells(grid, edges, log_mass - np.logaddexp.reduce(log_mass))
+
+
+def with_cells(grid: Grid, edges: FloatArray, log_weight: FloatArray) -> Grid:
+    """Return the grid with other cells of known weight."""
+    return replace(grid, points=edges.mean(axis=2), edges=edges, log_weight=log_weight)
+
+
+def _log_mass(model: MeasuredModel, grid: Grid, edges: FloatArray) -> FloatArray:
+    """Return the log prior mass of cells (T, len(nodes), 2)."""
     log_mass = np.zeros(len(edges))
     for k, position in enumerate(grid.nodes):
         mass = np.diff(model.priors[position].cdf(edges[:, k]), axis=1)[:, 0]
         log_mass += np.log(np.maximum(mass, 1e-300))
-    return replace(
-        grid,
-        points=edges.mean(axis=2),
-        edges=edges,
-        # scipy's logsumexp costs a fifth of a millisecond, whatever the size
-        log_weight=log_mass - np.logaddexp.reduce(log_mass),
-    )
+    return log_mass
 
 
 def refine(model: MeasuredModel, grid: Grid, log_evidence: FloatArray) -> Grid:
     """Split the cells that carry the evidence, three ways along every axis; leave hopeless ones.
+
+    What is left out keeps its prior mass: the evidence is an average over all of the prior.
 
     Parameters
     ----------
@@ -158,13 +166,19 @@ def refine(model: MeasuredModel, grid: Grid, log_evidence: FloatArray) -> Grid:
         return grid
     split = density > density.max() - 30.0
     split &= np.argsort(np.argsort(-density)) < SETTINGS.most_split
-    pieces = grid.edges[split]
+    pieces, weight = grid.edges[split], grid.log_weight[split]
     for k in range(len(grid.nodes)):
         borders = np.linspace(pieces[:, k, 0], pieces[:, k, 1], 4, axis=1)
         pieces = np.repeat(pieces, 3, axis=0)
         pieces[:, k, 0], pieces[:, k, 1] = borders[:, :-1].ravel(), borders[:, 1:].ravel()
+    of_pieces = _log_mass(model, grid, pieces).reshape(len(weight), -1)
+    of_pieces += (weight - np.logaddexp.reduce(of_pieces, axis=1))[:, None]
     kept = ~split & (density > density.max() - SETTINGS.cell_hopeless)
-    return at_cells(model, grid, np.concatenate([grid.edges[kept], pieces]))
+    return with_cells(
+        grid,
+        np.concatenate([grid.edges[kept], pieces]),
+        np.concatenate([grid.log_weight[kept], of_pieces.ravel()]),
+    )
 
 
 def best_levels(grid: Grid, log_evidence: FloatArray) -> FloatArray:

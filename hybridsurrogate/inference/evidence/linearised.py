@@ -7,14 +7,14 @@ constant, a slope measured from the value at which it changes nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.blocks import blocks, in_blocks
+from hybridsurrogate.blocks import LARGE_BLOCK, blocks, in_blocks
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.model.observation import MeasuredModel
@@ -27,6 +27,8 @@ _ABSURD = 1e100
 _SIZE_CAP = 1.0
 # of the largest curve: less is nothing
 _NOTHING = 1e-12
+# numbers of the columns of all nodes that are kept
+_MOST_KEPT = 2 * LARGE_BLOCK
 
 
 @dataclass(frozen=True)
@@ -301,7 +303,48 @@ def linearise(
     The columns of earlier causes join G with their prior sd; those of the last one are sizes.
     ``columns`` may be given where they are known from `columns_at_nodes`.
     """
+    return _linearise(model, X, emulator, grid, z, columns, _slopes(model, X, emulator, grid, z))
+
+
+def linearised_pieces(
+    model: MeasuredModel, X: FloatArray, emulator: EmulatorPosterior, grid: Grid, z: FloatArray
+) -> Iterator[Linearised]:
+    """Return what `linearise` does in pieces, where the columns of all nodes are much memory."""
+    if not is_long(model, X, grid):
+        yield linearise(model, X, emulator, grid, z)
+        return
     around = _slopes(model, X, emulator, grid, z)
+    for piece in blocks(len(grid.points), _numbers(model, X), LARGE_BLOCK):
+        some = grid.at(np.arange(piece.start, piece.stop))
+        yield _linearise(model, X, emulator, some, z, None, around)
+
+
+def is_long(model: MeasuredModel, X: FloatArray, grid: Grid) -> bool:
+    """Return whether a grid has more nodes than are kept with their columns, 64 MB.
+
+    Only that of a cause that adds columns and leaves the simulation and the noise as they are.
+    """
+    if not len(grid.nodes) or model.effects[-1].touches_simulation:
+        return False
+    if model.effects[-1].touches_noise or model.effects[-1].has_outliers:
+        return False
+    return len(grid.points) * _numbers(model, X) > _MOST_KEPT
+
+
+def _numbers(model: MeasuredModel, X: FloatArray) -> int:
+    return len(X) * len(model.effects[-1].coefficients)
+
+
+def _linearise(
+    model: MeasuredModel,
+    X: FloatArray,
+    emulator: EmulatorPosterior,
+    grid: Grid,
+    z: FloatArray,
+    columns: Columns | None,
+    around: _Slopes,
+) -> Linearised:
+    """Return what `linearise` does, with the simulation's slopes known."""
     T, M, d = len(grid.points), len(around.mean), len(grid.fixed)
     G, curves = np.swapaxes(around.slopes[:, :d], 1, 2), around.slopes[:, d:]
     rms = _rms(curves)
