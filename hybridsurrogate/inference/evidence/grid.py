@@ -57,6 +57,11 @@ class Grid:
             log_weight=np.zeros(1),
         )
 
+    def is_neutral(self, z: FloatArray) -> bool:
+        """Return whether at z the sizes change nothing, whatever the node."""
+        neutral = self.neutral[self.sizes]
+        return bool(np.all(z[self.sizes] == neutral) and np.all(np.abs(neutral) < _FARTHEST))
+
     def at(self, index: NDArray[np.intp]) -> Grid:
         """Return the grid at some of its nodes."""
         return replace(

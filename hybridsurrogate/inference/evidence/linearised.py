@@ -254,9 +254,31 @@ def _slopes(
 ) -> _Slopes:
     """Return the output and its slopes, at all nodes where these touch the simulation.
 
-    Some nodes at a time, as the slopes need runs.
+    Some nodes at a time, as the slopes need runs. Where the sizes are zero all nodes share the
+    simulation, and differ in the slopes along the sizes alone.
     """
-    directions = np.concatenate([grid.fixed, grid.sizes])
+    directions = np.append(grid.fixed, grid.sizes)
+    touches = len(grid.nodes) and model.effects[-1].touches_simulation
+    if touches and len(grid.sizes) and grid.is_neutral(z):
+        first = grid.at(np.zeros(1, dtype=int))
+        shared = _slopes_along(model, X, emulator, first, z, directions)
+        along = _slopes_along(model, X, emulator, grid, z, grid.sizes).slopes
+        fixed = shared.slopes[:, : len(grid.fixed)]
+        fixed = np.broadcast_to(fixed, (len(along), *fixed.shape[1:]))
+        mean = np.broadcast_to(shared.mean, (len(along), len(X)))
+        return shared._replace(mean=mean, slopes=np.concatenate([fixed, along], axis=1))
+    return _slopes_along(model, X, emulator, grid, z, directions)
+
+
+def _slopes_along(
+    model: MeasuredModel,
+    X: FloatArray,
+    emulator: EmulatorPosterior,
+    grid: Grid,
+    z: FloatArray,
+    directions: NDArray[np.intp],
+) -> _Slopes:
+    """Return the output and its slopes along some of the unknowns."""
     both = model.basis.is_simulation
     step = model.step if both else _SHORT_STEP
     moves = step * np.eye(len(z))[directions]

@@ -20,6 +20,9 @@ class SearchSettings:
         spread of the output.
     beside_noise : int
         Causes weighed beside correlated noise: those that explain most alone.
+    lengths_with_process : int
+        Groups of neighbouring lengths of a process, each of one evidence, where it is compared
+        with another process in addition: 24 of 94 change its evidence by 0.02.
     behind, behind_nearby, hopeless_nearby : float
         A cause so far behind the best one, prior odds included, is not refined: after a first
         optimisation, or from where that in other rows ended; and where nothing is looked at again.
@@ -98,6 +101,7 @@ class SearchSettings:
     largest_size: float = 3.0
     n_sizes: int = 10
     beside_noise: int = 8
+    lengths_with_process: int = 24
     behind: float = 12.0
     behind_nearby: float = 4.0
     hopeless_nearby: float = 30.0
