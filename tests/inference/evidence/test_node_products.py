@@ -3,12 +3,14 @@
 import subprocess
 import sys
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy import stats
 from scipy.special import logsumexp
 
+from hybridsurrogate.diagnosis.search.evidence import _of_neighbours as of_neighbours
 from hybridsurrogate.inference.conjugate.noise_marginal import KnownNoise
 from hybridsurrogate.inference.evidence.linearised import Linearised
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan, scan_with_process
@@ -141,3 +143,18 @@ def test_a_diagnosis_of_4000_rows_stays_below_600_megabytes():
     )
     kilobytes = int(done.stdout.split()[-1]) / (1024 if sys.platform == "darwin" else 1)
     assert kilobytes < 600_000
+
+
+def test_few_lengths_of_a_process_have_the_prior_mass_and_evidence_of_all():
+    """Evidence that changes smoothly with the length: groups of neighbours share one node."""
+    parts, _ = drawn(90, 12, 2, 3, shared=True)
+    order = np.random.default_rng(2).permutation(90)
+    places = np.linspace(0, 1, 90)[order]
+    log_weight = np.log(0.5 + places) - 5
+    density = -8 * (places - 0.4) ** 2
+    few = of_neighbours(replace(parts, log_weight=log_weight), places, density + log_weight)
+    assert len(few.H) == 24
+    assert logsumexp(few.log_weight) == pytest.approx(logsumexp(log_weight))
+    kept = [int(np.argmin(np.abs(parts.H - H).sum(axis=(1, 2)))) for H in few.H]
+    total = logsumexp(density[kept] + few.log_weight)
+    assert total == pytest.approx(logsumexp(density + log_weight), abs=0.02)
