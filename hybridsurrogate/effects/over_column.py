@@ -12,6 +12,12 @@ from hybridsurrogate.priors import Prior, frozen, period_range, prior_range
 LONGEST_PERIOD = 2.0
 # between more rows a jump is looked for as anything else is: on a grid, finer where it says more
 MOST_GAPS = 400
+# how much faster waves may be in irregular rows than in as many even ones
+_BEYOND_EVEN = 5
+# shares of the rows' phases that agree: a wave is no alias of another one, or as good as one
+_APART, _ALIKE = 0.5, 0.9
+# bins a cycle, and how much finer than one cycle the spectrum is looked at
+_BINS_A_CYCLE, _PADDED = 16, 4
 
 
 def span_and_spacing(values: FloatArray) -> tuple[float, float]:
@@ -19,6 +25,49 @@ def span_and_spacing(values: FloatArray) -> tuple[float, float]:
     distinct = np.unique(values)
     span = float(np.ptp(distinct)) or 1.0
     return span, span / max(len(distinct) - 1, 1)
+
+
+def highest_frequency(values: FloatArray, most_cycles: int) -> float:
+    """Return the highest frequency that rows resolve, in cycles a unit.
+
+    Where rows come evenly spaced, or at whole multiples of a distance, a wave is that of an alias
+    as well, and the highest frequency is half of the first at which all rows meet the same phase
+    (Eyer and Bartholdi 1999, Astronomy and Astrophysics Supplement 135:1). Irregular rows tell much
+    faster waves apart: here up to five times what so many even rows would, as is usual for
+    periodograms (VanderPlas 2018, Astrophysical Journal Supplement 236:16, section 7.1).
+
+    Parameters
+    ----------
+    values : ndarray of shape (n,)
+    most_cycles : int
+        Waves in the span of the rows at most: with rows without end there would be no end of them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> highest_frequency(np.arange(21.0), 100)
+    0.5
+    >>> highest_frequency(20 * np.random.RandomState(0).random_sample(21), 100) > 1.0
+    True
+    """
+    distinct = np.unique(values)
+    n = max(len(distinct), 4)
+    span = float(np.ptp(distinct)) or 1.0
+    even = (n - 1) / 2
+    most = min(_BEYOND_EVEN * even, most_cycles)
+    # the rows' spectral window, up to twice that, from rows put into fine bins
+    bins = int(_BINS_A_CYCLE * 2 * most) + 1
+    place = np.rint((distinct - distinct[0]) / span * (bins - 1)).astype(np.intp)
+    window = np.abs(np.fft.rfft(np.bincount(place, minlength=bins), _PADDED * bins)) / len(distinct)
+    cycles = np.arange(len(window)) * (bins - 1) / (_PADDED * bins)
+    falls = int(np.argmax(window < _APART))
+    again = np.flatnonzero((window > _ALIKE) & (np.arange(len(window)) > falls))
+    if window[falls] < _APART and len(again):
+        first = int(again[0])
+        # the top of that peak
+        top = first + int(np.argmax(window[first : first + 2 * _PADDED]))
+        most = min(most, max(float(np.round(2 * cycles[top])) / 4, 1.0))
+    return most / span
 
 
 def period_prior(values: FloatArray) -> Prior:

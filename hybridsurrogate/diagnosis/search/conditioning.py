@@ -17,7 +17,7 @@ from hybridsurrogate.diagnosis.search.local_fit import (
 from hybridsurrogate.effects.nothing import Nothing
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.conjugate.noise_marginal import LogMarginal
-from hybridsurrogate.inference.evidence.grid import at_cells, make_grid
+from hybridsurrogate.inference.evidence.grid import Grid, make_grid, with_cells
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray, to_normal
@@ -65,12 +65,12 @@ def placed_anew(
     model: MeasuredModel,
     starts: Sequence[FloatArray],
     sigma: float,
-    edges: FloatArray,
+    cells: Grid,
     emulator: EmulatorPosterior,
     noise: LogMarginal,
 ) -> Fitted:
     """Fit a model from starts near its mode, its last cause's grid as fine as it already was."""
-    grid = at_cells(model, make_grid(model), edges)
+    grid = with_cells(make_grid(model), cells.edges, cells.log_weight)
     mode = highest(problem, emulator, model, grid, starts, sigma)
     return settled(problem, emulator, noise, Fitted(model, grid, mode, sigma))
 

@@ -28,8 +28,12 @@ from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.conjugate.noise_marginal import KnownNoise, LogMarginal, NoiseTable
 from hybridsurrogate.inference.evidence.grid import Grid, make_grid
-from hybridsurrogate.inference.evidence.linearised import linearise
-from hybridsurrogate.inference.evidence.marginal_likelihood import LocalMode, scan
+from hybridsurrogate.inference.evidence.linearised import Linearised, linearise
+from hybridsurrogate.inference.evidence.marginal_likelihood import (
+    LocalMode,
+    scan,
+    scan_with_process,
+)
 from hybridsurrogate.inference.evidence.outliers import settled
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.inference.model.observation import MeasuredModel
@@ -289,27 +293,35 @@ def _with_process(result: Search, w: Candidate, bases: FloatArray) -> float:
     # zero but for causes that were placed together, whose evidence is not that of the last one
     beyond_last = w.log_evidence - float(special.logsumexp(nodes))
     best_first = np.argsort(-nodes)
-    parts = parts.at(best_first[nodes[best_first] > nodes.max() - 10.0])
+    likely = best_first[nodes[best_first] > nodes.max() - 10.0]
+    parts = parts.at(likely)
+    if w.cause is not None and w.cause.is_process and len(w.grid.nodes) == 1:
+        parts = _of_neighbours(parts, w.grid.points[likely, 0], nodes[likely])
     beyond_node = 0.0
     if parts.noise_differs:
         # every node would need its own factorisation: the best one tells what a curve adds
         parts = settled(parts, problem.y, w.sigma)
         plain = scan(parts, problem.y[None], w.sigma, noise, sizes)[0]
         beyond_node = float(special.logsumexp(nodes)) - float(plain[0])
-    terms = [
-        np.logaddexp.reduce(
-            scan(
-                replace(parts, U=np.hstack([parts.U, size * basis])),
-                problem.y[None],
-                w.sigma,
-                noise,
-                sizes,
-            )[0]
-        )
-        for basis in bases
-        for size in sizes[::2]
-    ]
-    return float(np.logaddexp.reduce(terms) - np.log(len(terms))) + beyond_node + beyond_last
+    terms = scan_with_process(parts, problem.y, w.sigma, noise, sizes, bases, sizes[::2])
+    added = float(np.logaddexp.reduce(terms, axis=None)) - np.log(len(bases) * len(sizes[::2]))
+    return added + beyond_node + beyond_last
+
+
+def _of_neighbours(parts: Linearised, places: FloatArray, nodes: FloatArray) -> Linearised:
+    """Return the model at few nodes, each with the prior mass of a group of neighbours.
+
+    The columns of a process are many, and change slowly with its length.
+    """
+    if len(places) <= SETTINGS.lengths_with_process:
+        return parts
+    density, chosen, weight = nodes - parts.log_weight, [], []
+    for group in np.array_split(np.argsort(places), SETTINGS.lengths_with_process):
+        mass = np.logaddexp.reduce(parts.log_weight[group])
+        mean = np.logaddexp.reduce(nodes[group]) - mass
+        chosen.append(group[np.argmin(np.abs(density[group] - mean))])
+        weight.append(mass)
+    return replace(parts.at(np.array(chosen)), log_weight=np.array(weight))
 
 
 def prior_odds(causes: Sequence[Cause | None]) -> FloatArray:

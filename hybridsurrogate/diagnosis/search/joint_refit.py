@@ -19,9 +19,9 @@ from hybridsurrogate.diagnosis.search.conditioning import (
 from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
 from hybridsurrogate.diagnosis.search.local_fit import Fitted, node_evidence
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.evidence.levenberg_marquardt import is_followed
 from hybridsurrogate.inference.evidence.settings import SETTINGS
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.problem import Problem
 
 
@@ -72,8 +72,8 @@ def _together(
     best = second._replace(log_evidence=-np.inf)
     fit, reached = Fitted(*second[1:5]), second.log_evidence
     for _ in range(SETTINGS.turns):
-        turned = _turned(result, fit, first.grid.edges)
-        back = _turned(result, turned, second.grid.edges)
+        turned = _turned(result, fit, first.grid)
+        back = _turned(result, turned, second.grid)
         if not np.isfinite(turned.mode.objective + back.mode.objective):
             break
         both = replace(problem, model=problem.model.with_effects(back.model.effects))
@@ -90,7 +90,7 @@ def _together(
     return best if np.isfinite(best.log_evidence) else second
 
 
-def _turned(result: Search, fit: Fitted, edges: FloatArray) -> Fitted:
+def _turned(result: Search, fit: Fitted, cells: Grid) -> Fitted:
     """Return the last but one cause placed anew, the last one held where it was found."""
     problem, model = result.problem, fit.model
     *before, one, other = model.effects
@@ -100,7 +100,7 @@ def _turned(result: Search, fit: Fitted, edges: FloatArray) -> Fitted:
     d = model.n_parameters
     order = [*range(d), *(d + old.index(key) for key in new)]
     starts = [z[order] for z in conditioned_places(problem, fit, result.emulator, result.noise)]
-    return placed_anew(problem, turned, starts, fit.sigma, edges, result.emulator, result.noise)
+    return placed_anew(problem, turned, starts, fit.sigma, cells, result.emulator, result.noise)
 
 
 def _log_evidence(problem: Problem, search: Search, fit: Fitted) -> float:

@@ -9,7 +9,11 @@ from scipy import special
 
 from hybridsurrogate.diagnosis.search.evidence import Search, prior_odds
 from hybridsurrogate.inference.evidence.grid import make_grid
-from hybridsurrogate.inference.evidence.linearised import linearise
+from hybridsurrogate.inference.evidence.linearised import (
+    is_long,
+    linearise,
+    linearised_pieces,
+)
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
 from hybridsurrogate.priors import FloatArray
 
@@ -85,13 +89,16 @@ def statistics(result: Search, responses: FloatArray) -> FloatArray:
         z = w.grid.neutral.copy()
         z[: len(base)] = base
         # in a replicate a change may be anywhere, not only where the measured one is
-        grid = w.grid if len(w.grid.nodes) else make_grid(w.model)
-        parts = linearise(w.model, problem.X, result.emulator, grid, z).simplified()
-        evidence.append(
-            special.logsumexp(
-                scan(parts, responses, null.sigma, result.noise, result.sizes), axis=1
-            )
-        )
+        whole = make_grid(w.model)
+        grid = w.grid
+        if not len(grid.nodes) or is_long(w.model, problem.X, whole):
+            grid = whole
+        pieces = linearised_pieces(w.model, problem.X, result.emulator, grid, z)
+        scans = [
+            scan(parts.simplified(), responses, null.sigma, result.noise, result.sizes)
+            for parts in pieces
+        ]
+        evidence.append(special.logsumexp(np.concatenate(scans, axis=1), axis=1))
     if len(evidence) == 1:
         return np.zeros(len(responses))
     return np.asarray(np.max(evidence[1:], axis=0) - evidence[0])

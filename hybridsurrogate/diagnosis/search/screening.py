@@ -12,6 +12,7 @@ from hybridsurrogate.diagnosis.search.local_fit import (
     InterruptedSearch,
     effect_sizes,
     highest,
+    largest_size,
     node_evidence,
     settled,
     sigma_of,
@@ -19,12 +20,13 @@ from hybridsurrogate.diagnosis.search.local_fit import (
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.conjugate.noise_marginal import LogMarginal
-from hybridsurrogate.inference.evidence.grid import Grid, at_cells, make_grid, refine
+from hybridsurrogate.inference.evidence.grid import Grid, make_grid, refine, with_cells
 from hybridsurrogate.inference.evidence.levenberg_marquardt import (
     best_from_afar,
     best_of_many,
     is_followed,
 )
+from hybridsurrogate.inference.evidence.long_grid import shortened
 from hybridsurrogate.inference.evidence.marginal_likelihood import LocalMode, optimise
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.inference.model.observation import MeasuredModel
@@ -111,7 +113,7 @@ def _unmoved(
 
     Causes that were accepted are held where they are in these rows.
     """
-    grid = at_cells(model, grid, other.grid.edges)
+    grid = with_cells(grid, other.grid.edges, other.grid.log_weight)
     if not np.isfinite(other.mode.objective):
         return Fitted(model, grid, other.mode, other.sigma)
     z, accepted = other.mode.z.copy(), slice(model.n_parameters, len(null.mode.z))
@@ -129,14 +131,15 @@ def _once(
 ) -> Fitted:
     """Climb once, on the first grid."""
     starts, sigma = _starts(model, grid, null), null.sigma
+    args = model, problem.X, problem.y, emulator
+    grid = shortened(*args, grid, starts[0], sigma, largest_size(problem))
     if model.effects[-1].is_correlated_noise:
         # left free it would take all the noise there is: it has the size of the noise
         size = sigma * problem.unit_noise
         mode = optimise(model, problem.X, problem.y, emulator, grid, starts[0], sigma, size)
         return Fitted(model, grid, mode, sigma)
     mode = highest(problem, emulator, model, grid, starts, sigma)
-    args = model, problem.X, problem.y, emulator, grid
-    afar = best_from_afar(*args, null.mode.z, mode.z, SETTINGS.exact_fit * null.sigma)
+    afar = best_from_afar(*args, grid, null.mode.z, mode.z, SETTINGS.exact_fit * null.sigma)
     if afar is not None:
         mode = highest(problem, emulator, model, grid, [afar], sigma)
     for _ in range(SETTINGS.looks):

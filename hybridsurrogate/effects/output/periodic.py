@@ -9,12 +9,18 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, number, plus
-from hybridsurrogate.effects.over_column import LONGEST_PERIOD, OverColumn, period_nodes
+from hybridsurrogate.effects.over_column import (
+    LONGEST_PERIOD,
+    OverColumn,
+    highest_frequency,
+    period_nodes,
+)
 from hybridsurrogate.effects.registry import Form, over_columns, over_inputs, register
 from hybridsurrogate.priors import Prior, frozen
 
-# more periods than this in the measured span are looked for only where a prior says so
-_MOST_CYCLES = 100
+# more periods than this in the measured span are looked for only where a prior says so; with an
+# overtone those of the overtone
+_MOST_CYCLES, _MOST_OF_OVERTONE = 2500, 100
 
 
 class Periodic(OverColumn):
@@ -23,9 +29,9 @@ class Periodic(OverColumn):
     ``simulation + amplitude sin(2 pi x / period + phase)``, with ``harmonics=2`` also
     ``+ overtone sin(4 pi x / period + phase_2)``: a wave whose crests and troughs differ. The
     period is in units of the column, the amplitudes in those of the output. The period is
-    log-uniform between the shortest that the rows resolve (two distances of neighbouring rows, four
-    with an overtone), or a hundredth of their span (a fiftieth) where that is longer, and twice
-    their span: with rows without end there would be no end of periods to try. Linear in
+    log-uniform between the shortest that the rows resolve (two distances of even rows, a fifth of
+    two mean distances of irregular ones, at least a 2500th of their span) and twice their span;
+    with an overtone four distances, at least a fiftieth of the span. Linear in
     sine and cosine at a given period, as in a Lomb-Scargle periodogram (Scargle 1982, Astrophysical
     Journal 263:835).
 
@@ -78,9 +84,12 @@ class Periodic(OverColumn):
         prepared = super().prepare(context)
         if self.period is None:
             distinct = np.unique(context.column(self.column))
-            n = max(len(distinct), 4)
             span = float(np.ptp(distinct)) or 1.0
-            shortest = self.harmonics * span * max(2.0 / (n - 1), 1.0 / _MOST_CYCLES)
+            if self.harmonics == 1:
+                shortest = 1 / highest_frequency(distinct, _MOST_CYCLES)
+            else:
+                n = max(len(distinct), 4)
+                shortest = 2 * span * max(2.0 / (n - 1), 1.0 / _MOST_OF_OVERTONE)
             prepared.period = frozen(stats.loguniform, shortest, LONGEST_PERIOD * span)
         return prepared
 
@@ -161,7 +170,8 @@ register(
         like=("trend", "bump"),
         call="`Periodic(x)`",
         formula="eta + amplitude cos(2π (x - peak) / period)",
-        priors="period: log-uniform, 2 spacings (at least a 100th of the span) to 2 spans",
+        priors="period: log-uniform, 2 spacings (a fifth of that in irregular rows, at least a "
+        "2500th of the span) to 2 spans",
         estimates="period, amplitude, peak",
         left_out="fewer than 8 distinct values",
     )

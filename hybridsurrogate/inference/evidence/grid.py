@@ -32,9 +32,8 @@ class Grid:
     edges : ndarray of shape (T, len(nodes), 2)
         The cell around each node.
     log_weight : ndarray of shape (T,)
-        Log prior mass of each node; all nodes of the first grid together have one.
-    log_total : float or None
-        Log prior mass of the cells of the first grid. None: there was none yet.
+        Log prior mass of each node, that of what it stands for included; all nodes of the first
+        grid together have one.
     exact : bool
         Whether nothing changes within a cell, so that a finer grid would be no better.
     """
@@ -46,7 +45,6 @@ class Grid:
     points: FloatArray
     edges: FloatArray
     log_weight: FloatArray
-    log_total: float | None = None
     exact: bool = False
 
     def followed(self) -> Grid:
@@ -59,6 +57,11 @@ class Grid:
             edges=np.empty((1, 0, 2)),
             log_weight=np.zeros(1),
         )
+
+    def is_neutral(self, z: FloatArray) -> bool:
+        """Return whether at z the sizes change nothing, whatever the node."""
+        neutral = self.neutral[self.sizes]
+        return bool(np.all(z[self.sizes] == neutral) and np.all(np.abs(neutral) < _FARTHEST))
 
     def at(self, index: NDArray[np.intp]) -> Grid:
         """Return the grid at some of its nodes."""
@@ -127,25 +130,30 @@ def _cells(nodes: FloatArray, prior: Prior) -> FloatArray:
 
 
 def at_cells(model: MeasuredModel, grid: Grid, edges: FloatArray) -> Grid:
-    """Return the grid with other cells: nodes in their middle, weighed by their prior mass."""
+    """Return the grid with other cells: nodes in their middle, of their share of the prior."""
+    log_mass = _log_mass(model, grid, edges)
+    # scipy's logsumexp costs a fifth of a millisecond, whatever the size
+    return with_cells(grid, edges, log_mass - np.logaddexp.reduce(log_mass))
+
+
+def with_cells(grid: Grid, edges: FloatArray, log_weight: FloatArray) -> Grid:
+    """Return the grid with other cells of known weight."""
+    return replace(grid, points=edges.mean(axis=2), edges=edges, log_weight=log_weight)
+
+
+def _log_mass(model: MeasuredModel, grid: Grid, edges: FloatArray) -> FloatArray:
+    """Return the log prior mass of cells (T, len(nodes), 2)."""
     log_mass = np.zeros(len(edges))
     for k, position in enumerate(grid.nodes):
         mass = np.diff(model.priors[position].cdf(edges[:, k]), axis=1)[:, 0]
         log_mass += np.log(np.maximum(mass, 1e-300))
-    # scipy's logsumexp costs a fifth of a millisecond, whatever the size
-    total = float(np.logaddexp.reduce(log_mass)) if grid.log_total is None else grid.log_total
-    # cells that were dropped as hopeless keep their mass: a place is paid for however sure it is
-    return replace(
-        grid,
-        points=edges.mean(axis=2),
-        edges=edges,
-        log_weight=log_mass - total,
-        log_total=total,
-    )
+    return log_mass
 
 
 def refine(model: MeasuredModel, grid: Grid, log_evidence: FloatArray) -> Grid:
     """Split the cells that carry the evidence, three ways along every axis; leave hopeless ones.
+
+    What is left out keeps its prior mass: the evidence is an average over all of the prior.
 
     Parameters
     ----------
@@ -164,13 +172,19 @@ def refine(model: MeasuredModel, grid: Grid, log_evidence: FloatArray) -> Grid:
         return grid
     split = density > density.max() - 30.0
     split &= np.argsort(np.argsort(-density)) < SETTINGS.most_split
-    pieces = grid.edges[split]
+    pieces, weight = grid.edges[split], grid.log_weight[split]
     for k in range(len(grid.nodes)):
         borders = np.linspace(pieces[:, k, 0], pieces[:, k, 1], 4, axis=1)
         pieces = np.repeat(pieces, 3, axis=0)
         pieces[:, k, 0], pieces[:, k, 1] = borders[:, :-1].ravel(), borders[:, 1:].ravel()
+    of_pieces = _log_mass(model, grid, pieces).reshape(len(weight), -1)
+    of_pieces += (weight - np.logaddexp.reduce(of_pieces, axis=1))[:, None]
     kept = ~split & (density > density.max() - SETTINGS.cell_hopeless)
-    return at_cells(model, grid, np.concatenate([grid.edges[kept], pieces]))
+    return with_cells(
+        grid,
+        np.concatenate([grid.edges[kept], pieces]),
+        np.concatenate([grid.log_weight[kept], of_pieces.ravel()]),
+    )
 
 
 def best_levels(grid: Grid, log_evidence: FloatArray) -> FloatArray:

@@ -7,14 +7,14 @@ constant, a slope measured from the value at which it changes nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.blocks import BLOCK, blocks, in_blocks
+from hybridsurrogate.blocks import LARGE_BLOCK, blocks, in_blocks
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.evidence.settings import SETTINGS
@@ -28,6 +28,8 @@ _ABSURD = 1e100
 _SIZE_CAP = 1.0
 # of the largest curve: less is nothing
 _NOTHING = 1e-12
+# numbers of the columns of all nodes that are kept
+_MOST_KEPT = 2 * LARGE_BLOCK
 
 
 @dataclass(frozen=True)
@@ -83,9 +85,15 @@ class Linearised:
         )
 
     def pieces(self, n_responses: int) -> list[Linearised]:
-        """Cut the nodes into pieces that stay in the processor's cache, unless responses do not."""
+        """Cut the nodes into pieces of which all numbers stay in the processor's cache.
+
+        A node has its columns and, where it differs in the simulation, its mean and slopes (for
+        many responses also slopes that differ from those of another node), in all rows; and
+        products of these with all responses.
+        """
         T, n, q = self.H.shape
-        cuts = blocks(T, n * q, max(BLOCK, n * n_responses))
+        own = q if len(self.mean) == 1 else q + 2 * (1 + self.G.shape[2])
+        cuts = blocks(T, own * max(n, n_responses))
         return [self] if len(cuts) == 1 else [self.at(piece) for piece in cuts]
 
     def simplified(self) -> Linearised:
@@ -247,9 +255,31 @@ def _slopes(
 ) -> _Slopes:
     """Return the output and its slopes, at all nodes where these touch the simulation.
 
-    Some nodes at a time, as the slopes need runs.
+    Some nodes at a time, as the slopes need runs. Where the sizes are zero all nodes share the
+    simulation, and differ in the slopes along the sizes alone.
     """
-    directions = np.concatenate([grid.fixed, grid.sizes])
+    directions = np.append(grid.fixed, grid.sizes)
+    touches = len(grid.nodes) and model.effects[-1].touches_simulation
+    if touches and len(grid.sizes) and grid.is_neutral(z):
+        first = grid.at(np.zeros(1, dtype=int))
+        shared = _slopes_along(model, X, emulator, first, z, directions)
+        along = _slopes_along(model, X, emulator, grid, z, grid.sizes).slopes
+        fixed = shared.slopes[:, : len(grid.fixed)]
+        fixed = np.broadcast_to(fixed, (len(along), *fixed.shape[1:]))
+        mean = np.broadcast_to(shared.mean, (len(along), len(X)))
+        return shared._replace(mean=mean, slopes=np.concatenate([fixed, along], axis=1))
+    return _slopes_along(model, X, emulator, grid, z, directions)
+
+
+def _slopes_along(
+    model: MeasuredModel,
+    X: FloatArray,
+    emulator: EmulatorPosterior,
+    grid: Grid,
+    z: FloatArray,
+    directions: NDArray[np.intp],
+) -> _Slopes:
+    """Return the output and its slopes along some of the unknowns."""
     both = model.basis.is_simulation
     step = model.step if both else _SHORT_STEP
     moves = step * np.eye(len(z))[directions]
@@ -296,7 +326,48 @@ def linearise(
     The columns of earlier causes join G with their prior sd; those of the last one are sizes.
     ``columns`` may be given where they are known from `columns_at_nodes`.
     """
+    return _linearise(model, X, emulator, grid, z, columns, _slopes(model, X, emulator, grid, z))
+
+
+def linearised_pieces(
+    model: MeasuredModel, X: FloatArray, emulator: EmulatorPosterior, grid: Grid, z: FloatArray
+) -> Iterator[Linearised]:
+    """Return what `linearise` does in pieces, where the columns of all nodes are much memory."""
+    if not is_long(model, X, grid):
+        yield linearise(model, X, emulator, grid, z)
+        return
     around = _slopes(model, X, emulator, grid, z)
+    for piece in blocks(len(grid.points), _numbers(model, X), LARGE_BLOCK):
+        some = grid.at(np.arange(piece.start, piece.stop))
+        yield _linearise(model, X, emulator, some, z, None, around)
+
+
+def is_long(model: MeasuredModel, X: FloatArray, grid: Grid) -> bool:
+    """Return whether a grid has more nodes than are kept with their columns, 64 MB.
+
+    Only that of a cause that adds columns and leaves the simulation and the noise as they are.
+    """
+    if not len(grid.nodes) or model.effects[-1].touches_simulation:
+        return False
+    if model.effects[-1].touches_noise or model.effects[-1].has_outliers:
+        return False
+    return len(grid.points) * _numbers(model, X) > _MOST_KEPT
+
+
+def _numbers(model: MeasuredModel, X: FloatArray) -> int:
+    return len(X) * len(model.effects[-1].coefficients)
+
+
+def _linearise(
+    model: MeasuredModel,
+    X: FloatArray,
+    emulator: EmulatorPosterior,
+    grid: Grid,
+    z: FloatArray,
+    columns: Columns | None,
+    around: _Slopes,
+) -> Linearised:
+    """Return what `linearise` does, with the simulation's slopes known."""
     T, M, d = len(grid.points), len(around.mean), len(grid.fixed)
     G, curves = np.swapaxes(around.slopes[:, :d], 1, 2), around.slopes[:, d:]
     rms = _rms(curves)

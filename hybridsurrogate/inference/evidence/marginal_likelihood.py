@@ -26,6 +26,12 @@ from hybridsurrogate.inference.evidence.linearised import (
     columns_at_nodes,
     linearise,
 )
+from hybridsurrogate.inference.evidence.node_products import (
+    Products,
+    known_covariance,
+    node_products,
+    scaled_covariances,
+)
 from hybridsurrogate.inference.evidence.outliers import heavy_fit, heavy_scan
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.inference.model.observation import MeasuredModel
@@ -64,67 +70,88 @@ def scan(
         return heavy_scan(parts, responses, sigma, log_marginal.log_prior, sizes)
     evidence = []
     for unit, factor in parts.by_noise():
-        whiten, log_det = _whitener(unit.U, sigma)
-        y = whiten((responses / factor).T, 0).T
+        y, covariance = responses / factor, known_covariance(unit.U, sigma)
         for piece in unit.pieces(len(responses)):
-            found = _scan(piece.whitened(whiten), y, sigma, log_marginal, sizes)
-            evidence.append(found - log_det - np.sum(np.log(factor)))
+            (products,) = node_products(piece, y, sigma, covariance)
+            found = _of_products(products, piece, y.shape[1], sigma, log_marginal, sizes)
+            evidence.append(found - np.sum(np.log(factor)))
     return np.concatenate(evidence, axis=1)
 
 
-def _scan(
+def scan_with_process(
     parts: Linearised,
-    y: FloatArray,
+    response: FloatArray,
+    sigma: float,
+    log_marginal: Callable[[FloatArray], FloatArray],
+    sizes: FloatArray,
+    bases: FloatArray,
+    process_sizes: FloatArray,
+) -> FloatArray:
+    """Return the log evidence of every node with a process in addition, (L, K, T).
+
+    Parameters
+    ----------
+    parts, sigma, log_marginal, sizes
+        As for `scan`; the noise of the rows is the same at all nodes.
+    response : ndarray of shape (n,)
+    bases : ndarray of shape (L, n, r)
+        Columns of the process at L lengths.
+    process_sizes : ndarray of shape (K,)
+        Factors on them.
+    """
+    ((unit, factor),) = parts.by_noise()
+    whiten, log_det = _whitener(unit.U, sigma)
+    y, unit = whiten(response / factor, 0)[None], unit.whitened(whiten)
+    out = np.empty((len(bases), len(process_sizes), len(parts.H)))
+    for of_length, basis in zip(out, bases, strict=True):
+        columns = whiten(basis / np.reshape(factor, (-1, 1)), 0)
+        covariances = scaled_covariances(columns, process_sizes, sigma)
+        start = 0
+        for piece in unit.pieces(1):
+            nodes = slice(start, start + len(piece.H))
+            for k, products in enumerate(node_products(piece, y, sigma, covariances)):
+                of_length[k, nodes] = _of_products(
+                    products, piece, y.shape[1], sigma, log_marginal, sizes
+                )[0]
+            start = nodes.stop
+    return out - log_det - np.sum(np.log(factor))
+
+
+def _of_products(
+    products: Products,
+    parts: Linearised,
+    n: int,
     sigma: float,
     log_marginal: Callable[[FloatArray], FloatArray],
     sizes: FloatArray,
 ) -> FloatArray:
-    """Return the log evidence of rows whose covariance is sigma^2 I: U is empty."""
-    G, H = parts.G, parts.H
-    d, n = G.shape[2], y.shape[1]
-    inner = np.swapaxes(G, 1, 2) @ G + sigma**2 * np.eye(d)
-    factor = nudged_cholesky(inner)
-    project = np.linalg.solve(factor, np.swapaxes(G, 1, 2))  # (M, d, n)
-    residual = y[:, None, :] - parts.mean  # (R, M, n)
-    along = np.einsum("mdn,rmn->rmd", project, residual)
-    # the square that G leaves, |r - G g|^2 + sigma^2 |g|^2 at its optimum g: as |r|^2 less what G
-    # explains it would lose all digits where a parameter with a wide prior sets the level of y
-    g = np.linalg.solve(np.swapaxes(factor, 1, 2), along[..., None])[..., 0]
-    residual = residual - np.einsum("mnd,rmd->rmn", G, g)
-    squares = np.einsum("rmn,rmn->rm", residual, residual) + sigma**2 * np.sum(g**2, axis=2)
+    """Return the log evidence (R, T) of n rows: sizes and noise integrated out as well."""
     # rounding is the affair of `log_marginal`, in shares of the spread of y: y itself may be far
     # from zero, and a share of its own square would be more than the noise
     least = np.finfo(float).tiny
-    log_base = -log_det_of(factor) + d * np.log(sigma)
-    T, _, q = H.shape
+    squares, log_base = products.squares, (parts.log_weight - products.log_det)[:, None]
+    T, _, q = products.along.shape
     if not q:
-        out = log_marginal(np.maximum(squares, least)) + log_base + parts.log_weight
-        return np.where(np.isnan(out), -np.inf, out)
-    rest = H - np.swapaxes(project, 1, 2) @ (project @ H)  # (T, n, q), G projected out
-    eigenvalue, vector = np.linalg.eigh(np.swapaxes(H, 1, 2) @ rest)
+        out = log_marginal(np.maximum(squares, least)) + log_base
+        return np.where(np.isnan(out), -np.inf, out).T
+    eigenvalue, vector = np.linalg.eigh(products.inner)
     # what G can draw as well leaves rounding, by the rule of `numpy.linalg.matrix_rank`
-    rounding = n * np.finfo(float).eps * np.einsum("tnq,tnq->t", H, H)[:, None]
-    informed = eigenvalue > rounding
-    eigenvalue = np.where(informed, eigenvalue, 0.0)
-    rotated = H @ (vector * informed[:, None, :])
-    if len(residual[0]) == 1:
-        along_h = residual[:, 0] @ rotated.transpose(1, 0, 2).reshape(n, -1)
-        along_h = along_h.reshape(len(y), T, q)
-    else:
-        along_h = np.einsum("rtn,tnq->rtq", residual, rotated)
+    informed = eigenvalue > n * np.finfo(float).eps * products.squared[:, None]
+    eigenvalue = np.where(informed, eigenvalue, 0.0)[:, None]
+    along = (products.along @ (vector * informed[:, None])) ** 2
     # one size for all directions of a cause; caps bind only parameters, which come alone
     scales = np.maximum(np.minimum(sizes[:, None], parts.cap.min(axis=1)), _NO_SIZE)
     terms = []
-    for scale in np.array_split(scales, -(-scales.size * along_h.size // (BLOCK * T))):
-        ridge = ((sigma / scale) ** 2)[:, None, :, None]
-        reduced = squares - np.sum(along_h**2 / (eigenvalue + ridge), axis=3)
-        log_det_h = 0.5 * np.sum(np.log1p(eigenvalue / ridge), axis=3)
-        terms.append(log_marginal(np.maximum(reduced, least)) - log_det_h)
+    for scale in np.array_split(scales, -(-scales.size * along.size // (BLOCK * T))):
+        ridge = ((sigma / scale) ** 2)[:, :, None, None]
+        reduced = squares - np.sum(along / (eigenvalue + ridge), axis=3)
+        log_det = 0.5 * np.sum(np.log1p(eigenvalue / ridge), axis=3)
+        terms.append(log_marginal(np.maximum(reduced, least)) - log_det)
     # NaN marks a simulation that failed, and is sorted out here
     with np.errstate(invalid="ignore"):
         out = np.logaddexp.reduce(np.concatenate(terms), axis=0) - np.log(len(sizes))
-    out = out + log_base + parts.log_weight
-    return np.where(np.isnan(out), -np.inf, out)
+    out = out + log_base
+    return np.where(np.isnan(out), -np.inf, out).T
 
 
 def _whitener(U: FloatArray, sigma: float) -> tuple[Whiten, float]:

@@ -24,6 +24,9 @@ class SearchSettings:
         that jump there shared the probability in four.
     beside_noise : int
         Causes weighed beside correlated noise: those that explain most alone.
+    lengths_with_process : int
+        Groups of neighbouring lengths of a process, each of one evidence, where it is compared
+        with another process in addition: 24 of 94 change its evidence by 0.02.
     behind, behind_nearby, hopeless_nearby : float
         A cause so far behind the best one, prior odds included, is not refined: after a first
         optimisation, or from where that in other rows ended; and where nothing is looked at again.
@@ -104,6 +107,7 @@ class SearchSettings:
     few_rows: float = 2.05
     few_rows_odds: float = 0.01
     beside_noise: int = 8
+    lengths_with_process: int = 24
     behind: float = 12.0
     behind_nearby: float = 4.0
     hopeless_nearby: float = 30.0

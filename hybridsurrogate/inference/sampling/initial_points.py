@@ -11,6 +11,7 @@ from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_post
 from hybridsurrogate.inference.conjugate.sufficient_statistics import ROUNDING
 from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.levenberg_marquardt import best_from_afar, best_of_spread
+from hybridsurrogate.inference.evidence.long_grid import shortened
 from hybridsurrogate.inference.evidence.marginal_likelihood import optimise
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.inference.sampling.target import Target
@@ -42,6 +43,8 @@ def starting_points(target: Target, random_state: np.random.RandomState) -> Floa
         partial = replace(model, effects=causes)
         grid = make_grid(partial)
         before_it, z = z, np.concatenate([z, grid.neutral[len(z) :]])
+        rows = partial, target.X, target.y, emulator
+        grid = shortened(*rows, grid, z, sigma, 10 * target.scale)
         for round_ in range(SETTINGS.noise_refits):
             mode = optimise(
                 partial, target.X, target.y, emulator, grid, z, sigma, 10 * target.scale

@@ -168,3 +168,39 @@ def test_whitened_rows_are_independent(n, r):
     expected = np.log1p((np.linalg.svd(U, compute_uv=False) / sigma) ** 2).sum() / 2
     np.testing.assert_allclose(log_det, expected, rtol=1e-9)
     np.testing.assert_allclose(whiten(np.ones((2, n, 3)), 1)[1, :, 2], W @ np.ones(n))
+
+
+def test_where_a_size_is_zero_the_simulation_is_run_at_one_node():
+    """Its slopes along the parameters are the same at all nodes; those along the size are not."""
+    rows = []
+
+    def decay(t, rate, start):
+        rows.append(len(t))
+        return start * np.exp(-rate * t)
+
+    priors = {"rate": stats.uniform(0.1, 0.5), "start": stats.norm(1, 0.1)}
+    simulator = hs.Simulator(decay, {"t": (0, 10)}, priors)
+    X = np.linspace(0, 10, 40)[:, None]
+    cause = hs.ParameterDrift("rate", "t", "step")
+    y = decay(X[:, 0], 0.3, 1.0)
+    problem = make_problem(
+        simulator, hs.ExactSurrogate(), hs.Normal(), None, (cause,), ("t",), X, y
+    )
+    model, emulator = problem.model, emulator_posterior(problem.model.basis, None)
+    grid = make_grid(model)
+    z = grid.neutral.copy()
+    z[:2] = 0.4, -0.2
+    assert grid.is_neutral(z)
+    rows.clear()
+    here = linearise(model, X, emulator, grid, z)
+    at_zero = sum(rows)
+    rows.clear()
+    moved = z.copy()
+    moved[grid.sizes] += 1e-9
+    close_by = linearise(model, X, emulator, grid, moved)
+    # three runs a node, and seven at one; elsewhere seven a node
+    assert at_zero < 0.5 * sum(rows)
+    for name in ("mean", "G", "H", "H_rms"):
+        np.testing.assert_allclose(
+            getattr(here, name), getattr(close_by, name), rtol=1e-5, atol=1e-7
+        )
