@@ -131,7 +131,7 @@ class CheckedEstimator(BaseEstimator):
                     "EnsembleSampler(file=...) can only go on with a run whose random_state is an "
                     f"int, got random_state={self.random_state!r}."
                 )
-        elif self.sampler not in SAMPLERS:
+        elif not isinstance(self.sampler, str) or self.sampler not in SAMPLERS:
             raise ValueError(
                 f"sampler must be one of {SAMPLERS} or an EnsembleSampler, got {self.sampler!r}."
                 f"{did_you_mean(self.sampler, SAMPLERS)}"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from sklearn.utils import check_scalar
 
-from hybridsurrogate.arguments.scalars import check_n_jobs, check_number
+from hybridsurrogate.arguments.scalars import check_flag, check_n_jobs, check_number
 from hybridsurrogate.diagnosis.checks.settings import SETTINGS
 from hybridsurrogate.effects.registry import kinds
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
@@ -28,6 +28,7 @@ def check_settings(diagnosis: DiscrepancyDiagnosis) -> None:
     if diagnosis.cv is not None:
         check_scalar(diagnosis.cv, "cv", Integral, min_val=2)
     check_n_jobs(diagnosis.n_jobs)
+    check_flag(diagnosis.progress, "progress")
     as_causes(diagnosis.causes, "causes")
     exclude = diagnosis.exclude
     listed = isinstance(exclude, Collection) and not isinstance(exclude, str)
