@@ -28,7 +28,7 @@ from hybridsurrogate.simulation.outputs import by_output
 
 Columns = Mapping[str, FloatArray]
 # calls of a right-hand side that a step takes by methods of scipy
-_CALLS_A_STEP = 10
+_CALLS_A_STEP = 100
 # sets of solutions that go on together, and are kept
 _GROUPS, _NO_DRIVE = 64, Drive({}, {})
 # times at which a right-hand side is asked whether it takes several

@@ -105,7 +105,7 @@ def rosenbrock(
     out = np.where(times == start, state[:, member], np.nan)
     latest = np.full(m, start)
     np.maximum.at(latest, member, np.where(np.isfinite(times), times, start))
-    state, tried = state.copy(), np.zeros(m, dtype=np.intp)
+    first, state, tried = state, state.copy(), np.zeros(m, dtype=np.intp)
     position, level = np.zeros(m, dtype=np.int64), np.full(m, _FIRST)
     again = np.zeros(m, dtype=bool)
     running = (latest > start) & np.isfinite(state).all(axis=0)
@@ -118,7 +118,9 @@ def rosenbrock(
         t, h = start + span * (before / 2.0**_DEEPEST), span / 2.0**own
         old = state[:, which]
         new, error, bends = _step(slope, t, h, old, which, sizes)
-        scale = np.minimum(np.maximum(np.abs(old), np.abs(new)), sizes[:, None])
+        # of a level far from zero a share is more than all that happens there
+        moved = np.maximum(np.abs(new - first[:, which]), sizes[:, None])
+        scale = np.minimum(np.maximum(np.abs(old), np.abs(new)), moved)
         share = np.max(np.abs(error) / (_RELATIVE * (scale + _ABSOLUTE * sizes[:, None])), axis=0)
         share = np.where(np.isfinite(share), share, np.inf)
         good = share <= 1

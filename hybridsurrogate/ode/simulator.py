@@ -70,9 +70,9 @@ class OdeSimulator(Simulator):
         The step of "rk4", by default the longest that leaves solutions as they are when it is
         halved, from 1/400 to 1/6400 of the range of time; the largest step of scipy's methods,
         which have no limit by default. With "auto" it is that of "rk4".
-    max_steps : int, default=5000
-        Of one solution, by any method but "rk4"; of scipy's methods ten times as many calls of
-        rhs. A solution that takes more counts as failed.
+    max_steps : int, default=1000
+        Of one solution, by any method but "rk4"; of scipy's methods a hundred times as many calls
+        of rhs. A solution that takes more counts as failed.
     sizes : sequence of float, optional
         Of the states, for "rosenbrock": smaller values need not be exact in shares of themselves.
         By default how far states go at the medians of the priors.
@@ -142,7 +142,7 @@ class OdeSimulator(Simulator):
         method: str = "auto",
         max_step: float | None = None,
         modifications: Sequence[Modification] = (),
-        max_steps: int = 5000,
+        max_steps: int = 1000,
         sizes: Sequence[float] = (),
     ) -> None:
         states = as_names(states, "states", '("s", "i")')

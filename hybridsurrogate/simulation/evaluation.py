@@ -130,7 +130,10 @@ def _made(
     """Yield the outcomes that come together, their values as arrays of their outputs."""
     if function.vectorized:
         rows = np.concatenate([runs[k] for k in missing] or [np.empty(0, dtype=np.intp)])
-        y, error = all_at_once(function, points[rows]) if len(rows) else (np.empty(0), None)
+        if not len(rows):
+            yield []
+            return
+        y, error = all_at_once(function, points[rows])
         failed = np.asarray(np.isnan(y).reshape(len(y), -1).all(axis=1))
         yield [
             Outcome(k, value, error if lost else None, 0.0)

@@ -119,8 +119,8 @@ def test_a_start_that_is_unknown():
         np.testing.assert_allclose(found, 0.1 * 7 / 3 * states[1, 1:], rtol=2e-4)
 
 
-@pytest.mark.parametrize("method", ["rosenbrock", "LSODA"])
-def test_a_solution_that_takes_too_many_steps_failed(method):
+@pytest.mark.parametrize(("method", "max_steps"), [("rosenbrock", 200), ("LSODA", 5)])
+def test_a_solution_that_takes_too_many_steps_failed(method, max_steps):
     simulator = hs.OdeSimulator(
         lambda t, state, rate: np.stack([rate * state[1], -rate * state[0]]),
         [1.0, 0.0],
@@ -130,13 +130,23 @@ def test_a_solution_that_takes_too_many_steps_failed(method):
         states=("x", "v"),
         method=method,
         sizes=(1.0, 1.0),
-        max_steps=200,
+        max_steps=max_steps,
     )
     found = simulator([[1.0], [1.0]], [[0.5], [200.0]])
     np.testing.assert_allclose(found[0], np.cos(0.5), rtol=1e-3)
     assert np.isnan(found[1])
-    with pytest.warns(hs.FailedRunsWarning, match="took more than max_steps=200"):
+    with pytest.warns(hs.FailedRunsWarning, match="took more than max_steps"):
         simulator.run(64, random_state=0)
+
+
+def test_far_from_the_medians_solutions_take_hardly_more_steps(chain):
+    """Sizes are those at the medians: a state a hundred times as large took thousands of steps."""
+    factors = np.exp([[4, -4, -4], [-4, 4, 4], [4, 4, -4]])
+    rates = np.array([*RATES.values()]) * factors
+    few = make_chain(method="rosenbrock", sizes=chain.function.sizes, max_steps=400)
+    found = few(np.tile(TIMES, 3)[:, None], np.repeat(rates, 10, axis=0)).reshape(3, 10)
+    for row, own in zip(found, rates, strict=True):
+        np.testing.assert_allclose(row, by_radau(catalysis, START, TIMES, *own)[5], rtol=1e-4)
 
 
 def test_changed_dynamics_keep_the_method(chain):
