@@ -370,7 +370,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             self.search_, prepared.problem.model.basis, self.estimator_.simulation_
         )
         if self.emulator_check_ is not None:
-            self.emulator_check_.warn(self.estimator_.surrogate_)
+            self._doubt(self.emulator_check_.cautions(self.estimator_.surrogate_))
         steps = backfitted(steps, self.search_.problem, prepared.causes)
         steps = with_correlated_noise(steps, prepared.causes, emulator)
         found = steps[0].given_others

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from hybridsurrogate.diagnosis.checks.caution import Caution
 from hybridsurrogate.diagnosis.search.evidence import Search
-from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.simulation.simulator import SimulationData
 from hybridsurrogate.surrogates import Kriging
@@ -75,23 +74,21 @@ class EmulatorCheck(NamedTuple):
             f"close it. Give runs with finer places along {self.along}, {itself}."
         )
 
-    def warn(self, surrogate: Surrogate) -> None:
-        """Warn where the noise does not hide it."""
+    def cautions(self, surrogate: Surrogate) -> list[Caution]:
+        """Return what the noise does not hide."""
+        out = []
         if self.left_open > MOST_OPEN:
-            warnings.warn(
+            out.append(
                 f"At the measured rows the runs leave the simulation open by {self.left_open:.1f} "
-                f"times the noise: effects that are not larger cannot be found. {self.remedy}",
-                DiagnosisWarning,
-                stacklevel=4,
+                f"times the noise: effects that are not larger cannot be found. {self.remedy}"
             )
         if self.missed > MOST_MISSED:
-            warnings.warn(
+            out.append(
                 f"At the measured rows {type(surrogate).__name__}, trained on the runs alone, "
                 f"misses the simulation by {self.missed:.1f} times the noise. The search does "
-                f"without it, but what is predicted rests on it: {advice(surrogate)}.",
-                DiagnosisWarning,
-                stacklevel=4,
+                f"without it, but what is predicted rests on it: {advice(surrogate)}."
             )
+        return [Caution("runs", sentence) for sentence in out]
 
 
 def check_emulator(result: Search, surrogate: Basis, runs: SimulationData) -> EmulatorCheck | None:

@@ -135,20 +135,15 @@ def _undecided(view: View, data: str) -> list[str]:
     name = name_of(view)
     if d.undecided_by_ == "runs":
         assert d.emulator_check_ is not None  # it decided
-        left = digits.number(d.emulator_check_.left_open, 2)
-        out = [
-            f"Undecided: the runs cannot show whether the simulation {name} is right.",
-            f"At the rows of {data} they leave its output open by {left} times the noise.",
-        ]
+        out = [f"Undecided: the runs cannot show whether the simulation {name} is right."]
         if view.extended:
             out.append(
                 f"The evidence favours {label_of_cause(view.cause)}, but what the runs leave open "
                 "may imitate it."
             )
-        out.append(
-            "What would decide: more runs, of which next_runs(n) says the best, or the simulation "
-            "itself with surrogate=ExactSurrogate()."
-        )
+        out.append(f"What would decide: {_lower(d.emulator_check_.remedy)}")
+        if not d.emulator_check_.needs_places:
+            out.append("next_runs(n) says which runs are best.")
     elif d.undecided_by_ == "rows":
         out = [
             f"Undecided: {data} are unlike what the simulation {name} gives, but no cause of the "

@@ -251,6 +251,12 @@ def _look_ahead(
     other = position.get(id(_companion(made[best]).cause))
     if other in made and _companion(made[other]).cause is result.candidates[best].cause:
         best = max(best, other, key=lambda k: result.probability[k])
+    last = _companion(made[best])
+    if last.cause is not None and ends_search(last) and best != at:
+        # nothing is compared given a process: the first cause is what leads the table without it
+        if at not in made:
+            return leading, None, tried
+        best = at
     chosen = made[best]
     return result.candidates[best], scored(with_processes(chosen, thorough)), tried
 
