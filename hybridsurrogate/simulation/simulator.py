@@ -8,6 +8,7 @@ import os
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeGuard
 
 import numpy as np
@@ -31,7 +32,7 @@ from hybridsurrogate.simulation.evaluation import (
 from hybridsurrogate.simulation.files.run_store import RunStore
 from hybridsurrogate.simulation.files.table_file import RUN
 from hybridsurrogate.simulation.modification import Modification
-from hybridsurrogate.simulation.outputs import OUTPUT, OneOutput, output_names
+from hybridsurrogate.simulation.outputs import OUTPUT, OneOutput, by_output, output_names
 from hybridsurrogate.simulation.simulation_data import SimulationData, drop_failed, read_simulation
 from hybridsurrogate.simulation.variables import (
     Assumed,
@@ -514,6 +515,7 @@ class Simulator:
             self.returns,
             self.vectorized,
             self._typical_point,
+            partial(by_output, names=self.outputs, title=repr(self.name)),
         )
 
     def _typical_point(self) -> list[float]:

@@ -11,7 +11,6 @@ import numpy as np
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.calls.function import Function
 from hybridsurrogate.simulation.calls.jobs import in_words
-from hybridsurrogate.simulation.outputs import by_output
 
 
 class TakesNumbersError(Exception):
@@ -54,7 +53,7 @@ def _outputs(function: Function, points: FloatArray) -> FloatArray:
     columns = np.ascontiguousarray(points.T)
     value = function.call(**dict(zip(function.names, columns, strict=True)))
     try:
-        y = by_output(value, function.outputs, repr(function.name))
+        y = function.read(value)
         function.check_shape(y.shape, (len(points), *function.several))
     except ValueError as error:
         raise _ShapeError(str(error)) from error

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.simulation.outputs import by_output
 
 
 @dataclass(frozen=True)
@@ -27,6 +26,8 @@ class Function:
     vectorized : bool
     typical : callable
         Returns arguments at which the function should work.
+    read : callable
+        Makes an array (..., n_outputs), (...) of a single one, of what the function returned.
     """
 
     call: Callable[..., Any]
@@ -36,6 +37,7 @@ class Function:
     returns: str
     vectorized: bool
     typical: Callable[[], Sequence[float]]
+    read: Callable[[Any], FloatArray]
 
     @property
     def several(self) -> tuple[int, ...]:
@@ -44,7 +46,7 @@ class Function:
 
     def of_run(self, value: Any, places: FloatArray) -> FloatArray:
         """Return what one call returned as the outputs of its rows, at places of a curve."""
-        outputs = by_output(value, self.outputs, repr(self.name))
+        outputs = self.read(value)
         if self.returns != "curve":
             self.check_shape(outputs.shape, self.several)
             return outputs[None]
