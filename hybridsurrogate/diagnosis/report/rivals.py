@@ -105,8 +105,11 @@ def _advice(view: View) -> str:
     if verdict == "adequate":
         return "Use the calibrated simulation; measure more if smaller faults matter."
     if verdict == "undecided":
+        runs = "Add the runs of next_runs(n), or let refine() do it, and diagnose again."
+        if d.emulator_check_ is not None and d.emulator_check_.needs_places:
+            runs = d.emulator_check_.remedy
         return {
-            "runs": "Add the runs of next_runs(n), or let refine() do it, and diagnose again.",
+            "runs": runs,
             "rows": "Measure more, or pass a mechanism of your own as a cause.",
             "prior": "Widen the prior, run the simulation there, and diagnose again.",
         }[str(d.undecided_by_)]
