@@ -12,18 +12,13 @@ from hybridsurrogate.diagnosis.checks.residuals import ResidualCheck, leaves_str
 from hybridsurrogate.diagnosis.search.evidence import (
     Candidate,
     Search,
-    family_shares,
     kind_of,
     kind_shares,
     verdict_on,
 )
 from hybridsurrogate.diagnosis.search.forward_selection import Step
-from hybridsurrogate.diagnosis.search.local_prediction import predict_jointly
+from hybridsurrogate.diagnosis.search.local_prediction import draw_the_same, predicted_rows
 from hybridsurrogate.inference.evidence.settings import SETTINGS
-from hybridsurrogate.priors import FloatArray
-
-# nats below which two explanations are the same to these rows
-_SAME = 0.5
 
 
 @dataclass(frozen=True)
@@ -94,8 +89,7 @@ def conclude(
     last = [step for step in steps if step.is_accepted][-1:]
     if word == "named" and any(leaves_structure(step, residual_check) for step in last):
         word = "nearest"
-    shares = family_shares(found)
-    concerns = max(shares, key=lambda name: shares[name]) if word != "adequate" else None
+    cause = first.chosen.cause
     test = first.test
     assert test is not None  # only folds have none
     if left_open > max(MOST_OPEN, size_of_effect(first)):
@@ -104,15 +98,11 @@ def conclude(
         return Verdict("undecided", None, "rows")
     if word != "adequate" and kept_by_prior:
         return Verdict("undecided", None, "prior")
-    return Verdict(word, concerns, None, same, share)
+    return Verdict(word, None if cause is None else cause.concerns, None, same, share)
 
 
 def kinds_of_same_curve(result: Search, chosen: Candidate) -> tuple[str, ...]:
-    """Return the other kinds whose best form no measurement at these rows could tell from a cause.
-
-    Their expected log likelihood ratio, the Kullback-Leibler divergence between the noisy rows that
-    either predicts, is less than a half: a trend and a drift of the slope of a line, or noise that
-    grows and an input in error.
+    """Return the other kinds whose best form draws the same curve as a cause: `draw_the_same`.
 
     Parameters
     ----------
@@ -129,24 +119,9 @@ def kinds_of_same_curve(result: Search, chosen: Candidate) -> tuple[str, ...]:
     own = kind_of(chosen)
     if chosen.cause is None or chosen.cause.is_process:
         return ()
-    curve = predicted_rows(result, chosen)
     return tuple(
-        kind
-        for kind, w in best.items()
-        if kind != own and _divergence(curve, predicted_rows(result, w)) < _SAME
+        kind for kind, w in best.items() if kind != own and draw_the_same(result, chosen, w)
     )
-
-
-def predicted_rows(result: Search, w: Candidate) -> tuple[FloatArray, FloatArray]:
-    """Return mean and variance of the noise of the measured rows under a cause at its best."""
-    mean, _, variance = predict_jointly(result, w, result.problem.X)
-    return mean, variance
-
-
-def _divergence(one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]) -> float:
-    """Return the Kullback-Leibler divergence between independent normal rows."""
-    gap, ratio = one[0] - other[0], one[1] / other[1]
-    return float(np.sum(ratio - 1 - np.log(ratio) + gap**2 / other[1]) / 2)
 
 
 def size_of_effect(step: Step) -> float:

@@ -70,7 +70,28 @@ def output_among_inputs(seed, rng):
     return simulator(), X.assign(flow_again=copy), y, "'flow_again' is the output itself"
 
 
+def narrow_prior(seed, rng):
+    X, y = measured(rng)
+    low, high = ((1.5, 2.5), (0.4, 1.1), (1.36, 1.5), (0.9, 1.24), (2.0, 3.0))[seed % 5]
+    simulation = hs.Simulator(
+        flow,
+        simulator().input_ranges,
+        {"gain": stats.uniform(low, high - low)},
+        output="flow",
+    )
+    return simulation, X, y, r"gain = 1\.3.* \(outside its prior\)|gain = 1\.29.* \(outside"
+
+
+def too_few_runs(seed, rng):
+    X, y = measured(rng)
+    # every second data set holds a fault of twice the noise, which nobody could see
+    y += 2 * NOISE * (seed % 2) * (X.pressure > 5)
+    return simulator().run(5 + seed % 3, random_state=seed), X, y, "undecided by runs"
+
+
 MISTAKES = {
+    "narrow prior": narrow_prior,
+    "too few runs": too_few_runs,
     "one wild row": one_wild_row,
     "swapped columns": swapped_columns,
     "wrong unit": wrong_unit,
@@ -80,9 +101,9 @@ MISTAKES = {
 
 def diagnosed(simulation, X, y):
     """Return a diagnosis, and all that it said or raised instead."""
-    model = hs.PowerScaledSurrogate(
-        simulation, surrogate=hs.ExactSurrogate(), n_draws=200, random_state=0
-    )
+    is_run = isinstance(simulation, hs.SimulationData)
+    surrogate = hs.PolynomialChaos(degree=2) if is_run else hs.ExactSurrogate()
+    model = hs.PowerScaledSurrogate(simulation, surrogate=surrogate, n_draws=200, random_state=0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", hs.HybridSurrogateWarning)
         try:
@@ -92,7 +113,8 @@ def diagnosed(simulation, X, y):
         except ValueError as error:
             return None, str(error)
     said = [one.sentence for one in found.cautions_]
-    return found, " ".join([*said, found.best_cause_.formula])
+    verdict = f"{found.verdict_} by {found.undecided_by_}"
+    return found, " ".join([*said, found.best_cause_.formula, verdict])
 
 
 def outcome(mistake, seed):

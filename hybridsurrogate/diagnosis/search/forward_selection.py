@@ -19,12 +19,16 @@ from hybridsurrogate.diagnosis.search.evidence import (
 from hybridsurrogate.diagnosis.search.exact_scores import scored, screened_at_best
 from hybridsurrogate.diagnosis.search.joint_refit import placed_together
 from hybridsurrogate.diagnosis.search.local_fit import InterruptedSearch
+from hybridsurrogate.diagnosis.search.local_prediction import draw_the_same
 from hybridsurrogate.diagnosis.search.noise_of_outputs import at_best_noise
 from hybridsurrogate.diagnosis.search.null_test import NullTest, evidence_bound, null_test
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.problem.problem import Problem
+
+# probability of a cause that may be meant
+_LIKELY = 0.01
 
 
 @dataclass(frozen=True)
@@ -117,7 +121,7 @@ def forward_search(
             by_chance = test is not None and test.p_value > false_alarm_rate
             if by_chance or result.probability[0] > 0.5:
                 return _alone(steps) or [Step(result, test, result.candidates[0], result)]
-            chosen, given_others = result.candidates[leader(result)], None
+            chosen, given_others = _leading(result), None
             tried: tuple[Search, ...] = ()
             if len(steps) + 1 < max_causes:
                 chosen, given_others, tried = _look_ahead(
@@ -171,12 +175,27 @@ def _beside_same(accepted: Sequence[Cause], nearby: Sequence[Search]) -> Search 
     return next(same, None)
 
 
+def _leading(result: Search) -> Candidate:
+    """Return the most probable cause; a prior that is too narrow before its like.
+
+    A factor on the output, say, may draw the same curve as a parameter beyond its prior. The data
+    cannot tell the two, and the prior is looked at first.
+    """
+    first = result.candidates[leader(result)]
+    for w, probability in zip(result.candidates[1:], result.probability[1:], strict=True):
+        assert w.cause is not None
+        likely = w.cause.concerns == "prior" and probability > _LIKELY
+        if likely and w is not first and draw_the_same(result, first, w):
+            return w
+    return first
+
+
 def _alone(steps: list[Step]) -> list[Step]:
     """Return the steps; one that has no second beside it chooses what leads on its own."""
     if len(steps) != 1:
         return steps
     result = steps[0].search
-    return [replace(steps[0], chosen=result.candidates[leader(result)])]
+    return [replace(steps[0], chosen=_leading(result))]
 
 
 def _search_beside(

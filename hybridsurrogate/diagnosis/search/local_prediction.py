@@ -12,6 +12,9 @@ from hybridsurrogate.inference.evidence.linearised import Linearised, linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
 from hybridsurrogate.priors import FloatArray
 
+# nats below which two explanations are the same to the measured rows
+_SAME = 0.5
+
 
 class Local(NamedTuple):
     """Gaussian posterior of the linear coefficients [g, u, h] of a cause at one node."""
@@ -122,3 +125,24 @@ def predict_jointly(
     variances, directions = np.linalg.eigh((local.covariance + local.covariance.T) / 2)
     loadings = rows.design @ (directions * np.sqrt(np.maximum(variances, 0.0)))
     return rows.offset + rows.design @ local.mean, loadings, (w.sigma * rows.noise) ** 2
+
+
+def predicted_rows(result: Search, w: Candidate) -> tuple[FloatArray, FloatArray]:
+    """Return mean and variance of the noise of the measured rows under a cause at its best."""
+    mean, _, variance = predict_jointly(result, w, result.problem.X)
+    return mean, variance
+
+
+def draw_the_same(result: Search, one: Candidate, other: Candidate) -> bool:
+    """Tell whether no measurement at these rows could tell two causes from each other.
+
+    Their expected log likelihood ratio, the Kullback-Leibler divergence between the noisy rows that
+    either predicts, is less than a half: a trend and a drift of the slope of a line, or noise that
+    grows and an input in error.
+    """
+    (mean, variance), (mean_of_other, variance_of_other) = (
+        predicted_rows(result, w) for w in (one, other)
+    )
+    gap, ratio = mean - mean_of_other, variance / variance_of_other
+    divergence = np.sum(ratio - 1 - np.log(ratio) + gap**2 / variance_of_other) / 2
+    return bool(divergence < _SAME)
