@@ -297,25 +297,23 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         check_rows(len(prepared.problem.y), model.columns, [*model.parameters, *model.constants])
         check_digits(prepared.problem)
         ranges = self.estimator_.simulation_.input_ranges
-        self._doubt(
-            copied_rows(prepared.problem.X, prepared.problem.y),
-            doubtful_columns(prepared.problem, ranges),
-        )
+        self.cautions_ += copied_rows(prepared.problem.X, prepared.problem.y)
+        self.cautions_ += doubtful_columns(prepared.problem, ranges)
         warn_if_slow(prepared.problem, self.cv)
         warn_if_rough(prepared.problem)
         try:
             with one_blas_thread(), doing("Search", bool(self.progress)):
                 steps, verdict = self._search(prepared, random)
                 self._extend(steps, verdict.same_curve, X, y)
+            self.cautions_ += cautions_of_dispersion(prepared.problem, self._of_mean())
+            self.cautions_ += cautions_of_rounding(
+                self.estimator_.likelihood_, self.estimator_.simulation_, self.emulator_check_
+            )
         except KeyboardInterrupt as stop:
             self._keep(prepared, stop)
             raise
-        self._doubt(
-            cautions_of_dispersion(prepared.problem, self._of_mean()),
-            cautions_of_rounding(
-                self.estimator_.likelihood_, self.estimator_.simulation_, self.emulator_check_
-            ),
-        )
+        finally:
+            warn_of(self.cautions_)
         self.n_features_in_ = self.estimator_.n_features_in_
         if hasattr(self.estimator_, "feature_names_in_"):
             self.feature_names_in_ = self.estimator_.feature_names_in_
@@ -325,25 +323,19 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             self._prove(X, self.estimator_.measured_[1], random)
         return self
 
-    def _doubt(self, *cautions: Sequence[Caution]) -> None:
-        """Keep cautions, and warn the caller of ``fit`` of them."""
-        for some in cautions:
-            self.cautions_ += some
-            warn_of(some, stacklevel=4)
-
-    def _doubts_of(
-        self, steps: Sequence[Step], problem: Problem, verdict: str
-    ) -> list[list[Caution]]:
+    def _doubts_of(self, steps: Sequence[Step], problem: Problem, verdict: str) -> list[Caution]:
         """Return what makes a search doubtful: single rows, columns and their units."""
         first, ranges = steps[0], self.estimator_.simulation_.input_ranges
         found = with_rows(accepted(steps), steps)
-        left_out = [gross_errors(one) for one in found if isinstance(one, GrossError)]
+        left_out = [
+            one for cause in found if isinstance(cause, GrossError) for one in gross_errors(cause)
+        ]
         if left_out:
             return left_out
-        out = [single_rows(first.search, first.chosen)]
+        out = list(single_rows(first.search, first.chosen))
         if verdict != "adequate":
-            out.append(better_columns(first.search, ranges, first.chosen))
-        return out if verdict in ("named", "nearest") else [*out, mirrored(problem)]
+            out += better_columns(first.search, ranges, first.chosen)
+        return out if verdict in ("named", "nearest") else [*out, *mirrored(problem)]
 
     def _forget(self) -> None:
         """Drop what an earlier fit found: after an interrupt it would stand beside the new."""
@@ -357,12 +349,12 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         problem = on_working_rows(problem, self.estimator_.posterior_)
         settings = int(self.max_causes), self.false_alarm_rate, int(self.n_replicates)
         steps = forward_search(problem, prepared.causes, emulator, *settings, random_state)
-        doubts = []
+        doubts: list[Caution] = []
         if is_exact(steps[0].search):
             steps = forward_search(
                 blurred(problem), prepared.causes, emulator, *settings, random_state
             )
-            doubts = [exact(steps[0].search)]
+            doubts += exact(steps[0].search)
         test = steps[0].test
         assert test is not None  # only folds have none
         self.search_, self.p_value_ = steps[0].search, test.p_value
@@ -370,7 +362,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             self.search_, prepared.problem.model.basis, self.estimator_.simulation_
         )
         if self.emulator_check_ is not None:
-            self._doubt(self.emulator_check_.cautions(self.estimator_.surrogate_))
+            self.cautions_ += self.emulator_check_.cautions(self.estimator_.surrogate_)
         steps = backfitted(steps, self.search_.problem, prepared.causes)
         steps = with_correlated_noise(steps, prepared.causes, emulator)
         found = steps[0].given_others
@@ -379,11 +371,11 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         verdict = self._conclude(steps)
         doubts += self._doubts_of(steps, prepared.problem, verdict.word)
         first = steps[0].chosen.cause
-        rests_on_it = any(one.about in ("data", "columns") for some in doubts for one in some)
+        rests_on_it = any(one.about in ("data", "columns") for one in doubts)
         if verdict.word == "named" and rests_on_it and first is not None and first.changes_output:
             self.verdict_ = "nearest"
         self.probability_right_ = self._probability_right(steps[0], verdict.share)
-        self._doubt(*doubts)
+        self.cautions_ += doubts
         ranges = self.estimator_.simulation_.input_ranges
         places = [next_measurement(step.given_others, ranges) for step in steps]
         most = max(range(len(steps)), key=lambda k: places[k].information)

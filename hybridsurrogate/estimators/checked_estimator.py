@@ -175,7 +175,7 @@ class CheckedEstimator(BaseEstimator):
         # scikit-learn stores names where it finds them; ``fit`` stores nothing before its end
         seen = copy.copy(self)
         check_outcomes(y, likelihood)
-        if len(self._output_names(y)) == 1:
+        if len(self._output_names(None if y is None else as_table(y, "y"))) == 1:
             X, y, sample_weight = without_gaps(X, y, sample_weight)
         X = complete_table(X, labels=self.experiment)
         tables = [X, *self._further_tables()]

@@ -111,7 +111,9 @@ def rows(doors, argument, values, words):
 
 
 TABLE = [
-    *rows([*SIMULATIONS, *RUNS], "parameters", NO_MAPPING, "parameters must be a dict of name"),
+    *rows(SIMULATIONS, "parameters", NO_MAPPING, "parameters must be a dict of name"),
+    # of runs names will do: their priors are uniform over the runs
+    *rows(RUNS, "parameters", [5, {"t"}, np.zeros(3)], "parameters must be a dict of name"),
     *rows([*SIMULATIONS, *RUNS], "assumed", NO_MAPPING, "assumed must be a dict of name"),
     *rows([*SIMULATIONS, *RUNS], "parameters", [{1: G}], "names in parameters must be text, got 1"),
     *rows([*SIMULATIONS, *RUNS], "assumed", [{"a": 1.0}], "must be Assumed.*got 1"),
@@ -128,7 +130,7 @@ TABLE = [
     *rows([ode], "rhs", [5, None], "rhs must be callable"),
     *rows([ode], "observe", [[], None], "observe must be callable"),
     *rows([ode], "states", NO_NAMES, "states must be a name or a list of names"),
-    *rows([ode], "method", [5, np.zeros(2)], "method must be one of rk4"),
+    *rows([ode], "method", [5, np.zeros(2)], "method must be one of auto"),
     *rows([ode], "max_step", ["a", [1, 2]], "max_step must be a number"),
     *rows([ode], "modifications", [5, "step", [1]], "modifications must"),
     *rows([command], "command", [5j, {}, [None]], "command must be text"),

@@ -163,10 +163,12 @@ def test_a_product_from_zero():
 
 def test_a_jump_that_ends():
     before = hs.Step("t", before=True)
-    assert before.columns({"t": np.array([1.0, 4.0])}, {"location": 2.5}).ravel().tolist() == [1, 0]
+    # the amplitude is the change at the place
+    rows = {"t": np.array([1.0, 4.0])}
+    assert before.columns(rows, {"location": 2.5}).ravel().tolist() == [-1, 0]
     prepared = before.prepare(Context({"t": T}, 1, {}, {}, 1.0))
     assert (
-        prepared.formula({"location": 2.5, "amplitude": 1}) == "simulation, and before t = 2.5 +1"
+        prepared.formula({"location": 2.5, "amplitude": 1}) == "simulation, and before t = 2.5 -1"
     )
     assert "< 2.5" in prepared.latex({"location": 2.5, "amplitude": 1})
 

@@ -56,7 +56,7 @@ def test_lags_of_other_solutions_change_nothing():
     t, omega = np.linspace(1, 5, 12), np.tile([0.7, 0.0], (12, 1))
     alone = late(t, omega)
     lags = np.repeat([0.0, 0.3, np.nan, -1.0], 12)
-    mixed = late(np.tile(t, 4), np.column_stack([np.full(48, 0.7), lags])).reshape(4, 12)
+    mixed = late.evaluate(np.tile(t, 4), np.column_stack([np.full(48, 0.7), lags])).reshape(4, 12)
     assert_same_numbers(mixed[0], alone)
     assert np.isfinite(mixed[1]).all()
     # what is still to come cannot be seen: impossible, but where the solution starts

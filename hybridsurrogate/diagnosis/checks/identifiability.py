@@ -48,6 +48,8 @@ def confounding(
     # the noise of several outputs and a remainder, which follow, are no causes
     n = sum(effect.is_learned for effect in after.effects)
     for k, cause in enumerate(last.model.effects[:n]):
+        if cause.replaces in names:  # it is the parameter itself, with a wider prior
+            continue
         curve = _curve(first, last, k, X)
         for j, name in enumerate(names):
             if cause.target == name:

@@ -144,5 +144,7 @@ def test_what_helps_is_what_is_named():
     assert of_places.between_runs == pytest.approx(np.sqrt(4 - 1.9**2))
     assert of_places.remedy.startswith("Most of it lies between the places of the runs along day")
     assert "Give runs with finer places along day" in of_places.remedy
-    with pytest.warns(hs.DiagnosisWarning, match=r"open by 2\.0 times the noise: .* finer places"):
-        of_places.warn(hs.Kriging())
+    (caution,) = of_places.cautions(hs.Kriging())
+    assert caution.about == "runs"
+    assert "open by 2.0 times the noise" in caution.sentence
+    assert "finer places" in caution.sentence

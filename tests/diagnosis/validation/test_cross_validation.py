@@ -322,7 +322,7 @@ def test_a_simulation_that_stays_in_its_process_is_diagnosed_there():
         ({"cv": 1}, "cv == 1, must be >= 2"),
         ({"cv": "5"}, "cv must be an instance of int"),
         ({"n_jobs": 0}, "n_jobs must be a number of processes"),
-        ({"n_jobs": "all"}, "n_jobs must be an instance of int"),
+        ({"n_jobs": "all"}, "n_jobs must be a number of processes"),
     ],
 )
 def test_folds_are_checked_before_the_search(simulator, setting, match):

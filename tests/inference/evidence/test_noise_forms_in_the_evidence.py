@@ -13,7 +13,7 @@ from scipy.special import logsumexp
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.search.evidence import search
 from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
-from hybridsurrogate.diagnosis.search.null_test import _replicates, null_test
+from hybridsurrogate.diagnosis.search.null_test import null_test, replicates
 from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
 from hybridsurrogate.inference.evidence.grid import make_grid
@@ -163,7 +163,7 @@ def test_replicates_beside_accepted_noise_have_that_noise():
     problem = replace(found.problem, model=found.problem.model.with_effects((first.cause,)))
     others = [w.cause for w in found.candidates if w.cause and w is not first]
     beside = search(problem, others, found.emulator, False, first)
-    drawn = _replicates(beside, 400, np.random.RandomState(0))
+    drawn = replicates(beside, 400, np.random.RandomState(0))
     spread = drawn.std(axis=0)
     expected = sd[-40:].mean() / sd[:40].mean()
     assert spread[-40:].mean() / spread[:40].mean() == pytest.approx(expected, rel=0.25)
