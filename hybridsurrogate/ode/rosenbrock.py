@@ -56,7 +56,7 @@ _BETWEEN = (
 # and take none so long that what is between its ends is no better known than to third order
 _DEEPEST, _FIRST, _LONGEST = 44, 12, 6
 # errors of a step in shares of a state; of a small one in shares of its size
-_RELATIVE, _ABSOLUTE = 3e-5, 1e-4
+_RELATIVE, _ABSOLUTE = 1e-4, 3e-4
 # how often the step changes by two at a time
 _MOST_HALVINGS, _MOST_DOUBLINGS = 12, 3
 

@@ -54,6 +54,15 @@ def chosen(function: OdeFunction, columns: Columns, span: float) -> OdeFunction:
     solutions = _solved(stiff, columns)
     if found.good and _known(solutions).sum() <= found.known.sum():
         return replace(function, step=span / found.n_steps)
+    lost = ~_known(solutions)
+    if lost.any():
+        warnings.warn(
+            f"Of {len(lost)} solutions from the priors {int(lost.sum())} were not finished in "
+            f"{stiff.max_steps} steps: parameters like theirs count as impossible. Narrow the "
+            "priors, or give more max_steps.",
+            SolverWarning,
+            stacklevel=4,
+        )
     return replace(stiff, max_steps=function.max_steps)
 
 

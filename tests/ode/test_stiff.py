@@ -71,6 +71,22 @@ def test_solutions_are_those_of_an_implicit_method(chain):
         np.testing.assert_allclose(row, by_radau(catalysis, START, TIMES, *own)[5], rtol=1e-5)
 
 
+def test_a_fit_of_stiff_rates_ends(chain):
+    """Draws far out in the priors took the most steps that there may be: minutes, or no end."""
+    rng = np.random.default_rng(0)
+    y = chain(TIMES[:, None], np.tile([*RATES.values()], (10, 1))) * np.exp(
+        0.2 * rng.standard_normal(10)
+    )
+    model = hs.PowerScaledSurrogate(
+        chain, surrogate=hs.ExactSurrogate(), likelihood="lognormal", n_draws=300, random_state=0
+    )
+    draws = model.fit(TIMES[:, None], y).posterior_.named()
+    for name, value in RATES.items():
+        low, high = np.quantile(draws[name], [0.005, 0.995])
+        assert low < value < high
+    assert not model.diagnostics_.n_steps  # no ensemble was needed
+
+
 def test_a_solution_does_not_depend_on_those_that_run_with_it(chain):
     rates = np.array([*RATES.values()]) * np.exp(np.random.default_rng(1).normal(size=(5, 3)))
     together = chain(np.tile(TIMES, 5)[:, None], np.repeat(rates, 10, axis=0)).reshape(5, 10)
@@ -116,7 +132,8 @@ def test_a_start_that_is_unknown():
     for r0, lead in [(2.2, 4.0), (3.5, 0.7)]:
         states = by_radau(epidemic, [1e6 - 1, 0, 1], np.append(0, t + lead), r0, 0.0)
         found = simulator(t[:, None], np.tile([r0, lead], (23, 1)))
-        np.testing.assert_allclose(found, 0.1 * 7 / 3 * states[1, 1:], rtol=2e-4)
+        expected = 0.1 * 7 / 3 * states[1, 1:]
+        np.testing.assert_allclose(found, expected, rtol=5e-4)
 
 
 @pytest.mark.parametrize(("method", "max_steps"), [("rosenbrock", 200), ("LSODA", 5)])
