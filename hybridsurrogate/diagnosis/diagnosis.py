@@ -194,8 +194,9 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         before it. None where rows are few, or have no order: of several inputs without an
         `OdeSimulator`, none by which they come sorted.
     at_prior_end_ : list of AtPriorEnd
-        Parameters of the extended model that the data push against the end of their prior: what was
-        found may stand for what the prior excludes.
+        Parameters of the extended model, and where the verdict is "undecided" of the one before,
+        that the data push against the end of their prior: what was found may stand for what the
+        prior excludes.
     next_measurement_ : dict of str to float
         Inputs at which one more measurement would best tell the rivals apart; of several causes,
         the rivals of the one of which it tells most.

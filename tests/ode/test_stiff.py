@@ -71,6 +71,7 @@ def test_solutions_are_those_of_an_implicit_method(chain):
         np.testing.assert_allclose(row, by_radau(catalysis, START, TIMES, *own)[5], rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_fit_of_stiff_rates_ends(chain):
     """Draws far out in the priors took the most steps that there may be: minutes, or no end."""
     rng = np.random.default_rng(0)
