@@ -80,9 +80,10 @@ def judged(data: TextbookSet, diagnosis: hs.DiscrepancyDiagnosis) -> str:
     """Return whether what is documented was found, or for a control whether nothing was named."""
     verdict, best = diagnosis.verdict_, diagnosis.best_cause_
     if not data.kinds:
-        named = {"adequate": "nothing", "ambiguous": "no name", "unexplained": "no name"}
+        named = {"adequate": "nothing", "undecided": "nothing"}
+        named |= {"ambiguous": "no name", "unexplained": "no name"}
         return named.get(verdict, "a name")
-    if verdict == "adequate":
+    if verdict in ("adequate", "undecided"):
         return "not seen"
     best_form = diagnosis.causes_.groupby("kind", sort=False)["form"].first()
     if {best.kind, best_form[best.kind]} & set(data.kinds):
