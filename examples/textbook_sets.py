@@ -206,22 +206,23 @@ FAULTS = (
     TextbookSet(
         "forbes", "MASS/forbes", ("bp",), "pres", boiling_pressure,
         {"at_boiling": norm(30, 3), "latent": norm(9, 3)}, "one outlier (row 12)",
-        ("noise: tails",), likelihood="lognormal",
+        ("noise: tails", "gross-error"), likelihood="lognormal",
     ),
     TextbookSet(
         "hills", "MASS/hills", ("dist", "climb"), "time", running,
         {"per_mile": positive(7, 3, 1, 30), "per_1000": positive(10, 5, 0, 40)},
-        "one time is wrong by an hour, another suspicious", ("noise: tails",), inputs=2,
+        "one time is wrong by an hour, another suspicious",
+        ("noise: tails", "gross-error"), inputs=2,
         likelihood="lognormal",
     ),
     TextbookSet(
         "newcomb", "MASS/newcomb", ("row",), "dat", constant, {"mean": norm(30, 20)},
-        "two outliers", ("noise: tails",), load=numbered,
+        "two outliers", ("noise: tails", "gross-error"), load=numbered,
     ),
     TextbookSet(
         "davis", "carData/Davis", ("repwt",), "weight", line,
         {"level": norm(0, 10), "slope": norm(1, 0.2)}, "weight and height swapped in one row",
-        ("noise: tails",),
+        ("noise: tails", "gross-error"),
     ),
     TextbookSet(
         "stars", "robustbase/starsCYG", ("temperature",), "log.light", line,

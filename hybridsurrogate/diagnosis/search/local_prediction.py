@@ -12,8 +12,9 @@ from hybridsurrogate.inference.evidence.linearised import Linearised, linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
 from hybridsurrogate.priors import FloatArray
 
-# nats below which two explanations are the same to the measured rows
-_SAME = 0.5
+# two explanations are the same to the measured rows if they are less than so many nats apart, and
+# less than this share of how far either is from nothing wrong
+_SAME, _OF_EFFECT = 0.5, 0.02
 
 
 class Local(NamedTuple):
@@ -137,12 +138,14 @@ def draw_the_same(result: Search, one: Candidate, other: Candidate) -> bool:
     """Tell whether no measurement at these rows could tell two causes from each other.
 
     Their expected log likelihood ratio, the Kullback-Leibler divergence between the noisy rows that
-    either predicts, is less than a half: a trend and a drift of the slope of a line, or noise that
-    grows and an input in error.
+    either predicts, is less than a half, and small against that from what nothing wrong predicts: a
+    trend and a drift of the slope of a line, or noise that grows and an input in error.
     """
-    (mean, variance), (mean_of_other, variance_of_other) = (
-        predicted_rows(result, w) for w in (one, other)
-    )
-    gap, ratio = mean - mean_of_other, variance / variance_of_other
-    divergence = np.sum(ratio - 1 - np.log(ratio) + gap**2 / variance_of_other) / 2
-    return bool(divergence < _SAME)
+    first, second, nothing = (predicted_rows(result, w) for w in (one, other, result.candidates[0]))
+    return _divergence(first, second) < min(_SAME, _OF_EFFECT * _divergence(first, nothing))
+
+
+def _divergence(one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArray]) -> float:
+    """Return the Kullback-Leibler divergence between independent normal rows."""
+    gap, ratio = one[0] - other[0], one[1] / other[1]
+    return float(np.sum(ratio - 1 - np.log(ratio) + gap**2 / other[1]) / 2)

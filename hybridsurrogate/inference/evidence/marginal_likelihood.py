@@ -134,7 +134,9 @@ def _of_products(
     if not q:
         out = log_marginal(np.maximum(squares, least)) + log_base
         return np.where(np.isnan(out), -np.inf, out).T
-    eigenvalue, vector = np.linalg.eigh(products.inner)
+    # where the simulation failed, or overflowed, there is nothing to decompose
+    failed = np.asarray(~np.isfinite(products.inner).all(axis=(1, 2)))
+    eigenvalue, vector = np.linalg.eigh(np.where(failed[:, None, None], 0.0, products.inner))
     # what G can draw as well leaves rounding, by the rule of `numpy.linalg.matrix_rank`
     informed = eigenvalue > n * np.finfo(float).eps * products.squared[:, None]
     eigenvalue = np.where(informed, eigenvalue, 0.0)[:, None]
@@ -151,7 +153,7 @@ def _of_products(
     with np.errstate(invalid="ignore"):
         out = np.logaddexp.reduce(np.concatenate(terms), axis=0) - np.log(len(sizes))
     out = out + log_base
-    return np.where(np.isnan(out), -np.inf, out).T
+    return np.where(np.isnan(out) | failed[:, None], -np.inf, out).T
 
 
 def _whitener(U: FloatArray, sigma: float) -> tuple[Whiten, float]:

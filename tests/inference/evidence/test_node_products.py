@@ -64,6 +64,20 @@ def test_the_evidence_is_the_density_of_the_rows(shared, q, emulator, n_response
         assert found[r, node] == pytest.approx(expected, abs=1e-8)
 
 
+@pytest.mark.parametrize("broken", [np.nan, 1e200])
+def test_nodes_at_which_the_simulation_fails_are_impossible(broken):
+    """A decomposition of what is not finite raised, and the search with it."""
+    parts, responses = drawn(4, 12, 2, 2)
+    expected = scan(parts, responses, SIGMA, fixed_sigma(12), np.array([0.3, 3.0]))
+    mean, G, H = parts.mean.copy(), parts.G.copy(), parts.H.copy()
+    mean[1], G[1], H[1] = broken, broken, broken
+    some = replace(parts, mean=mean, G=G, H=H)
+    with np.errstate(all="ignore"):
+        found = scan(some, responses, SIGMA, fixed_sigma(12), np.array([0.3, 3.0]))
+    assert np.all(found[:, 1] == -np.inf) or np.all(found[:, 1] < expected[:, 1] - 1e3)
+    np.testing.assert_allclose(found[:, [0, 2, 3]], expected[:, [0, 2, 3]], rtol=1e-9)
+
+
 @pytest.mark.parametrize("shared", [True, False], ids=["one simulation", "one a node"])
 def test_with_a_process_it_is_that_of_correlated_rows(shared):
     parts, responses = drawn(4, 12, 2, 1, shared=shared, emulator=2)
