@@ -396,10 +396,13 @@ def leader(result: Search) -> int:
     family = max(families, key=lambda name: families[name])
     within = [w for w in result.candidates[1:] if _family(w) == family]
     kind = max(map(kind_of, within), key=lambda name: shares[name])
+    if kind in _VERDICTS:  # a curve of any shape leads where it is more probable than every kind
+        kind = max(shares, key=lambda name: shares[name])
+        within = [w for w in result.candidates[1:] if kind_of(w) == kind]
     member = [
         k
         for k, w in enumerate(result.candidates)
-        if kind_of(w) == kind and w.cause is not None and _family(w) == family
+        if any(w is one for one in within) and kind_of(w) == kind
     ]
     return max(member, key=lambda k: result.probability[k])
 
