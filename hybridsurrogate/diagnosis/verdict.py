@@ -57,7 +57,7 @@ def conclude(
     A name or "adequate" needs runs, rows and priors that can tell. They cannot where
 
     - the runs leave the simulation open by more than the noise (`EmulatorCheck.left_open`), and
-      by more than the effect that was found: of 52 blind cases with 8 to 40 runs, names were
+      by more than the effect that was found: in 52 blind cases with 8 to 40 runs names were
       right in 5 of 5 whose effect was larger than this and in 1 of 7 whose effect was smaller,
     - the test says that something is wrong, p <= ``false_alarm_rate``, and the evidence favours
       no cause over none,

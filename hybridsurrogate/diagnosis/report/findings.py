@@ -158,7 +158,9 @@ def _undecided(view: View, data: str) -> list[str]:
             "explain as much.",
             "What would decide: a wider prior, and runs of the simulation there.",
         ]
-    return [*out, *_at_prior_ends(view), chance(view), _would_have_shown(view)]
+    # what would have shown was asked only where nothing was found
+    shown = [] if d.smallest_detectable_ is None else [_would_have_shown(view)]
+    return [*out, *_at_prior_ends(view), chance(view), *shown]
 
 
 def _would_have_shown(view: View) -> str:
