@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from numbers import Integral
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 import pandas as pd
@@ -30,6 +30,11 @@ from hybridsurrogate.diagnosis.validation.gain import Gain, gain_from, pointwise
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.rows import without_gaps
 from hybridsurrogate.simulation.arrays import complete_table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from hybridsurrogate.diagnosis.report.report import Report
 
 # names of earlier versions, and what stands in their place
 _FORMER = {
@@ -332,19 +337,72 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         return self.extended_estimator_.score(X, y, sample_weight)
 
     def report(
-        self, test: tuple[ArrayLike, ArrayLike] | None = None, beta_scan: bool = False
-    ) -> Any:
+        self,
+        test: tuple[ArrayLike, ArrayLike] | None = None,
+        beta_scan: bool = False,
+        units: Mapping[str, str] | None = None,
+        full: bool = False,
+    ) -> Report:
         """Return the report: prints as text, shows as HTML, ``.save("report.html")``.
 
         Parameters
         ----------
-        test : (X_test, y_test) or None
-            Rows held back, for example beyond the measured range, to be drawn and scored too.
+        test : (X_test, y_test) or None, default=None
+            Rows held out, for example beyond the measured range, to be drawn and scored too.
         beta_scan : bool, default=False
-            Also tell of ``beta_scan()``, within the measured range and beyond it, which takes
-            longer than all else in the report. Scans that were tried before are told of anyway.
+            Also report ``beta_scan()``, within the measured range and beyond it, which takes
+            longer than all else in the report. Scans that were tried before are reported anyway.
+        units : dict of str to str or None, default=None
+            Units of columns, outputs and parameters, such as ``{"co2": "ppm"}``.
+        full : bool, default=False
+            Whether the text holds the details too; HTML always has them, folded.
+
+        Returns
+        -------
+        Report
+
+        Raises
+        ------
+        ValueError
+            For units of unknown columns.
         """
         check_is_fitted(self)
         from .report import make_report
 
-        return make_report(self, test, beta_scan)
+        return make_report(self, test, beta_scan, units, full)
+
+    def to_python(self, path: str | None = None, units: Any = None) -> str:
+        return ""
+
+    def plot(
+        self,
+        test: tuple[ArrayLike, ArrayLike] | None = None,
+        units: Mapping[str, str] | None = None,
+        axes: Sequence[Axes] | None = None,
+    ) -> list[Axes]:
+        """Draw the one picture of the report: data, simulation and extended model, residuals.
+
+        Parameters
+        ----------
+        test : (X_test, y_test) or None, default=None
+            Rows held out.
+        units : dict of str to str or None, default=None
+            Units of columns and outputs, for the labels.
+        axes : sequence of two matplotlib Axes, default=None
+            Where to draw, predictions above residuals; None: on a new pyplot figure.
+
+        Returns
+        -------
+        list of two matplotlib Axes
+        """
+        check_is_fitted(self)
+        import matplotlib.pyplot as plt
+
+        from .report.first_screen.picture import overview
+        from .report.view import view_of
+
+        if axes is None:
+            axes = plt.subplots(2, 1, sharex=True, figsize=(7.2, 4.8), layout="constrained")[1]
+        if test is not None:
+            test = test[0], self.measured_outputs(test[1], "y_test")
+        return overview(view_of(self, units), test, axes)

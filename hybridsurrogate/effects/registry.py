@@ -31,6 +31,11 @@ class Form:
     meaning : str or None
         What it means for the one who wrote the simulation, for a report: a sentence in which
         {output}, {target} and {column} stand for names. None: as for the plain form.
+    headline : str or None
+        What is wrong, as the first sentence of a report: {output}, {target} and {column} stand for
+        names, {amplitude} and other estimates for values with units. ``{amplitude:size}`` is
+        without its sign, ``{amplitude:rises|falls}`` a word by the sign. None: as for the plain
+        form.
     least_rows, least_distinct : int
         Measured rows, and distinct values of the columns it looks at, that it needs.
     trouble : callable
@@ -49,6 +54,7 @@ class Form:
     cause: type[Cause]
     propose: Callable[[Context], Iterable[Cause]] = lambda context: ()
     meaning: str | None = None
+    headline: str | None = None
     least_rows: int = 4
     least_distinct: int = 2
     trouble: Callable[[Cause, Context], str | None] = lambda cause, context: None
@@ -127,6 +133,14 @@ def meaning_of(cause: Cause) -> str | None:
     forms = (FORMS.get(f"{cause.kind}: {first}"), FORMS.get(cause.kind))
     meanings = (form.meaning for form in forms if form is not None and form.meaning)
     return cause.meaning or next(meanings, None)
+
+
+def headline_of(cause: Cause) -> str | None:
+    """Return the first sentence of a report about a cause, with places for names and estimates."""
+    whole = f"{cause.kind}: {cause.variant}"
+    own = [name for name in FORMS if name == whole or whole.startswith(f"{name} ")]
+    forms = [FORMS.get(name) for name in (*sorted(own, key=len, reverse=True), cause.kind)]
+    return next((form.headline for form in forms if form is not None and form.headline), None)
 
 
 def table_of_causes() -> str:

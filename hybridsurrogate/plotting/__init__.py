@@ -19,25 +19,26 @@ from hybridsurrogate.plotting.curves import (
 )
 from hybridsurrogate.plotting.densities import plot_densities_over_beta
 from hybridsurrogate.plotting.monitor import plot_monitor
+from hybridsurrogate.plotting.overview import Predicted, plot_overview
 from hybridsurrogate.plotting.report import (
     Prediction,
+    plot_alternatives,
     plot_causes,
     plot_discrepancy,
     plot_information,
     plot_prediction,
-    plot_rivals,
 )
 from hybridsurrogate.plotting.scene import Scene, plot_measured, plot_scene, plot_setup
 from hybridsurrogate.plotting.scores import plot_beta_scan, plot_scores_over_beta
 from hybridsurrogate.plotting.sensitivity import plot_sobol
 from hybridsurrogate.plotting.style import (
     AFTER,
+    ALTERNATIVES,
     BEFORE,
     DATA,
     HELD_OUT,
     OMEGA_COLOURS,
     QUIET,
-    RIVALS,
     new_axes,
     share_range,
     tidy,
@@ -45,15 +46,17 @@ from hybridsurrogate.plotting.style import (
 
 __all__ = [
     "AFTER",
+    "ALTERNATIVES",
     "BEFORE",
     "DATA",
     "HELD_OUT",
     "OMEGA_COLOURS",
     "QUIET",
-    "RIVALS",
+    "Predicted",
     "Prediction",
     "Scene",
     "new_axes",
+    "plot_alternatives",
     "plot_bands_over_beta",
     "plot_beta_scan",
     "plot_causes",
@@ -65,11 +68,11 @@ __all__ = [
     "plot_mean_draws_over_beta",
     "plot_measured",
     "plot_monitor",
+    "plot_overview",
     "plot_prediction",
     "plot_predictive_bands",
     "plot_quantiles",
     "plot_residuals",
-    "plot_rivals",
     "plot_scene",
     "plot_scores",
     "plot_scores_over_beta",

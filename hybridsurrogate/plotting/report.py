@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
-from hybridsurrogate.plotting.style import AFTER, BEFORE, DATA, QUIET, RIVALS
+from hybridsurrogate.plotting.style import AFTER, ALTERNATIVES, BEFORE, DATA, QUIET
 from hybridsurrogate.priors import FloatArray
 
 _FEW_VALUES, _LITTLE_INFORMATION = 12, 0.05
@@ -143,7 +143,7 @@ def plot_causes(
     return ax
 
 
-def plot_rivals(
+def plot_alternatives(
     ax: Axes, x: FloatArray, means: Sequence[FloatArray], names: Sequence[str], place: float
 ) -> Axes:
     """Draw what each rival predicts, and the place at which they should be told apart.
@@ -165,15 +165,15 @@ def plot_rivals(
     --------
     >>> import numpy as np
     >>> from matplotlib.figure import Figure
-    >>> from hybridsurrogate.plotting import plot_rivals
+    >>> from hybridsurrogate.plotting import plot_alternatives
     >>> x = np.linspace(0, 1, 20)
-    >>> ax = plot_rivals(Figure().subplots(), x, [x, x**2], ["trend", "ramp"], place=0.5)
+    >>> ax = plot_alternatives(Figure().subplots(), x, [x, x**2], ["trend", "ramp"], place=0.5)
     >>> [line.get_label() for line in ax.lines]
     ['trend', 'ramp', 'measure here']
     """
     # a column with a few values is no line
     mark = "o" if len(x) <= _FEW_VALUES else ""
-    for mean, name, (colour, style) in zip(means, names, RIVALS, strict=False):
+    for mean, name, (colour, style) in zip(means, names, ALTERNATIVES, strict=False):
         ax.plot(x, mean, color=colour, ls=style, lw=1.6, marker=mark, label=name)
     ax.axvline(place, color=DATA, lw=1, ls=(0, (1, 1)), label="measure here")
     return ax

@@ -21,7 +21,7 @@ from hybridsurrogate.priors import FloatArray
 
 BEFORE, AFTER, DATA, HELD_OUT, QUIET = "#0072B2", "#D55E00", "#222222", "#009E73", "#777777"
 # rivals differ in line style too
-RIVALS = (("#D55E00", "-"), ("#0072B2", "--"), ("#009E73", "-."), ("#CC79A7", ":"))
+ALTERNATIVES = (("#D55E00", "-"), ("#0072B2", "--"), ("#009E73", "-."), ("#CC79A7", ":"))
 # without its lightest end, which is lost on white
 OMEGA_COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0, 0.93, 256)), "omega")
 

@@ -1,80 +1,148 @@
-"""One HTML page that needs no network: style and pictures are inside it."""
+"""One HTML page that needs no network: style, pictures and their data are inside it."""
 
 from __future__ import annotations
 
 import base64
 import html
+import re
 
 import pandas as pd
 
-from hybridsurrogate.diagnosis.report.section import Section
+from hybridsurrogate.diagnosis.report.mathml import mathml
+from hybridsurrogate.diagnosis.report.section import (
+    Advice,
+    Card,
+    FirstScreen,
+    Picture,
+    Section,
+    Table,
+)
 
 _STYLE = """
-:root{color-scheme:light dark;--ink:#1b1b1b;--paper:#fff;--line:#ccc;--code:#f3f3f3}
-@media (prefers-color-scheme:dark){:root{--ink:#e8e8e8;--paper:#161616;--line:#444;--code:#242424}}
-body{font:1rem/1.55 system-ui,sans-serif;max-width:46rem;margin:0 auto;padding:1rem;
-color:var(--ink);background:var(--paper);overflow-wrap:break-word}
-h1{font-size:1.5rem;line-height:1.25}h2{font-size:1.2rem;margin:2rem 0 .5rem}
-figure{margin:1rem 0}img{display:block;max-width:100%;height:auto;background:#fff}
-figcaption,caption{font-size:.85rem;text-align:left;opacity:.8;padding:.3rem 0}
-.wide{overflow-x:auto}table{border-collapse:collapse;font-variant-numeric:tabular-nums}
-th,td{text-align:left;padding:.25rem .9rem .25rem 0;border-bottom:1px solid var(--line)}
-pre{background:var(--code);padding:.6rem;overflow-x:auto;white-space:pre-wrap}
-@media print{:root{--ink:#000;--paper:#fff;--line:#999;--code:#fff;color-scheme:light}
-body{max-width:none}figure,tr,pre{break-inside:avoid}h2{break-after:avoid}}
+:root{color-scheme:light dark;--ink:#1c1d1f;--soft:#5c6066;--line:#dfe1e4;--paper:#fff;
+--warn:#b45309;--tint:#f6f7f8}
+@media (prefers-color-scheme:dark){:root{--ink:#e8e9eb;--soft:#a3a8ae;--line:#3a3d41;
+--paper:#17181a;--warn:#f0a04b;--tint:#202225}figure img{filter:invert(.91) hue-rotate(180deg)}}
+body{font:16px/1.5 system-ui,sans-serif;color:var(--ink);background:var(--paper);margin:0 auto;
+max-width:52rem;padding:1.5rem;overflow-wrap:break-word}
+header p,footer p{color:var(--soft);margin:.2rem 0 0;font-size:.875rem}
+h1{font-size:1.75rem;line-height:1.25;margin:.6rem 0 .4rem}
+h2{font-size:1.1rem;margin:1.6rem 0 .4rem}
+.lead{font-size:1.05rem;margin:0 0 .4rem}
+dl.cards{display:grid;grid-template-columns:repeat(auto-fit,minmax(11.5rem,1fr));gap:.75rem;
+margin:1rem 0}
+dl.cards>div{border:1px solid var(--line);border-radius:.5rem;padding:.6rem .8rem;
+background:var(--tint)}
+dt{font-size:.75rem;letter-spacing:.04em;text-transform:uppercase;color:var(--soft)}
+dd{margin:.1rem 0 0}dd b{display:block;font-size:1.15rem}
+.caution{border-left:4px solid var(--warn);padding:.4rem .9rem;background:var(--tint);margin:1rem 0}
+figure{margin:1rem 0}img{display:block;width:100%;height:auto}
+figcaption,caption{font-size:.875rem;color:var(--soft);text-align:left;padding:.3rem 0}
+ol,nav ul{padding-left:1.2rem}nav ul{columns:2;font-size:.9rem}a{color:inherit}
+code,pre{font:.9em ui-monospace,monospace;background:var(--tint);border-radius:.25em}
+code{padding:.1em .3em}pre{padding:.7rem;overflow-x:auto}pre code{padding:0}
+details{border-top:1px solid var(--line);padding:.6rem 0}summary{cursor:pointer;font-weight:600}
+summary span{font-weight:400;color:var(--soft)}
+.wide{overflow-x:auto}table{border-collapse:collapse;font-variant-numeric:tabular-nums;
+margin:.6rem 0}th,td{text-align:left;padding:.25rem .9rem .25rem 0;
+border-bottom:1px solid var(--line)}math{overflow-x:auto;margin:.6rem 0}
+@media (max-width:30rem){body{padding:.9rem}h1{font-size:1.4rem}nav ul{columns:1}}
+@media print{:root{--ink:#000;--paper:#fff;--line:#999;--tint:#fff;color-scheme:light}
+body{max-width:none}figure img{filter:none}nav{display:none}figure,tr,pre{break-inside:avoid}
+h2{break-after:avoid}details::details-content{content-visibility:visible;height:auto}}
 """.replace("\n", "")
+_NOTE = (
+    "Written by hybridsurrogate. Surrogates on two data sources: Reiser, Bürkner and Guthke, "
+    "arXiv 2412.11875."
+)
 
 
-def page(title: str, sections: tuple[Section, ...], note: str = "") -> str:
-    """Return a whole page.
-
-    Parameters
-    ----------
-    title : str
-    sections : tuple of Section
-    note : str
-        A last line, such as a citation.
-    """
-    name = html.escape(title)
-    foot = f"<footer><p><small>{html.escape(note)}</small></p></footer>" if note else ""
+def page(first: FirstScreen, sections: tuple[Section, ...]) -> str:
+    """Return a whole page: the first screen, a table of contents, folded sections."""
+    title = html.escape(first.headline)
+    entries = "".join(
+        f'<li><a href="#{_name(s.title)}">{html.escape(s.title)}</a></li>' for s in sections
+    )
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{name}</title><style>{_STYLE}</style></head>\n"
-        f"<body><main><h1>{name}</h1>\n{fragment(sections)}</main>{foot}</body></html>\n"
+        f"<title>{title}</title><style>{_STYLE}</style></head>\n<body><main>\n"
+        f"{screen(first)}\n<h2>In detail</h2><nav><ul>{entries}</ul></nav>\n"
+        + "\n".join(map(_section, sections))
+        + f"\n</main><footer><p>{_NOTE}</p></footer></body></html>\n"
     )
 
 
-def fragment(sections: tuple[Section, ...]) -> str:
-    """Return the sections alone, for a page that has a style of its own."""
-    return "\n".join(_section(section) for section in sections)
+def screen(first: FirstScreen, with_picture: bool = True) -> str:
+    """Return the first screen alone, for a page that has a style of its own."""
+    parts = [f"<header><p>{html.escape(first.subject)}</p></header>"]
+    parts.append(f"<h1>{html.escape(first.headline)}</h1>")
+    parts += [f'<p class="lead">{html.escape(sentence)}</p>' for sentence in first.lead]
+    parts.append(f'<dl class="cards">{"".join(map(_card, first.cards))}</dl>')
+    if first.caution:
+        parts.append(f'<p class="caution"><b>Caution.</b> {html.escape(first.caution)}</p>')
+    if with_picture:
+        parts.append(_figure(first.picture))
+    parts.append(f"<h2>Next</h2><ol>{''.join(map(_advice, first.advice))}</ol>")
+    return "\n".join(parts)
+
+
+def _card(card: Card) -> str:
+    question, answer, detail = map(html.escape, card)
+    return f"<div><dt>{question}</dt><dd><b>{answer}</b> {detail}</dd></div>"
+
+
+def _advice(advice: Advice) -> str:
+    call = f" <code>{html.escape(advice.call)}</code>" if advice.call else ""
+    return f"<li>{html.escape(advice.sentence)}{call}</li>"
+
+
+def _name(title: str) -> str:
+    return re.sub(r"\W+", "-", title.lower()).strip("-")
 
 
 def _section(section: Section) -> str:
-    parts = [f"<section><h2>{html.escape(section.title)}</h2>"]
+    hint = f" <span>{html.escape(section.hint)}</span>" if section.hint else ""
+    # a link to what is inside opens the section
+    parts = [
+        f"<details><summary>{html.escape(section.title)}{hint}</summary>"
+        f'<div id="{_name(section.title)}">'
+    ]
     parts += [f"<p>{html.escape(sentence)}</p>" for sentence in section.sentences]
-    for name, formula in section.formulas:
-        parts.append(f"<p>{html.escape(name)}:</p><pre><code>{html.escape(formula)}</code></pre>")
-    if section.table is not None:
-        parts.append(_table(section.table, section.caption))
-    for description, png in section.pictures:
-        data = base64.b64encode(png).decode()
-        told = html.escape(description, quote=True)
-        parts.append(
-            f'<figure><img alt="{told}" src="data:image/png;base64,{data}">'
-            f"<figcaption>{told}</figcaption></figure>"
-        )
-    return "\n".join([*parts, "</section>"])
+    for name, _, latex in section.formulas:
+        parts.append(f"<p>{html.escape(name)}:</p>{mathml(latex)}")
+        parts.append(f"<pre><code>{html.escape(latex)}</code></pre>")
+    parts += map(_table, section.tables)
+    parts += map(_figure, section.pictures)
+    if section.code:
+        parts.append(f"<pre><code>{html.escape(section.code)}</code></pre>")
+    return "\n".join([*parts, "</div></details>"])
 
 
-def _table(table: pd.DataFrame, caption: str) -> str:
-    head = "".join(f'<th scope="col">{html.escape(str(name))}</th>' for name in table.columns)
-    rows = "".join(
-        f"<tr>{''.join(f'<td>{html.escape(str(cell))}</td>' for cell in row)}</tr>"
-        for row in table.itertuples(index=False)
-    )
-    told = f"<caption>{html.escape(caption)}</caption>" if caption else ""
+def _figure(picture: Picture) -> str:
+    description, svg, data = picture.drawn
+    text = html.escape(description, quote=True)
+    image = base64.b64encode(svg).decode()
+    numbers = base64.b64encode(data.to_csv(index=False).encode()).decode()
     return (
-        f'<div class="wide"><table>{told}<thead><tr>{head}</tr></thead>'
+        f'<figure><img alt="{text}" src="data:image/svg+xml;base64,{image}">'
+        f'<figcaption>{text} <a download="figure.csv" href="data:text/csv;base64,{numbers}">'
+        "Data of this figure (CSV)</a></figcaption></figure>"
+    )
+
+
+def _table(table: Table) -> str:
+    head = "".join(f'<th scope="col">{html.escape(str(name))}</th>' for name in table.rows)
+    rows = "".join(
+        f"<tr>{''.join(f'<td>{_cell(cell)}</td>' for cell in row)}</tr>"
+        for row in table.rows.itertuples(index=False)
+    )
+    caption = f"<caption>{html.escape(table.caption)}</caption>" if table.caption else ""
+    return (
+        f'<div class="wide"><table>{caption}<thead><tr>{head}</tr></thead>'
         f"<tbody>{rows}</tbody></table></div>"
     )
+
+
+def _cell(cell: object) -> str:
+    return "" if pd.isna(cell) else html.escape(str(cell))

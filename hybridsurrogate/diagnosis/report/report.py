@@ -5,69 +5,85 @@ from __future__ import annotations
 import copy
 import json
 import os
-import textwrap
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-import pandas as pd
-
-from hybridsurrogate import digits
 from hybridsurrogate.arguments.paths import local_path
-from hybridsurrogate.diagnosis.report import findings, html, pictures, rivals, scores, tables, trust
-from hybridsurrogate.diagnosis.report.section import Section
+from hybridsurrogate.diagnosis.report import html, text
+from hybridsurrogate.diagnosis.report.details import (
+    checks,
+    evidence,
+    extended_model,
+    gain,
+    measurement,
+    outputs,
+    place,
+    provenance,
+    weight,
+)
+from hybridsurrogate.diagnosis.report.details.cautions import cautions
+from hybridsurrogate.diagnosis.report.first_screen.advice import advice
+from hybridsurrogate.diagnosis.report.first_screen.cards import cards
+from hybridsurrogate.diagnosis.report.first_screen.headline import headline, lead, subject
+from hybridsurrogate.diagnosis.report.first_screen.picture import picture
+from hybridsurrogate.diagnosis.report.section import FirstScreen, Picture, Section
 from hybridsurrogate.diagnosis.report.summary import summary
-from hybridsurrogate.diagnosis.report.view import View, label_of_cause, view_of
-from hybridsurrogate.effects.in_output import InOutput
-from hybridsurrogate.effects.notation import word as _word
+from hybridsurrogate.diagnosis.report.view import View, view_of
+from hybridsurrogate.diagnosis.validation.gain import Gain
 from hybridsurrogate.whole_file import check_writable, written_whole
 
 if TYPE_CHECKING:
     from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
-    from hybridsurrogate.diagnosis.report.pictures import Test
-
-_WIDTH, _HOLD = 88, "\u00a0"
-_NOTE = (
-    "Written by hybridsurrogate. Surrogates on two data sources: Reiser, Bürkner and Guthke, "
-    "arXiv 2412.11875."
-)
+    from hybridsurrogate.diagnosis.report.first_screen.picture import Test
 
 
 @dataclass(frozen=True)
 class Report:
-    """What a diagnosis says; prints as text, shows as HTML in a notebook.
+    """What a diagnosis found; prints as text, shows as HTML in a notebook.
 
     Attributes
     ----------
-    title : str
+    first : FirstScreen
+        Headline, cards, caution, picture and advice.
     sections : tuple of Section
+        The details, which HTML folds.
     summary : dict
         What ``to_dict`` returns a copy of.
+    full : bool
+        Whether the text holds the details too.
     """
 
-    title: str
+    first: FirstScreen
     sections: tuple[Section, ...]
     summary: dict[str, Any]
+    full: bool = False
+
+    @property
+    def headline(self) -> str:
+        """What was found, in one sentence."""
+        return self.first.headline
+
+    @property
+    def lead(self) -> tuple[str, ...]:
+        """The sentences that explain the headline."""
+        return self.first.lead
 
     def __str__(self) -> str:
-        lines = [self.title, "=" * len(self.title)]
-        for section in self.sections:
-            lines += ["", section.title, "-" * len(section.title)]
-            lines += [_wrapped(sentence) for sentence in section.sentences]
-            lines += [f"{name}:\n    {formula}" for name, formula in section.formulas]
-            if section.table is not None:
-                lines += ["", *([section.caption] if section.caption else [])]
-                lines.append(_aligned(section.table))
-        return "\n".join(lines)
+        if not self.full:
+            return text.screen(self.first)
+        return "\n".join([text.screen(self.first), *map(text.section, self.sections)])
 
     __repr__ = __str__
 
     def _repr_html_(self) -> str:
-        return html.fragment(self.sections)
+        return html.screen(self.first)
 
     def to_html(self) -> str:
-        """Return one self-contained HTML page: no network, pictures inline."""
-        return html.page(self.title, self.sections, _NOTE)
+        """Return one self-contained HTML page: no network, no script, pictures inline."""
+        return html.page(self.first, self.sections)
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything that the report says, ready for JSON.
@@ -89,7 +105,7 @@ class Report:
         ending = ending_of(path)
         check_writable(path)
         if ending == ".txt":
-            content = str(self) + "\n"
+            content = str(replace(self, full=True)) + "\n"
         elif ending == ".json":
             content = json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n"
         else:
@@ -109,7 +125,11 @@ def ending_of(path: str | os.PathLike[str]) -> str:
 
 
 def make_report(
-    diagnosis: DiscrepancyDiagnosis, test: Test = None, beta_scan: bool = False
+    diagnosis: DiscrepancyDiagnosis,
+    test: Test = None,
+    beta_scan: bool = False,
+    units: Mapping[str, str] | None = None,
+    full: bool = False,
 ) -> Report:
     """Write the report of a fitted diagnosis.
 
@@ -117,73 +137,76 @@ def make_report(
     ----------
     diagnosis : DiscrepancyDiagnosis
     test : (X_test, y_test) or None
-        Rows held back.
+        Rows held out.
     beta_scan : bool
-        Try the weights of the simulation, which takes a while; else only what is known is told.
+        Try the weights of the simulation, which takes a while; else only what is known is used.
+    units : dict of str to str or None
+        Of columns, outputs and parameters.
+    full : bool
+        Whether the text holds the details too.
 
     Returns
     -------
     Report
     """
-    # a notebook that shows a verdict does not wait for matplotlib
-
-    view = view_of(diagnosis)
+    view = view_of(diagnosis, units)
     if test is not None:
         test = test[0], diagnosis.measured_outputs(test[1], "y_test")
     on_test = diagnosis.gain_on(*test) if test is not None else None
-    measured = {
-        "folds": diagnosis.gain_,
+    gains: dict[str, Gain | None] = {
+        "within": diagnosis.gain_,
         "beyond": diagnosis.gain_out_of_range_,
-        "held back": on_test,
+        "held out": on_test,
     }
-    known = {name: gain for name, gain in measured.items() if gain is not None}
     scans = diagnosis.beta_scans_
     within, beyond = (
         scans.few(out_of_range) if beta_scan else scans.known.get(out_of_range)
         for out_of_range in (False, True)
     )
-    title, experiments = findings.title_of(view), pictures.experiments_of(view)
+    first = first_screen(view, test, on_test)
     sections = (
-        Section("Verdict", tuple(findings.verdict(view)), (pictures.picture_fit(view),)),
-        Section(
-            "Where",
-            tuple(findings.where(view)),
-            () if experiments is None else (pictures.picture_experiments(view, experiments),),
-            table=tables.third_table(view),
-            caption="Share of the squared discrepancy by thirds of each measured range",
-        ),
-        *_by_output(view),
-        Section(
-            "Causes weighed",
-            tuple(rivals.rivals(view)),
-            (pictures.picture_causes(view),),
-            tables.cause_table(view),
-        ),
-        Section(
-            "The extended model",
-            tuple(findings.extension(view)),
-            (pictures.picture_extension(view, test), pictures.picture_residuals(view)),
-            tables.estimate_table(view),
-            formulas=_formulas(view),
-        ),
-        Section(
-            "What it gains",
-            tuple(scores.gains(view, on_test)),
-            (pictures.picture_gain(known),) if known else (),
-        ),
-        Section(
-            "Trust in the simulation",
-            tuple(trust.trust(view, within, beyond)),
-            () if within is None else (pictures.picture_trust(within, beyond),),
-        ),
-        Section("What to do next", tuple(rivals.next_step(view)), (pictures.picture_next(view),)),
-        Section("How far the numbers can be trusted", tuple(scores.draws(view))),
+        extended_model.section(view),
+        evidence.section(view),
+        place.section(view),
+        *outputs.section(view),
+        gain.section(view, gains),
+        *weight.section(view, within, beyond),
+        measurement.section(view),
+        checks.section(view),
+        provenance.section(view),
     )
-    return Report(title, sections, summary(view, title, sections, measured, (within, beyond)))
+    return Report(
+        first, sections, summary(view, first, sections, gains, (within, beyond)), bool(full)
+    )
+
+
+def first_screen(view: View, test: Test = None, on_test: Gain | None = None) -> FirstScreen:
+    """Return what a reader sees first.
+
+    Parameters
+    ----------
+    view : View
+    test : (X_test, y_test) or None
+    on_test : Gain or None
+        On these rows.
+    """
+    d = view.diagnosis
+    doubts = cautions(view)
+    rest = f" ({len(doubts) - 1} more under Checks.)" if len(doubts) > 1 else ""
+    return FirstScreen(
+        f"{subject(view)} · hybridsurrogate {provenance.installed('hybridsurrogate')} · "
+        f"seed {d.random_state}",
+        headline(view),
+        lead(view),
+        cards(view, on_test),
+        doubts[0] + rest if doubts else "",
+        Picture(partial(picture, view, test)),
+        advice(view),
+    )
 
 
 def short_html(diagnosis: DiscrepancyDiagnosis) -> str:
-    """Return what a notebook shows of a fitted diagnosis: verdict, causes, gain and settings.
+    """Return what a notebook shows of a fitted diagnosis: the first screen, without its picture.
 
     Nothing is drawn and nothing is fitted.
 
@@ -191,59 +214,6 @@ def short_html(diagnosis: DiscrepancyDiagnosis) -> str:
     ----------
     diagnosis : DiscrepancyDiagnosis
     """
-    view = view_of(diagnosis)
-    verdict = Section(
-        findings.title_of(view),
-        (*findings.verdict(view)[:3], "All else: .report()."),
-        table=tables.cause_table(view),
-        caption=f"Verdict: {diagnosis.verdict_}",
-    )
-    gain = "" if diagnosis.gain_ is None else f"<pre>{escape(str(diagnosis.gain_))}</pre>"
+    screen = html.screen(first_screen(view_of(diagnosis)), with_picture=False)
     settings = f"<details><summary>Settings</summary><pre>{escape(repr(diagnosis))}</pre></details>"
-    return f"{html.fragment((verdict,))}\n{gain}\n{settings}"
-
-
-def _by_output(view: View) -> tuple[Section, ...]:
-    if view.stacking is None:
-        return ()
-
-    others = [view.of(name) for name in view.outputs if name != view.output]
-    drawn = tuple(pictures.picture_output(other) for other in others)
-    told = tuple(findings.by_output(view))
-    return (Section("By output", told, drawn, tables.output_table(view)),)
-
-
-def _formulas(view: View) -> tuple[tuple[str, str], ...]:
-    if not view.extended:
-        return ()
-    out = []
-    for finding, cause in view.findings:
-        # of several outputs a formula without "in" is of all of them
-        whole = view.stacking is not None and not isinstance(cause, InOutput)
-        own = digits.listing(list(view.outputs)) if whole else view.output
-        own = cause.output if isinstance(cause, InOutput) else own
-        output, name = own, _word(own)
-        if view.log_scale:
-            output, name = f"log {output}", rf"\log {name}"
-        which = f", {label_of_cause(cause)}" if len(view.findings) > 1 else ""
-        out.append((f"Formula{which}", f"{output} = {finding.formula}"))
-        out.append((f"In LaTeX{which}", f"{name} = {finding.latex}"))
-    return tuple(out)
-
-
-def _wrapped(sentence: str) -> str:
-    # a number stays with its sign
-    unbroken = sentence.replace(" %", _HOLD + "%")
-    text = textwrap.fill(unbroken, _WIDTH, break_long_words=False, break_on_hyphens=False)
-    return text.replace(_HOLD, " ")
-
-
-def _aligned(table: pd.DataFrame) -> str:
-    """Return a table as text, its columns left-aligned."""
-    cells = [[str(name) for name in table.columns]]
-    cells += [[str(cell) for cell in row] for row in table.itertuples(index=False)]
-    widths = [max(len(row[k]) for row in cells) for k in range(len(table.columns))]
-    return "\n".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in cells
-    )
+    return f"{screen}\n{settings}"

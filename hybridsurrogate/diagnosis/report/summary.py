@@ -1,4 +1,4 @@
-"""What a report says, for machines."""
+"""A report for machines."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from hybridsurrogate.diagnosis.report.section import Section
+from hybridsurrogate.diagnosis.report.section import FirstScreen, Section
 from hybridsurrogate.diagnosis.report.tables import parameter_intervals, thirds
 from hybridsurrogate.diagnosis.report.view import View, averaged
 from hybridsurrogate.diagnosis.validation.gain import Gain, best_beta
 
 # raised whenever a key changes its meaning or goes away
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 
 
 def summary(
     view: View,
-    title: str,
+    first: FirstScreen,
     sections: tuple[Section, ...],
     gains: Mapping[str, Gain | None],
     scans: tuple[pd.DataFrame | None, pd.DataFrame | None],
@@ -32,7 +32,11 @@ def summary(
     within, beyond = scans
     values = {
         "schema_version": SCHEMA_VERSION,
-        "title": title,
+        "headline": first.headline,
+        "lead": list(first.lead),
+        "cards": [card._asdict() for card in first.cards],
+        "next": [one._asdict() for one in first.advice],
+        "units": dict(view.units),
         "verdict": diagnosis.verdict_,
         "concerns": diagnosis.concerns_,
         "undecided_by": diagnosis.undecided_by_,
@@ -65,9 +69,9 @@ def summary(
             "before": np.sqrt(np.mean((view.y - view.before) ** 2)),
             "after": np.sqrt(np.mean((view.y - view.after) ** 2)),
         },
-        "gain": _of(gains["folds"]),
+        "gain": _of(gains["within"]),
         "gain_out_of_range": _of(gains["beyond"]),
-        "gain_on_test": _of(gains["held back"]),
+        "gain_on_test": _of(gains["held out"]),
         "beta_scan": _records(within),
         "beta_scan_out_of_range": _records(beyond),
         "best_beta": _best(within),
@@ -90,8 +94,11 @@ def summary(
             {
                 "title": section.title,
                 "sentences": list(section.sentences),
-                "formulas": dict(section.formulas),
-                "pictures": [picture.description for picture in section.pictures],
+                "formulas": {name: plain for name, plain, _ in section.formulas},
+                "tables": [
+                    {"caption": table.caption, "rows": table.rows.to_dict("records")}
+                    for table in section.tables
+                ],
             }
             for section in sections
         ],
@@ -102,7 +109,7 @@ def summary(
 def _of(gain: Gain | None) -> dict[str, Any] | None:
     if gain is None:
         return None
-    # the scans stand beside the gains, as there are some without folds, too
+    # the scans are given apart, as there are some without folds
     fields = asdict(replace(gain, scan=None))
     del fields["scan"]
     return fields

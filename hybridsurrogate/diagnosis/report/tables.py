@@ -21,15 +21,15 @@ Interval = tuple[float, float, float]
 
 
 def cause_table(view: View) -> pd.DataFrame:
-    """Return the causes that were weighed, most probable first."""
+    """Return the causes that were compared, most probable first."""
     candidates = view.search.candidates
     evidence = total_evidence(candidates)
     above_none = {id(w): value - evidence[0] for w, value in zip(candidates, evidence, strict=True)}
     shown = view.most_probable
     return pd.DataFrame(
         {
-            "cause": [form_of(w.cause) if w.cause else "none" for w, _ in shown],
-            "concerns": [(w.cause.target or "") if w.cause else "" for w, _ in shown],
+            "cause": [form_of(w.cause) if w.cause else "nothing" for w, _ in shown],
+            "of": [(w.cause.target or "") if w.cause else "" for w, _ in shown],
             "probability": [digits.probability(p) for _, p in shown],
             "log evidence": [f"{above_none[id(w)]:.1f}" for w, _ in shown],
         }
@@ -97,43 +97,50 @@ def _by_experiment(model: Any) -> dict[str, FloatArray]:
 
 
 def estimate_table(view: View) -> pd.DataFrame:
-    """Return what the cause and the simulation's parameters are estimated to be, with units."""
+    """Return the estimates of causes and parameters with 90 % intervals and units."""
     rows = [
-        (f"{finding.kind} {name}", unit_of(view, cause, name), "-", digits.interval(*limits))
+        (f"{finding.kind}: {name}", unit_of(view, cause, name), "", digits.interval(*limits))
         for finding, cause in view.findings
         for name, limits in finding.estimates.items()
     ]
     log = "log " if view.log_scale else ""
     for name, limits in parameter_intervals(view).items():
-        shown, unit = ("noise", f"{log}{view.output}") if name == "sigma" else (name, "its own")
+        shown, unit = ("noise", view.scale) if name == "sigma" else (name, view.units.get(name, ""))
         if view.stacking is not None and name.startswith("noise of "):
-            unit = log + name.removeprefix("noise of ")
-        before, after = (digits.interval(*limits[w]) if w in limits else "-" for w in _WORDS)
+            output = name.removeprefix("noise of ")
+            unit = f"log {output}" if log else view.unit_of(output)
+        before, after = (digits.interval(*limits[w]) if w in limits else "" for w in _WORDS)
         rows.append((shown, unit, before, after))
-    table = pd.DataFrame(rows, columns=["quantity", "in units of", *_WORDS])
+    table = pd.DataFrame(rows, columns=["quantity", "unit", *_WORDS])
     return table if view.extended else table.drop(columns="after")
 
 
 _WORDS = ("before", "after")
-
-
-_ALONG = ("location", "period", "peak", "width", "duration", "scale", "half", "lag")
+_ALONG = ("location", "end", "period", "peak", "width", "duration", "scale", "half", "lag")
 
 
 def unit_of(view: View, cause: Cause, name: str) -> str:
-    """Return the unit of an estimate of a cause, in the user's own names; "" if unknown."""
+    """Return the unit of an estimate of a cause, by the units or names of columns; "" if unknown.
+
+    Parameters
+    ----------
+    view : View
+    cause : Cause
+    name : str
+        Of the estimate.
+    """
     if isinstance(cause, InOutput):
         return unit_of(view.of(cause.output), cause.cause, name)
-    column = getattr(cause, "column", None) or view.inputs[0]
+    along = getattr(cause, "column", None) or view.inputs[0]
+    column = view.unit_of(along)
     if cause.kind == "interaction":
-        column = " * ".join(cause.reads)
-    target = cause.target or ""
+        column = " ".join(map(view.unit_of, cause.reads))
+    target = view.unit_of(cause.target or "")
     if isinstance(cause, ParameterByExperiment):
         return target
-    output = f"log {view.output}" if view.log_scale else view.output
-    moved = target if cause.kind == "parameter-drift" else output
+    moved = target if cause.kind == "parameter-drift" else view.scale
     if name.startswith("level_"):
-        return output
+        return view.scale
     if cause.kind == "noise" and name == "slope":
         return f"log noise per {column}"
     inside = cause.modification is not None
@@ -143,18 +150,19 @@ def unit_of(view: View, cause: Cause, name: str) -> str:
     if name in ("amount", "amplitude") and inside:
         return f"a share of {target}"
     if name == "rate" and inside:
-        of = target if form == "constant" else "1"
-        return f"{of} per {column}"
+        return f"{target} per {column}" if form == "constant" else f"per {column}"
     if name.removeprefix("overtone_") in _ALONG:
         return column
     return {
         "amplitude": moved,
         "overtone": moved,
         "change": moved,
-        "level": output,
+        "level": view.scale,
+        "limit": view.scale,
         "slope": f"{moved} per {column}",
         "curvature": f"{moved} per {column} squared",
         "value": target,
+        "spread": target,
         "gain": "a factor",
         "ratio": "a factor",
         "length_scale": "half the measured range",
@@ -169,12 +177,11 @@ def _interval(draws: np.ndarray) -> Interval:
 def noise_of(view: View, after: bool = False) -> str:
     """Return the size of the noise before or after the extension, with its unit."""
     model = view.found if after else view.diagnosis.estimator_
-    scale = f"log {view.output}" if view.log_scale else view.output
-    return f"{digits.number(view.noise(model), 2)} in units of {scale}"
+    return view.amount(view.noise(model))
 
 
 def output_table(view: View) -> pd.DataFrame:
-    """Return what is left of each of several outputs, and its noise."""
+    """Return the residuals of each of several outputs as a root mean square, and its noise."""
     models = (view.diagnosis.estimator_, view.found)
     rows = []
     for name in view.outputs:
@@ -182,6 +189,10 @@ def output_table(view: View) -> pd.DataFrame:
         left = [digits.number(float(np.sqrt(np.mean((one.y - p) ** 2)))) for p in one.both]
         noise = [digits.number(one.noise(model)) for model in models]
         rows.append((name, len(one.y), *left, *noise))
-    columns = ["output", "measurements", *(f"{w} {k}" for w in ("left", "noise") for k in _WORDS)]
+    columns = [
+        "output",
+        "measurements",
+        *(f"{w} {k}" for w in ("residual", "noise") for k in _WORDS),
+    ]
     table = pd.DataFrame(rows, columns=columns)
     return table if view.extended else table[[c for c in columns if not c.endswith("after")]]

@@ -1,8 +1,9 @@
-"""What a report draws and tells of a diagnosis: the column that matters, predictions, residuals."""
+"""A diagnosis as its report needs it: the column that matters, predictions, residuals, units."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import special
 
+from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.report.settings import SETTINGS
 from hybridsurrogate.diagnosis.search.evidence import Candidate, Search, kind_of
 from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
@@ -22,6 +24,7 @@ from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.effects.noise.output_noise import OutputNoise
 from hybridsurrogate.estimators.averaged import AveragedSurrogate, leading
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.stacking import Stacking
 from hybridsurrogate.simulation.outputs import OUTPUT
@@ -42,10 +45,13 @@ class View:
     diagnosis : DiscrepancyDiagnosis
     position : int
         Which of several outputs is looked at.
+    units : dict of str to str
+        Units of columns, outputs, parameters and constants, as far as they are given.
     """
 
     diagnosis: DiscrepancyDiagnosis
     position: int = 0
+    units: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def stacking(self) -> Stacking | None:
@@ -59,7 +65,7 @@ class View:
 
     def of(self, output: str) -> View:
         """Return the view of another output."""
-        return View(self.diagnosis, self.outputs.index(output))
+        return View(self.diagnosis, self.outputs.index(output), self.units)
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -114,6 +120,26 @@ class View:
         """Name of the output."""
         return self.outputs[self.position]
 
+    def unit_of(self, name: str) -> str:
+        """Return the unit of a column, output or parameter; its name where none is given."""
+        return self.units.get(name, name)
+
+    def axis(self, name: str) -> str:
+        """Return the label of an axis."""
+        return f"{name} ({self.units[name]})" if name in self.units else name
+
+    @property
+    def scale(self) -> str:
+        """The unit of what is added to the output: on a logarithmic scale that of its log."""
+        return f"log {self.output}" if self.log_scale else self.unit_of(self.output)
+
+    def amount(self, value: float, n_digits: int = 2) -> str:
+        """Return a difference of the output with its unit, where one is given."""
+        text = digits.number(value, n_digits)
+        if self.log_scale:
+            return f"{text} in log {self.output}"
+        return f"{text} {self.units[self.output]}" if self.output in self.units else text
+
     @property
     def band(self) -> Discrepancy:
         """The smooth discrepancy of the output."""
@@ -127,8 +153,8 @@ class View:
         """Return draws of the noise of the output in a fitted model, in its units."""
         posterior = model.posterior_
         ratios = [k for k, e in enumerate(posterior.model.effects) if isinstance(e, OutputNoise)]
-        known = posterior.estimates(ratios[0]) if ratios else {}
-        ratio = known.get(f"noise of {self.output}", 1.0)
+        estimates = posterior.estimates(ratios[0]) if ratios else {}
+        ratio = estimates.get(f"noise of {self.output}", 1.0)
         return np.asarray(self.unit * ratio * posterior.sigma)
 
     @property
@@ -168,7 +194,7 @@ class View:
 
     @property
     def search(self) -> Search:
-        """The search for the first cause, beside all others that were found."""
+        """The search for the first cause, conditional on all others that were found."""
         return self.diagnosis.result_.steps[0].given_others
 
     @property
@@ -299,16 +325,16 @@ class View:
         order = np.argsort(-result.probability, kind="stable")
         return [(result.candidates[k], float(result.probability[k])) for k in order]
 
-    def rivals(self, result: Search) -> list[Candidate]:
+    def alternatives(self, result: Search) -> list[Candidate]:
         """Return the most probable explanations, at least two where there are two."""
-        order = np.argsort(-result.probability, kind="stable")[: SETTINGS.most_rivals]
+        order = np.argsort(-result.probability, kind="stable")[: SETTINGS.most_alternatives]
         return [
             result.candidates[k]
             for place, k in enumerate(order)
             if place < 2 or result.probability[k] > SETTINGS.worth_drawing
         ]
 
-    def kindred(self) -> list[Candidate]:
+    def other_forms(self) -> list[Candidate]:
         """Return other forms of the named kind that are about as probable as the cause."""
         if self.cause is None:
             return []
@@ -324,10 +350,10 @@ class View:
         """The probability of the first cause in its form."""
         return next(p for w, p in self.candidates if w.cause is self.cause)
 
-    def expected(self, result: Search, rival: Candidate, X: FloatArray) -> FloatArray:
+    def expected(self, result: Search, candidate: Candidate, X: FloatArray) -> FloatArray:
         """Return what an explanation predicts at rows, in units of the output."""
-        told = predict_locally(result, rival, self.single(X))[0]
-        return self.unit * result.problem.likelihood.inverse(told)
+        eta = predict_locally(result, candidate, self.single(X))[0]
+        return self.unit * result.problem.likelihood.inverse(eta)
 
     def standardised(self, model: Any) -> FloatArray:
         """Return residuals at the measured rows that are standard normal if the model is right."""
@@ -342,17 +368,30 @@ class View:
         """Residuals of either model on the scale of eta, and standardised, both from one eta."""
         models = self.diagnosis.estimator_, self.found
         rows, y = self.single(self.X), self.y / self.unit
-        told = {id(model): _residuals_of(model, rows, y) for model in models}
+        found = {id(model): _residuals_of(model, rows, y) for model in models}
         # what is divided by a scale is not on a logarithmic one
-        return {key: (self.unit * working, z) for key, (working, z) in told.items()}
+        return {key: (self.unit * working, z) for key, (working, z) in found.items()}
 
 
-def view_of(diagnosis: DiscrepancyDiagnosis) -> View:
+def view_of(diagnosis: DiscrepancyDiagnosis, units: Mapping[str, str] | None = None) -> View:
     """Return a diagnosis as a report sees it first: the output that the first cause concerns.
 
     Of a cause in all outputs that which it changes most, in units of its noise.
+
+    Raises
+    ------
+    ValueError
+        For units of what is no column, output, parameter or constant.
     """
-    view = View(diagnosis)
+    view = View(diagnosis, units=dict(units or {}))
+    simulation = diagnosis.estimator_.simulation
+    known = [*view.columns, *view.outputs, *simulation.parameter_names, *simulation.assumed_names]
+    unknown = [name for name in view.units if name not in known]
+    if unknown:
+        raise ValueError(
+            f"units has {unknown}, which is no column, output or parameter: these are {known}."
+            f"{did_you_mean(unknown, known)}"
+        )
     if view.stacking is None:
         return view
     if isinstance(view.cause, InOutput):
@@ -402,11 +441,11 @@ def label_of_cause(cause: Cause | None) -> str:
     return label("none", None) if cause is None else label(cause.kind, cause.target, cause.variant)
 
 
-def label_of(rival: Candidate) -> str:
+def label_of(candidate: Candidate) -> str:
     """Return how a report calls one explanation of a search."""
-    if rival.cause is None and rival.model.effects:
+    if candidate.cause is None and candidate.model.effects:
         return "nothing further is wrong"
-    return label_of_cause(rival.cause)
+    return label_of_cause(candidate.cause)
 
 
 def averaged(view: View) -> list[tuple[PowerScaledSurrogate, str, float]]:

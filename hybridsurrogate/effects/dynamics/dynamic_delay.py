@@ -110,6 +110,7 @@ register(
         DynamicDelay,
         lambda context: map(DynamicDelay, context.states),
         meaning="what {target} does to itself and to others comes later than the equations say",
+        headline="What {target} does comes {lag} later than the equations have it",
         call="`DynamicDelay(state)`, inside an ODE",
         formula="slopes follow the state as it was a lag ago",
         priors="lag: half-Cauchy, scale a tenth of the span",

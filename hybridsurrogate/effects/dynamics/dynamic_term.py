@@ -234,6 +234,7 @@ register(
         meaning="{target} gains or loses something that its equation leaves out",
         lacking=_lacking,
         like=("parameter-drift",),
+        headline="The equation of {target} misses a constant {rate:gain|loss} of {rate:size}",
         call="`DynamicTerm(state)`",
         formula="slope of the state + rate",
         priors="rate: Student-t, typical state over the span",
@@ -246,6 +247,9 @@ register(
         "missing-term: proportional",
         DynamicTerm,
         _of_states("proportional"),
+        headline=(
+            "The equation of {target} misses a {rate:gain|loss} in proportion to it, {rate:size}"
+        ),
         call='`..., form="proportional"`',
         formula="slope of the state + rate state",
         priors="rate: Student-t, one over the span",
@@ -259,6 +263,7 @@ register(
         DynamicTerm,
         _of_states("seasonal"),
         meaning="something drives {target} up and down regularly, and its equation leaves that out",
+        headline="The equation of {target} misses a drive with a period of {period}",
         call='`..., form="seasonal"`',
         formula="slope of the state + amplitude sin(2π (t - center) / period + phase)",
         priors="sine, cosine: Student-t, half the typical state at the median period; period: log-"
@@ -274,6 +279,7 @@ register(
         _of_states("power"),
         meaning="{target} gains or loses something that grows with a power of it, as by crowding, "
         "and its equation leaves that out",
+        headline="The equation of {target} misses a {rate:gain|loss} by a power of it",
         call='`..., form="power"`',
         formula="slope of the state + rate size (state / size)^exponent",
         priors="rate: Student-t, one over the span; exponent: uniform, 1/4 to 3",
@@ -288,6 +294,7 @@ register(
         _of_states("saturating"),
         meaning="{target} gains or loses something in proportion to it as long as it is small, and "
         "a constant where it is large, and its equation leaves that out",
+        headline="The equation of {target} misses a {rate:gain|loss} that saturates",
         call='`..., form="saturating"`',
         formula="slope of the state + rate state / (half + state)",
         priors="rate: Student-t, typical state over the span; half: log-uniform, a tenth to ten "
@@ -303,6 +310,7 @@ register(
         _of_states("threshold"),
         meaning="{target} gains or loses something where it is above a level, as by an overflow, "
         "and its equation leaves that out",
+        headline="The equation of {target} misses a {rate:gain|loss} above a level of {level}",
         call='`..., form="threshold"`',
         formula="slope of the state + rate max(state - level, 0)",
         priors="rate: Student-t, four over the span; level: uniform, 0 to twice the typical state",
@@ -317,6 +325,7 @@ register(
         _of_pairs,
         meaning="{target} gains or loses something where it meets another state, and its equation "
         "leaves that out",
+        headline="The equation of {target} misses a {rate:gain|loss} where two states meet",
         call='`..., form="product", other=state`',
         formula="slope of the state + rate state other",
         priors="rate: Student-t, one over the span and the other's typical size",

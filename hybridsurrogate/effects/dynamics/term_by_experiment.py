@@ -173,6 +173,10 @@ register(
         "missing-term: proportional by",
         TermByExperiment,
         _of_states,
+        headline=(
+            "The equation of {target} misses a term in proportion to it that "
+            "differs between experiments"
+        ),
         call="`TermByExperiment(state, e)`",
         formula="slope of the state + rate of the experiment times the state",
         priors="rates: Student-t, one over the span",

@@ -90,6 +90,7 @@ register(
         "ignores, and one in proportion to it, as dry and viscous friction",
         least_distinct=6,
         trouble=_trouble,
+        headline="{output} depends on {target} as by friction, which the simulation ignores",
         call="`Friction(x)`",
         formula="eta + viscous x + dry sign(x)",
         estimates="viscous, dry",

@@ -290,6 +290,7 @@ register(
         meaning="{target}, which the simulation ignores, influences {output}",
         lacking=_lacking,
         like=("noise",),
+        headline="{output} depends on {target}, which the simulation ignores",
         call="`MissingInput(x)`",
         formula="eta + slope (x - mean)",
         estimates="slope",
@@ -316,6 +317,7 @@ register(
         meaning="{output} is higher or lower by an amount of its own for each value of {target}, "
         "which the simulation ignores",
         trouble=_trouble_with_categories,
+        headline=("{output} differs between the values of {target}, which the simulation ignores"),
         call='`..., shape="categorical"`',
         formula="eta + deviation of the row's level, mean zero over the rows",
         estimates="one deviation a level",
@@ -342,6 +344,10 @@ register(
         _at_levels,
         meaning="{output} is off where {target} has one of its values",
         lacking=_without_levels,
+        headline=(
+            "{output} is {amplitude:size} {amplitude:above|below} the simulation "
+            "at one value of {target}"
+        ),
         call='`..., shape="categorical", level=3`',
         formula="eta, + amplitude where x = 3",
         estimates="amplitude",

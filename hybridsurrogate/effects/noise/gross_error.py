@@ -255,6 +255,7 @@ register(
         least_rows=8,
         trouble=_trouble,
         like=("noise", "episode", "step", "bump"),
+        headline="One measurement of {output} is unlike all others",
         call="`GrossError()`",
         formula="eta, + shift in row i (mean-shift outlier model)",
         priors="i: each of n rows with probability 1/n; of more than 200 rows those missed most",
@@ -271,6 +272,7 @@ register(
         "them or leave them out",
         least_rows=8,
         trouble=_trouble,
+        headline="Two measurements of {output} are unlike all others",
         call="`GrossError(2)`",
         formula="eta, + shifts in rows i and j",
         priors="i and j: each pair with probability 2/(n (n - 1)); tried are those of the 12 rows "

@@ -74,6 +74,7 @@ register(
         least_rows=8,
         trouble=_trouble,
         like=("noise", "random-parameter"),
+        headline="{target} is not exactly where the data have it: its error is about {spread}",
         call="`InputError(x)`",
         formula="eta; noise sigma √(1 + (ratio slope / usual)²), slope: d eta / dx, usual: its "
         "root mean square",

@@ -100,6 +100,7 @@ register(
         over_columns(Noise),
         meaning="the scatter of the measurements changes over {column}",
         least_rows=8,
+        headline="The scatter of {output} changes over {column}",
         call="`Noise(x)`",
         formula="eta; noise sigma exp(slope u), centred at the mean of x",
         priors="slope of u: standard normal",

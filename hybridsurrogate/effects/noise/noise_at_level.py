@@ -103,6 +103,7 @@ register(
         meaning="the measurements scatter more, or less, in one experiment of {target} than in the "
         "others",
         least_rows=12,
+        headline="{output} scatters differently at one value of {target}",
         call="`NoiseAtLevel(e, level=2)`",
         formula="eta; noise ratio sigma where the label e is 2",
         priors="ratio: log-normal, s = 1",

@@ -152,6 +152,7 @@ register(
         NoiseOfMean,
         lambda context: [NoiseOfMean()],
         least_rows=8,
+        headline="The scatter of {output} depends on its size",
         call="`NoiseOfMean()`",
         formula="eta; noise sigma (m / size)^exponent, m = √(eta² + (size / 20)²), size: root mean "
         "square of the output",

@@ -114,6 +114,7 @@ register(
         Overdispersion,
         lambda context: [Overdispersion()] if context.overdisperses else [],
         least_rows=8,
+        headline="The counts of {output} scatter more than a Poisson distribution has it",
         call="`Overdispersion()`",
         formula="counts of mean mu with variance mu + scatter² mu²",
         priors="ratio of standard deviations at a usual count: log-uniform from 1 on",

@@ -74,6 +74,7 @@ register(
         least_rows=8,
         trouble=trouble,
         like=("noise", "input-error"),
+        headline="{target} differs from row to row, by about {spread}",
         call="`RandomParameter(p)`",
         formula="eta; noise sigma √(1 + (ratio slope / usual)²), slope: d eta / dp, usual: its "
         "root mean square",

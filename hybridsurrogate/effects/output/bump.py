@@ -89,6 +89,10 @@ register(
         meaning="around one place of {column} the data rise or dip, and the simulation does not",
         least_distinct=8,
         like=("step", "periodic"),
+        headline=(
+            "The simulation misses a {amplitude:rise|dip} of {output} by "
+            "{amplitude:size} around {column} = {location:place}"
+        ),
         call="`Bump(x)`",
         formula="eta + amplitude exp(-(x - location)² / (2 width²))",
         priors="location: uniform; width: log-uniform, half a spacing (at most a twentieth of the "

@@ -87,6 +87,10 @@ register(
         meaning="a gap at the start of {column} dies away",
         least_distinct=6,
         like=("saturation", "bump"),
+        headline=(
+            "{output} starts {amplitude:size} {amplitude:above|below} the "
+            "simulation, and the gap dies away over {scale}"
+        ),
         call="`Decay(x)`",
         formula="eta + amplitude exp(-(x - origin) / scale); origin: smallest measured x",
         priors="scale: log-uniform, 2 spacings to the span",

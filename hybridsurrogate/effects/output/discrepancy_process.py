@@ -159,6 +159,10 @@ register(
         GaussianProcessDiscrepancy,
         lambda context: [GaussianProcessDiscrepancy()],
         like=("noise",),
+        headline=(
+            "The simulation misses a smooth change of {output} that no cause of "
+            "the catalogue explains"
+        ),
         call="`GaussianProcessDiscrepancy()`",
         formula="eta + a smooth curve over the inputs",
         priors="length scale on [-1, 1]: log-uniform, 0.15 (0.3 for several inputs) to 2",

@@ -103,6 +103,10 @@ register(
         "has not",
         least_distinct=8,
         like=("step", "bump"),
+        headline=(
+            "From {column} = {location:place} to {end:place} {output} is {amplitude:size} "
+            "{amplitude:above|below} the simulation"
+        ),
         call="`Episode(x)`",
         formula="eta, + amplitude from location to end",
         priors="location: uniform over the rows; length: log-uniform, a spacing (at most a "

@@ -136,6 +136,7 @@ register(
         meaning="the columns {target} act together, which the simulation ignores",
         lacking=_lacking,
         like=("gain",),
+        headline="The simulation misses that {target} act together on {output}",
         call="`Interaction(x1, x2)`",
         formula="eta + slope (x1 - center1) (x2 - center2)",
         estimates="slope",

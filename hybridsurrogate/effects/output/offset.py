@@ -135,6 +135,7 @@ register(
         meaning="{output} is measured higher or lower than simulated by the same amount everywhere",
         trouble=_trouble_on_log_scale,
         like=("trend", "gain"),
+        headline=("{output} is {amplitude:size} {amplitude:above|below} the simulation everywhere"),
         call="`Offset()`",
         formula="eta + amplitude",
         priors="sd of the amplitude: as above, or a third of the mean distance of measured from "
@@ -149,6 +150,10 @@ register(
         Offset,
         _at_levels,
         meaning="{output} is off where {target} has one of its values",
+        headline=(
+            "{output} is {amplitude:size} {amplitude:above|below} the simulation "
+            "at one value of {target}"
+        ),
         call="`Offset(x, level=2)`",
         formula="eta, + amplitude where the input x is 2",
         estimates="amplitude",

@@ -168,6 +168,10 @@ register(
         meaning="a regular wave over {column} is in the data and not in the simulation",
         least_distinct=8,
         like=("trend", "bump"),
+        headline=(
+            "The simulation misses a cycle of {output}: {amplitude:around} with a period of "
+            "{period}"
+        ),
         call="`Periodic(x)`",
         formula="eta + amplitude cos(2π (x - peak) / period)",
         priors="period: log-uniform, 2 spacings (a fifth of that in irregular rows, at least a "

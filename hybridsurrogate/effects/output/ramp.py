@@ -88,6 +88,10 @@ register(
         meaning="from one place of {column} on the gap grows steadily",
         least_distinct=6,
         like=("trend", "step"),
+        headline=(
+            "From {column} = {location:place} on {output} {slope:rises above|falls "
+            "below} the simulation by {slope:size}"
+        ),
         call="`Ramp(x)`",
         formula="eta + slope max(x - location, 0)",
         priors="location: uniform over the rows",

@@ -92,6 +92,10 @@ register(
         meaning="a gap grows over {column} and levels off",
         least_distinct=6,
         like=("trend", "decay"),
+        headline=(
+            "{output} {amplitude:rises above|falls below} the simulation over "
+            "{column} and levels off"
+        ),
         call="`Saturation(x)`",
         formula="eta + amplitude (x - origin) / ((x - origin) + (half - origin))",
         priors="half - origin: log-uniform, one spacing to the span",

@@ -119,6 +119,10 @@ register(
         meaning="{output} changes level at one place of {column}, and the simulation does not",
         least_distinct=6,
         like=("ramp", "parameter-drift"),
+        headline=(
+            "At {column} = {location:place} {output} {amplitude:rises|falls} by "
+            "{amplitude:size}, and the simulation does not"
+        ),
         call="`Step(x)`",
         formula="eta, + amplitude from location on",
         priors="location: uniform over the rows",

@@ -230,6 +230,7 @@ register(
         least_distinct=2,
         lacking=_lacking,
         like=("missing-input",),
+        headline="{target} differs between experiments, and the simulation has one value",
         call="`ParameterByExperiment(p, e)`",
         formula="eta(p + spread u_e)",
         priors="spread: half-Cauchy, prior sd of p; u_e: standard normal",

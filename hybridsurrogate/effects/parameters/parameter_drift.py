@@ -64,11 +64,11 @@ _SHAPES = {
         _linear,
         "changing by {slope:+.4g} per unit of {column} around {column} = {center}",
     ),
-    "step": _Shape(("change",), _jump, "{change:+.4g} from {column} = {location} on"),
+    "step": _Shape(("change",), _jump, "{change:+.4g} from {column} = {location:place} on"),
     "logistic": _Shape(
         ("change",),
         _logistic,
-        "changing by {change:+.4g} around {column} = {location} within {width:.4g}",
+        "changing by {change:+.4g} around {column} = {location:place} within {width:.4g}",
     ),
     "periodic": _Shape(
         ("sine", "cosine"),
@@ -315,6 +315,7 @@ register(
         least_distinct=3,
         lacking=_lacking,
         like=("trend", "gain"),
+        headline="{target} changes over {column}, and the simulation keeps it constant",
         call="`ParameterDrift(p, x)`",
         formula="eta(p + slope (x - center))",
         priors="slope: Cauchy, one prior sd of p over the span",
@@ -329,6 +330,10 @@ register(
         ParameterDrift,
         _over_inputs("step"),
         least_distinct=6,
+        headline=(
+            "{target} {change:rises|falls} by {change:size} at {column} = "
+            "{location}, and the simulation keeps it constant"
+        ),
         call='`..., shape="step"`',
         formula="eta(p, + change from location on)",
         priors="change: Cauchy, prior sd of p; location: uniform",
@@ -355,6 +360,10 @@ register(
         ParameterDrift,
         _over_inputs("periodic"),
         least_distinct=8,
+        headline=(
+            "{target} goes up and down with a period of {period}, and the "
+            "simulation keeps it constant"
+        ),
         call='`..., shape="periodic"`',
         formula="eta(p + amplitude sin(2π (x - center) / period + phase))",
         priors="sine, cosine: Cauchy, prior sd of p; period: log-uniform, 4 spacings (at least a "

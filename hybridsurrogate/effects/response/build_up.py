@@ -139,6 +139,9 @@ register(
         least_distinct=6,
         trouble=_trouble,
         like=("decay", "saturation"),
+        headline=(
+            "{output} builds up at the start, over {scale}, where the simulation has it at once"
+        ),
         call="`BuildUp(x)`",
         formula="eta (1 - exp(-x / scale))",
         priors="scale: log-uniform, a tenth of a spacing to half the span",

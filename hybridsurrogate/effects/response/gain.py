@@ -109,6 +109,7 @@ register(
         lambda context: [Gain()],
         meaning="measured {output} is a constant multiple of simulated {output}",
         like=("offset", "wrong-constant"),
+        headline="{output} is {gain} times what the simulation gives",
         call="`Gain()`",
         formula="gain eta",
         priors="log gain: Laplace, scale 1/3, or a third of the log ratio of measured to simulated "

@@ -114,6 +114,7 @@ register(
         "something overflows or a sensor is at the end of its scale",
         least_rows=8,
         like=("saturation", "response"),
+        headline="{output} stops at {limit}, and the simulation goes beyond",
         call="`Limit()`",
         formula="min(eta, limit)",
         priors="limit: normal, mean and sd of the measured output",
@@ -129,6 +130,7 @@ register(
         meaning="measured {output} stays at a limit where the simulation goes below, as at the "
         "least that a sensor can read",
         least_rows=8,
+        headline="{output} does not fall below {limit}, and the simulation does",
         call="`Limit(below=True)`",
         formula="max(eta, limit)",
         priors="the same",

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from hybridsurrogate.diagnosis.report.findings import extension
 from scipy.stats import norm
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.checks.identifiability import confounded, confounding
-from hybridsurrogate.diagnosis.report.findings import extension
 from hybridsurrogate.diagnosis.report.view import View
 
 

@@ -1,5 +1,6 @@
 """The report says in words and pictures what the attributes say in numbers."""
 
+import base64
 import copy
 import html.parser
 import json
@@ -8,6 +9,7 @@ import shutil
 import subprocess
 from dataclasses import replace
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
@@ -59,28 +61,52 @@ def named(diagnose):
 @pytest.fixture(scope="module")
 def report(named):
     t = np.linspace(8.2, 12, 10)
-    return named.report(test=(t[:, None], decay(t, 11, 0.25) + 2.0))
+    units = {"level <mg>": "mg", "t": "h"}
+    return named.report(test=(t[:, None], decay(t, 11, 0.25) + 2.0), units=units)
 
 
 def flat(report):
-    return " ".join(str(report).split())
+    return " ".join(str(replace(report, full=True)).split())
 
 
-def test_the_text_states_verdict_numbers_and_gain(named, report):
-    text = flat(report)
-    best, gain = named.best_cause_, named.gain_
-    assert text.count("Named: the simulation 'decay' is wrong, and 30 measurements") == 1
-    assert f"step in t, with location {digits.interval(*best.estimates['location'])}" in text
-    assert "location in units of t, amplitude in units of level <mg>" in text
-    assert "Of 40 data sets made up by the simulation" in text
-    assert "none looked as wrong as yours: p = 0.024" in text
+def cards(report):
+    return {card.question: f"{card.answer}: {card.detail}" for card in report.first.cards}
+
+
+def test_the_headline_the_cards_and_the_next_calls(named, report):
+    location, amplitude = (named.best_cause_.estimates[k][0] for k in ("location", "amplitude"))
+    found = re.fullmatch(
+        r"At t = ([\d.]+) level <mg> rises by ([\d.]+) mg, and the simulation does not.",
+        report.headline,
+    )
+    assert float(found.group(1)) == pytest.approx(location, abs=0.1)
+    assert float(found.group(2)) == pytest.approx(amplitude, abs=0.1)
+    told = cards(report)
+    assert told["Is something wrong?"].startswith("Yes: p = 0.024: none of 40 data sets")
+    assert f"{digits.probability(named.probability_right_)} right" in told["How sure is the cause?"]
+    gain = named.gain_
+    score = digits.plus_minus(gain.elpd_difference, gain.standard_error, sign=True)
+    assert "% error" in told["What is gained?"]
+    assert score in told["What is gained?"]
+    assert told["How far to trust it?"].startswith("Within t 0 to 8 h")
+    calls = [one.call for one in report.first.advice]
+    assert "diagnosis.predict(X)" in calls
+    assert 'diagnosis.to_python("extended.py")' in calls
+
+
+def test_the_text_is_short_and_the_full_one_has_all(named, report):
+    assert str(report).startswith(report.headline)
+    assert len(str(report).splitlines()) <= 30
+    text, best, gain = flat(report), named.best_cause_, named.gain_
+    assert str(report) in str(replace(report, full=True))
     difference = digits.plus_minus(gain.elpd_difference, gain.standard_error, sign=True)
-    assert f"difference {difference}" in text
-    assert "it chose: step 3" in text
-    assert "wrong-constant (the simulation has no assumed constants)" in text
-    assert "On the rows held back (10 rows)" in text
-    assert f"In LaTeX: \\text{{level <mg>}} = {best.latex}" in text
-    assert "There is no weight to choose" in text
+    assert difference in text
+    assert "its folds chose step (3)" in text
+    assert "the simulation has no assumed constants" in text
+    assert "On the rows that you held out (10 rows)" in text
+    assert f"\\text{{level <mg>}} = {best.latex}" in text
+    assert "Weight of the simulation" not in text
+    assert "arXiv:2412.11875" in text
 
 
 def test_where_it_is_wrong(report):
@@ -89,9 +115,7 @@ def test_where_it_is_wrong(report):
     assert sum(third["share"] for third in thirds) == pytest.approx(1)
     most = max(thirds, key=lambda third: third["share"])
     low, high = (digits.number(most[end]) for end in ("low", "high"))
-    assert f"{digits.percent(most['share'])} lies where t is between {low} and {high}" in flat(
-        report
-    )
+    assert f"{digits.percent(most['share'])} lies where t is {low} to {high}" in flat(report)
 
 
 class Page(html.parser.HTMLParser):
@@ -101,7 +125,7 @@ class Page(html.parser.HTMLParser):
 
     def __init__(self, text):
         super().__init__()
-        self.open, self.images, self.addresses, self.words = [], [], [], []
+        self.open, self.images, self.addresses, self.words, self.names = [], [], [], [], []
         self.feed(text)
         self.close()
 
@@ -111,6 +135,7 @@ class Page(html.parser.HTMLParser):
         attrs = dict(attrs)
         if tag == "img":
             self.images.append(attrs)
+        self.names += [attrs["id"]] if "id" in attrs else []
         self.addresses += [attrs[k] for k in ("src", "href", "srcset", "data") if k in attrs]
 
     def handle_endtag(self, tag):
@@ -126,17 +151,32 @@ def test_the_page_is_whole_and_needs_no_network(report, tmp_path):
     page = Page(text)
     assert text.startswith("<!doctype html>")
     assert page.open == []
-    assert len(page.images) == 6
-    assert all(address.startswith("data:image/png;base64,") for address in page.addresses)
+    assert len(page.images) == 5
+    inside = ("data:image/svg+xml;base64,", "data:text/csv;base64,", "#")
+    assert all(address.startswith(inside) for address in page.addresses)
+    assert {f"#{name}" for name in page.names} == {a for a in page.addresses if a[0] == "#"}
     assert all(len(image["alt"]) > 40 for image in page.images)
     style = re.search(r"<style>(.*?)</style>", text, re.S).group(1)
     assert not re.search(r"url\(|@import|http", style)
     assert "<script" not in text
-    assert "http" not in "".join(page.words)
     assert "level <mg>" not in text
     assert "level &lt;mg&gt;" in text
     assert "prefers-color-scheme:dark" in style
+    assert "@media print" in style
     assert 'name="viewport"' in text
+    assert "<math" in text
+
+
+def test_the_numbers_of_a_picture_are_in_the_page(named, report):
+    data = report.first.picture.drawn.data
+    assert list(data)[:3] == ["t", "measured level <mg>", "simulation"]
+    y = named.estimator_.measured_[1]
+    np.testing.assert_allclose(data["measured level <mg>"], y)
+    np.testing.assert_allclose(
+        data["extended model, residual"], y - data["extended model"], atol=1e-12
+    )
+    csv = base64.b64encode(data.to_csv(index=False).encode()).decode()
+    assert csv in report.to_html()
 
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
@@ -154,7 +194,7 @@ def test_the_page_opens_in_a_browser(report, tmp_path):
         .replace(
             "</body>",
             "<script>document.title='widths '+Array.from(document.images,"
-            "i=>i.complete?i.naturalWidth:0).join(' ')+' overflow '+"
+            "i=>i.complete?i.width:0).filter(w=>w).join(' ')+' overflow '+"
             "(document.documentElement.scrollWidth>innerWidth)</script></body>",
         )
     )
@@ -176,10 +216,10 @@ def test_the_page_opens_in_a_browser(report, tmp_path):
     dom = run("--dump-dom", "--virtual-time-budget=2000")
     told = re.search(r"<title>widths ([\d ]+) overflow (\w+)</title>", dom)
     widths = [int(width) for width in told.group(1).split()]
-    assert len(widths) == 6
+    assert len(widths) == 5
     assert min(widths) > 400
     assert told.group(2) == "false"
-    assert "Named: the simulation 'decay' is wrong" in dom
+    assert "rises by" in dom
     picture = tmp_path / "page.png"
     run(f"--screenshot={picture}")
     assert picture.stat().st_size > 20_000
@@ -187,11 +227,13 @@ def test_the_page_opens_in_a_browser(report, tmp_path):
 
 def test_text_and_json_files(named, report, tmp_path):
     report.save(tmp_path / "report.txt")
-    assert (tmp_path / "report.txt").read_text(encoding="utf-8").strip() == str(report)
+    assert (tmp_path / "report.txt").read_text(encoding="utf-8").strip() == str(
+        replace(report, full=True)
+    )
     report.save(tmp_path / "report.json")
     values = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
     assert values == report.to_dict()
-    assert values["schema_version"] == 2
+    assert values["schema_version"] == 3
     assert values["verdict"] == "named"
     assert values["best_cause"]["kind"] == "step"
     assert values["best_cause"]["latex"] == named.best_cause_.latex
@@ -202,6 +244,9 @@ def test_text_and_json_files(named, report, tmp_path):
     assert values["parameters"]["level"]["after"][0] == pytest.approx(11, abs=0.5)
     said = [sentence for section in values["sections"] for sentence in section["sentences"]]
     assert all(sentence in flat(report) for sentence in said)
+    assert values["headline"] == report.headline
+    assert values["units"] == {"level <mg>": "mg", "t": "h"}
+    assert [card["question"] for card in values["cards"]] == list(cards(report))
 
 
 def test_no_other_kind_of_file_is_written(report, tmp_path):
@@ -224,25 +269,27 @@ def test_an_adequate_simulation(diagnose):
     assert diagnosis.verdict_ == "adequate"
     report = diagnosis.report(test=([[9.0], [10.0]], [1.2, 0.9]))
     text = flat(report)
-    assert "give no reason to doubt the simulation 'decay'" in text
-    assert "That nothing is wrong has" in text
+    assert report.headline == "The measurements give no reason to doubt the simulation."
+    assert "would have been detected in nine of ten such data sets" in " ".join(report.lead)
+    assert cards(report)["Is something wrong?"].startswith("No sign of it")
+    assert "that nothing is wrong has" in cards(report)["How sure is the cause?"]
     assert "Nothing was added" in text
-    assert "Nowhere that the data could show" in text
+    assert "Nowhere that the data show" in text
     assert "In LaTeX" not in text
-    assert "there is no before and after" in text
+    assert "the extension changes nothing" in text
     assert report.to_dict()["discrepancy"]["thirds"] == []
 
 
-def test_without_cross_validation_or_rows_held_back(diagnose):
+def test_without_cross_validation_or_held_out_rows(diagnose):
     diagnosis = diagnose(lambda t: 2.0 * (t > 5), cv=None)
     # what is set after a fit is for the next one
     report = diagnosis.set_params(n_replicates=1000, false_alarm_rate=0.5).report()
-    assert "Of 40 data sets made up by the simulation" in flat(report)
-    assert "where up to 0.05 counts as wrong" in flat(report)
+    assert "none of 40 data sets" in cards(report)["Is something wrong?"]
     assert report.to_dict()["n_replicates"] == 40
-    assert "The gain was not measured by cross-validation" in flat(report)
+    assert cards(report)["What is gained?"].startswith("Not measured")
+    assert "nothing was tested" in cards(report)["How far to trust it?"]
     assert report.to_dict()["gain"] is None
-    (gains,) = (s for s in report.sections if s.title == "What it gains")
+    (gains,) = (s for s in report.sections if s.title == "Gain in detail")
     assert gains.pictures == ()
 
 
@@ -250,25 +297,25 @@ def test_a_fault_without_a_name_and_one_with_several(diagnose):
     # a chirp is no kind of the catalogue
     chirp = diagnose(lambda t: 1.5 * np.sin(0.12 * (t + 2) ** 2), cv=None)
     assert chirp.verdict_ == "unexplained"
-    text = flat(chirp.report())
-    assert "Unexplained: the simulation 'decay' is wrong" in text
-    assert "beyond it the curve knows nothing" in text
+    report = chirp.report()
+    assert "that no cause of the catalogue explains" in report.headline
+    assert cards(report)["How sure is the cause?"].startswith("Not known")
+    assert "causes=[MyCause()]" in str(report)
     # a slow change that several kinds can follow
     unclear = diagnose(lambda t: 0.008 * t**2, cv=None)
     assert unclear.verdict_ == "ambiguous"
-    text = flat(unclear.report())
-    assert "The data do not single out one cause" in text
-    assert "Do not act on the leading cause alone" in text
-    assert "in standard deviations of the noise" in text
-    for kind in unclear.indistinguishable_:
-        assert f"{kind} (" in text
+    report = unclear.report()
+    assert report.headline.startswith("The simulation is wrong, and the data leave open how: ")
+    assert unclear.best_cause_.kind in report.headline
+    assert "Before you act on one cause" in str(report)
+    assert "deviations of the noise" in flat(report)
     t = np.linspace(8.2, 12, 10)
     report = unclear.report(test=(t[:, None], decay(t, 11, 0.25) + 0.008 * t**2))
     averaged = report.to_dict()["averaged"]
     assert len(averaged) > 1
-    assert f"averages over the {len(averaged)} explanations that have 5 % of" in flat(report)
+    assert f"average over the {len(averaged)} explanations with 5 % of" in flat(report)
     np.testing.assert_allclose(sum(one["weight"] for one in averaged), 1)
-    assert averaged[0]["causes"] in text
+    assert averaged[0]["causes"] in flat(report)
 
 
 def test_two_causes_at_once(diagnose):
@@ -279,8 +326,10 @@ def test_two_causes_at_once(diagnose):
     assert {cause.kind for cause in diagnosis.found_causes_} == {"step", "periodic"}
     report = diagnosis.report()
     text, (first, second) = flat(report), diagnosis.found_causes_
-    assert f"The cause: {first.kind} in t, with" in text
-    assert f"Beside it a further search found: {second.kind} in t, with" in text
+    wave = {"step": "rises by", "periodic": "misses a cycle"}
+    assert wave[first.kind] in report.headline
+    assert wave[second.kind] in report.lead[-1]
+    assert report.lead[-1].startswith("A further fault: ")
     assert "It holds 2 causes at once" in text
     assert f"Formula, {second.kind} in t: level <mg> = {second.formula}" in text
     assert f"Check {first.kind} in t and {second.kind} in t where" in text
@@ -288,28 +337,48 @@ def test_two_causes_at_once(diagnose):
         first.kind,
         second.kind,
     ]
-    assert "Something is left beside it" not in text
+    assert "max_causes" not in str(report)
 
 
-def test_a_cause_that_is_not_the_whole_story(diagnose):
+def test_residual_structure_is_the_caution(diagnose):
     diagnosis = diagnose(lambda t: 2.0 * (t > 5) + 0.5 * np.sin(2 * np.pi * t / 4), cv=None)
-    text = flat(diagnosis.report())
-    assert "a smooth remainder is needed beside it" in text
-    assert "Something is left beside it: search on with max_causes=2" in text
+    report = diagnosis.report()
+    assert "may be at work too" in report.first.caution
+    assert "Search for a further cause: max_causes=2" in " ".join(str(report).split())
 
 
 def test_what_to_predict_with(named):
-    def advice(**gains):
-        told = copy.copy(named)
+    def first(**gains):
+        changed = copy.copy(named)
         for name, gain in gains.items():
-            setattr(told, name, gain)
-        return flat(told.report())
+            setattr(changed, name, gain)
+        return changed.report().first
 
     worse = replace(named.gain_, elpd_difference=-3.0, standard_error=0.5)
     unclear = replace(worse, standard_error=2.0)
-    assert "Predict with extended_estimator_." in advice(gain_=unclear, gain_out_of_range_=unclear)
-    assert "within the measured range, not beyond it" in advice(gain_out_of_range_=worse)
-    assert "Predict with estimator_, the simulation as it is" in advice(gain_=worse)
+    fine = first(gain_=unclear, gain_out_of_range_=unclear)
+    assert fine.advice[0] == ("Use the extended model:", "diagnosis.predict(X)")
+    assert fine.cards[2].answer == "No clear gain"
+    near = first(gain_out_of_range_=worse)
+    assert near.advice[0].sentence == "Use the extended model, within the measured range:"
+    assert "predicts worse" in near.cards[3].detail
+    bad = first(gain_=worse)
+    assert bad.advice[0].call == "diagnosis.estimator_.predict(X)"
+    assert bad.cards[2].answer == "Worse"
+    assert "predicts worse than the simulation" in bad.caution
+
+
+def test_units_of_unknown_columns_are_an_error(named):
+    with pytest.raises(ValueError, match=r"units has \['tt'\].*Did you mean 't'"):
+        named.report(units={"tt": "h"})
+
+
+def test_the_picture_alone(named):
+    figure, axes = plt.subplots(2, 1)
+    top, below = named.plot(axes=axes, units={"t": "h"})
+    assert top is axes[0]
+    assert below.get_xlabel() == "t (h)"
+    plt.close(figure)
 
 
 def scan_of(before, after):
@@ -335,7 +404,8 @@ def test_an_emulator_gets_its_beta_scan(diagnose, monkeypatch):
     assert report.to_dict()["beta_scan"][1] == told
     assert report.to_dict()["best_beta_out_of_range"] == {"before": 0.05, "after": 0.5}
     text = flat(report)
-    assert "Within the measured range the best weight of the simulation is beta = 0.05" in text
-    assert "Beyond it the best weight of the simulation is beta = 0.05" in text
-    (section,) = (s for s in report.sections if s.title == "Trust in the simulation")
-    assert "beyond it best at beta = 0.05 before and 0.5 after" in section.pictures[0].description
+    assert "Within the measured range the best weight is beta = 0.05" in text
+    assert "Beyond it the best weight is beta = 0.05" in text
+    (section,) = (s for s in report.sections if s.title == "Weight of the simulation")
+    description = section.pictures[0].drawn.description
+    assert "beyond it best at beta = 0.05 before and 0.5 after" in description

@@ -8,10 +8,13 @@ import pytest
 
 import hybridsurrogate as hs
 from hybridsurrogate import digits
+from hybridsurrogate.diagnosis.answers.finding import CauseFinding
 from hybridsurrogate.diagnosis.checks.emulator import EmulatorCheck
-from hybridsurrogate.diagnosis.report import findings, scores, trust
-from hybridsurrogate.diagnosis.report.view import label_of_cause
+from hybridsurrogate.diagnosis.report.details import checks, gain, weight
+from hybridsurrogate.diagnosis.report.first_screen import headline
+from hybridsurrogate.diagnosis.report.view import View, label_of_cause
 from hybridsurrogate.diagnosis.validation.gain import FoldGain, Gain
+from hybridsurrogate.effects.registry import FORMS
 
 
 def scan_of(before, after, error=0.1):
@@ -30,14 +33,14 @@ def scan_of(before, after, error=0.1):
 def test_what_the_best_beta_says(after, words):
     scan = scan_of([-0.9, -0.5, -1.2], after)
     extended, plain = SimpleNamespace(extended=True), SimpleNamespace(extended=False)
-    assert words in trust.trust(extended, scan, None)[-1]
-    within, beyond = trust.trust(plain, scan, scan)[1:]
+    assert words in weight.weight(extended, scan, None)[-1]
+    within, beyond = weight.weight(plain, scan, scan)[1:]
     assert "Within the measured range the best is beta = 0.5" in within
     assert "Beyond it the best is beta = 0.5" in beyond
     unsure = scan_of([-0.9, -0.5, -1.2], after, error=0.4)
     same = after.index(max(after)) == 1
-    told = trust.trust(extended, unsure, None)[-1]
-    assert ("as good within the errors" in told) is not same
+    sentence = weight.weight(extended, unsure, None)[-1]
+    assert ("as good within the errors" in sentence) is not same
 
 
 def gain_of(difference, error, coverage=0.9, kinds=("step", "step")):
@@ -52,7 +55,7 @@ def gain_of(difference, error, coverage=0.9, kinds=("step", "step")):
     ("difference", "error", "words"),
     [
         (0.5, 0.1, "the extended model predicts better"),
-        (0.15, 0.1, "seems to predict better, but by less than two"),
+        (0.15, 0.1, "seems to predict better, by less than two"),
         (0.05, 0.1, "within its standard error"),
         (-0.05, 0.1, "within its standard error"),
         (-0.15, 0.1, "seems to predict worse, by less than two"),
@@ -62,61 +65,55 @@ def gain_of(difference, error, coverage=0.9, kinds=("step", "step")):
     ],
 )
 def test_what_a_difference_of_scores_amounts_to(difference, error, words):
-    assert words in scores.judgement(gain_of(difference, error))
+    assert words in gain.judgement(gain_of(difference, error))
 
 
-def view_of(gain, beyond=None, kinds="step"):
-    diagnosis = SimpleNamespace(gain_=gain, gain_out_of_range_=beyond)
-    return SimpleNamespace(extended=True, diagnosis=diagnosis, inputs=("t",), kinds=kinds)
+def view_of(units=()):
+    return SimpleNamespace(
+        extended=True, inputs=("t",), units=dict(units), output="mass", stacking=None
+    )
 
 
-def test_the_words_for_a_gain():
-    text = " ".join(scores.gains(view_of(gain_of(0.512, 0.123)), None))
-    assert "-1.00 before, -0.49 after, difference +0.51 ± 0.12 (standard error)" in text
-    assert "2 before and 1.5 after, 25 % less" in text
-    assert "The 50 % interval holds 40 % before and 55 % after" in text
-    assert "as it should be, within chance" in text
-    assert "Higher is better" in text
-    assert "Beyond the measured range the gain was not measured" in text
-    split = " ".join(scores.gains(view_of(gain_of(0.5, 0.1, 0.7, ("step", "bump"))), None))
-    assert "it chose: step 1, bump 1" in split
-    assert "Of these 2 searches 1 chose step" in split
-    assert "too few: the uncertainty stated is too small" in split
-    pair = gain_of(0.5, 0.1, kinds=("periodic + step", "step"))
-    both = " ".join(scores.gains(view_of(pair, kinds="periodic + step"), None))
-    assert "it chose: periodic + step 1, step 1" in both
-    assert "Of these 2 searches 1 chose periodic + step" in both
-    wide = " ".join(scores.gains(view_of(None), gain_of(0.5, 0.1, 1.0, ())))
-    assert "On the rows held back (100 rows)" in wide
-    assert "too many: the uncertainty stated is too large" in wide
+def test_the_table_of_a_gain():
+    table = gain.table_of(view_of({"mass": "mg"}), gain_of(0.512, 0.123)).set_index("")
+    assert list(table.loc["log score a row"]) == ["-1.00", "-0.49", "+0.51 ± 0.12"]
+    assert list(table.loc["error (RMSE, mg)"])[:2] == ["2", "1.5"]
+    assert list(table.loc["covered by 50 % intervals"])[:2] == ["40 %", "55 %"]
+    assert list(table.loc["covered by 90 % intervals"])[:2] == ["90 %", "90 %"]
 
 
-def test_the_words_for_a_gain_beyond_the_measured_range():
+def test_the_sentences_of_a_gain():
+    split = gain_of(0.5, 0.1, 0.7, ("step", "bump"))
     beyond = gain_of(-0.5, 0.1, kinds=("none", "bump"))
-    text = " ".join(scores.gains(view_of(gain_of(0.5, 0.1), beyond), None))
-    assert "the last 100 rows along t, in 2 parts, each foreseen from all rows before it" in text
+    found = gain.section(view_of(), {"within": split, "beyond": beyond, "held out": None})
+    text = " ".join(found.sentences)
+    assert "Higher is better" in text
+    assert "its folds chose step (1) and bump (1)" in text
+    assert "the last 100 rows along t, 2 blocks, each predicted from all rows before it" in text
     assert "predicts worse: do not use it for rows like these" in text
-    assert "Of these 2 searches none chose step" in text
-    assert "cannot be foreseen from those before them" in text
+    alone = gain.section(view_of(), {"within": split, "beyond": None, "held out": None})
+    assert "Beyond the measured range nothing was tested" in " ".join(alone.sentences)
+    nothing = gain.section(view_of(), {"within": None, "beyond": None, "held out": None})
+    assert "was not measured" in nothing.sentences[0]
 
 
 def test_the_words_for_what_runs_leave_open():
     estimator = SimpleNamespace(surrogate=hs.PolynomialChaos())
     check = EmulatorCheck(4e-7, 163.4, {"distance": 3, "t": 1})
     view = SimpleNamespace(diagnosis=SimpleNamespace(emulator_check_=check, estimator_=estimator))
-    known, missed, beyond = scores.emulator(view)
+    known, missed, beyond = checks.emulator(view)
     assert "(3 along distance, 1 along t)" in beyond
-    assert "leave the simulation open by less than a thousandth of the noise, which" in known
-    assert "misses what they tell by 163 times the noise there" in missed
+    assert "leave the simulation uncertain by less than a thousandth of the noise, which" in known
+    assert "differs from them by 163 times the noise there" in missed
 
 
 def test_a_weight_that_takes_minutes_to_try_is_not_tried():
     costly = SimpleNamespace(extended=True, has_weight=True, weight_takes_minutes=True)
-    assert "which takes minutes. beta_scan(X, y) does it" in trust.trust(costly, None, None)[0]
+    assert "beta_scan(X, y) does it in minutes" in weight.weight(costly, None, None)[0]
     quick = SimpleNamespace(extended=True, has_weight=True, weight_takes_minutes=False)
-    assert "report(beta_scan=True) does it" in trust.trust(quick, None, None)[0]
+    assert "report(beta_scan=True) does it in seconds" in weight.weight(quick, None, None)[0]
     exact = SimpleNamespace(extended=True, has_weight=False)
-    assert "There is no weight to choose" in trust.trust(exact, None, None)[0]
+    assert weight.section(exact, None, None) == ()
 
 
 def test_digits():
@@ -142,30 +139,79 @@ def test_digits():
     assert digits.listing(["a", "b", "c"]) == "a, b and c"
 
 
-def test_forms_of_a_kind_have_words_of_their_own():
-    view = SimpleNamespace(output="mass", inputs=("t",), log_scale=False)
-    causes = {
-        "gap between measured and simulated mass grows steadily over t": hs.Trend("t"),
-        "is a parabola over t": hs.Trend("t", degree=2),
-        "an amount of its own for each value of batch": hs.MissingInput(
-            "batch", shape="categorical"
-        ),
-        "mass is off where batch has one of its values": hs.MissingInput(
-            "batch", shape="categorical", level=3
-        ),
-        "the columns a and b act together": hs.Interaction("a", "b"),
-        "the parameter rate changes over t": hs.ParameterDrift("rate", "t", "logistic"),
-        "what prey does to itself and to others comes later": hs.DynamicDelay("prey"),
-        "something drives prey up and down": hs.DynamicTerm("prey", "seasonal"),
-        "prey gains or loses something": hs.DynamicTerm("prey", "proportional"),
-    }
-    for words, cause in causes.items():
-        finding = SimpleNamespace(kind=cause.kind, target=cause.target)
-        (sentence,) = findings._meaning(view, finding, cause)
-        assert words in sentence
+FOUND = {
+    "mass rises against the simulation by 2.0 mg per h.": (hs.Trend("t"), {"slope": 2.0}),
+    "The gap between mass and the simulation is a parabola over t.": (hs.Trend("t", degree=2), {}),
+    "mass differs between the values of batch, which the simulation ignores.": (
+        hs.MissingInput("batch", shape="categorical"),
+        {},
+    ),
+    "mass is 2.0 mg below the simulation at one value of batch.": (
+        hs.MissingInput("batch", shape="categorical", level=3),
+        {"amplitude": -2.0},
+    ),
+    "The simulation misses that a and b act together on mass.": (hs.Interaction("a", "b"), {}),
+    "rate changes over t, and the simulation keeps it constant.": (
+        hs.ParameterDrift("rate", "t", "logistic"),
+        {},
+    ),
+    "The simulation misses a cycle of mass: ±2.0 mg with a period of 7.0 h.": (
+        hs.Periodic("t"),
+        {"amplitude": 2.0, "period": 7.0},
+    ),
+    "At t = 7.0 mass falls by 2.0 mg, and the simulation does not.": (
+        hs.Step("t"),
+        {"location": 7.0, "amplitude": -2.0},
+    ),
+    "What prey does comes 2.0 h later than the equations have it.": (
+        hs.DynamicDelay("prey"),
+        {"lag": 2.0},
+    ),
+    "The equation of prey misses a drive with a period of 7.0 h.": (
+        hs.DynamicTerm("prey", "seasonal"),
+        {"period": 7.0},
+    ),
+    "The equation of prey misses a loss in proportion to it, 2.0 per h.": (
+        hs.DynamicTerm("prey", "proportional"),
+        {"rate": -2.0},
+    ),
+}
+
+
+@pytest.mark.parametrize("sentence", FOUND)
+def test_each_form_has_a_headline(sentence):
+    cause, means = FOUND[sentence]
+    estimates = {name: (mean, mean - 0.3, mean + 0.3) for name, mean in means.items()}
+    view = View(
+        diagnosis_of("mass", ("t",), log_scale=False), units={"mass": "mg", "t": "h", "prey": "1"}
+    )
+    finding = CauseFinding(cause.kind, cause.target, "", 0.9, estimates)
+    assert headline.sentence_of(view, finding, cause) == sentence
+
+
+def test_on_a_logarithmic_scale_an_amplitude_is_a_factor():
+    view = View(diagnosis_of("mass", ("t",), log_scale=True), units={"mass": "mg", "t": "h"})
+    estimates = {"location": (7.0, 6.7, 7.3), "amplitude": (np.log(2), 0.6, 0.8)}
+    finding = CauseFinding("step", "t", "", 0.9, estimates)
+    sentence = headline.sentence_of(view, finding, hs.Step("t"))
+    assert sentence == "At t = 7.0 mass rises by a factor of 2, and the simulation does not."
+
+
+def test_every_form_has_a_headline_of_its_own_or_of_its_kind():
+    kinds = {form.kind for form in FORMS.values() if form.headline}
+    assert {form.kind for form in FORMS.values()} <= kinds
     assert label_of_cause(None) == "nothing is wrong"
     assert label_of_cause(hs.ParameterDrift("rate", "t", "step")) == (
         "parameter-drift of rate (step over t)"
+    )
+
+
+def diagnosis_of(output, inputs, log_scale):
+    """Return as much of a diagnosis as a headline reads."""
+    simulation = SimpleNamespace(outputs=(output,), input_names=inputs)
+    problem = SimpleNamespace(stacking=None, likelihood=SimpleNamespace(log_scale=log_scale))
+    return SimpleNamespace(
+        estimator_=SimpleNamespace(simulation=simulation), search_=SimpleNamespace(problem=problem)
     )
 
 
@@ -197,4 +243,5 @@ def test_where_under_a_log_normal_likelihood():
     last = max(report.to_dict()["discrepancy"]["thirds"], key=lambda third: third["low"])
     # before, the decay bent to meet the jump; in raw squares a factor of e^-8 leaves nothing here
     assert last["share"] > 0.3
-    assert "(root mean square, in units of log activity)" in " ".join(str(report).split())
+    text = " ".join(str(found.report(full=True)).split())
+    assert "in log activity (root mean square)" in text

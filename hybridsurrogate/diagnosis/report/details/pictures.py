@@ -1,59 +1,35 @@
-"""The pictures of a report: which numbers go into which Axes; ``plotting`` draws them."""
+"""The pictures of the folded sections: which numbers go into which Axes."""
 
 from __future__ import annotations
-
-import io
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from numpy.typing import ArrayLike
 
 from hybridsurrogate import digits, plotting
 from hybridsurrogate.diagnosis.answers.experimental_design import information_at
-from hybridsurrogate.diagnosis.report.section import Picture
-from hybridsurrogate.diagnosis.report.settings import SETTINGS
+from hybridsurrogate.diagnosis.report.drawing import logarithmic, rendered
+from hybridsurrogate.diagnosis.report.section import Drawn
 from hybridsurrogate.diagnosis.report.view import View, label_of
 from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, Gain, best_beta
 from hybridsurrogate.effects.context import MOST_EXPERIMENTS
 from hybridsurrogate.plotting import AFTER, BEFORE
 
-Test = tuple[ArrayLike, ArrayLike] | None
 
-
-def rendered(axes: list[Axes], description: str) -> Picture:
-    """Return the figure of some Axes as a picture."""
-    buffer = io.BytesIO()
-    figure = axes[0].get_figure(root=True)
-    assert isinstance(figure, Figure)
-    figure.savefig(buffer, format="png", dpi=120, facecolor="white")
-    return Picture(description, buffer.getvalue())
-
-
-def picture_fit(view: View) -> Picture:
-    """Draw data and calibrated simulation, and below what the simulation misses."""
-    top, bottom = axes = plotting.new_axes(2, 1, height=5.4, share=True)
-    model = view.diagnosis.estimator_
-    _draw_model(top, view, model, BEFORE, "simulation, calibrated", view.x.min(), view.x.max())
-    plotting.plot_measured(top, view.x, view.y)
-    _log_axis(top, view, view.y)
-    plotting.tidy(top, "", view.output)
+def picture_discrepancy(view: View) -> Drawn:
+    """Draw the residuals of the simulation with a smooth curve through them."""
+    (ax,) = axes = plotting.new_axes(height=3.4)
     band = view.band
     if band.column == view.name:
         values = band.grid[:, view.shown]
-        plotting.plot_discrepancy(bottom, values, band.mean, band.lower, band.upper)
-        plotting.plot_measured(bottom, view.x, band.residual, "measured - simulated")
+        plotting.plot_discrepancy(ax, values, band.mean, band.lower, band.upper)
+        plotting.plot_measured(ax, view.x, band.residual, "measured - simulated")
     else:
         # the smooth curve is one over the inputs and does not know the column that matters
-        _draw_column(bottom, view)
+        _draw_column(ax, view)
     log = "log " if view.log_scale else ""
-    plotting.tidy(bottom, view.name, f"{log}measured - {log}simulated")
-    return rendered(
-        axes,
-        f"Above: measured {view.output} over {view.name} and the calibrated simulation. Below: "
-        f"{_described_below(view)}",
-    )
+    plotting.tidy(ax, view.axis(view.name), f"{log}measured - {log}simulated")
+    return rendered(axes, _described(view))
 
 
 def experiments_of(view: View) -> str | None:
@@ -67,7 +43,7 @@ def experiments_of(view: View) -> str | None:
     return next((name for name in read if name in few), None)
 
 
-def picture_experiments(view: View, column: str) -> Picture:
+def picture_experiments(view: View, column: str) -> Drawn:
     """Draw what the simulation misses in each experiment, and what the extended model adds."""
     of_row = view.X[:, view.columns.index(column)]
     levels = np.unique(of_row)
@@ -110,8 +86,8 @@ def picture_experiments(view: View, column: str) -> Picture:
     )
 
 
-def picture_output(view: View) -> Picture:
-    """Draw another of several outputs beside the extended model, and what it leaves."""
+def picture_output(view: View) -> Drawn:
+    """Draw another of several outputs with the extended model, and its residuals."""
     top, bottom = axes = plotting.new_axes(2, 1, height=5.0, share=True)
     model = view.diagnosis.extended_estimator_
     name, colour = "simulation, calibrated", BEFORE
@@ -119,10 +95,10 @@ def picture_output(view: View) -> Picture:
         name, colour = "extended model", AFTER
     _draw_model(top, view, model, colour, name, view.x.min(), view.x.max())
     plotting.plot_measured(top, view.x, view.y)
-    _log_axis(top, view, view.y)
+    logarithmic(top, view, view.y)
     plotting.tidy(top, "", view.output)
     left = view.working_residuals(view.found)
-    plotting.plot_residuals(bottom, view.x, left, colour, "what is left")
+    plotting.plot_residuals(bottom, view.x, left, colour, "residual")
     log = "log " if view.log_scale else ""
     plotting.tidy(bottom, view.name, f"{log}measured - {log}predicted", False)
     rms = digits.number(float(np.sqrt(np.mean(left**2))), 3)
@@ -133,11 +109,11 @@ def picture_output(view: View) -> Picture:
     )
 
 
-def picture_causes(view: View) -> Picture:
+def picture_causes(view: View) -> Drawn:
     """Draw the probabilities of the causes."""
-    rivals, probabilities = zip(*view.most_probable, strict=True)
-    names = [label_of(rival) for rival in rivals]
-    chosen = next((k for k, rival in enumerate(rivals) if rival.cause is view.cause), None)
+    candidates, probabilities = zip(*view.most_probable, strict=True)
+    names = [label_of(candidate) for candidate in candidates]
+    chosen = next((k for k, one in enumerate(candidates) if one.cause is view.cause), None)
     axes = plotting.new_axes(height=1.0 + 0.32 * len(names))
     plotting.plot_causes(axes[0], names, probabilities, chosen)
     first = zip(names[:4], probabilities, strict=False)
@@ -145,46 +121,7 @@ def picture_causes(view: View) -> Picture:
     return rendered(axes, f"Bars of the probabilities of the causes, most probable first: {text}.")
 
 
-def picture_extension(view: View, test: Test) -> Picture:
-    """Draw the extended model against the data, over all that was simulated or held back."""
-    axes = plotting.new_axes(height=3.8)
-    ax = axes[0]
-    low, high = view.simulated_range()
-    model = view.diagnosis.extended_estimator_
-    outputs = view.y
-    held_rows = None
-    if test is not None:
-        held_rows, held = view.held_back(test)
-        low, high = (
-            min(low, held_rows[:, view.shown].min()),
-            max(high, held_rows[:, view.shown].max()),
-        )
-        outputs = np.concatenate([outputs, held])
-    name = "extended model" if view.extended else "simulation, calibrated"
-    ends = float(view.x.min()), float(view.x.max())
-    if view.is_curve and (low, high) != ends:
-        ax.axvspan(*ends, color="#eeeeee", zorder=0, lw=0, label="measured range")
-    _draw_model(ax, view, model, AFTER if view.extended else BEFORE, name, low, high)
-    plotting.plot_measured(ax, view.x, view.y)
-    if held_rows is not None and test is not None:
-        plotting.plot_measured(
-            ax,
-            held_rows[:, view.shown],
-            held,
-            "held back",
-            held_out=True,
-        )
-    _log_axis(ax, view, outputs)
-    plotting.share_range(axes, outputs)
-    plotting.tidy(ax, view.name, view.output)
-    return rendered(
-        axes,
-        f"Measured {view.output} over {view.name} and the predictions of the {name} with 50 % and "
-        f"90 % intervals, from {view.name} = {digits.number(low)} to {digits.number(high)}.",
-    )
-
-
-def picture_residuals(view: View) -> Picture:
+def picture_residuals(view: View) -> Drawn:
     """Draw residuals before and after over the shown column, and their quantiles."""
     models = [("before", view.diagnosis.estimator_, BEFORE, "o")]
     if view.extended:
@@ -213,7 +150,7 @@ def picture_residuals(view: View) -> Picture:
     )
 
 
-def picture_gain(gains: dict[str, Gain]) -> Picture:
+def picture_gain(gains: dict[str, Gain]) -> Drawn:
     """Draw held-out scores before and after, fold by fold, and coverage; gains have names."""
     rows: list[tuple[str, float, float, float]] = []
     covered: list[tuple[str, float, int]] = []
@@ -248,8 +185,8 @@ def picture_gain(gains: dict[str, Gain]) -> Picture:
     )
 
 
-def picture_next(view: View) -> Picture:
-    """Draw the rivals' predictions and where one more measurement would tell them apart."""
+def picture_next(view: View) -> Drawn:
+    """Draw the alternatives' predictions and where one more measurement would separate them."""
     place = view.diagnosis.next_measurement_
     view = view.of(place["output"]) if view.stacking is not None else view
     at = np.array([place[name] for name in view.columns])
@@ -257,29 +194,31 @@ def picture_next(view: View) -> Picture:
     rows = view.grid(min(low, at[view.shown]), max(high, at[view.shown]), at)
     x = rows[:, view.shown]
     found = view.diagnosis.result_.asked
-    rivals = view.rivals(found)
-    means = [view.expected(found, rival, rows) for rival in rivals]
+    alternatives = view.alternatives(found)
+    means = [view.expected(found, one, rows) for one in alternatives]
     axes = plotting.new_axes(2, 1, height=5.0, share=True)
-    plotting.plot_rivals(axes[0], x, means, [label_of(r) for r in rivals], at[view.shown])
+    plotting.plot_alternatives(
+        axes[0], x, means, [label_of(one) for one in alternatives], at[view.shown]
+    )
     if view.is_curve:
         plotting.plot_measured(axes[0], view.x, view.y)
-    _log_axis(axes[0], view, view.y)
+    logarithmic(axes[0], view, view.y)
     near = means[0] if view.is_curve else np.concatenate(means)
     plotting.share_range(axes[:1], np.concatenate([view.y, near]))
     plotting.tidy(axes[0], "", view.output)
     information = information_at(found, view.single(rows))
     plotting.plot_information(axes[1], x, information, at[view.shown])
     plotting.tidy(axes[1], view.name, "information\nin bits", legend=False)
-    text = digits.listing([label_of(rival) for rival in rivals])
+    text = digits.listing([label_of(one) for one in alternatives])
     return rendered(
         axes,
-        f"What the rivals predict over {view.name}: {text}. A vertical line marks "
+        f"What the alternatives predict over {view.name}: {text}. A vertical line marks "
         f"{view.name} = {digits.number(float(at[view.shown]))}, where one more measurement would "
-        "best tell them apart.",
+        "best separate them.",
     )
 
 
-def picture_trust(within: pd.DataFrame, beyond: pd.DataFrame | None) -> Picture:
+def picture_weight(within: pd.DataFrame, beyond: pd.DataFrame | None) -> Drawn:
     """Draw held-out scores against beta."""
     scans = {"within the measured range": within, "beyond it": beyond}
     known = {where: scan for where, scan in scans.items() if scan is not None}
@@ -305,17 +244,17 @@ def _draw_column(ax: Axes, view: View) -> None:
     ax.plot(view.x, moved, "_", color=AFTER, ms=6, label="extended model - simulated")
 
 
-def _described_below(view: View) -> str:
+def _described(view: View) -> str:
     band = view.band
     if band.column != view.name:
-        return "measured minus simulated, and what the extended model makes of it."
+        return "Residuals of the calibrated simulation, and what the extended model adds to it."
     part = (
         "nowhere in" if not band.share_outside else f"over {digits.percent(band.share_outside)} of"
     )
     return (
-        "measured minus simulated with a smooth curve and its pointwise 90 % band, which excludes "
-        f"zero {part} the measured range. Here the "
-        "parameters are estimated beside the curve, so that they differ from those above."
+        "Residuals of the simulation with a smooth curve and its pointwise 90 % band, which "
+        f"excludes zero {part} the measured range. The parameters are estimated together with the "
+        "curve, and so differ from those of the first picture."
     )
 
 
@@ -330,8 +269,3 @@ def _draw_model(
         # with several columns a curve would belong to rows that nobody measured
         predicted = view.prediction(model, view.as_given(view.X))
         plotting.plot_prediction(ax, view.x, predicted, colour, name, curve=False)
-
-
-def _log_axis(ax: Axes, view: View, y: np.ndarray) -> None:
-    if view.log_scale and y.min() > 0 and np.log10(y.max() / y.min()) > SETTINGS.log_axis_decades:
-        ax.set_yscale("log")

@@ -1,0 +1,95 @@
+"""Reasons to doubt what a report says, the most important first."""
+
+from __future__ import annotations
+
+from hybridsurrogate import digits
+from hybridsurrogate.diagnosis.checks.identifiability import confounded, sentences
+from hybridsurrogate.diagnosis.checks.residuals import STRANGE
+from hybridsurrogate.diagnosis.report.details.evidence import probability_of_smooth_curve
+from hybridsurrogate.diagnosis.report.details.gain import is_worse
+from hybridsurrogate.diagnosis.report.settings import SETTINGS
+from hybridsurrogate.diagnosis.report.view import View
+
+
+def cautions(view: View) -> list[str]:
+    """Return every reason to doubt the headline, the most important first."""
+    d = view.diagnosis
+    out = [one.sentence for one in d.cautions_]
+    out += _at_prior_ends(view) + _residual_structure(view) + _worse(view)
+    out += _failed_runs(view) + _doubtful_draws(view)
+    return [*out, *sentences(confounded(d.confounded_))]
+
+
+def _at_prior_ends(view: View) -> list[str]:
+    """Say which parameters the data push against the end of their prior."""
+    out = []
+    for name, side, mean, end in view.diagnosis.at_prior_end_:
+        beyond = "less" if side == "low" else "more"
+        what = "the cause may stand for that" if view.extended else "widen it if that may be"
+        out.append(
+            f"The parameter {name} is at the {side} end of its prior ({digits.number(mean)}; 2 % "
+            f"of the prior lie at {digits.number(end)} or {beyond}). The data ask for "
+            f"{'still ' if view.extended else ''}{beyond} than it allows: {what}."
+        )
+    return out
+
+
+def _residual_structure(view: View) -> list[str]:
+    """Say that the residuals are not noise."""
+    d = view.diagnosis
+    check = d.residual_check_
+    if d.verdict_ in ("adequate", "undecided", "unexplained") or not view.extended:
+        return []
+    if check is not None and check.p_value <= STRANGE:
+        what, _, column = check.worst.partition(" over ")
+        over = f" over {column}" if column else ""
+        kind = {
+            "neighbours": f"are correlated between neighbours{over}",
+            "curve": f"follow a curve{over}",
+            "spread": f"change their spread{over}",
+            "tails": "have heavy tails",
+        }.get(what, f"have structure ({check.worst})")
+        return [
+            f"The residuals of the extended model {kind} (p = {digits.number(check.p_value, 2)}): "
+            "something that the catalogue does not hold may be at work too."
+        ]
+    share = probability_of_smooth_curve(view)
+    if d.verdict_ == "nearest" or share > SETTINGS.smooth_curve_said:
+        return [
+            f"A smooth curve is needed in addition, with probability {digits.probability(share)}: "
+            "something that the catalogue does not hold may be at work too."
+        ]
+    return []
+
+
+def _worse(view: View) -> list[str]:
+    d = view.diagnosis
+    if d.gain_ is not None and is_worse(d.gain_):
+        return ["On held-out rows the extended model predicts worse than the simulation as it is."]
+    if d.gain_out_of_range_ is not None and is_worse(d.gain_out_of_range_):
+        return [
+            "Beyond the measured range the extended model predicts worse than the simulation as "
+            "it is."
+        ]
+    return []
+
+
+def _failed_runs(view: View) -> list[str]:
+    """Say which causes, of those that matter, make the simulation fail."""
+    table = view.diagnosis.causes_
+    failing = table[(table["note"] != "") & (table["probability"] > SETTINGS.worth_drawing)]
+    return [
+        f"{'As it is' if kind == 'none' else f'With {form}'} {note}."
+        for kind, form, note in failing[["kind", "form", "note"]].to_numpy()
+    ][:1]
+
+
+def _doubtful_draws(view: View) -> list[str]:
+    models = [("simulation", view.diagnosis.estimator_)]
+    if view.extended:
+        models.append(("extended model", view.found))
+    return [
+        f"The draws of the {word} are doubtful: {'; '.join(problems)}."
+        for word, model in models
+        if (problems := model.diagnostics_.problems())
+    ]

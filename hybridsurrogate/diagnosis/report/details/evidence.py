@@ -1,0 +1,150 @@
+"""The evidence for the cause: what was compared, and how clearly the data decide."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from hybridsurrogate import digits
+from hybridsurrogate.diagnosis.answers.table import NOT_WEIGHED, is_weighed
+from hybridsurrogate.diagnosis.checks.outside import DOCUMENTED, N_CASES, NOT_HELD
+from hybridsurrogate.diagnosis.report import tables
+from hybridsurrogate.diagnosis.report.details import pictures
+from hybridsurrogate.diagnosis.report.section import Picture, Section, Table
+from hybridsurrogate.diagnosis.report.settings import SETTINGS
+from hybridsurrogate.diagnosis.report.view import View, label, label_of, label_of_cause
+
+
+def section(view: View) -> Section:
+    """Return the section."""
+    d = view.diagnosis
+    compared = is_weighed(d.causes_)
+    n = int(compared.sum()) - 1
+    left = _not_compared(view)
+    sentences = [
+        "Before the data, 'nothing' has half of the probability and the kinds share the rest. Log "
+        "evidence is relative to 'nothing': each unit is a factor of 2.7 in odds."
+    ]
+    if len(view.findings) > 1:
+        sentences.append(_conditional(view))
+    if view.extended:
+        sentences += _probabilities(view) + _alike(view)
+    sentences += _outside(view) + _failing(view)
+    shown = [Table(tables.cause_table(view), "Causes compared, most probable first")]
+    if len(left):
+        shown.append(Table(left, "Not applicable here"))
+    return Section(
+        "Evidence for the cause",
+        f"{n} causes compared, {len(left)} not applicable",
+        tuple(sentences),
+        tables=tuple(shown),
+        pictures=(Picture(partial(pictures.picture_causes, view)),),
+    )
+
+
+def probability_of_smooth_curve(view: View) -> float:
+    """Return the probability that a smooth curve is needed in addition to all that was found."""
+    d = view.diagnosis
+    if d.verdict_ not in ("named", "nearest", "ambiguous") or not view.findings:
+        return 0.0
+    cause, search = view.findings[-1][1], d.result_.steps[-1].given_others
+    place = [w.cause is cause for w in search.candidates].index(True)
+    share = float(search.remainder[place])
+    return share if np.isfinite(share) else 0.0
+
+
+def _conditional(view: View) -> str:
+    first = view.diagnosis.result_.steps[0]
+    if first.given_others is first.search:
+        return (
+            "The table is about the first cause. Each was compared with and without correlated "
+            "noise, and its log evidence counts both."
+        )
+    return (
+        "The table is about the first cause, conditional on the others: 'nothing' means that "
+        "they are all that is wrong."
+    )
+
+
+def _probabilities(view: View) -> list[str]:
+    """Say how probable the cause is, its kind and the nearest alternative."""
+    own = digits.probability(view.own_probability)
+    kind = digits.probability(view.diagnosis.best_cause_.probability)
+    of_kind = f", its kind in all its forms {kind}" if kind != own else ""
+    other = next((pair for pair in view.candidates if pair[0].cause is not view.cause), None)
+    nearest = (
+        f"; the next alternative, {label_of(other[0])}, {digits.probability(other[1])}"
+        if other is not None
+        else ""
+    )
+    out = [f"{label_of_cause(view.cause)} has {own} of the probability{of_kind}{nearest}."]
+    if view.other_forms():
+        names = [label_of_cause(view.cause), *map(label_of, view.other_forms())]
+        out.append(
+            f"The data do not separate these forms of the same kind: {digits.listing(names)}."
+        )
+    return out
+
+
+def _alike(view: View) -> list[str]:
+    """Say how far apart the most probable cause and its alternatives are, in units of the noise."""
+    if view.diagnosis.verdict_ in ("named", "nearest"):
+        return []
+    found = view.search
+    first = next(w for w in found.candidates if w.cause is view.cause)
+    others = [w for w in view.alternatives(found) if w.cause not in (None, view.cause)]
+    if not others:
+        return []
+    noise = view.noise(view.found)
+    working = found.problem.likelihood.working
+    curve = working(view.expected(found, first, view.X))
+    parts = []
+    for other in others:
+        gap = curve - working(view.expected(found, other, view.X))
+        size = float(np.sqrt(np.mean(gap**2))) / noise
+        shown = "less than 0.01" if size < 0.01 else digits.number(size, 2)
+        parts.append(f"{shown} from {label_of(other)}")
+    return [
+        f"At the measured rows the curve of {label_of(first)} differs by so many standard "
+        f"deviations of the noise (root mean square): {digits.listing(parts)}."
+    ]
+
+
+def _outside(view: View) -> list[str]:
+    """Say how sure the name is, where causes outside the catalogue count."""
+    right = view.diagnosis.probability_right_
+    if right is None:
+        return []
+    return [
+        f"Of {DOCUMENTED} measured data sets with a documented cause {NOT_HELD} had one that the "
+        "catalogue does not hold. With such causes counted, this one is right with a probability "
+        f"of {digits.probability(right)}, by {N_CASES} blind cases with and without their kind in "
+        "the catalogue."
+    ]
+
+
+def _failing(view: View) -> list[str]:
+    table = view.diagnosis.causes_
+    failing = table[is_weighed(table) & (table["note"] != "")]
+    out = []
+    columns = ["kind", "target", "form", "note"]
+    for kind, target, form, note in failing[columns].head(SETTINGS.most_notes).to_numpy():
+        variant = form.removeprefix(kind).removeprefix(": ")
+        under = "As it is" if kind == "none" else f"With {label(kind, target, variant)}"
+        out.append(f"{under} {note}.")
+    if len(failing) > SETTINGS.most_notes:
+        out.append(f"The notes in causes_ list {len(failing) - SETTINGS.most_notes} more.")
+    return out
+
+
+def _not_compared(view: View) -> pd.DataFrame:
+    table = view.diagnosis.causes_
+    left = table[~is_weighed(table)]
+    names = [
+        label(kind, target if isinstance(target, str) else None)
+        for kind, target in zip(left["kind"], left["target"], strict=True)
+    ]
+    reasons = [note.removeprefix(NOT_WEIGHED) for note in left["note"]]
+    return pd.DataFrame({"cause": names, "reason": reasons})

@@ -1,0 +1,108 @@
+"""The extended model: formulas, code to take away, estimates before and after."""
+
+from __future__ import annotations
+
+from hybridsurrogate import digits
+from hybridsurrogate.diagnosis.report.section import Section, Table
+from hybridsurrogate.diagnosis.report.tables import estimate_table
+from hybridsurrogate.diagnosis.report.view import View, averaged, label_of_cause
+from hybridsurrogate.effects import Remainder
+from hybridsurrogate.effects.in_output import InOutput
+from hybridsurrogate.effects.notation import word
+from hybridsurrogate.effects.output.remainder import GROWTH
+
+
+def section(view: View) -> Section:
+    """Return the section."""
+    table = Table(estimate_table(view), "Means with 90 % intervals")
+    if not view.extended:
+        return Section(
+            "The calibrated simulation",
+            "estimates",
+            ("Nothing was added: the extended model is the simulation as it is.",),
+            tables=(table,),
+        )
+    return Section(
+        "The extended model",
+        "formula, Python code, estimates before and after",
+        tuple(_sentences(view)),
+        formulas=formulas(view),
+        code=view.diagnosis.to_python(units=dict(view.units)),
+        tables=(table,),
+    )
+
+
+def formulas(view: View) -> tuple[tuple[str, str, str], ...]:
+    """Return the name, plain text and LaTeX of each cause's formula."""
+    out = []
+    for finding, cause in view.findings:
+        # of several outputs a formula without "in" is of all of them
+        whole = view.stacking is not None and not isinstance(cause, InOutput)
+        own = digits.listing(list(view.outputs)) if whole else view.output
+        own = cause.output if isinstance(cause, InOutput) else own
+        plain, latex = own, word(own)
+        if view.log_scale:
+            plain, latex = f"log {plain}", rf"\log {latex}"
+        name = f"Formula, {label_of_cause(cause)}" if len(view.findings) > 1 else "Formula"
+        out.append((name, f"{plain} = {finding.formula}", f"{latex} = {finding.latex}"))
+    return tuple(out)
+
+
+def _sentences(view: View) -> list[str]:
+    out = []
+    if view.log_scale:
+        out.append(
+            f"Under the {view.likelihood} likelihood the cause acts on log {view.output}: adding "
+            f"0.1 there makes {view.output} larger by a factor of 1.105."
+        )
+    if len(view.findings) > 1:
+        out.append(
+            f"It holds {len(view.findings)} causes at once; each formula shows one, with the other "
+            "causes inside 'simulation'."
+        )
+    return out + _averaged(view) + _beyond(view) + _simulator(view)
+
+
+def _averaged(view: View) -> list[str]:
+    known = averaged(view)
+    if len(known) < 2:
+        return []
+    shares = [f"{label} {digits.probability(weight)}" for _, label, weight in known]
+    return [
+        "The estimates are those of the most probable cause. Predictions average over the "
+        f"{len(known)} explanations with 5 % of the probability or more: {digits.listing(shares)}."
+    ]
+
+
+def _beyond(view: View) -> list[str]:
+    """Say what the extension allows for beyond the measured range."""
+    kept = [e for e in view.diagnosis.extended_estimator_.effects if not e.is_learned]
+    own = [e for e in kept if not isinstance(e, InOutput) or e.output == view.output]
+    plain = [e.cause if isinstance(e, InOutput) else e for e in own]
+    found = next((e for e in plain if isinstance(e, Remainder)), None)
+    if found is None:
+        return []
+    at_half = view.unit * 0.5**GROWTH
+    low, high = (
+        at_half * float(found.parameters["amplitude"].ppf(share)) for share in (0.05, 0.95)
+    )
+    return [
+        "Beyond the measured range the extended model allows for further faults. At a distance of "
+        f"half that range their standard deviation is {digits.number(low, 2)} to "
+        f"{view.amount(high)} (90 %), in proportion to what was found within."
+    ]
+
+
+def _simulator(view: View) -> list[str]:
+    simulator = view.diagnosis.extended_simulator_
+    if simulator is None:
+        return []
+    # the waves of curves mean nothing one by one; not every curve is part of the simulator
+    waves = {name for _, c in view.findings if c.is_process for name in c.coefficients}
+    names = [name for name in simulator.parameter_names if name not in waves]
+    hidden = len(simulator.parameter_names) - len(names)
+    if hidden:
+        names.append(f"{hidden} amplitudes of waves")
+    if not names:
+        return ["extended_simulator_ runs the formula."]
+    return [f"extended_simulator_ runs the formula, with the parameters {digits.listing(names)}."]

@@ -1,0 +1,143 @@
+"""What the extension is worth on held-out rows: tables and what they mean."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+from functools import partial
+
+import pandas as pd
+
+from hybridsurrogate import digits
+from hybridsurrogate.diagnosis.report.details import pictures
+from hybridsurrogate.diagnosis.report.section import Picture, Section, Table
+from hybridsurrogate.diagnosis.report.view import View
+from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, HALF, Gain
+
+_EXPLAINED = (
+    "The log score (ELPD) is the logarithm of the probability density that a model gave to a "
+    "held-out measurement. Higher is better; 0.7 more means twice the density."
+)
+_TOO_FEW_ROWS = "too few rows for a standard error"
+
+
+def section(view: View, gains: Mapping[str, Gain | None]) -> Section:
+    """Return the section.
+
+    Parameters
+    ----------
+    view : View
+    gains : dict of str to Gain or None
+        "within", "beyond" and "held out".
+    """
+    known = {name: gain for name, gain in gains.items() if gain is not None}
+    if not known:
+        return Section("Gain in detail", "not measured", (_not_measured(),))
+    sentences = [_EXPLAINED, *(f"{_rows(view, n, g)}: {judgement(g)}." for n, g in known.items())]
+    sentences += [
+        f"The search was repeated without the held-out rows; its folds chose {_chosen(gain)}."
+        for gain in known.values()
+        if gain.kinds
+    ]
+    if gains.get("within") is not None and gains.get("beyond") is None:
+        sentences.append(
+            "Beyond the measured range nothing was tested: that takes 14 rows with an order along "
+            "one input, or held-out rows, report(test=(X_test, y_test))."
+        )
+    tables = tuple(Table(table_of(view, gain), _rows(view, n, gain)) for n, gain in known.items())
+    counted = [f"{len(g.folds)} folds {n}" if g.folds else f"{g.n_rows} rows held out by you"
+               for n, g in known.items()]  # fmt: skip
+    picture = Picture(partial(pictures.picture_gain, known))
+    return Section(
+        "Gain in detail", ", ".join(counted), tuple(sentences), tables=tables, pictures=(picture,)
+    )
+
+
+def table_of(view: View, gain: Gain) -> pd.DataFrame:
+    """Return scores before and after with the standard error of their difference."""
+    unit = view.units.get(view.output, "") if view.stacking is None else "standard deviations"
+    rows = [
+        (
+            "log score a row",
+            digits.score(gain.elpd_before, gain.standard_error),
+            digits.score(gain.elpd_after, gain.standard_error),
+            digits.plus_minus(gain.elpd_difference, gain.standard_error, sign=True),
+        ),
+        (
+            f"error (RMSE{f', {unit}' if unit else ''})",
+            digits.number(gain.rmse_before, 3),
+            digits.number(gain.rmse_after, 3),
+            digits.plus_minus(gain.rmse_after - gain.rmse_before, gain.rmse_error, sign=True),
+        ),
+    ]
+    for level, before, after in (
+        (COVERAGE_LEVEL, gain.coverage_before, gain.coverage_after),
+        (HALF, gain.half_before, gain.half_after),
+    ):
+        name = f"covered by {100 * level:.0f} % intervals"
+        rows.append((name, digits.percent(before), digits.percent(after), ""))
+    return pd.DataFrame(rows, columns=["", "before", "after", "difference"])
+
+
+def judgement(gain: Gain) -> str:
+    """Return in plain words what a difference of scores and its standard error amount to."""
+    difference, error = gain.elpd_difference, gain.standard_error
+    if difference == 0:
+        return "the extension changes nothing"
+    if not math.isfinite(error) or error <= 0:
+        return f"{_TOO_FEW_ROWS}, so that nothing follows from the difference"
+    if is_better(gain):
+        return "the extended model predicts better"
+    if is_worse(gain):
+        return "the extended model predicts worse: do not use it for rows like these"
+    if abs(difference) <= error:
+        return "no clear gain: the difference is within its standard error"
+    word = "better" if difference > 0 else "worse"
+    return f"the extended model seems to predict {word}, by less than two standard errors"
+
+
+def is_better(gain: Gain) -> bool:
+    """Tell whether the model after predicts better, by more than two standard errors."""
+    error = gain.standard_error
+    return math.isfinite(error) and error > 0 and gain.elpd_difference > 2 * error
+
+
+def is_worse(gain: Gain) -> bool:
+    """Tell whether the model after predicts worse, by more than two standard errors."""
+    error = gain.standard_error
+    return math.isfinite(error) and gain.elpd_difference < -2 * error
+
+
+def coverage_word(gain: Gain) -> str:
+    """Return whether the 90 % intervals of the model after cover as many rows as they should."""
+    allowed = 2 * math.sqrt(COVERAGE_LEVEL * (1 - COVERAGE_LEVEL) / gain.n_rows)
+    off = gain.coverage_after - COVERAGE_LEVEL
+    if abs(off) <= allowed:
+        return "as they should, within chance"
+    return "too few: they are too narrow" if off < 0 else "too many: they are too wide"
+
+
+def _rows(view: View, name: str, gain: Gain) -> str:
+    """Return which rows a gain is of."""
+    if name == "within":
+        return f"Within the measured range ({gain.n_rows} rows, {len(gain.folds)} random folds)"
+    if name == "beyond":
+        blocks = len(gain.folds)
+        parts = "one block" if blocks == 1 else f"{blocks} blocks"
+        return (
+            f"Beyond the measured range (the last {gain.n_rows} rows along {view.inputs[0]}, "
+            f"{parts}, each predicted from all rows before it)"
+        )
+    return f"On the rows that you held out ({gain.n_rows} rows)"
+
+
+def _chosen(gain: Gain) -> str:
+    return digits.listing([f"{kind} ({n})" for kind, n in Counter(gain.kinds).most_common()])
+
+
+def _not_measured() -> str:
+    return (
+        "The gain was not measured by cross-validation. Fit with cv=5, or give rows held back: "
+        "report(test=(X_test, y_test))."
+    )

@@ -1,0 +1,63 @@
+"""What one more measurement would show."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from hybridsurrogate import digits
+from hybridsurrogate.diagnosis.report.details import pictures
+from hybridsurrogate.diagnosis.report.section import Picture, Section
+from hybridsurrogate.diagnosis.report.settings import SETTINGS
+from hybridsurrogate.diagnosis.report.tables import noise_of
+from hybridsurrogate.diagnosis.report.view import View, label_of
+
+_SCALE = "1 bit decides between two explanations that are equally probable."
+
+
+def section(view: View) -> Section:
+    """Return the section."""
+    d = view.diagnosis
+    worth = (
+        "less than 0.01" if d.next_information_ < 0.01 else digits.number(d.next_information_, 2)
+    )
+    return Section(
+        "What to measure next",
+        f"worth {worth} bits",
+        tuple(_sentences(view, worth)),
+        pictures=(Picture(partial(pictures.picture_next, view)),),
+    )
+
+
+def _sentences(view: View, worth: str) -> list[str]:
+    d = view.diagnosis
+    view = view.of(d.next_measurement_["output"]) if view.stacking is not None else view
+    place = digits.listing(
+        [f"{name} = {digits.number(d.next_measurement_[name])}" for name in view.columns]
+    )
+    if view.stacking is not None:
+        place += f" in {view.output}"
+    asked = d.result_.asked
+    first, *others = view.alternatives(asked)
+    if not others:
+        return ["There is one explanation only: nothing to separate."]
+    if d.next_information_ < SETTINGS.little_information:
+        why = (
+            "the data have decided between them"
+            if asked.probability.max() > SETTINGS.decided
+            else "within what was simulated they predict nearly the same"
+        )
+        return [
+            f"No single measurement would separate the explanations: {why}. The best place is "
+            f"{place}, worth {worth} bits on average. {_SCALE}"
+        ]
+    at = np.array([[d.next_measurement_[name] for name in view.columns]])
+    here, there = (float(view.expected(asked, one, at)[0]) for one in (first, others[0]))
+    return [
+        f"One more measurement would best separate the explanations at {place}.",
+        f"There {label_of(first)} predicts {digits.number(here)}, {label_of(others[0])} "
+        f"{digits.number(there)}, with noise of {noise_of(view, after=True)}.",
+        f"It is worth {worth} bits on average. {_SCALE}",
+        "For several together, and places with different costs: next_measurements(n, cost=...).",
+    ]

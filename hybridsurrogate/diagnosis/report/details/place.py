@@ -1,0 +1,117 @@
+"""Where in the measured range the simulation is wrong, and by how much."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from hybridsurrogate import digits
+from hybridsurrogate.diagnosis.report.details import pictures
+from hybridsurrogate.diagnosis.report.section import Picture, Section, Table
+from hybridsurrogate.diagnosis.report.tables import third_table, thirds
+from hybridsurrogate.diagnosis.report.view import View
+
+_MOST_STRETCHES = 4
+
+
+def section(view: View) -> Section:
+    """Return the section."""
+    experiments = pictures.experiments_of(view)
+    drawn = [Picture(partial(pictures.picture_discrepancy, view))]
+    if experiments is not None:
+        drawn.append(Picture(partial(pictures.picture_experiments, view, experiments)))
+    table = third_table(view)
+    caption = "Share of the squared change by thirds of each measured range"
+    return Section(
+        "Where the simulation is wrong",
+        _hint(view),
+        tuple(_sentences(view)),
+        tables=() if table is None else (Table(table, caption),),
+        pictures=tuple(drawn),
+    )
+
+
+def _hint(view: View) -> str:
+    if not view.extended:
+        return "nowhere that the data show"
+    parts = [third for third in thirds(view) if third.column == view.name]
+    if not parts:
+        return "not in the mean"
+    most = max(parts, key=lambda third: third.share)
+    if most.share < 1.5 * most.rows:
+        return f"all over {view.name}"
+    return f"most where {view.name} is {_span(most.low, most.high)}"
+
+
+def _span(low: float, high: float) -> str:
+    ends = digits.number(low), digits.number(high)
+    return ends[0] if low == high else f"{ends[0]} to {ends[1]}"
+
+
+def _numbered(view: View) -> list[str]:
+    """Say which number stands for which experiment, where these had names."""
+    experiments = view.diagnosis.estimator_.experiments_
+    if experiments is None or experiments.labels is None:
+        return []
+    names = digits.listing([f"{k} stands for {name}" for k, name in enumerate(experiments.labels)])
+    return [f"In {experiments.column} {names}."]
+
+
+def _sentences(view: View) -> list[str]:
+    out = _numbered(view)
+    if not view.extended:
+        return [
+            *out,
+            "Nowhere that the data show. The band is pointwise: it excludes zero in places even "
+            "where nothing is wrong.",
+        ]
+    if not any(cause.changes_output for _, cause in view.findings):
+        return [
+            *out,
+            "The mean of the simulation stays as it is; the scatter of the measurements around it "
+            "changes, and so the weight of each.",
+        ]
+    if not thirds(view):
+        out.append("The predicted mean stays as it is; its uncertainty changes.")
+    else:
+        change = np.abs(view.change)
+        most = int(np.argmax(change))
+        place = digits.listing(
+            [f"{n} = {digits.number(v)}" for n, v in zip(view.columns, view.X[most], strict=True)]
+        )
+        rms = float(np.sqrt(np.mean(change**2)))
+        out.append(
+            f"The extended model moves the predictions at the measured rows by {view.amount(rms)} "
+            f"(root mean square), most at {place}: {view.amount(float(view.change[most]))}."
+        )
+        part = max((t for t in thirds(view) if t.column == view.name), key=lambda t: t.share)
+        out.append(
+            f"Of this (as squares) {digits.percent(part.share)} lies where {part.column} is "
+            f"{_span(part.low, part.high)}, with {digits.percent(part.rows)} of the rows."
+        )
+    # the smooth curve knows the inputs only
+    return out if view.name not in view.inputs else [*out, _curve(view)]
+
+
+def _curve(view: View) -> str:
+    band = view.band
+    values = band.grid[:, view.columns.index(band.column)]
+    elsewhere = "" if view.is_curve else ", the other columns at their medians"
+    stretches = [s for s in band.stretches(values) if s[1] > s[0]]
+    if not stretches:
+        return (
+            "A smooth curve through the residuals of the simulation nowhere excludes zero "
+            f"(pointwise 90 % band) over {band.column}{elsewhere}: the fault is no smooth curve."
+        )
+    spans = [
+        f"{'above' if sign > 0 else 'below'} from {digits.number(low)} to {digits.number(high)}"
+        for low, high, sign in stretches[:_MOST_STRETCHES]
+    ]
+    rest = len(stretches) - _MOST_STRETCHES
+    more = f" and {rest} more stretches" if rest > 0 else ""
+    return (
+        "A smooth curve through the residuals of the simulation excludes zero (pointwise 90 % "
+        f"band) over {digits.percent(band.share_outside)} of {band.column}{elsewhere}: "
+        f"{', '.join(spans)}{more}."
+    )

@@ -1,0 +1,87 @@
+"""How the numbers were computed: enough to run it again."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from hybridsurrogate.diagnosis.report.section import Section, Table
+from hybridsurrogate.diagnosis.report.view import View
+
+_PACKAGES = ("hybridsurrogate", "numpy", "scipy", "scikit-learn", "emcee", "matplotlib")
+_BIBTEX = """@article{reiser2024bayesian,
+  title   = {Bayesian Surrogate Training on Multiple Data Sources: A Hybrid Modeling Strategy},
+  author  = {Reiser, Philipp and B{\\"u}rkner, Paul-Christian and Guthke, Anneli},
+  journal = {arXiv preprint arXiv:2412.11875},
+  year    = {2024}
+}
+"""
+
+
+def section(view: View) -> Section:
+    """Return the section."""
+    d = view.diagnosis
+    return Section(
+        "How this was computed",
+        "settings, versions, priors, citation",
+        (
+            f"Fingerprint of the measured data (SHA-256): {fingerprint(view)}.",
+            "To cite: the paper below, and the version of the package.",
+        ),
+        code=f"{d!r}\n\n{_BIBTEX}",
+        tables=(
+            Table(_settings(d), "Settings of this diagnosis"),
+            Table(_priors(view), "Priors of the simulation's parameters"),
+            Table(_versions(), "Versions"),
+        ),
+    )
+
+
+def installed(name: str) -> str:
+    """Return the version of an installed package."""
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def fingerprint(view: View) -> str:
+    """Return the SHA-256 of the measured inputs and outputs, as little-endian doubles."""
+    made = hashlib.sha256()
+    for values in view.diagnosis.estimator_.measured_:
+        made.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
+    return made.hexdigest()
+
+
+def _settings(d: Any) -> pd.DataFrame:
+    own = d.get_params(deep=False)
+    rows = [(name, str(value)) for name, value in own.items() if name != "estimator"]
+    model = d.estimator_.get_params(deep=False)
+    shown = ("beta", "likelihood", "sampler", "n_draws", "random_state", "experiment")
+    rows += [(f"estimator: {name}", str(model[name])) for name in shown if name in model]
+    return pd.DataFrame(rows, columns=["setting", "value"])
+
+
+def _priors(view: View) -> pd.DataFrame:
+    priors = view.diagnosis.estimator_.simulation.parameters
+    rows = [(name, view.units.get(name, ""), _distribution(p)) for name, p in priors.items()]
+    return pd.DataFrame(rows, columns=["parameter", "unit", "prior"])
+
+
+def _distribution(prior: Any) -> str:
+    """Return a frozen distribution as the call that makes it."""
+    name = getattr(getattr(prior, "dist", None), "name", type(prior).__name__)
+    numbers = [f"{value:.6g}" for value in getattr(prior, "args", ())]
+    numbers += [f"{key}={value:.6g}" for key, value in getattr(prior, "kwds", {}).items()]
+    return f"{name}({', '.join(numbers)})"
+
+
+def _versions() -> pd.DataFrame:
+    rows = [("Python", platform.python_version()), ("machine", platform.platform())]
+    rows += [(name, installed(name)) for name in _PACKAGES]
+    return pd.DataFrame(rows, columns=["what", "version"])

@@ -1,0 +1,123 @@
+"""Four questions that every reader has, and their answers."""
+
+from __future__ import annotations
+
+from hybridsurrogate import digits
+from hybridsurrogate.diagnosis.report.details.gain import is_better, is_worse
+from hybridsurrogate.diagnosis.report.section import Card
+from hybridsurrogate.diagnosis.report.view import View
+from hybridsurrogate.diagnosis.search.evidence import kind_shares
+from hybridsurrogate.diagnosis.validation.gain import Gain
+
+WRONG = "Is something wrong?"
+CAUSE = "How sure is the cause?"
+GAIN = "What is gained?"
+RANGE = "How far to trust it?"
+
+
+def cards(view: View, on_test: Gain | None) -> tuple[Card, ...]:
+    """Return the four cards.
+
+    Parameters
+    ----------
+    view : View
+    on_test : Gain or None
+        On rows that were held out by the user.
+    """
+    return (_wrong(view), _cause(view), _gain(view, on_test), _range(view, on_test))
+
+
+def _wrong(view: View) -> Card:
+    d = view.diagnosis
+    word = {
+        "adequate": "No sign of it",
+        "undecided": "Cannot be decided",
+    }.get(d.verdict_)
+    where = {
+        "noise": "Yes, in the noise",
+        "inputs": "Yes, in an input",
+        "data": "Yes, in the data",
+        "prior": "Yes, in a prior",
+    }.get(d.concerns_ or "", "Yes")
+    return Card(WRONG, word or where, f"p = {digits.number(d.p_value_, 2)}: {replicates(view)}")
+
+
+def replicates(view: View) -> str:
+    """Return what the p-value rests on, as half a sentence."""
+    d = view.diagnosis
+    n, test = d.result_.n_replicates, d.result_.test
+    extreme = round(test.share * (n + 1)) - 1
+    if test.p_value < test.share:
+        million = test.bound < 1e-6
+        odds = "more than a million" if million else digits.number(1 / test.bound, 2)
+        return f"the evidence against the simulation is {odds} to one"
+    how_many = {0: "none", n: "all"}.get(extreme, str(extreme))
+    looks = "looks" if extreme in (0, 1) else "look"
+    return f"{how_many} of {n} data sets made by the simulation itself {looks} as wrong"
+
+
+def _cause(view: View) -> Card:
+    d = view.diagnosis
+    if d.verdict_ == "adequate":
+        none = digits.probability(float(view.search.probability[0]))
+        return Card(CAUSE, "None needed", f"that nothing is wrong has {none} of the probability")
+    if d.verdict_ == "undecided":
+        return Card(CAUSE, "Not known", "the evidence does not suffice to name one")
+    if d.verdict_ == "unexplained":
+        return Card(CAUSE, "Not known", "it is not in the catalogue, or its shape is smooth")
+    kind = digits.probability(d.best_cause_.probability)
+    if d.probability_right_ is None:
+        return Card(CAUSE, kind, "if the catalogue holds the true cause")
+    right = f"{digits.probability(d.probability_right_)} right"
+    if d.verdict_ == "ambiguous":
+        shares = kind_shares(view.search)
+        best = d.best_cause_
+        others = [k for k in d.indistinguishable_ if k not in (best.kind, *best.same_curve)]
+        listed = [f"{best.kind} {kind}"]
+        listed += [f"{k} {digits.probability(shares[k])}" for k in others[:2]]
+        return Card(CAUSE, right, f"if the catalogue holds it: {', '.join(listed)}")
+    return Card(CAUSE, right, f"{kind} if the catalogue holds the true cause")
+
+
+def _gain(view: View, on_test: Gain | None) -> Card:
+    d = view.diagnosis
+    if not view.extended:
+        return Card(GAIN, "Nothing to gain", "no cause was added to the simulation")
+    gain = d.gain_ if d.gain_ is not None else on_test
+    if gain is None:
+        return Card(GAIN, "Not measured", "cross_validate() measures it on held-out rows")
+    score = digits.plus_minus(gain.elpd_difference, gain.standard_error, sign=True)
+    detail = f"log score {score} a measurement"
+    if is_better(gain) and gain.rmse_before > 0:
+        change = gain.rmse_after / gain.rmse_before - 1
+        if abs(change) >= 0.01:
+            unit = view.units.get(view.output, "") if view.stacking is None else ""
+            before, after = digits.number(gain.rmse_before, 3), digits.number(gain.rmse_after, 3)
+            return Card(
+                GAIN,
+                f"{'−' if change < 0 else '+'}{100 * abs(change):.0f} % error",
+                f"on held-out rows: {before} → {after}{f' {unit}' if unit else ''}; {detail}",
+            )
+        return Card(GAIN, "Better intervals", f"on held-out rows: {detail}")
+    if is_worse(gain):
+        return Card(GAIN, "Worse", f"predict with the simulation as it is: {detail}")
+    return Card(GAIN, "No clear gain", f"within two standard errors on held-out rows: {detail}")
+
+
+def _range(view: View, on_test: Gain | None) -> Card:
+    d = view.diagnosis
+    name = view.inputs[0]
+    column = view.X[:, view.columns.index(name)]
+    ends = [digits.number(float(end)) for end in (column.min(), column.max())]
+    unit = f" {view.units[name]}" if name in view.units else ""
+    within = f"Within {name} {ends[0]} to {ends[1]}{unit}"
+    beyond, where = d.gain_out_of_range_, "beyond it"
+    if on_test is not None:
+        beyond, where = on_test, "on the rows that you held out"
+    if beyond is None:
+        return Card(RANGE, within, "beyond the measured range nothing was tested")
+    coverage = beyond.coverage_after if view.extended else beyond.coverage_before
+    held = f"{where} the 90 % intervals cover {digits.percent(coverage)}"
+    if view.extended and is_worse(beyond):
+        return Card(RANGE, within, f"{where} it predicts worse than the simulation alone")
+    return Card(RANGE, within, held)

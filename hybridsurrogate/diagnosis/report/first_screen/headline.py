@@ -1,0 +1,281 @@
+"""One sentence that says what is wrong, in the user's units, and a few that explain it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+from hybridsurrogate import digits
+from hybridsurrogate.diagnosis.answers.finding import CauseFinding
+from hybridsurrogate.diagnosis.report.tables import noise_of, unit_of
+from hybridsurrogate.diagnosis.report.view import View, label_of_cause
+from hybridsurrogate.diagnosis.search.evidence import kind_shares
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.in_output import InOutput
+from hybridsurrogate.effects.registry import headline_of, meaning_of
+
+# estimates in the sentence below the headline; kinds that an ambiguous headline lists
+_MOST_ESTIMATES, _MOST_KINDS = 4, 3
+# from which on the headline states the closest match of the catalogue as what is wrong
+_RATHER_RIGHT = 0.5
+
+
+def subject(view: View) -> str:
+    """Return what was compared: the simulation's name and the data."""
+    counted = [f"{len(view.of(name).y)} measurements of {name}" for name in view.outputs]
+    return f"{name_of(view)} · {digits.listing(counted)}"
+
+
+def name_of(view: View) -> str:
+    """Return the name of the simulation, or that of its output."""
+    simulator = view.diagnosis.estimator_.simulation.simulator
+    return str(simulator.name) if simulator is not None else f"runs of {view.output}"
+
+
+def headline(view: View) -> str:
+    """Return one sentence that says what was found."""
+    d = view.diagnosis
+    if d.verdict_ == "adequate":
+        return "The measurements give no reason to doubt the simulation."
+    if d.verdict_ == "undecided":
+        return {
+            "runs": "The runs cannot show whether the simulation is right.",
+            "rows": "The simulation fits badly, and these measurements cannot show why.",
+            "prior": "The prior of a parameter is too narrow to tell whether the simulation is "
+            "right.",
+        }[str(d.undecided_by_)]
+    if d.verdict_ == "unexplained":
+        return (
+            f"The simulation misses a smooth change of {view.output} that no cause of the "
+            "catalogue explains."
+        )
+    finding, cause = view.findings[0]
+    if d.verdict_ == "ambiguous":
+        shares = kind_shares(view.search)
+        others = [k for k in d.indistinguishable_ if k not in (finding.kind, *finding.same_curve)]
+        kinds = [finding.kind, *sorted(others, key=lambda kind: -shares[kind])]
+        shown = kinds[:_MOST_KINDS]
+        more = f" or {len(kinds) - len(shown)} others" if len(kinds) > len(shown) else ""
+        if len(shown) > 1 and not more:
+            choice = f"{', '.join(shown[:-1])} or {shown[-1]}"
+        else:
+            choice = ", ".join(shown) + more
+        return f"{_at_fault(view)} wrong, and the data leave open how: {choice}."
+    sentence = sentence_of(view, finding, cause)
+    right = d.probability_right_
+    if d.verdict_ == "nearest" and right is not None and right < _RATHER_RIGHT:
+        return f"{_at_fault(view)} wrong. The closest match: {_lower(sentence)}"
+    return sentence
+
+
+def lead(view: View) -> tuple[str, ...]:
+    """Return the sentences that explain the headline."""
+    d = view.diagnosis
+    if d.verdict_ == "adequate":
+        return (_detectable(view),)
+    if d.verdict_ == "undecided":
+        return _undecided(view)
+    if d.verdict_ == "unexplained":
+        return _unexplained(view)
+    finding, cause = view.findings[0]
+    out = []
+    if d.verdict_ == "ambiguous":
+        share = digits.probability(finding.probability)
+        sentence = _lower(sentence_of(view, finding, cause))
+        out.append(f"Most probable ({share} of the evidence): {sentence}")
+    elif d.verdict_ == "nearest":
+        out.append("This is the closest match in the catalogue; the residuals show more.")
+    mean = {
+        "noise": "The mean of the simulation stands; the scatter of the data is not as assumed.",
+        "inputs": "The simulation itself stands; a measured input is in error.",
+        "data": "The simulation itself stands; these rows need a check.",
+        "prior": "The simulation itself may be right, with a wider prior.",
+    }
+    if d.concerns_ in mean:
+        out.append(mean[d.concerns_])
+    estimates = estimates_of(view, finding, cause)
+    if estimates:
+        out.append(f"{estimates[0].upper()}{estimates[1:]}.")
+    if finding.same_curve:
+        same = digits.listing(list(finding.same_curve))
+        out.append(f"On these rows {same} would draw the same curve.")
+    for other, further in view.findings[1:]:
+        if other.kind == "unexplained":
+            out.append("A second fault: a smooth curve of unknown cause.")
+        else:
+            out.append(f"A further fault: {_lower(sentence_of(view, other, further))}")
+    return tuple(out)
+
+
+def sentence_of(view: View, finding: CauseFinding, cause: Cause) -> str:
+    """Return a cause and its size as a sentence.
+
+    Parameters
+    ----------
+    view : View
+    finding : CauseFinding
+    cause : Cause
+    """
+    if isinstance(cause, InOutput):
+        inner = replace(finding, target=cause.cause.target)
+        return sentence_of(view.of(cause.output), inner, cause.cause)
+    form = headline_of(cause)
+    places: dict[str, Any] = {
+        "output": view.output,
+        "target": (finding.target or "").replace(" * ", " and "),
+        "column": getattr(cause, "column", None) or finding.target or view.inputs[0],
+    }
+    for name, limits in finding.estimates.items():
+        unit = known_unit(view, cause, name)
+        factor = view.log_scale and unit == f"log {view.output}"
+        places[name] = _Estimate(*limits, unit, factor)
+    meaning = meaning_of(cause)
+    if form is not None:
+        try:
+            return _capital(form.format_map(places)) + "."
+        except KeyError:  # an estimate that this form does not have
+            pass
+    return (
+        f"{_capital(meaning.format_map(places))}."
+        if meaning
+        else f"The simulation misses something: {label_of_cause(cause)}."
+    )
+
+
+def estimates_of(view: View, finding: CauseFinding, cause: Cause) -> str:
+    """Return the first estimates with their intervals: "amplitude 2.74 ppm (2.71 to 2.78)"."""
+    parts = []
+    for name, (mean, low, high) in list(finding.estimates.items())[:_MOST_ESTIMATES]:
+        value, _, limits = digits.interval(mean, low, high).partition(" (")
+        unit = known_unit(view, cause, name)
+        inside = f" ({limits}" if limits else ""
+        if inside and not parts:
+            inside = f" (90 % interval {limits}"
+        parts.append(f"{name.replace('_', ' ')} {value}{f' {unit}' if unit else ''}{inside}")
+    return ", ".join(parts)
+
+
+def known_unit(view: View, cause: Cause, name: str) -> str:
+    """Return the unit of an estimate where the user's units give it, else ""."""
+    unit = unit_of(replace(view, units=_Marked(view.units)), cause, name)
+    return "" if _NOT_GIVEN in unit or unit.startswith("a ") else unit
+
+
+# stands in the place of a unit that is not given
+_NOT_GIVEN = "\0"
+
+
+class _Marked(dict[str, str]):
+    """Units that mark those that are not given."""
+
+    def get(self, key: str, default: Any = None) -> Any:
+        return super().get(key, _NOT_GIVEN)
+
+
+class _Estimate:
+    """An estimate inside a sentence: with unit, without sign, or as a word by its sign."""
+
+    def __init__(self, mean: float, low: float, high: float, unit: str, factor: bool) -> None:
+        self.mean, self.unit, self.factor = mean, unit, factor
+        self.half = (high - low) / 2
+
+    def __format__(self, how: str) -> str:
+        if "|" in how:
+            return how.split("|")[bool(self.mean < 0)]
+        if how == "place":
+            return self._rounded(self.mean)
+        if self.factor:
+            factor = digits.number(math.exp(abs(self.mean)), 3)
+            return f"a factor of {factor}{' up and down' if how == 'around' else ''}"
+        value = abs(self.mean) if how in ("size", "around") else self.mean
+        sign = "±" if how == "around" else ""
+        return f"{sign}{self._rounded(value)}{f' {self.unit}' if self.unit else ''}"
+
+    def _rounded(self, value: float) -> str:
+        """Return a value to the first digit of its uncertainty."""
+        if not (math.isfinite(self.half) and self.half > 0) or abs(value) >= 1e7:
+            return digits.number(value, 4)
+        decimals = -math.floor(math.log10(self.half))
+        if decimals > 6:
+            return digits.number(value, 3)
+        return digits.fixed(value, decimals)
+
+
+def _at_fault(view: View) -> str:
+    return {
+        "noise": "The mean of the simulation stands, but its noise is",
+        "inputs": "The simulation stands, but a measured input is",
+        "data": "The simulation stands, but some rows are",
+        "prior": "A prior is",
+    }.get(view.diagnosis.concerns_ or "", "The simulation is")
+
+
+def _detectable(view: View) -> str:
+    """Say how large a fault would have to be to be detected."""
+    least = view.diagnosis.smallest_detectable_
+    if least is None:
+        return (
+            "A fault well below the noise, whose standard deviation is about "
+            f"{noise_of(view)}, would not be detected."
+        )
+    return (
+        f"A fault with a root mean square of {view.amount(least * view.unit)} would have been "
+        f"detected in nine of ten such data sets; the noise is about {noise_of(view)}."
+    )
+
+
+def _undecided(view: View) -> tuple[str, ...]:
+    d = view.diagnosis
+    if d.undecided_by_ == "runs":
+        assert d.emulator_check_ is not None  # it decided
+        out = [
+            "They leave the simulation uncertain by "
+            f"{digits.number(d.emulator_check_.left_open, 2)} times the noise."
+        ]
+        if view.extended:
+            out.append(
+                f"The most probable cause is {label_of_cause(view.cause)}, but the uncertainty of "
+                "the runs can look like it."
+            )
+    elif d.undecided_by_ == "rows":
+        out = ["No cause of the catalogue predicts them better than the simulation does."]
+    else:
+        out = [
+            f"The most probable cause is {label_of_cause(view.cause)}, but a value beyond the "
+            "prior may explain as much."
+        ]
+    if d.smallest_detectable_ is not None:
+        out.append(_detectable(view))
+    return tuple(out)
+
+
+def _unexplained(view: View) -> tuple[str, ...]:
+    d = view.diagnosis
+    out = [
+        f"A smooth curve of unknown cause has {digits.probability(d.best_cause_.probability)} of "
+        "the probability."
+    ]
+    band = view.band
+    stretches = band.stretches(band.grid[:, view.columns.index(band.column)])
+    if stretches and view.name in view.inputs:
+        low, high, sign = max(stretches, key=lambda s: s[1] - s[0])
+        out.append(
+            f"{view.output} lies {'above' if sign > 0 else 'below'} the simulation from "
+            f"{band.column} = {digits.number(low, 3)} to {digits.number(high, 3)}."
+        )
+    return tuple(out)
+
+
+def _lower(sentence: str) -> str:
+    first = sentence.split(" ")[0]
+    # names keep their case
+    return sentence[0].lower() + sentence[1:] if first in _WORDS else sentence
+
+
+_WORDS = ("The", "A", "At", "From", "One", "Two", "Some", "What")
+
+
+def _capital(sentence: str) -> str:
+    first = sentence.split(" ")[0].lower()
+    return sentence[0].upper() + sentence[1:] if first in map(str.lower, _WORDS) else sentence

@@ -1,0 +1,122 @@
+"""One picture of a diagnosis: data, simulation and extended model, residuals below."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from hybridsurrogate.plotting.report import Prediction
+from hybridsurrogate.plotting.style import (
+    AFTER,
+    BEFORE,
+    DATA,
+    QUIET,
+    grid_of_axes,
+    share_range,
+    tidy,
+)
+from hybridsurrogate.priors import FloatArray
+
+_MANY_ROWS = 400
+
+
+class Predicted(NamedTuple):
+    """What a model predicts, and its residuals at the measured rows.
+
+    Attributes
+    ----------
+    x : ndarray of shape (m,)
+    prediction : Prediction
+        At x.
+    residual : ndarray of shape (n,)
+        Measured minus predicted at the measured rows.
+    """
+
+    x: FloatArray
+    prediction: Prediction
+    residual: FloatArray
+
+
+def plot_overview(
+    x: FloatArray,
+    y: FloatArray,
+    before: Predicted,
+    after: Predicted | None = None,
+    held_out: tuple[FloatArray, FloatArray] | None = None,
+    curve: bool = True,
+    labels: tuple[str, str, str] = ("x", "y", "residual"),
+    axes: Sequence[Axes] | None = None,
+) -> list[Axes]:
+    """Draw measurements, a simulation and its extension with 90 % intervals, and the residuals.
+
+    Parameters
+    ----------
+    x, y : ndarray of shape (n,)
+        Measurements.
+    before : Predicted
+        The calibrated simulation.
+    after : Predicted or None
+        The extended model.
+    held_out : (x, y) or None
+        Measurements that no fit has seen.
+    curve : bool, default=True
+        Whether predictions lie on a line; else they are drawn at the measured rows alone.
+    labels : (str, str, str)
+        Of the x axis, the y axis, and the y axis of the residuals.
+    axes : sequence of two matplotlib Axes, default=None
+        None: those of a new figure without a window.
+
+    Returns
+    -------
+    list of two matplotlib Axes
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hybridsurrogate.plotting import Predicted, Prediction, plot_overview
+    >>> x = np.linspace(0, 1, 5)
+    >>> flat = Prediction(0 * x, x - 1, x + 1, x - 2, x + 2)
+    >>> top, below = plot_overview(x, x, Predicted(x, flat, x))
+    >>> top.get_legend_handles_labels()[1]
+    ['simulation, calibrated', 'measured']
+    """
+    top, below = grid_of_axes(None if axes is None else np.asarray(axes), (2, 1), 7.2, 4.8).ravel()
+    size = 3.0 if len(x) <= _MANY_ROWS else 1.6
+    raster = len(x) > 3 * _MANY_ROWS
+    series = [(before, BEFORE, "simulation, calibrated", "s")]
+    if after is not None:
+        series.append((after, AFTER, "extended model", "o"))
+    below.axhline(0, color=QUIET, lw=1)
+    for (where, told, residual), colour, name, mark in series:
+        if curve:
+            top.fill_between(where, told.lower90, told.upper90, color=colour, alpha=0.2, lw=0)
+            top.plot(where, told.mean, color=colour, lw=1.5, label=name)
+        else:
+            top.vlines(where, told.lower90, told.upper90, color=colour, alpha=0.3, lw=1)
+            top.plot(where, told.mean, "_", color=colour, ms=6, label=name, rasterized=raster)
+        below.plot(
+            x, residual, mark, color=colour, ms=size, mew=0, alpha=0.7, label=name,
+            rasterized=raster,
+        )  # fmt: skip
+    top.plot(x, y, "o", color=DATA, ms=size, mew=0, label="measured", rasterized=raster, zorder=3)
+    values = y
+    if held_out is not None:
+        values = np.concatenate([y, held_out[1]])
+        top.plot(*held_out, "o", color=DATA, mfc="none", ms=size + 1, mew=0.8, label="held out")
+        if curve:
+            _shade(top, below, held_out[0], x)
+    share_range([top], values)
+    tidy(top, "", labels[1])
+    tidy(below, labels[0], labels[2], legend=False)
+    top.tick_params(labelbottom=False)
+    return [top, below]
+
+
+def _shade(top: Axes, below: Axes, held: FloatArray, x: FloatArray) -> None:
+    """Shade where measurements were held out, if that is beyond all others."""
+    if held.min() >= x.max() or held.max() <= x.min():
+        for ax in (top, below):
+            ax.axvspan(held.min(), held.max(), color=QUIET, alpha=0.12, lw=0, zorder=0)
