@@ -75,7 +75,7 @@ def test_a_parameter_that_changes_is_one_cause_in_all_outputs():
     X, Y = measured(0, k=lambda t: 0.25 * (1 + 0.5 * (t > 5)))
     diagnosis = fitted(X, Y)
     assert leading(diagnosis) == ["parameter-drift", "k"]
-    assert "which all outputs share" in str(diagnosis.report())
+    assert "shared by all outputs" in str(diagnosis.report(full=True))
     # the extended simulation is one of both outputs
     extended = diagnosis.extended_simulator_
     assert extended.outputs == ("h", "q")
@@ -127,12 +127,12 @@ def test_each_output_has_its_own_in_the_report(biased):
     _, Y, diagnosis = biased
     assert diagnosis.verdict_ == "named"
     assert (diagnosis.best_cause_.kind, diagnosis.best_cause_.target) == ("periodic", "q: t")
-    text = str(diagnosis.report())
+    text = str(diagnosis.report(full=True))
     n = np.isfinite(Y).sum(axis=0)
     for part in (
-        f"{n[0]} measurements of h and {n[1]} measurements of q show it",
+        f"{n[0]} measurements of h and {n[1]} measurements of q",
         "periodic in t, output q",
-        "h: the simulation does as it is.",
+        "h: the simulation stands as it is.",
         "noise of h",
     ):
         assert part in text.replace("\n", " ")
@@ -180,8 +180,8 @@ def test_gain_and_next_measurement_know_the_outputs(biased):
     assert batch[["t", "output"]].iloc[0].tolist() == [1.0, "h"]
     assert diagnosis.gain_on(X, Y).elpd_difference > 0
     assert diagnosis.predict(X).shape == Y.shape
-    text = str(diagnosis.report(test=(X, Y)))
-    assert "On the rows held back" in text
+    text = str(diagnosis.report(test=(X, Y), full=True))
+    assert "On the rows that you held out" in text
 
 
 @pytest.mark.slow
@@ -217,7 +217,7 @@ def test_counts_of_several_outputs():
     )
     diagnosis = fitted(t[:, None], Y, estimator=model)
     assert leading(diagnosis) == ["step", "heard: t"]
-    assert "output heard" in str(diagnosis.report())
+    assert "heard" in str(diagnosis.report(full=True))
 
 
 @pytest.mark.slow

@@ -169,7 +169,7 @@ def test_all_else_takes_weights(simulator):
     # the folds of `test_weights_of_one_change_nothing` have weights, too
     fitted = diagnosis(simulator, max_causes=2).fit(X, y, weights)
     fitted.update(X[:3], y[:3])
-    assert "Verdict" in str(fitted.report())
+    assert "Is something wrong?" in str(fitted.report(full=True))
     assert len(fitted.next_measurements(2, places=X)) == 2
     runs = simulator.run(40, along=12, random_state=0)
     assert diagnosis(runs, hs.Kriging()).fit(X, y, weights).best_cause_.kind == "periodic"

@@ -183,7 +183,7 @@ def test_what_is_hidden_is_found(what, spread, kind):
     best = diagnosis.best_cause_
     assert (best.kind, best.target) == (kind, what)
     assert diagnosis.verdict_ in ("named", "nearest", "ambiguous")
-    report = str(diagnosis.report())
+    report = str(diagnosis.report(full=True))
     assert what in report
     assert "spread" in report
 

@@ -149,7 +149,7 @@ y += 0.2 * np.random.default_rng(0).standard_normal(80)
 model = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate(), random_state=0)
 diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(t[:, None], y)
 assert diagnosis.best_cause_.kind == "pulse", diagnosis.causes_.head()
-assert "something is added to level, and dies away" in str(diagnosis.report())
+assert "something is added to level, and dies away" in str(diagnosis.report(full=True))
 """
 
 

@@ -152,7 +152,7 @@ def test_coverage_has_its_standard_error_and_what_it_should_be(ax):
 @pytest.mark.parametrize(("n", "mark"), [(12, "o"), (13, "")])
 def test_rivals_are_lines_or_dots_where_a_column_has_few_values(ax, n, mark):
     x = np.arange(n, dtype=float)
-    assert plotting.plot_rivals(ax, x, [x, -x], ["trend", "ramp"], place=4.0) is ax
+    assert plotting.plot_alternatives(ax, x, [x, -x], ["trend", "ramp"], place=4.0) is ax
     trend, ramp, place = ax.lines
     assert_allclose(trend.get_xydata(), np.column_stack([x, x]))
     assert_allclose(ramp.get_xydata(), np.column_stack([x, -x]))

@@ -99,7 +99,7 @@ def test_a_weekend_that_the_simulation_does_not_know():
     assert found.verdict_ in ("named", "ambiguous")
     _, low, high = best.estimates["slope"]
     assert low < -1.5 < high
-    assert "weekend of day" in str(found.report())
+    assert "weekend of day" in str(found.report(full=True))
     # predictions take dates as well, of rows that follow
     later = dated(14, "2026-11-09").assign(t=42.0 + np.arange(14))
     told = found.predict(later)

@@ -158,7 +158,7 @@ def test_the_rest_is_right_apart_from_a_wild_row():
     assert gain.std() < 0.02
     assert np.max(np.abs(found.extended_estimator_.predict(X) - truth)) < NOISE
     assert found.extended_simulator_ is None
-    assert "Row 11" in str(found.report())
+    assert "Row 11" in str(found.report(full=True))
 
 
 @pytest.mark.slow

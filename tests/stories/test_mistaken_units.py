@@ -77,7 +77,7 @@ def test_the_extended_simulation_is_proved_in_the_folds():
     d = diagnose(temperature, lambda y: 1000 * y, 0, cv=5)
     assert set(d.gain_.kinds) == {"gain"}
     assert d.gain_.rmse_after < 0.05 * d.gain_.rmse_before
-    assert re.search(r"\b(99\d|100\d)(\.\d+)? \* simulation", str(d.report()))
+    assert re.search(r"\b(99\d|100\d)(\.\d+)? \* simulation", str(d.report(full=True)))
 
 
 def test_outputs_that_are_not_far_keep_the_usual_priors():

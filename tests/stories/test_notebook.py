@@ -142,7 +142,7 @@ def test_a_report_scans_beta_when_it_is_asked_to(data, monkeypatch):
         patched.setattr(trust, "beta_path", None)
         report = diagnosis.report()
     assert report.to_dict()["beta_scan"] is None
-    assert "report(beta_scan=True)" in " ".join(str(report).split())
+    assert "report(beta_scan=True)" in " ".join(str(diagnosis.report(full=True)).split())
     told = diagnosis.report(beta_scan=True).to_dict()
     assert [row["beta"] for row in told["beta_scan"]] == list(diagnosis.beta_scan()["beta"])
     # known by now, it costs nothing

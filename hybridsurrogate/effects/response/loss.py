@@ -132,7 +132,7 @@ register(
         "something is worn, bleached or prevented",
         least_distinct=8,
         lacking=_lacking,
-        headline="From {column} = {location:place} on {output} is lost, which the simulation misses",
+        headline="From {column} = {location:place} on {output} is lost, and the simulation has all",
         call="`Loss(x)`",
         formula="eta exp(-max(x - location, 0) / scale)",
         priors="location: uniform over the rows; scale: log-uniform, a spacing to five spans",

@@ -112,7 +112,7 @@ def test_overdispersed_counts_are_named_so_and_the_cure_is_said():
     assert low < 3**0.5 < high
     assert diagnosis.extended_simulator_ is None
     assert "negative binomial" in diagnosis.best_cause_.formula
-    assert "negative-binomial" in str(diagnosis.report())
+    assert "negative-binomial" in str(diagnosis.report(full=True))
     # its intervals are as wide as the counts scatter
     draws = diagnosis.extended_estimator_.sample_posterior_predictive(t[:, None])
     assert np.mean(np.var(draws, axis=0) / np.mean(draws, axis=0)) == pytest.approx(3, rel=0.35)

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from hybridsurrogate.diagnosis.report.findings import extension
 from scipy.stats import norm
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.checks.identifiability import confounded, confounding
+from hybridsurrogate.diagnosis.report.details.cautions import cautions
 from hybridsurrogate.diagnosis.report.view import View
 
 
@@ -80,5 +80,5 @@ def test_the_diagnosis_warns_and_its_report_says_so():
     with pytest.warns(hs.ConfoundingWarning, match="from the parameter level"):
         diagnosis.fit(t[:, None], y)
     assert set(diagnosis.confounded_["parameter"]) == {"level", "slope"}
-    said = " ".join(extension(View(diagnosis)))
+    said = " ".join(cautions(View(diagnosis)))
     assert "How the two share it rests on their priors" in said

@@ -34,8 +34,8 @@ def test_it_is_told_with_the_name():
     assert 0 < right <= found.best_cause_.probability
     report = found.report()
     assert report.to_dict()["probability_right"] == pytest.approx(right)
-    text = " ".join(str(report).split())
-    assert "7 had one that it does not hold" in text
+    text = " ".join(str(found.report(full=True)).split())
+    assert "7 had one that the catalogue does not hold" in text
     assert f"is right with a probability of {100 * right:.0f} %" in text
 
 

@@ -97,7 +97,7 @@ def test_places_too_far_apart_are_said_and_no_run_is_spent():
     check = found.emulator_check_
     assert check.left_open > 1 > 0.2 > check.between_runs
     assert check.between == pytest.approx(check.left_open, rel=0.05)
-    assert "finer places along day" in " ".join(str(found.report()).split())
+    assert "finer places along day" in " ".join(str(found.report(full=True)).split())
 
 
 @pytest.mark.slow

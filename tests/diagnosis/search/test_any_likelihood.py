@@ -63,7 +63,7 @@ def test_yearly_counts_name_the_year_in_which_their_rate_fell(yearly):
 
 @pytest.mark.slow
 def test_report_of_counts_speaks_of_their_likelihood(yearly):
-    text = str(yearly[2].report())
+    text = str(yearly[2].report(full=True))
     assert "Under the Poisson likelihood the cause acts on log accidents" in text
     assert "log-normal" not in text
 

@@ -63,10 +63,10 @@ def test_a_cause_is_weighed_beside_the_other(both):
 
 @pytest.mark.slow
 def test_the_report_tells_of_it(both):
-    told = " ".join(str(both.report()).split())
-    assert "Beside periodic in t it has 99" in told
-    assert "The table is about the first cause" in told
-    assert "Ambiguous" not in told
+    text = " ".join(str(both.report(full=True)).split())
+    assert "step in t has 99" in text
+    assert "The table is about the first cause, conditional on the others" in text
+    assert "leave open how" not in text
 
 
 @pytest.mark.slow

@@ -136,5 +136,5 @@ def test_a_diagnosis_names_growing_noise_where_it_is_weighed():
     # the simulation is right: nothing to extend, and predictions are worth more all the same
     assert found.extended_simulator_ is None
     assert found.gain_.elpd_difference > 2 * found.gain_.standard_error
-    assert "noise" in str(found.report())
+    assert "noise" in str(found.report(full=True))
     assert set(found.next_measurement_) == {"t", "dose"}

@@ -7,6 +7,7 @@ import math
 import pandas as pd
 
 from hybridsurrogate import digits
+from hybridsurrogate.diagnosis.checks.emulator import MOST_MISSED, advice
 from hybridsurrogate.diagnosis.report.details.cautions import cautions
 from hybridsurrogate.diagnosis.report.section import Section, Table
 from hybridsurrogate.diagnosis.report.view import View, averaged
@@ -33,14 +34,16 @@ def section(view: View) -> Section:
 
 def emulator(view: View) -> list[str]:
     """Say how well the runs, and the surrogate, know the simulation."""
-    check = view.diagnosis.emulator_check_
+    d = view.diagnosis
+    check = d.emulator_check_
     if check is None:
         return []
     out = [
         f"At the measured rows the runs leave the simulation uncertain by {_times(check.left_open)}"
         " the noise, which is part of every comparison.",
         f"The surrogate, trained on the runs alone, differs from them by {_times(check.missed)} "
-        "the noise there. The comparisons do without it; the predictions rest on it.",
+        "the noise there. The comparisons do without it, and the predictions rest on it"
+        + (f": {advice(d.estimator_.surrogate)}." if check.missed > MOST_MISSED else "."),
     ]
     if check.beyond:
         where = ", ".join(f"{rows} along {name}" for name, rows in check.beyond.items())

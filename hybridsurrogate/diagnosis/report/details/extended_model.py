@@ -7,9 +7,11 @@ from hybridsurrogate.diagnosis.report.section import Section, Table
 from hybridsurrogate.diagnosis.report.tables import estimate_table
 from hybridsurrogate.diagnosis.report.view import View, averaged, label_of_cause
 from hybridsurrogate.effects import Remainder
+from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.effects.notation import word
 from hybridsurrogate.effects.output.remainder import GROWTH
+from hybridsurrogate.effects.registry import meaning_of
 
 
 def section(view: View) -> Section:
@@ -49,7 +51,7 @@ def formulas(view: View) -> tuple[tuple[str, str, str], ...]:
 
 
 def _sentences(view: View) -> list[str]:
-    out = []
+    out = [f"{meaning}." for _, cause in view.findings if (meaning := _meaning(view, cause))]
     if view.log_scale:
         out.append(
             f"Under the {view.likelihood} likelihood the cause acts on log {view.output}: adding "
@@ -61,6 +63,16 @@ def _sentences(view: View) -> list[str]:
             "causes inside 'simulation'."
         )
     return out + _averaged(view) + _beyond(view) + _simulator(view)
+
+
+def _meaning(view: View, cause: Cause) -> str:
+    """Return what a cause means for the one who wrote the simulation."""
+    if isinstance(cause, InOutput):
+        return _meaning(view.of(cause.output), cause.cause)
+    target = (cause.target or "").replace(" * ", " and ")
+    column = getattr(cause, "column", None) or target
+    text = (meaning_of(cause) or "").format(output=view.output, target=target, column=column)
+    return f"What it means: {text}" if text else ""
 
 
 def _averaged(view: View) -> list[str]:
