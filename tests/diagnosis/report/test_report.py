@@ -13,6 +13,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
+from sklearn.base import clone
 
 import hybridsurrogate as hs
 from hybridsurrogate import digits
@@ -25,37 +26,8 @@ def decay(t, level, rate):
 
 
 @pytest.fixture(scope="module")
-def diagnose():
-    simulator = hs.Simulator(
-        decay,
-        {"t": (0, 12)},
-        {
-            "level": hs.truncated_normal(10, 2, 4, 16),
-            "rate": hs.truncated_normal(0.2, 0.1, 0.02, 0.6),
-        },
-        output="level <mg>",
-    )
-    t = np.linspace(0, 8, 30)
-    noise = 0.1 * np.random.default_rng(0).standard_normal(30)
-
-    def run(effect, surrogate=None, cv=3, **settings):
-        exact = surrogate is None
-        model = hs.PowerScaledSurrogate(
-            simulator if exact else simulator.run(64, random_state=0),
-            surrogate=hs.ExactSurrogate() if exact else surrogate,
-            n_draws=200,
-            random_state=0,
-        )
-        settings = {"n_replicates": 40, "random_state": 0, **settings}
-        diagnosis = hs.DiscrepancyDiagnosis(model, cv=cv, **settings)
-        return diagnosis.fit(t[:, None], decay(t, 11, 0.25) + effect(t) + noise)
-
-    return run
-
-
-@pytest.fixture(scope="module")
-def named(diagnose):
-    return diagnose(lambda t: 2.0 * (t > 5))
+def named(outcome):
+    return outcome("named")
 
 
 @pytest.fixture(scope="module")
@@ -264,8 +236,8 @@ def test_the_dict_is_a_copy_and_nan_is_none(report):
     assert plain(given) == {"a": None, "1": [2.0, [None, 1.0]], "b": True}
 
 
-def test_an_adequate_simulation(diagnose):
-    diagnosis = diagnose(lambda t: 0 * t)
+def test_an_adequate_simulation(outcome):
+    diagnosis = outcome("adequate")
     assert diagnosis.verdict_ == "adequate"
     report = diagnosis.report(test=([[9.0], [10.0]], [1.2, 0.9]))
     text = flat(report)
@@ -280,8 +252,9 @@ def test_an_adequate_simulation(diagnose):
     assert report.to_dict()["discrepancy"]["thirds"] == []
 
 
-def test_without_cross_validation_or_held_out_rows(diagnose):
-    diagnosis = diagnose(lambda t: 2.0 * (t > 5), cv=None)
+def test_without_cross_validation_or_held_out_rows(named):
+    diagnosis = copy.copy(named)
+    diagnosis.gain_ = diagnosis.gain_out_of_range_ = None
     # what is set after a fit is for the next one
     report = diagnosis.set_params(n_replicates=1000, false_alarm_rate=0.5).report()
     assert "none of 40 data sets" in cards(report)["Is something wrong?"]
@@ -293,16 +266,15 @@ def test_without_cross_validation_or_held_out_rows(diagnose):
     assert gains.pictures == ()
 
 
-def test_a_fault_without_a_name_and_one_with_several(diagnose):
-    # a chirp is no kind of the catalogue
-    chirp = diagnose(lambda t: 1.5 * np.sin(0.12 * (t + 2) ** 2), cv=None)
+def test_a_fault_without_a_name_and_one_with_several(outcome):
+    chirp = outcome("unexplained")
     assert chirp.verdict_ == "unexplained"
     report = chirp.report()
     assert "that no cause of the catalogue explains" in report.headline
     assert cards(report)["How sure is the cause?"].startswith("Not known")
     assert "causes=[MyCause()]" in str(report)
     # a slow change that several kinds can follow
-    unclear = diagnose(lambda t: 0.008 * t**2, cv=None)
+    unclear = outcome("ambiguous")
     assert unclear.verdict_ == "ambiguous"
     report = unclear.report()
     assert report.headline.startswith("The simulation is wrong, and the data leave open how: ")
@@ -318,11 +290,8 @@ def test_a_fault_without_a_name_and_one_with_several(diagnose):
     assert averaged[0]["causes"] in flat(report)
 
 
-def test_two_causes_at_once(diagnose):
-    def effect(t):
-        return 2.0 * (t > 5) + 0.6 * np.sin(2 * np.pi * t / 1.3)
-
-    diagnosis = diagnose(effect, cv=None, max_causes=2)
+def test_two_causes_at_once(outcome):
+    diagnosis = outcome("two causes")
     assert {cause.kind for cause in diagnosis.found_causes_} == {"step", "periodic"}
     report = diagnosis.report()
     text, (first, second) = flat(report), diagnosis.found_causes_
@@ -340,9 +309,8 @@ def test_two_causes_at_once(diagnose):
     assert "max_causes" not in str(report)
 
 
-def test_residual_structure_is_the_caution(diagnose):
-    diagnosis = diagnose(lambda t: 2.0 * (t > 5) + 0.5 * np.sin(2 * np.pi * t / 4), cv=None)
-    report = diagnosis.report()
+def test_residual_structure_is_the_caution(outcome):
+    report = outcome("nearest").report()
     assert "may be at work too" in report.first.caution
     assert "Search for a further cause: max_causes=2" in " ".join(str(report).split())
 
@@ -388,7 +356,7 @@ def scan_of(before, after):
 
 # a coarse emulator strains the draws, and the diagnosis says so
 @pytest.mark.filterwarnings("ignore::hybridsurrogate.HybridSurrogateWarning")
-def test_an_emulator_gets_its_beta_scan(diagnose, monkeypatch):
+def test_an_emulator_gets_its_beta_scan(named, monkeypatch):
     # the scan itself takes seconds, and is tested in test_diagnosis
     asked = []
 
@@ -397,7 +365,13 @@ def test_an_emulator_gets_its_beta_scan(diagnose, monkeypatch):
         return scan_of([-0.5, -0.9, -1.2], [-0.4, -0.3, -0.6])
 
     monkeypatch.setattr(trust, "scan_beta", scan)
-    diagnosis = diagnose(lambda t: 2 * np.sin(2.5 * t), hs.PolynomialChaos(degree=4), cv=None)
+    t = named.estimator_.measured_[0]
+    model = clone(named.estimator).set_params(
+        simulation=named.estimator.simulation.run(64, random_state=0),
+        surrogate=hs.PolynomialChaos(degree=4),
+    )
+    diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, n_replicates=40, random_state=0)
+    diagnosis.fit(t, decay(t[:, 0], 11, 0.25) + 2 * np.sin(2.5 * t[:, 0]))
     report = diagnosis.report(beta_scan=True)
     assert asked == [((0.05, 0.25, 0.5, 0.75, 0.95), held) for held in ([10, 10, 10], [4, 4, 4])]
     told = {"beta": 0.5, "before": -0.9, "after": -0.3, "before_error": 0.1, "after_error": 0.1}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from hybridsurrogate import digits
+from hybridsurrogate.diagnosis.answers.table import is_weighed
 from hybridsurrogate.diagnosis.checks.identifiability import confounded, sentences
 from hybridsurrogate.diagnosis.checks.residuals import STRANGE
 from hybridsurrogate.diagnosis.report.details.evidence import probability_of_smooth_curve
@@ -75,13 +76,19 @@ def _worse(view: View) -> list[str]:
 
 
 def _failed_runs(view: View) -> list[str]:
-    """Say which causes, of those that matter, make the simulation fail."""
+    """Say that causes were compared only where the simulation runs."""
     table = view.diagnosis.causes_
-    failing = table[(table["note"] != "") & (table["probability"] > SETTINGS.worth_drawing)]
-    return [
-        f"{'As it is' if kind == 'none' else f'With {form}'} {note}."
-        for kind, form, note in failing[["kind", "form", "note"]].to_numpy()
-    ][:1]
+    failing = table[is_weighed(table) & (table["note"] != "")]
+    if failing.empty:
+        return []
+    itself = failing["kind"] == "none"
+    n = int((~itself).sum())
+    with_it = "" if itself.any() else f", with {failing['form'].iloc[0]},"
+    note = (failing[itself] if itself.any() else failing)["note"].iloc[0]
+    causes = "one cause was" if n == 1 else f"{n} causes were"
+    compared = f"; {causes} compared only where it runs" if n else ""
+    sentence = note.replace("the simulation", f"The simulation{with_it}", 1)
+    return [f"{sentence}{compared}."]
 
 
 def _doubtful_draws(view: View) -> list[str]:

@@ -1,0 +1,93 @@
+"""One diagnosis of each outcome, fitted once for all tests of reports."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+import hybridsurrogate as hs
+
+T = np.linspace(0, 8, 30)
+NOISE = 0.1 * np.random.default_rng(0).standard_normal(30)
+
+
+def decay(t, level, rate):
+    return level * np.exp(-rate * t)
+
+
+def fragile(t, level, rate):
+    """Fail where the rate is below what the data ask for, as a cause may need it."""
+    return np.where(rate > 0.22, decay(t, level, rate), np.nan)
+
+
+def simulator(function=decay):
+    return hs.Simulator(
+        function,
+        {"t": (0, 12)},
+        {
+            "level": hs.truncated_normal(10, 2, 4, 16),
+            "rate": hs.truncated_normal(0.2, 0.1, 0.02, 0.6),
+        },
+        output="level <mg>",
+    )
+
+
+def diagnosed(effect, simulation=None, surrogate=None, cv=None, **settings):
+    model = hs.PowerScaledSurrogate(
+        simulator() if simulation is None else simulation,
+        surrogate=surrogate or hs.ExactSurrogate(),
+        n_draws=200,
+        random_state=0,
+    )
+    settings = {"n_replicates": 40, "random_state": 0, **settings}
+    diagnosis = hs.DiscrepancyDiagnosis(model, cv=cv, **settings)
+    return diagnosis.fit(T[:, None], decay(T, 11, 0.25) + effect(T) + NOISE)
+
+
+def step(t):
+    return 2.0 * (t > 5)
+
+
+def without_gain(diagnosis):
+    """Return a diagnosis whose extension predicts worse on held-out rows."""
+    gain = replace(diagnosis.gain_, elpd_difference=-3.0, standard_error=0.5)
+    diagnosis.gain_ = gain
+    return diagnosis
+
+
+def with_doubtful_draws(diagnosis):
+    """Return a diagnosis whose importance draws are not to be trusted."""
+    model = diagnosis.estimator_
+    model.diagnostics_ = replace(model.diagnostics_, khat=0.9)
+    return diagnosis
+
+
+OUTCOMES = {
+    "named": lambda: diagnosed(step, cv=3),
+    "adequate": lambda: diagnosed(lambda t: 0 * t, cv=3),
+    "nearest": lambda: diagnosed(lambda t: step(t) + 0.5 * np.sin(2 * np.pi * t / 4)),
+    "ambiguous": lambda: diagnosed(lambda t: 0.008 * t**2),
+    # a chirp is no kind of the catalogue
+    "unexplained": lambda: diagnosed(lambda t: 1.5 * np.sin(0.12 * (t + 2) ** 2)),
+    "undecided": lambda: diagnosed(
+        lambda t: 0.2 * (t > 5), simulator().run(6, random_state=0), hs.PolynomialChaos(2)
+    ),
+    "two causes": lambda: diagnosed(
+        lambda t: step(t) + 0.6 * np.sin(2 * np.pi * t / 1.3), max_causes=2
+    ),
+    "failed runs": lambda: diagnosed(step, simulator(fragile)),
+    "doubtful draws": lambda: with_doubtful_draws(diagnosed(step)),
+    "no gain": lambda: without_gain(diagnosed(step, cv=3)),
+}
+
+
+@pytest.fixture(scope="session")
+def outcome():
+    """Return the diagnosis of an outcome by its name."""
+
+    @cache
+    def fitted(name):
+        return OUTCOMES[name]()
+
+    return fitted
