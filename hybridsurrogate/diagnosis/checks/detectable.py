@@ -49,4 +49,3 @@ def _median_size(power: FloatArray, sizes: FloatArray) -> float | None:
     least = np.where(enough.any(axis=1), sizes[np.argmax(enough, axis=1)], np.inf)
     median = float(np.sort(least)[(len(least) - 1) // 2])
     return median if np.isfinite(median) else None
-

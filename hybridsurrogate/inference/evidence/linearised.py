@@ -302,8 +302,8 @@ def _slopes_along(
         response[~(np.abs(response) < _ABSURD)] = np.nan
         response = response.reshape(len(runs), len(points), len(X))
         ahead, behind = response[:, 1 : 1 + len(moves)], response[:, 1 + len(moves) :]
-        slope = (ahead - behind) / (2 * step) if both else (ahead - response[:, :1]) / step
-        slope = together.of_directions(slope)
+        change = (ahead - behind) / (2 * step) if both else (ahead - response[:, :1]) / step
+        slope = together.of_directions(change)
         # a node that fails at a row is impossible, and what other rows have there may be any size
         broken = ~np.isfinite(response[:, 0]).all(axis=1)
         slope[broken] = 0.0
