@@ -57,6 +57,7 @@ from hybridsurrogate.estimators.sensitivity import sobol_indices
 from hybridsurrogate.exceptions import (
     ConfoundingWarning,
     DiagnosisWarning,
+    EmulationWarning,
     ExtrapolationWarning,
     FailedRunsWarning,
     HybridSurrogateWarning,
@@ -117,6 +118,7 @@ __all__ = [
     "DynamicTerm",
     "EnsembleSampler",
     "Episode",
+    "EmulationWarning",
     "ExactSurrogate",
     "ExtrapolationWarning",
     "FailedRunsWarning",

@@ -15,6 +15,7 @@ from hybridsurrogate.effects.argument_checks import check_arguments
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.checked_estimator import CheckedData
+from hybridsurrogate.estimators.emulation import emulated, take
 from hybridsurrogate.inference.loo import PointwiseLoo
 from hybridsurrogate.inference.model.power_scaling import powers_of
 from hybridsurrogate.inference.procedure import Fit, fit_problem
@@ -156,6 +157,9 @@ class PowerScaledSurrogate(SurrogateEstimator):
         -------
         self
         """
+        found = emulated(self, X, y, sample_weight)
+        if found is not None:
+            return take(self, found)
         surrogate, likelihood = self._check_parameters()
         data = self._check_fit_data(X, y, likelihood, sample_weight)
         rows = self._all_rows(data, likelihood)
