@@ -32,9 +32,9 @@ from hybridsurrogate.simulation.files.table_file import RUN
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.kriging import Kriging
 
-# seconds of a set of parameters from which runs are made beforehand; many sets at once are timed
-# until a call takes so long, and at most so many
-_SLOW, _TIMED, _MOST_TIMED = 1e-3, 0.25, 256
+# seconds of a set of parameters from which runs are made beforehand; the most sets that are timed,
+# and the share of its time that each takes of four times as many where more are tried
+_SLOW, _MOST_TIMED, _GAIN_OF_MANY = 1e-3, 256, 0.6
 # sets that a fit asks for: 3,400 to 6,700 with one to five parameters
 _SETS_OF_A_FIT = 5000
 # runs for each dimension (Loeppky, Sacks and Welch 2009, Technometrics 51:366), and at least
@@ -172,20 +172,20 @@ def as_given(estimator: E) -> E:
 def seconds_a_set(simulator: Simulator, X: FloatArray) -> float:
     """Return the seconds that a simulation takes for one set of parameters at rows X (n, k).
 
-    Of several at once where these take less; more are tried until a call takes long.
+    Of several at once where these take less: more are tried while each takes far less of them.
     """
     ranges = [*simulator.parameter_ranges.values()]
     omega = np.empty((_MOST_TIMED, 0))
     if ranges:
         omega = draw_design(ranges, _MOST_TIMED, random_state=0)
-    n, best = 1, np.inf
+    n, each = 1, np.inf
     while True:
         start = time.perf_counter()
         simulator.evaluate(np.tile(X, (n, 1)), np.repeat(omega[:n], len(X), axis=0))
-        took = time.perf_counter() - start
-        best = min(best, took / n)
-        if best < _SLOW or took > _TIMED or n == _MOST_TIMED:
-            return best
+        before, each = each, (time.perf_counter() - start) / n
+        alone = not simulator.vectorized or each > _GAIN_OF_MANY * before
+        if each < _SLOW or alone or n == _MOST_TIMED:
+            return min(each, before)
         n *= 4
 
 
