@@ -118,9 +118,7 @@ def emulated(
     if seconds < _SLOW:
         return None
     places = _places(simulator, inputs[:, 0])
-    n_first = max(
-        _LEAST_RUNS, _RUNS_EACH * (len(simulator.parameter_ranges) + inputs.shape[1] - 1)
-    )
+    n_first = max(_LEAST_RUNS, _RUNS_EACH * (len(simulator.parameter_ranges) + inputs.shape[1] - 1))
     each = max(1.0, len(places) / len(inputs))
     if n_first * each > _SETS_OF_A_FIT:
         return None
@@ -156,8 +154,9 @@ def take(estimator: E, fitted: E) -> E:
     parameters = estimator.get_params(deep=False)
     for name in set(vars(estimator)) - set(parameters):
         delattr(estimator, name)
-    found = {name: value for name, value in vars(fitted).items() if name not in parameters}
-    vars(estimator).update(found)
+    for name, value in vars(fitted).items():
+        if name not in parameters:
+            setattr(estimator, name, value)
     return estimator
 
 
@@ -175,9 +174,8 @@ def seconds_a_set(simulator: Simulator, X: FloatArray) -> float:
     Of several at once where these take less: more are tried while each takes far less of them.
     """
     ranges = [*simulator.parameter_ranges.values()]
-    omega = np.empty((_MOST_TIMED, 0))
-    if ranges:
-        omega = draw_design(ranges, _MOST_TIMED, random_state=0)
+    none = np.empty((_MOST_TIMED, 0))
+    omega = draw_design(ranges, _MOST_TIMED, random_state=0) if ranges else none
     n, each = 1, np.inf
     while True:
         start = time.perf_counter()

@@ -38,8 +38,8 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
     simulation : SimulationData, Simulator or None, default=None
         None: the measured data alone, whatever ``beta``.
     surrogate : Surrogate or None, default=None
-        Family of both surrogates (the second is a `PolynomialChaos` where the first is exact). None:
-        as in `PowerScaledSurrogate`.
+        Family of both surrogates (the second is a `PolynomialChaos` where the first is exact).
+        None: as in `PowerScaledSurrogate`.
     beta : float, callable or "stacking", default=0.5
         Weight of the simulation. A callable ``beta(X) -> (n,)`` of the simulation's inputs trusts
         it more here than there. "stacking": the weight that would have predicted each measured row

@@ -64,9 +64,10 @@ class SamplingSettings:
         an exchange of two unknowns below it, means with and without a ridge differ by 0.8 of their
         errors, and standard deviations are some 2 % smaller without; above 1000 means differ by 0.2
         to 14 standard deviations. Few effective draws are reason enough at any length.
-    ridge_spacing, ridge_share, ridge_deep, ridge_near : float, float, float, int
-        Of points on a ridge: distance in standard deviations of the prior and of the approximation,
-        depth at which it ends, points through which the next is extrapolated.
+    ridge_spacing, ridge_share, ridge_deep, ridge_near, ridge_missed : float, float, float, int
+        Of points on a ridge: least distance in standard deviations of the prior and of the
+        approximation, depth at which it ends, points through which the next is extrapolated, and
+        standard deviations by which it may be missed: a spline between them misses a fortieth.
     population, evolution_steps, smallest_move : int, int, float
         Differential evolution that starts an ensemble; moves of several sizes at once, down to this
         one: some posteriors are as wide as the population, some far narrower.
@@ -141,6 +142,7 @@ class SamplingSettings:
     ridge_share: float = 0.5
     ridge_deep: float = 12.0
     ridge_near: int = 4
+    ridge_missed: float = 4.0
     population: int = 60
     evolution_steps: int = 160
     smallest_move: float = 0.03
