@@ -138,13 +138,13 @@ def emulated(
         further = _further(fitted, simulator, max(1, round(_SHARE * n_first)), random)
         runs = _possible(_with_further(runs, simulator, further, places), likelihood)
     for warning in caught:
-        warnings.warn(warning.message, warning.category, stacklevel=4)
+        warnings.warn(warning.message, warning.category, stacklevel=3)
     fitted.emulation_ = Emulation(runs, seconds, found)
     warnings.warn(
         f"{fitted.emulation_} surrogate=ExactSurrogate() runs the simulation itself, some "
         f"{_SETS_OF_A_FIT:,} sets of parameters a fit: {_duration(_SETS_OF_A_FIT * seconds)}.",
         EmulationWarning,
-        stacklevel=4,
+        stacklevel=3,
     )
     return fitted
 
@@ -244,7 +244,7 @@ def _possible(runs: SimulationData, likelihood: Likelihood) -> SimulationData:
             warnings.warn(
                 f"{lost} of {runs.y.size} outputs of the runs were dropped: {error}",
                 FailedRunsWarning,
-                stacklevel=6,
+                stacklevel=4,
             )
     assert runs.run is not None
     given = runs.input_ranges, runs.parameters, runs.assumed, runs.outputs, runs.simulator
@@ -262,7 +262,7 @@ def _with_further(
         warnings.warn(
             f"{lost} of {len(points)} further runs of {simulator.name!r} failed and were dropped.",
             FailedRunsWarning,
-            stacklevel=6,
+            stacklevel=4,
         )
     return runs.with_rows(done) if len(done) else runs
 
@@ -276,7 +276,7 @@ def _warn_if_long(simulator: Simulator, n: int, n_places: int, seconds: float) -
             f"simulator.run({n}, along={n_places}, n_jobs=-1, store='runs') makes runs that are "
             "kept, for surrogate=Kriging().",
             EmulationWarning,
-            stacklevel=5,
+            stacklevel=4,
         )
 
 

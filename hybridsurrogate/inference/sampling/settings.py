@@ -19,6 +19,8 @@ class SamplingSettings:
         At least so many where draws are tried once more: far fewer than an ensemble's steps.
     enough_effective : float
         Draws of a smaller effective share are tried once more, from wider proposals.
+    prior_proposed : float
+        Share of these that the priors have, of that of the wider ones.
     mode_share, proposal_share : float
         Share of the best mode's mass from which a further one makes a posterior multimodal, and
         from which it has proposals of its own.
@@ -106,6 +108,7 @@ class SamplingSettings:
     min_proposals: int = 1000
     large_batch: int = 12_000
     enough_effective: float = 0.1
+    prior_proposed: float = 0.2
     mode_share: float = 0.02
     proposal_share: float = 1e-5
     evidence_starts: int = 2
