@@ -42,7 +42,7 @@ _RUNS_EACH, _LEAST_RUNS = 10, 20
 # places of a run: those that were measured, at most so many, and so many evenly over the range
 _MOST_PLACES, _EVEN_PLACES = 200, 25
 # rounds of further runs, in shares of the first ones, while more of the noise is left open
-_ROUNDS, _SHARE, _OPEN = 4, 0.5, 0.1
+_ROUNDS, _SHARE, _OPEN = 8, 0.25, 0.1
 # draws of the posterior from which further runs are chosen
 _CANDIDATES = 400
 # seconds of runs of which the user is warned before

@@ -123,11 +123,13 @@ def test_further_runs_are_made_where_the_posterior_is(clocked):
     with pytest.warns(hs.EmulationWarning):
         model.fit(TIMES[:, None], y)
     runs = model.emulation_.runs
-    assert runs.n_runs > 20
+    assert 20 < runs.n_runs <= 60
     assert model.emulation_.left_open < 0.1
-    further = runs.omega[runs.run >= 20]
-    # the truth is 2.0 and 0.4, in priors from 1 to 3 and 0.1 to 1
-    np.testing.assert_allclose(further.mean(axis=0), [2.0, 0.4], atol=0.1)
+    # the truth in priors from 1 to 3 and 0.1 to 1
+    near = np.all(np.abs(runs.omega[runs.run >= 20] - [2.0, 0.4]) < 0.05, axis=1)
+    assert near.any()
+    size, rate, _ = draws_of(model).mean(axis=0)
+    assert (size, rate) == (pytest.approx(2.0, abs=0.005), pytest.approx(0.4, abs=0.001))
 
 
 def test_the_same_seed_gives_the_same_draws(clocked):
@@ -194,6 +196,7 @@ def test_runs_that_fail_are_dropped_with_a_warning(clocked):
     with (
         pytest.warns(hs.EmulationWarning),
         pytest.warns(hs.FailedRunsWarning, match="runs of 'counted' failed.*no solution"),
+        pytest.warns(hs.PriorWarning, match="'size' lies in its simulated range"),
     ):
         model.fit(TIMES[:, None], measured())
     assert model.emulation_.runs.omega[:, 0].max() <= 2.5
