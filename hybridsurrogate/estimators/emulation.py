@@ -14,7 +14,7 @@ from typing import TypeVar
 
 import numpy as np
 import pandas as pd
-from joblib import effective_n_jobs
+from joblib import effective_n_jobs, parallel_config
 from numpy.typing import ArrayLike, NDArray
 
 from hybridsurrogate.digits import number
@@ -76,7 +76,7 @@ class Emulation:
 
     def __str__(self) -> str:
         return (
-            f"The simulation takes {number(1000 * self.seconds, 2)} ms for one set of parameters, "
+            f"The simulation takes {_duration(self.seconds)} for one set of parameters, "
             f"and was emulated by Kriging() from {self.runs.n_runs} runs of it. At the measured "
             f"rows these leave it open by {number(self.left_open, 2)} times the noise."
         )
@@ -179,7 +179,8 @@ def seconds_a_set(simulator: Simulator, X: FloatArray) -> float:
     n, each = 1, np.inf
     while True:
         start = time.perf_counter()
-        simulator.evaluate(np.tile(X, (n, 1)), np.repeat(omega[:n], len(X), axis=0))
+        with parallel_config(n_jobs=1):  # processes take a second to start
+            simulator.evaluate(np.tile(X, (n, 1)), np.repeat(omega[:n], len(X), axis=0))
         before, each = each, (time.perf_counter() - start) / n
         alone = not simulator.vectorized or each > _GAIN_OF_MANY * before
         if each < _SLOW or alone or n == _MOST_TIMED:
@@ -285,7 +286,7 @@ def _duration(seconds: float) -> str:
     for unit, size in (("days", 86_400.0), ("hours", 3600.0), ("minutes", 60.0)):
         if seconds >= 2 * size:
             return f"{number(seconds / size, 2)} {unit}"
-    return f"{number(seconds, 2)} seconds"
+    return f"{number(seconds, 2)} seconds" if seconds >= 1 else f"{number(1000 * seconds, 2)} ms"
 
 
 def _further(

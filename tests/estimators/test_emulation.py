@@ -7,6 +7,7 @@ import warnings
 
 import numpy as np
 import pytest
+from joblib import parallel_config
 from scipy.stats import uniform
 from sklearn.base import clone
 
@@ -266,6 +267,18 @@ def test_many_runs_are_announced(clocked):
         pytest.warns(hs.EmulationWarning, match="was emulated"),
     ):
         model.fit(TIMES[:, None], measured())
+
+
+def test_processes_share_the_runs_where_n_jobs_allows(clocked):
+    draws = []
+    for n_jobs in (1, 2):
+        counted = Counted()
+        model = hs.PowerScaledSurrogate(clocked(counted), n_draws=100, random_state=0)
+        with parallel_config(n_jobs=n_jobs), pytest.warns(hs.EmulationWarning):
+            draws.append(draws_of(model.fit(TIMES[:, None], measured())))
+    np.testing.assert_allclose(*draws)
+    # of 2,000 runs those that are timed, and the first of each batch
+    assert counted.calls < 200
 
 
 def busy(t, size, rate):
