@@ -88,6 +88,47 @@ def test_a_fit_of_stiff_rates_ends(chain):
     assert not model.diagnostics_.n_steps  # no ensemble was needed
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_heavy_tail_of_stiff_rates_is_drawn_by_few_calls(chain, monkeypatch, seed):
+    """A ridge was followed where there is none: 39 CPU s, and a tail of k2 a third too short."""
+    rng = np.random.default_rng(0)
+    y = chain(TIMES[:, None], np.tile([*RATES.values()], (10, 1))) * np.exp(
+        0.2 * rng.standard_normal(10)
+    )
+    calls, evaluate = [], hs.OdeSimulator.evaluate
+
+    def counted(simulator, X, omega):
+        calls.append(len(X) // 10)
+        return evaluate(simulator, X, omega)
+
+    monkeypatch.setattr(hs.OdeSimulator, "evaluate", counted)
+    model = hs.PowerScaledSurrogate(
+        chain, surrogate=hs.ExactSurrogate(), likelihood="lognormal", n_draws=300, random_state=seed
+    )
+    draws = model.fit(TIMES[:, None], y).posterior_.named()
+    assert model.diagnostics_.sampler == "importance"
+    assert len(calls) < 100
+    assert sum(calls) < 50_000
+    # draws of the priors, weighted by the likelihood with sigma integrated out
+    z = np.random.default_rng(5).standard_normal((12_000, 3))
+    rates = np.array([*RATES.values()]) * np.exp(z)
+    outputs = evaluate(chain, np.tile(TIMES, 12_000)[:, None], np.repeat(rates, 10, axis=0))
+    squares = np.sum((np.log(y) - np.log(outputs.reshape(-1, 10))) ** 2, axis=1)
+    sigma = np.geomspace(0.03, 3, 100)
+    log_density = -0.5 * squares[:, None] / sigma**2 - 9 * np.log(sigma)
+    log_density -= 0.5 * (sigma / np.std(np.log(y))) ** 2
+    weight = np.exp(log_density - log_density.max()).sum(axis=1)
+    weight /= weight.sum()
+    few = np.sqrt(1 / 300 + np.sum(weight**2))
+    for name, own in zip(RATES, z.T, strict=True):
+        mean = weight @ own
+        sd = np.sqrt(weight @ (own - mean) ** 2)
+        found = np.log(draws[name] / RATES[name])
+        assert found.mean() == pytest.approx(mean, abs=4 * few * sd)
+        assert found.std() == pytest.approx(sd, rel=0.25)
+
+
 def robertson(t, state, k1, k2, k3):
     slow, fast = k1 * state[0], k3 * state[1] * state[2]
     square = k2 * state[1] ** 2
