@@ -74,11 +74,18 @@ class Emulation:
         """Return itself: it is a value."""
         return self
 
-    def __str__(self) -> str:
+    @property
+    def origin(self) -> str:
+        """What takes the place of the simulation, and why."""
         return (
             f"The simulation takes {_duration(self.seconds)} for one set of parameters, "
-            f"and was emulated by Kriging() from {self.runs.n_runs} runs of it. At the measured "
-            f"rows these leave it open by {number(self.left_open, 2)} times the noise."
+            f"and was emulated by Kriging() from {self.runs.n_runs} runs of it."
+        )
+
+    def __str__(self) -> str:
+        return (
+            f"{self.origin} At the measured rows these leave it open by "
+            f"{number(self.left_open, 2)} times the noise."
         )
 
 

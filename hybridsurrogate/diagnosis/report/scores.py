@@ -93,7 +93,7 @@ def emulator(view: View) -> list[str]:
         "continued, not known, and is called wrong more easily. Give runs at the ends of its range."
     ]
     return [
-        *([] if made is None else [str(made)]),
+        *([] if made is None else [made.origin]),
         f"At the measured rows the runs leave the simulation open by {_times(check.left_open)} "
         "the noise, which is part of every comparison above"
         + (
