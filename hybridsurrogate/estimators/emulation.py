@@ -112,13 +112,15 @@ def emulated(
     EmulationWarning
         That the simulation was emulated, from how many runs, and how well.
     """
+    if estimator.surrogate is not None:
+        return None
+    likelihood = estimator._check_parameters()[1]
     simulator = estimator.simulation
-    if estimator.surrogate is not None or not isinstance(simulator, Simulator):
+    if not isinstance(simulator, Simulator):
         return None
     with warnings.catch_warnings():
         # the fit says so again
         warnings.simplefilter("ignore", HybridSurrogateWarning)
-        likelihood = estimator._check_parameters()[1]
         data = estimator._check_fit_data(X, y, likelihood, sample_weight)
     inputs = data.X[data.weights > 0][:, : len(simulator.input_names)]
     seconds = seconds_a_set(simulator, inputs)
