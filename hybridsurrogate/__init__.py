@@ -57,6 +57,7 @@ from hybridsurrogate.estimators.sensitivity import sobol_indices
 from hybridsurrogate.exceptions import (
     ConfoundingWarning,
     DiagnosisWarning,
+    EmulationWarning,
     ExtrapolationWarning,
     FailedRunsWarning,
     HybridSurrogateWarning,
@@ -115,6 +116,7 @@ __all__ = [
     "DynamicDelay",
     "DynamicDrift",
     "DynamicTerm",
+    "EmulationWarning",
     "EnsembleSampler",
     "Episode",
     "ExactSurrogate",

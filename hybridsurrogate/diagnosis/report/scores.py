@@ -84,7 +84,7 @@ def is_worse(gain: Gain) -> bool:
 
 def emulator(view: View) -> list[str]:
     """Say how well the runs, and the surrogate, tell the simulation."""
-    check = view.diagnosis.emulator_check_
+    check, made = view.diagnosis.emulator_check_, view.diagnosis.estimator_.emulation_
     if check is None:
         return []
     where = ", ".join(f"{rows} along {name}" for name, rows in check.beyond.items())
@@ -93,6 +93,7 @@ def emulator(view: View) -> list[str]:
         "continued, not known, and is called wrong more easily. Give runs at the ends of its range."
     ]
     return [
+        *([] if made is None else [made.origin]),
         f"At the measured rows the runs leave the simulation open by {_times(check.left_open)} "
         "the noise, which is part of every comparison above"
         + (
