@@ -95,8 +95,8 @@ def null_test(
     n_replicates : int
     random_state : RandomState
     with_faults : bool, default=False
-        Also look at data sets with faults of known sizes, see `faults_of`: in one batch they cost a
-        third of what they do alone.
+        Also look at data sets with faults of known sizes, see `faults_of`: in one batch with the
+        null test.
     """
     responses = np.vstack([result.problem.y, replicates(result, n_replicates, random_state)])
     if not with_faults:
