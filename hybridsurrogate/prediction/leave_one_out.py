@@ -20,7 +20,7 @@ from hybridsurrogate.problem.rows import MeasuredRows
 
 # step 2 is repeated this often, for so many coefficient draws: on a grid all of them cost little
 _REPEATS = 8
-_ON_GRID, _OTHERWISE = 4000, 125
+_ON_GRID, _OTHERWISE = 1000, 125
 # draws of a fit without one row: its score has an error of a few hundredths of a nat from them
 _REFITTED, _PROPOSALS = 400, 4
 

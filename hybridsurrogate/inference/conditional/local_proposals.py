@@ -90,7 +90,7 @@ def own_draws(
         np.sum(scaled**2, axis=2), d
     )
     share = node_shares(log_weight)
-    pick = one_node_each(np.repeat(share, n_each, axis=1), random_state)
+    pick = one_node_each(share, random_state, n_each)
     some = np.unique(np.linspace(0, S - 1, min(S, 100)).astype(int))
     khat = float(np.median([level_smooth(log_weight[:, s])[1] for s in some]))
     effective = float(np.median(1 / np.sum(share**2, axis=0)))

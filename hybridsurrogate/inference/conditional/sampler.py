@@ -105,13 +105,13 @@ def second_step(
     """
     problem = MeasuredGiven(model, X, y, weights, coefficients, noise_prior, scale)
     if model.n_unknowns in GRID_NODES and not model.effects:
-        problem, first_step = _repeated(problem, n_each), np.repeat(first_step, n_each, axis=0)
-        u, resolved = grid_draws(problem, _noise_of(first_step), random_state)
+        u, resolved = grid_draws(problem, _noise_of(first_step), random_state, n_each)
+        all_of_them = _repeated(problem, n_each)
         if resolved:
-            return _drawn(problem, u, -np.inf, np.nan, "grid", random_state)
+            return _drawn(all_of_them, u, -np.inf, np.nan, "grid", random_state)
         # far from the simulation's guidance every draw has a narrow posterior of its own
-        own = own_draws(problem, np.stack([u, first_step]), random_state)
-        return _drawn(problem, *own, "importance", random_state)
+        own = own_draws(problem, np.stack([u[::n_each], first_step]), random_state, n_each)
+        return _drawn(all_of_them, *own, "importance", random_state)
     return _by_proposals(problem, first_step, random_state, n_each)
 
 
@@ -183,7 +183,7 @@ def _by_proposals(
         if enough or round_ == SETTINGS.conditional_rounds - 1:
             break
         components = [moment_match(points, share.mean(axis=1), first), modes[0]]
-    node = one_node_each(np.repeat(share, n_each, axis=1), random_state)
+    node = one_node_each(share, random_state, n_each)
     drawn = OwnDraws(u[node], khat, effective)
     # proposals of its own for each draw take a Hessian each: in many dimensions only where shared
     # ones are doubtful, and never in a hierarchy, whose ridges they do not follow
