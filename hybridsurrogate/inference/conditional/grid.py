@@ -30,9 +30,9 @@ _REFINEMENT = {1: 10, 2: 3}
 
 
 def grid_draws(
-    problem: MeasuredGiven, sigma: float, random_state: np.random.RandomState, n_each: int = 1
+    problem: MeasuredGiven, sigma: float, random_state: np.random.RandomState
 ) -> tuple[FloatArray, bool]:
-    """Draw u = [z, log sigma] (S * n_each, d + 1), ``n_each`` in a row for each coefficient draw.
+    """Draw u = [z, log sigma] (S, d + 1), one for each coefficient draw.
 
     The grid spans first the whole prior, then the place where the posterior lies. The second value
     is whether its cells are smaller than the posterior of most draws.
@@ -56,14 +56,15 @@ def grid_draws(
     if d and np.median(1 / np.sum(share**2, axis=0)) < _FEW_NODES[d]:
         nodes, width = _finer(nodes, share.mean(axis=1), width, _REFINEMENT[d])
         squares, share = weighed(nodes)
-    pick = one_node_each(share, random_state, n_each)
-    every = np.repeat(np.arange(len(problem.c)), n_each)
-    z = nodes[pick] + width * (random_state.uniform(size=(len(every), d)) - 0.5)
+    pick = one_node_each(share, random_state)
+    S = len(problem.c)
+    z = nodes[pick] + width * (random_state.uniform(size=(S, d)) - 0.5)
     # sigma at the node, not at the jittered point: the jitter is below the posterior's width
     log_sigma = _draw_noise(
-        squares[pick, every], problem.weights.sum(), *noise, random_state
+        squares[pick, np.arange(S)], problem.weights.sum(), *noise, random_state
     )[:, None]
     u, at_node = np.hstack([z, log_sigma]), np.hstack([nodes[pick], log_sigma])
+    every = np.arange(S)
     change = log_density_of_pairs(problem, u, every) - log_density_of_pairs(problem, at_node, every)
     return u, bool(np.median(np.abs(change)) < SETTINGS.node_change)
 

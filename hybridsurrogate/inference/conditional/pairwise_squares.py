@@ -196,14 +196,8 @@ def node_shares(log_weight: FloatArray) -> FloatArray:
     return weight / weight.sum(axis=0)
 
 
-def one_node_each(
-    weight: FloatArray, random_state: np.random.RandomState, n_each: int = 1
-) -> NDArray[np.intp]:
-    """Return the indices (S * n_each,) of nodes for each draw, by inversion of weights (J, S).
-
-    Those of one draw follow each other.
-    """
+def one_node_each(weight: FloatArray, random_state: np.random.RandomState) -> NDArray[np.intp]:
+    """Return the index of one node for each draw, by inversion of weights (J, S)."""
     cumulative = np.cumsum(weight, axis=0)
-    target = random_state.uniform(size=(n_each, weight.shape[1])) * cumulative[-1]
-    below = np.stack([(cumulative < one).sum(axis=0) for one in target], axis=1)
-    return np.minimum(below.ravel(), len(weight) - 1)
+    target = random_state.uniform(size=weight.shape[1]) * cumulative[-1]
+    return np.minimum((cumulative < target).sum(axis=0), len(weight) - 1)
