@@ -89,9 +89,10 @@ def cautions_of_rounding(likelihood: Likelihood, check: EmulatorCheck | None) ->
     return [
         Caution(
             "runs",
-            "The simulated values are whole numbers, and effects of "
-            f"{check.hidden:.2g} times the noise may hide behind them. If they are rounded expected "
-            f"values, give these as they are: a {likelihood.name} likelihood takes expected values as runs.",
+            "The simulated values are whole numbers, behind which effects of "
+            f"{check.hidden:.2g} times the noise may hide. If they are rounded expected values, "
+            f"give these as they are: a {likelihood.name} likelihood takes expected values as "
+            "runs.",
         )
     ]
 
