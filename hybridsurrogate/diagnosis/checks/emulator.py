@@ -86,6 +86,11 @@ class EmulatorCheck(NamedTuple):
         return self.between > self.between_runs
 
     @property
+    def needs_runs(self) -> bool:
+        """Whether further runs of the same kind are what would decide."""
+        return self.rounding is None and not self.needs_places
+
+    @property
     def remedy(self) -> str:
         """What to do about ``left_open``."""
         itself = "or the simulation itself with surrogate=ExactSurrogate()"
