@@ -11,7 +11,7 @@ from scipy import special
 
 from hybridsurrogate.inference.loo import PointwiseLoo, pointwise_loo
 from hybridsurrogate.inference.procedure import Fit, fit_problem, measured_draws, with_again
-from hybridsurrogate.inference.sampling.differential_evolution import FROM_DRAWS
+from hybridsurrogate.inference.sampling.differential_evolution import FROM_DRAWS, FROM_NEAR, Effort
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.inference.sampling.psis import khat_limit, pareto_smooth
 from hybridsurrogate.inference.warm_start import carried
@@ -187,7 +187,7 @@ def _loo_of_distinct(
             log_weight = -power[i] * less[i] * first[:, i]
             chosen = _without_row(log_weight, some, removed[:, i], n_draws, random_state)
         if chosen is not None:
-            again = _repeated(without, fit, starts.take(chosen), random_state)[1]
+            again = _repeated(without, fit, starts.take(chosen), random_state, FROM_NEAR)[1]
         else:
             again = _fit_without(without, powers, fit, n_draws, sampler, random_state)
         density = _given_others(problem, again, index[i : i + 1], less[i : i + 1])[0]
@@ -283,7 +283,11 @@ def _without(
 
 
 def _repeated(
-    problem: Problem, fit: Fit, starts: _Starts, random_state: np.random.RandomState
+    problem: Problem,
+    fit: Fit,
+    starts: _Starts,
+    random_state: np.random.RandomState,
+    effort: Effort = FROM_DRAWS,
 ) -> tuple[_Starts, Posterior]:
     """Return draws of step 2 given draws of the coefficients, by moves from draws of the same.
 
@@ -291,7 +295,7 @@ def _repeated(
     """
     given = fit.first.take(starts.draw)
     u = with_again(fit.unknowns[starts.draw], starts.u)
-    drawn = measured_draws(problem, u, given.coefficients, starts.columns, random_state, FROM_DRAWS)
+    drawn = measured_draws(problem, u, given.coefficients, starts.columns, random_state, effort)
     z = np.hstack([drawn.z, u[:, problem.model.n_unknowns : -1]])
     posterior = replace(
         given,
