@@ -15,7 +15,6 @@ from hybridsurrogate.inference.posterior_sampler import FirstStep, first_step
 from hybridsurrogate.inference.sampling.adaptive_importance import Proposals
 from hybridsurrogate.inference.sampling.differential_evolution import (
     FROM_NEAR,
-    FROM_NEIGHBOURS,
     Effort,
 )
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
@@ -122,12 +121,8 @@ def finish(
     powers: tuple[float, float | FloatArray],
     drawn: FirstStep,
     random_state: np.random.RandomState,
-    neighbour: Fit | None = None,
 ) -> Fit:
-    """Run step 2 on the draws of step 1 at `powers_used`.
-
-    By moves from the draws of a ``neighbour``, where there is one: quicker, for scores of rows.
-    """
+    """Run step 2 on the draws of step 1 at `powers_used`."""
     model = problem.model
     first = Posterior(
         model,
@@ -140,12 +135,7 @@ def finish(
     if powers[0] == 0 and np.all(powers[1] == 1):
         # measured rows alone were used, at full power: step 2 would repeat step 1
         return Fit(first, first, drawn.u, drawn.diagnostics, powers, drawn.proposals)
-    u, a, effort = drawn.u, drawn.a, None
-    if neighbour is not None and neighbour.again is not None:
-        k = random_state.randint(len(neighbour.again), size=len(u))
-        u, a = with_again(u, neighbour.again[k]), neighbour.second.effect_coefficients[k]
-        effort = FROM_NEIGHBOURS
-    again = measured_draws(problem, u, drawn.c, a, random_state, effort)
+    again = measured_draws(problem, drawn.u, drawn.c, drawn.a, random_state)
     z = np.hstack([again.z, drawn.u[:, model.n_unknowns : -1]])
     second = replace(
         first, values=model.values(z), sigma=again.sigma, effect_coefficients=again.coefficients

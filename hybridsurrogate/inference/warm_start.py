@@ -22,7 +22,6 @@ def carried(
     n_draws: int,
     n_proposals: int,
     random_state: np.random.RandomState,
-    neighbour: Fit | None = None,
 ) -> Fit | None:
     """Return the fit of a problem from proposals made for another, None where they do not serve.
 
@@ -36,8 +35,6 @@ def carried(
         For the same unknowns, at other powers or for other rows; None of an ensemble.
     n_proposals : int
         At most so many of them are used.
-    neighbour : Fit or None, default=None
-        From whose draws step 2 moves on: quicker, for scores of rows.
     """
     if proposals is None or len(proposals.points) < _MIN_EFFECTIVE:
         return None
@@ -54,7 +51,7 @@ def carried(
         return None
     drawn = target.resolved(sampled.draws, random_state)
     step = FirstStep(*drawn, of_importance(target, sampled, 1), sampled.proposals)
-    return finish(problem, powers, step, random_state, neighbour)
+    return finish(problem, powers, step, random_state)
 
 
 def thinned(proposals: Proposals, n: int) -> Proposals:

@@ -57,7 +57,7 @@ class _Starts(NamedTuple):
 
 
 # fewer say as much of a density in which the coefficients of causes are integrated out
-_MANY, _FEW = _Draws(8, 50, 200), _Draws(4, 40, 120)
+_MANY, _FEW = _Draws(8, 50, 400), _Draws(4, 40, 400)
 
 
 @dataclass(frozen=True)
@@ -256,7 +256,7 @@ def _fit_without(
     random_state: np.random.RandomState,
 ) -> Posterior:
     """Return draws given all rows but one, from those given all of them where these serve."""
-    known = carried(without, powers, fit.proposals, n, _PROPOSALS * n, random_state, fit)
+    known = carried(without, powers, fit.proposals, n, _PROPOSALS * n, random_state)
     if known is None:
         known = fit_problem(without, powers, sampler, n, random_state)
     return known.second

@@ -25,9 +25,8 @@ class Effort(NamedTuple):
     pool: int = SETTINGS.population
 
 
-# from places near the answer; from draws of it, or of one that differs by a row; from draws of a
-# neighbouring one
-FROM_NEAR, FROM_DRAWS, FROM_NEIGHBOURS = Effort(), Effort(30, 0), Effort(40, 20)
+# from places near the answer; from draws of it
+FROM_NEAR, FROM_DRAWS = Effort(), Effort(30, 0)
 
 
 @dataclass(frozen=True)
