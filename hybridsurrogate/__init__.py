@@ -70,6 +70,7 @@ from hybridsurrogate.exceptions import (
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import (
     LIKELIHOODS,
+    BetaBinomial,
     Binomial,
     CustomLikelihood,
     LogNormal,
@@ -101,6 +102,7 @@ __all__ = [
     "Assumed",
     "Autocorrelation",
     "AveragedSurrogate",
+    "BetaBinomial",
     "Binomial",
     "BuildUp",
     "Bump",

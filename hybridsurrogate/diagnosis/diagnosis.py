@@ -313,7 +313,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
                 self._extend(steps, verdict.same_curve, X, y)
             self.cautions_ += cautions_of_dispersion(prepared.problem, self._of_mean())
             self.cautions_ += cautions_of_rounding(
-                self.estimator_.likelihood_, self.estimator_.simulation_, self.emulator_check_
+                self.estimator_.likelihood_, self.emulator_check_
             )
         except KeyboardInterrupt as stop:
             self._keep(prepared, stop)
@@ -406,7 +406,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             steps,
             self.false_alarm_rate,
             self.residual_check_,
-            0.0 if check is None else check.left_open,
+            0.0 if check is None else check.hidden,
             not basis.is_simulation and bool(at_prior_ends(self.estimator_.posterior_)),
         )
         self.verdict_, self.concerns_ = verdict.word, verdict.concerns

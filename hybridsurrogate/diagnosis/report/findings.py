@@ -142,7 +142,7 @@ def _undecided(view: View, data: str) -> list[str]:
                 "may imitate it."
             )
         out.append(f"What would decide: {_lower(d.emulator_check_.remedy)}")
-        if not d.emulator_check_.needs_places:
+        if d.emulator_check_.needs_runs:
             out.append("next_runs(n) says which runs are best.")
     elif d.undecided_by_ == "rows":
         out = [

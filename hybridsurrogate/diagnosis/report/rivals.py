@@ -106,7 +106,7 @@ def _advice(view: View) -> str:
         return "Use the calibrated simulation; measure more if smaller faults matter."
     if verdict == "undecided":
         runs = "Add the runs of next_runs(n), or let refine() do it, and diagnose again."
-        if d.emulator_check_ is not None and d.emulator_check_.needs_places:
+        if d.emulator_check_ is not None and not d.emulator_check_.needs_runs:
             runs = d.emulator_check_.remedy
         return {
             "runs": runs,
