@@ -57,6 +57,7 @@ from hybridsurrogate.estimators.sensitivity import sobol_indices
 from hybridsurrogate.exceptions import (
     ConfoundingWarning,
     DiagnosisWarning,
+    EmulationWarning,
     ExtrapolationWarning,
     FailedRunsWarning,
     HybridSurrogateWarning,
@@ -69,6 +70,7 @@ from hybridsurrogate.exceptions import (
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import (
     LIKELIHOODS,
+    BetaBinomial,
     Binomial,
     CustomLikelihood,
     LogNormal,
@@ -100,6 +102,7 @@ __all__ = [
     "Assumed",
     "Autocorrelation",
     "AveragedSurrogate",
+    "BetaBinomial",
     "Binomial",
     "BuildUp",
     "Bump",
@@ -115,6 +118,7 @@ __all__ = [
     "DynamicDelay",
     "DynamicDrift",
     "DynamicTerm",
+    "EmulationWarning",
     "EnsembleSampler",
     "Episode",
     "ExactSurrogate",

@@ -22,6 +22,10 @@ class RowByRowWarning(HybridSurrogateWarning):
     """A simulation that was to take arrays takes numbers only, and is called row by row."""
 
 
+class EmulationWarning(HybridSurrogateWarning):
+    """A simulation is slow to run: a fit made runs of it, and rests on an emulator of them."""
+
+
 class ExtrapolationWarning(HybridSurrogateWarning):
     """Measured or predicted inputs, or all measured outputs, lie outside what was simulated."""
 

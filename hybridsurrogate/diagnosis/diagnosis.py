@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from contextlib import nullcontext
 from copy import deepcopy
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from joblib import parallel_config
 from numpy.typing import ArrayLike
 from sklearn.base import clone
 from sklearn.utils import check_random_state
@@ -80,6 +82,7 @@ from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.effects.noise.gross_error import GrossError
 from hybridsurrogate.estimators.averaged import leading
+from hybridsurrogate.estimators.emulation import as_given
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import ConfoundingWarning, DiagnosisWarning
 from hybridsurrogate.inference.prior_ends import AtPriorEnd, at_prior_ends
@@ -289,7 +292,9 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self.cautions_: list[Caution] = []
         check_columns(X, y, getattr(self.estimator, "simulation", None))
         random = check_random_state(self.random_state)
-        self.estimator_ = clone(self.estimator).fit(X, y, weights)
+        # where the fit makes runs processes share them
+        with nullcontext() if self.n_jobs is None else parallel_config(n_jobs=self.n_jobs):
+            self.estimator_ = as_given(clone(self.estimator).fit(X, y, weights))
         check_each_output(self.estimator_.measured_[1], self.estimator_.simulation.outputs)
         own, excluded = tuple(self.causes), tuple(self.exclude)
         prepared = prepare(self.estimator_, own, excluded, int(self.max_causes))
@@ -308,7 +313,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
                 self._extend(steps, verdict.same_curve, X, y)
             self.cautions_ += cautions_of_dispersion(prepared.problem, self._of_mean())
             self.cautions_ += cautions_of_rounding(
-                self.estimator_.likelihood_, self.estimator_.simulation_, self.emulator_check_
+                self.estimator_.likelihood_, self.emulator_check_
             )
         except KeyboardInterrupt as stop:
             self._keep(prepared, stop)
@@ -401,7 +406,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             steps,
             self.false_alarm_rate,
             self.residual_check_,
-            0.0 if check is None else check.left_open,
+            0.0 if check is None else check.hidden,
             not basis.is_simulation and bool(at_prior_ends(self.estimator_.posterior_)),
         )
         self.verdict_, self.concerns_ = verdict.word, verdict.concerns
@@ -469,7 +474,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             return
         kinds = in_one_word([cause.kind for cause in self.found_causes_])
         refitted = Refit(
-            clone(self.estimator),
+            clone(self.estimator_),
             tuple(self.causes),
             tuple(self.exclude),
             searches(self.result_.steps),

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hybridsurrogate.diagnosis.checks.emulator import MOST_OPEN
 from hybridsurrogate.diagnosis.checks.residuals import ResidualCheck, leaves_structure
 from hybridsurrogate.diagnosis.search.evidence import (
     Candidate,
@@ -49,16 +48,17 @@ def conclude(
     steps: Sequence[Step],
     false_alarm_rate: float,
     residual_check: ResidualCheck | None,
-    left_open: float,
+    hidden: float,
     kept_by_prior: bool,
 ) -> Verdict:
     """Return the verdict on a finished search.
 
     A name or "adequate" needs runs, rows and priors that can tell. They cannot where
 
-    - the runs leave the simulation open by more than the noise (`EmulatorCheck.left_open`), and
-      by more than the effect that was found: in 52 blind cases with 8 to 40 runs names were
-      right in 5 of 5 whose effect was larger than this and in 1 of 7 whose effect was smaller,
+    - the runs leave the simulation open by more than the noise, or of rounded counts by a third
+      of it (`EmulatorCheck.hidden`), and by more than the effect that was found: in 52 blind
+      cases with 8 to 40 runs names were right in 5 of 5 whose effect was larger than this and in
+      1 of 7 whose effect was smaller,
     - the test says that something is wrong, p <= ``false_alarm_rate``, and the evidence favours
       no cause over none,
     - the data push a parameter against an end of its prior, and the simulation cannot be run
@@ -70,9 +70,9 @@ def conclude(
     false_alarm_rate : float
     residual_check : ResidualCheck or None
         Of the last cause that was accepted.
-    left_open : float
-        What the runs leave open of the simulation at the measured rows, in units of the noise; 0
-        where the simulation itself is run.
+    hidden : float
+        How large an effect the runs may hide at the measured rows, in units of the noise; 0 where
+        they tell enough, or the simulation itself is run.
     kept_by_prior : bool
         Whether an emulated parameter is at an end of its prior.
     """
@@ -92,7 +92,7 @@ def conclude(
     cause = first.chosen.cause
     test = first.test
     assert test is not None  # only folds have none
-    if left_open > max(MOST_OPEN, size_of_effect(first)):
+    if hidden > size_of_effect(first):
         return Verdict("undecided", None, "runs")
     if word == "adequate" and test.p_value <= false_alarm_rate:
         return Verdict("undecided", None, "rows")

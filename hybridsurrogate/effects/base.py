@@ -132,6 +132,21 @@ class Cause(BaseEstimator):
         """
         return X, omega
 
+    def rows_of(self, X: Rows) -> dict[str, NDArray[np.bool_]]:
+        """Return the rows that the cause's own parameters change, of those that change not all.
+
+        Parameters that have no row in common share a run where slopes are taken.
+
+        Parameters
+        ----------
+        X : dict of name to ndarray of shape (n,)
+
+        Returns
+        -------
+        dict of name to ndarray of bool of shape (n,)
+        """
+        return {}
+
     def gain(self, X: Rows, theta: Rows) -> FloatArray | float:
         """Return the factor on the simulation.
 

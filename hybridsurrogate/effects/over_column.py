@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
@@ -189,3 +192,10 @@ class FromOrigin(Cause):
         """Return how far rows are beyond the origin, zero before it."""
         assert self.origin is not None
         return np.maximum(X[self.column] - self.origin, 0.0)
+
+
+def position_among(levels: Sequence[float], column: FloatArray) -> NDArray[np.intp]:
+    """Return the position of each row's value (n,) among sorted levels (k,); k where it is none."""
+    known = np.asarray(levels)
+    which = np.minimum(np.searchsorted(known, column), len(known) - 1)
+    return np.where(known[which] == column, which, len(known))

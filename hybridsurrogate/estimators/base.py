@@ -301,6 +301,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
             that step 1 is worth, at most those that are kept), "khat" (largest Pareto k-hat of
             both steps; above 0.7 the draws are doubtful), and "source": "prior" of a cause that the
             rows say nothing about. Of several posteriors that are mixed also "model" and "weight".
+            Where the fit emulated a simulation that is slow to run, "simulation" says so.
 
         Examples
         --------
@@ -312,7 +313,10 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         ['omega', 'sigma']
         """
         check_is_fitted(self)
-        return summary_of(self._parts())
+        table = summary_of(self._parts())
+        if self.emulation_ is None:
+            return table
+        return table.assign(simulation=f"emulated, {self.emulation_.runs.n_runs} runs")
 
     def _parts(self) -> list[Part]:
         """Return the posteriors of `_mixture`, without rows, with what is known of them."""

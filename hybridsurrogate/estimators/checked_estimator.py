@@ -51,12 +51,13 @@ from hybridsurrogate.simulation.arrays import (
 from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.surrogates.exact import ExactSurrogate
 from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
 
 # what a fit keeps of the measured data
 _STORED = (
     "measured_", "single_rows_", "row_weights_", "simulation_", "stacking_", "experiments_",
-    "_columns", "column_order_", "_rows",
+    "_columns", "column_order_", "_rows", "emulation_",
 )  # fmt: skip
 
 SAMPLERS = ("auto", "importance", "emcee")
@@ -103,6 +104,7 @@ class CheckedEstimator(BaseEstimator):
 
     experiment: str | None = None
     by_experiment: Mapping[str, str] | None = None
+    emulation_: Any = None
 
     def __getstate__(self) -> dict[str, Any]:
         state: dict[str, Any] = super().__getstate__()
@@ -117,7 +119,11 @@ class CheckedEstimator(BaseEstimator):
                 f"or None, got {type(self.simulation).__name__}."
             )
         check_experiments(self.experiment, self.by_experiment, self.simulation)
-        surrogate = PolynomialChaos() if self.surrogate is None else self.surrogate
+        surrogate = self.surrogate
+        if surrogate is None:
+            # a simulation that is slow to run was replaced by its runs before
+            is_run = isinstance(self.simulation, Simulator)
+            surrogate = ExactSurrogate() if is_run else PolynomialChaos()
         if not isinstance(surrogate, Surrogate):
             raise TypeError(
                 "surrogate must be a surrogate object such as PolynomialChaos(degree=5) or "
@@ -272,6 +278,7 @@ class CheckedEstimator(BaseEstimator):
         self.experiments_ = data.experiments
         self._columns, self.column_order_ = data.rows.columns, data.order
         self._rows = data.rows if rows is None else rows
+        self.emulation_ = None
         self.n_features_in_ = data.X.shape[1]
         if data.names is not None:
             self.feature_names_in_ = data.names
@@ -300,10 +307,16 @@ class CheckedEstimator(BaseEstimator):
         """
         check_is_fitted(self)
         rows = self._known_columns(validate_data(self, self._in_order(X), reset=False, dtype=float))
-        if isinstance(self.simulation, SimulationData):
+        simulation = self._trained_on
+        if isinstance(simulation, SimulationData):
             # a simulation that is run itself extrapolates nothing
-            warn_outside(self._given_columns, rows, self.simulation, self.measured_[0])
+            warn_outside(self._given_columns, rows, simulation, self.measured_[0])
         return rows if self.stacking_ is None else self.stacking_.rows(rows)
+
+    @property
+    def _trained_on(self) -> SimulationData | Simulator | None:
+        """The simulation, or the runs of it that the fit made."""
+        return self.simulation if self.emulation_ is None else self.emulation_.runs
 
     @property
     def _given_columns(self) -> tuple[str, ...]:
@@ -336,7 +349,7 @@ class CheckedEstimator(BaseEstimator):
         """Return rows with the simulation's inputs first, none of them out of all bounds."""
         check_size(rows, "X")
         rows = rows[:, self.column_order_]
-        check_reach(self._given_columns, rows, self.simulation)
+        check_reach(self._given_columns, rows, self._trained_on)
         return rows
 
     def _in_order(self, X: ArrayLike) -> Any:

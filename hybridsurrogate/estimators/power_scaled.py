@@ -15,6 +15,7 @@ from hybridsurrogate.effects.argument_checks import check_arguments
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.checked_estimator import CheckedData
+from hybridsurrogate.estimators.emulation import emulated, take
 from hybridsurrogate.inference.loo import PointwiseLoo
 from hybridsurrogate.inference.model.power_scaling import powers_of
 from hybridsurrogate.inference.procedure import Fit, fit_problem
@@ -41,10 +42,11 @@ class PowerScaledSurrogate(SurrogateEstimator):
     Parameters
     ----------
     simulation : SimulationData, Simulator or None, default=None
-        Runs of the simulation, or (with `ExactSurrogate`) the simulation itself. None: train on
-        measured data alone.
+        Runs of the simulation, or the simulation itself. None: train on measured data alone.
     surrogate : Surrogate or None, default=None
-        None: ``PolynomialChaos()``.
+        None: ``PolynomialChaos()`` of runs. The simulation itself is run where that takes less than
+        a millisecond for one set of parameters, else ``fit`` makes runs of it, and takes
+        ``Kriging()``; `ExactSurrogate` runs it in any case.
     beta : float or callable, default=0.5
         Weight of the simulation: 0 = measured data only, 1 = simulation only. A callable
         ``beta(X) -> (n,)`` of the simulation's inputs trusts it more here than there.
@@ -82,6 +84,10 @@ class PowerScaledSurrogate(SurrogateEstimator):
         Draws after step 1.
     diagnostics_ : Diagnostics
         Sampler used, k-hat, effective draws, autocorrelation time.
+    emulation_ : Emulation or None
+        What ``fit`` made of a simulation that is slow to run: ``runs``, ``seconds`` that one set of
+        parameters takes, and what the runs have ``left_open``, in standard deviations of the noise.
+        None where the simulation is run itself, or runs were given.
     n_features_in_, feature_names_in_
         As everywhere in scikit-learn.
 
@@ -96,6 +102,8 @@ class PowerScaledSurrogate(SurrogateEstimator):
         When the draws are doubtful.
     ExtrapolationWarning
         When measured inputs lie outside the simulated range.
+    EmulationWarning
+        When ``fit`` emulates a simulation that is slow to run.
 
     Examples
     --------
@@ -156,6 +164,9 @@ class PowerScaledSurrogate(SurrogateEstimator):
         -------
         self
         """
+        found = emulated(self, X, y, sample_weight)
+        if found is not None:
+            return take(self, found)
         surrogate, likelihood = self._check_parameters()
         data = self._check_fit_data(X, y, likelihood, sample_weight)
         rows = self._all_rows(data, likelihood)

@@ -11,6 +11,7 @@ from sklearn.utils import check_random_state
 
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.checked_estimator import CheckedData
+from hybridsurrogate.estimators.emulation import emulated, take
 from hybridsurrogate.inference.loo import PointwiseLoo, stacking_weight
 from hybridsurrogate.inference.procedure import fit_problem
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
@@ -38,6 +39,7 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         None: the measured data alone, whatever ``beta``.
     surrogate : Surrogate or None, default=None
         Family of both surrogates (the second is a `PolynomialChaos` where the first is exact).
+        None: as in `PowerScaledSurrogate`.
     beta : float, callable or "stacking", default=0.5
         Weight of the simulation. A callable ``beta(X) -> (n,)`` of the simulation's inputs trusts
         it more here than there. "stacking": the weight that would have predicted each measured row
@@ -116,6 +118,9 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         -------
         self
         """
+        found = emulated(self, X, y, sample_weight)
+        if found is not None:
+            return take(self, found)
         surrogate, likelihood = self._check_parameters()
         data = self._check_fit_data(X, y, likelihood, sample_weight)
         random, rows = check_random_state(self.random_state), data.rows

@@ -41,6 +41,7 @@ def pointwise_loo(
     second: FloatArray,
     weights: FloatArray,
     removed: FloatArray | None = None,
+    some: NDArray[np.intp] | None = None,
 ) -> PointwiseLoo:
     """Return leave-one-out densities from log likelihoods of draws.
 
@@ -51,14 +52,16 @@ def pointwise_loo(
     powers : ndarray of shape (n,)
         Power of each row in step 1.
     second : ndarray of shape (S, M, n)
-        The same under M draws of step 2 for each draw of the coefficients. Without a second step:
-        ``first[:, None]``.
+        The same under M draws of step 2 for each draw of the coefficients, or for ``some``. Without
+        a second step: ``first[:, None]``.
     weights : ndarray of shape (n,)
         Power of each row in step 2; zero without a second step.
     removed : ndarray of shape (S, M, n) or None, default=None
         Log of what leaving the row out takes from the density of a draw in step 2. None:
         ``weights * second``. Where Gaussian coefficients are integrated out, ``second`` is the
         density of the row given the others and the draw.
+    some : ndarray of int or None, default=None
+        The draws of step 1 that ``second`` and ``removed`` hold; None: all.
 
     Examples
     --------
@@ -83,9 +86,10 @@ def pointwise_loo(
         khat[i] = k
         if weights[i]:
             khat[i] = max(k, pareto_smooth(-removed[..., i].ravel())[1])
-        log_density[i] = special.logsumexp(smoothed + held_out[:, i]) - special.logsumexp(smoothed)
+        kept = smoothed if some is None else smoothed[some]
+        log_density[i] = special.logsumexp(kept + held_out[:, i]) - special.logsumexp(kept)
     # a row without power in step 1 has the draws of step 2 as one sample
-    limits = khat_limit(len(first)), khat_limit(first.shape[0] * second.shape[1])
+    limits = khat_limit(len(first)), khat_limit(second.shape[0] * second.shape[1])
     return PointwiseLoo(log_density, khat, khat > np.where(powers > 0, *limits))
 
 

@@ -149,10 +149,12 @@ def _improved(
     random_state: np.random.RandomState,
 ) -> tuple[ImportanceDraws, list[Gaussian]]:
     """Return better importance draws where few count: along a ridge, or from a larger batch."""
-    few = sampled.khat > KHAT_LIMIT or sampled.effective_draws < SETTINGS.enough_effective * n
-    # draws of a Gaussian on a bent ridge look good where all of them lie close to its middle
+    scarce = sampled.effective_draws < SETTINGS.enough_effective * n
+    few = sampled.khat > KHAT_LIMIT or scarce
+    # draws of a Gaussian on a bent ridge look good where all of them lie close to its middle; with
+    # many that count and a heavy tail there is none
     adapted = len(sampled.proposals.points) > n
-    thin = few or elongation(minor[0]) > SETTINGS.ridge_elongation
+    thin = scarce or elongation(minor[0]) > SETTINGS.ridge_elongation
     if adapted and thin and not has_lines and target.n_dimensions > 2:
         along = _ridge_draws(target, minor, n, n_draws, random_state)
         if along is not None and along.khat <= KHAT_LIMIT:
@@ -164,9 +166,20 @@ def _improved(
         all_of_it = float(special.logsumexp([part.log_mass for part in minor]))
         wide = replace(moment_match(sampled.draws, weight, minor[0]), log_mass=all_of_it)
         many = max(4 * n, SETTINGS.large_batch)
-        again = _importance(target, [wide, *minor], many, n_draws, random_state, modes)
+        every = [wide, _like_prior(wide), *minor]
+        again = _importance(target, every, many, n_draws, random_state, modes)
         sampled = again if again.khat <= max(sampled.khat, KHAT_LIMIT) else sampled
     return sampled, modes
+
+
+def _like_prior(wide: Gaussian) -> Gaussian:
+    """Return proposals as the priors have them, a few, which bound the weights of a heavy tail.
+
+    Defensive mixture (Hesterberg 1995, Technometrics 37:185). Sigma is as in other proposals.
+    """
+    mean, factor = np.zeros_like(wide.mean), np.eye(len(wide.mean))
+    mean[-1], factor[-1, -1] = wide.mean[-1], np.linalg.norm(wide.factor[-1])
+    return Gaussian(mean, factor, wide.log_mass + np.log(SETTINGS.prior_proposed))
 
 
 def _ridge_draws(

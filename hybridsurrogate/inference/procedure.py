@@ -7,11 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hybridsurrogate.inference.conditional.mcmc import conditional_draws
-from hybridsurrogate.inference.conditional.sampler import MeasuredDraws, second_step
+from hybridsurrogate.inference.conditional.pairwise_squares import MeasuredGiven
+from hybridsurrogate.inference.conditional.sampler import MeasuredDraws, moved_step, second_step
 from hybridsurrogate.inference.conjugate.collapsed import CollapsedPosterior
 from hybridsurrogate.inference.laplace.target import LaplacePosterior
 from hybridsurrogate.inference.posterior_sampler import FirstStep, first_step
 from hybridsurrogate.inference.sampling.adaptive_importance import Proposals
+from hybridsurrogate.inference.sampling.differential_evolution import (
+    FROM_NEAR,
+    Effort,
+)
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.inference.sampling.target import Target
 from hybridsurrogate.posterior import Diagnostics, Posterior
@@ -34,6 +39,8 @@ class Fit:
         Those used.
     proposals : Proposals or None
         What importance draws of step 1 were chosen from.
+    again : ndarray of shape (S, d) or None
+        Draws of [z, log sigma] of step 2; None where there was none.
     """
 
     first: Posterior
@@ -42,6 +49,7 @@ class Fit:
     diagnostics: Diagnostics
     powers: tuple[float, float | FloatArray]
     proposals: Proposals | None = None
+    again: FloatArray | None = None
 
     def __repr__(self) -> str:
         return f"Fit({self.second!r}, {self.diagnostics!r})"
@@ -138,7 +146,14 @@ def finish(
         second_khat=np.nan if again.method == "grid" else again.khat,
         second_effective_draws=again.effective_draws,
     )
-    return Fit(first, second, drawn.u, diagnostics, powers, drawn.proposals)
+    unknowns = np.column_stack([again.z, np.log(again.sigma)])
+    return Fit(first, second, drawn.u, diagnostics, powers, drawn.proposals, unknowns)
+
+
+def with_again(u: FloatArray, again: FloatArray) -> FloatArray:
+    """Return unknowns [z, z_hyper, log sigma] with those of step 2, [z, log sigma], in place."""
+    m = again.shape[1] - 1
+    return np.hstack([again[:, :m], u[:, m:-1], again[:, m:]])
 
 
 def measured_draws(
@@ -147,14 +162,13 @@ def measured_draws(
     c: FloatArray,
     a: FloatArray,
     random_state: np.random.RandomState,
-    n_each: int = 1,
+    effort: Effort | None = None,
 ) -> MeasuredDraws:
     """Draw what measured rows say given each coefficient draw: by grid, proposals or moves.
 
-    ``n_each`` draws for each, one after the other.
+    With an ``effort`` by moves, from u and a that are draws of the answer or of one near to it.
     """
     if not problem.collapses:
-        u, c, a = (np.repeat(values, n_each, axis=0) for values in (u, c, a))
         return conditional_draws(
             problem.model,
             problem.X,
@@ -166,8 +180,20 @@ def measured_draws(
             c,
             a,
             random_state,
+            FROM_NEAR if effort is None else effort,
         )
     without_hyper = np.delete(u, np.s_[problem.model.n_unknowns : u.shape[1] - 1], axis=1)
+    if effort is not None:
+        given = MeasuredGiven(
+            problem.model,
+            problem.X,
+            problem.y,
+            problem.weights,
+            c,
+            problem.noise_prior,
+            problem.scale,
+        )
+        return moved_step(given, without_hyper, random_state, effort)
     return second_step(
         problem.model,
         problem.X,
@@ -178,5 +204,4 @@ def measured_draws(
         problem.scale,
         without_hyper,
         random_state,
-        n_each,
     )

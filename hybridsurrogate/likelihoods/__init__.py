@@ -25,6 +25,7 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:  # for type checkers and editors, which do not run the loop
+    from hybridsurrogate.likelihoods.beta_binomial import BetaBinomial as BetaBinomial
     from hybridsurrogate.likelihoods.binomial import Binomial as Binomial
     from hybridsurrogate.likelihoods.counts import NegativeBinomial as NegativeBinomial
     from hybridsurrogate.likelihoods.counts import Poisson as Poisson
@@ -40,7 +41,8 @@ def as_likelihood(likelihood: str | Likelihood) -> Likelihood:
     ----------
     likelihood : str or Likelihood
         "normal", "lognormal", "student-t", "negative-binomial", "poisson", "binomial" (one
-        trial a row), or any other name in `LIKELIHOODS`; or an object.
+        trial a row; ``Binomial(trials)`` and ``BetaBinomial(trials)`` take several), or any other
+        name in `LIKELIHOODS`; or an object.
 
     Returns
     -------

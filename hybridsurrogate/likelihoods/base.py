@@ -107,6 +107,13 @@ class Likelihood(ABC):
         """Return outputs of runs on the scale of eta: draws of y or, of counts, expected values."""
         return self.working(y)
 
+    def rounding(self, eta: FloatArray) -> FloatArray:
+        """Return the standard deviation of eta where means are rounded to whole numbers.
+
+        Zero where `means_as_runs` is not set.
+        """
+        return np.zeros(np.shape(eta))
+
     def link(self, output: FloatArray) -> FloatArray:
         """Return the eta of a noise-free output; by default the output, or its logarithm."""
         return np.log(output) if self.log_scale else np.asarray(output, dtype=float)

@@ -41,8 +41,8 @@ class Binomial(Likelihood):
     has_scale = False
     means_as_runs = True
     remedy_of_scatter = (
-        "look for what trials of one row share, such as a batch (experiment=...), or model the "
-        "shares of successes with likelihood='normal'"
+        "use likelihood=BetaBinomial(trials=...), or look for what trials of one row share, such "
+        "as a batch (experiment=...)"
     )
 
     def check(self, y: FloatArray, source: str = "measured") -> None:
@@ -50,15 +50,15 @@ class Binomial(Likelihood):
         as_real(self.trials, "trials")
         if not (self.trials >= 1 and self.trials == np.round(self.trials)):
             raise ValueError(
-                f"Binomial needs a number of trials of 1, 2, ..., got {self.trials!r}."
+                f"{type(self).__name__} needs a number of trials of 1, 2, ..., got {self.trials!r}."
             )
         whole = y == np.round(y) if source != "simulated" else np.full(np.shape(y), True)
         bad = np.flatnonzero(~((y >= 0) & (y <= self.trials) & whole))
         if bad.size:
             raise ValueError(
-                f"The binomial likelihood needs successes 0 to {self.trials}, but {bad.size} of "
+                f"The {self.name} likelihood needs successes 0 to {self.trials}, but {bad.size} of "
                 f"{y.size} {source} values are none (first at row {bad[0]}: {y[bad[0]]:g}). Set "
-                "Binomial(trials=...), and give numbers of successes instead of shares."
+                f"{type(self).__name__}(trials=...), and give numbers of successes, not shares."
             )
 
     def working(self, y: FloatArray) -> FloatArray:
@@ -70,6 +70,11 @@ class Binomial(Likelihood):
         if np.all(y == np.round(y)):
             return self.working(y)
         return special.logit(np.clip(y, _LEAST_MEAN, self.trials - _LEAST_MEAN) / self.trials)
+
+    def rounding(self, eta: FloatArray) -> FloatArray:
+        """Return 1 / (sqrt(12) trials p (1 - p)): uniform errors of the mean, to first order."""
+        slope = self.trials * special.expit(eta) * special.expit(-np.asarray(eta))
+        return 1 / (np.sqrt(12) * np.maximum(slope, np.finfo(float).tiny))
 
     def link(self, output: FloatArray) -> FloatArray:
         """Return the log odds of an expected number of successes."""

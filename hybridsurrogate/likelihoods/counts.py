@@ -55,6 +55,10 @@ class _Counts(Likelihood):
             return self.working(y)
         return np.log(np.maximum(y, _LEAST_MEAN))
 
+    def rounding(self, eta: FloatArray) -> FloatArray:
+        """Return 1 / (sqrt(12) mean): uniform errors of the mean, to first order."""
+        return 1 / (np.sqrt(12) * self.inverse(eta))
+
     def link(self, output: FloatArray) -> FloatArray:
         """Return the logarithm of the output."""
         return np.log(output)

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 from hybridsurrogate.inference.loo import PointwiseLoo, pointwise_loo
-from hybridsurrogate.inference.procedure import Fit, fit_problem, measured_draws
+from hybridsurrogate.inference.procedure import Fit, fit_problem, measured_draws, with_again
+from hybridsurrogate.inference.sampling.differential_evolution import FROM_DRAWS, FROM_NEAR, Effort
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
+from hybridsurrogate.inference.sampling.psis import khat_limit, pareto_smooth
 from hybridsurrogate.inference.warm_start import carried
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.prediction.cavity import without_each
@@ -18,11 +22,42 @@ from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.problem import Problem
 from hybridsurrogate.problem.rows import MeasuredRows
 
-# step 2 is repeated this often, for so many coefficient draws: on a grid all of them cost little
-_REPEATS = 8
-_ON_GRID, _OTHERWISE = 4000, 125
-# draws of a fit without one row: its score has an error of a few hundredths of a nat from them
+# draws of a fit without one row where there is no step 2, and proposals for each
 _REFITTED, _PROPOSALS = 400, 4
+
+
+class _Draws(NamedTuple):
+    """How many draws a score is made from: its error is a few hundredths of a nat from them.
+
+    Step 2 is repeated so often, for so many draws of the coefficients. Without one row there are
+    ``refitted`` draws.
+    """
+
+    repeats: int
+    conditional: int
+    refitted: int
+
+
+class _Starts(NamedTuple):
+    """Draws of step 2, [z, log sigma] and coefficients of causes, for draws of step 1."""
+
+    draw: NDArray[np.intp]
+    u: FloatArray
+    columns: FloatArray
+
+    @classmethod
+    def of_fit(cls, fit: Fit, draw: NDArray[np.intp]) -> _Starts:
+        """Return those of a fit."""
+        assert fit.again is not None
+        return cls(draw, fit.again[draw], fit.second.effect_coefficients[draw])
+
+    def take(self, chosen: NDArray[np.intp]) -> _Starts:
+        """Return some of them."""
+        return _Starts(self.draw[chosen], self.u[chosen], self.columns[chosen])
+
+
+# fewer say as much of a density in which the coefficients of causes are integrated out
+_MANY, _FEW = _Draws(8, 50, 400), _Draws(4, 40, 400)
 
 
 @dataclass(frozen=True)
@@ -133,23 +168,50 @@ def _loo_of_distinct(
         first = _log_likelihood(fit.first, X, y)
         found = pointwise_loo(first, less, first[:, None], np.zeros(len(y)))
     else:
-        most = _ON_GRID if fit.diagnostics.second_step == "grid" else _OTHERWISE
-        draws = _spread(len(fit.unknowns), most)
-        first = _log_likelihood(fit.first.take(draws), X, y)
-        again = _repeated(problem, fit, draws, random_state)
-        if problem.collapses and again.effect_coefficients.shape[1]:
-            pair = without_each(problem, again, index, less)
-        else:
-            second = _log_likelihood(again, X, y)
-            pair = second, less * second
-        shape = len(draws), _REPEATS, len(y)
-        second, removed = (values.reshape(shape) for values in pair)
-        found = pointwise_loo(first, power * less, second, less, removed)
+        first = _log_likelihood(fit.first, X, y)
+        n = _draws_of(problem)
+        some = _spread(len(first), n.conditional)
+        starts = _Starts.of_fit(fit, np.repeat(some, n.repeats))
+        starts, again = _repeated(problem, fit, starts, random_state)
+        second, removed = _given_others(problem, again, index, less)
+        shape = len(some), n.repeats, len(y)
+        found = pointwise_loo(
+            first, power * less, second.reshape(shape), less, removed.reshape(shape), some
+        )
     for i in np.flatnonzero(found.failed):
-        again = _fit_without(problem, fit, index[i], less[i], sampler, random_state)
-        density = _log_likelihood(again, X[i : i + 1], y[i : i + 1])
-        found.log_density[i] = np.logaddexp.reduce(density[:, 0]) - np.log(len(density))
+        without, powers = _without(problem, fit.powers, index[i], less[i])
+        most = _REFITTED if fit.again is None else _draws_of(problem).refitted
+        n_draws = min(fit.first.n_draws, most)
+        chosen = None
+        if fit.again is not None:
+            log_weight = -power[i] * less[i] * first[:, i]
+            chosen = _without_row(log_weight, some, removed[:, i], n_draws, random_state)
+        if chosen is not None:
+            again = _repeated(without, fit, starts.take(chosen), random_state, FROM_NEAR)[1]
+        else:
+            again = _fit_without(without, powers, fit, n_draws, sampler, random_state)
+        density = _given_others(problem, again, index[i : i + 1], less[i : i + 1])[0]
+        found.log_density[i] = special.logsumexp(density) - np.log(len(density))
     return found
+
+
+def _integrates(problem: Problem) -> bool:
+    """Return whether the coefficients of causes are integrated out of a row's density."""
+    return problem.collapses and len(problem.model.column_sd) > 0
+
+
+def _draws_of(problem: Problem) -> _Draws:
+    return _FEW if _integrates(problem) else _MANY
+
+
+def _given_others(
+    problem: Problem, posterior: Posterior, index: NDArray[np.intp], less: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return log densities (S, m) of rows, and what leaving them out takes from those of draws."""
+    if _integrates(problem):
+        return without_each(problem, posterior, index, less)
+    density = _log_likelihood(posterior, problem.X[index], problem.observed[index])
+    return density, less * density
 
 
 def _spread(n: int, most: int) -> NDArray[np.intp]:
@@ -157,20 +219,43 @@ def _spread(n: int, most: int) -> NDArray[np.intp]:
     return np.linspace(0, n - 1, min(most, n)).astype(int)
 
 
+def _without_row(
+    first: FloatArray,
+    some: NDArray[np.intp],
+    removed: FloatArray,
+    n: int,
+    random_state: np.random.RandomState,
+) -> NDArray[np.intp] | None:
+    """Choose n repeats of step 2 as if their row were not there, None where step 1 leaves too few.
+
+    Parameters
+    ----------
+    first : ndarray of shape (S,)
+        Log weights of draws of step 1.
+    some : ndarray of int of shape (T,)
+        Draws of step 1 that have repeats.
+    removed : ndarray of shape (T * M,)
+        What leaving the row out takes from the log density of each repeat.
+    """
+    smoothed, khat = pareto_smooth(first) if np.ptp(first) else (0 * first, 0.0)
+    if khat > khat_limit(len(first)):
+        return None
+    kept = -removed.reshape(len(some), -1)
+    log_weight = smoothed[some][:, None] + kept - special.logsumexp(kept, axis=1, keepdims=True)
+    share = np.cumsum(special.softmax(log_weight.ravel()))
+    even = (np.arange(n) + random_state.uniform()) / n
+    return np.minimum(np.searchsorted(share, even * share[-1]), len(share) - 1)
+
+
 def _fit_without(
-    problem: Problem,
+    without: Problem,
+    powers: tuple[float, float | FloatArray],
     fit: Fit,
-    i: np.intp,
-    less: float,
+    n: int,
     sampler: str | EnsembleSampler,
     random_state: np.random.RandomState,
 ) -> Posterior:
     """Return draws given all rows but one, from those given all of them where these serve."""
-    without, powers = _without(problem, fit.powers, i, less)
-    n = min(fit.first.n_draws, _REFITTED)
-    if np.all(np.broadcast_to(fit.powers[1], problem.y.shape)[i] == 0):
-        # the row has no part in step 1
-        return _repeated(without, fit, _spread(len(fit.unknowns), n // _REPEATS), random_state)
     known = carried(without, powers, fit.proposals, n, _PROPOSALS * n, random_state)
     if known is None:
         known = fit_problem(without, powers, sampler, n, random_state)
@@ -198,21 +283,28 @@ def _without(
 
 
 def _repeated(
-    problem: Problem, fit: Fit, index: NDArray[np.intp], random_state: np.random.RandomState
-) -> Posterior:
-    """Return several draws of step 2 for each of some draws of the coefficients."""
-    given, u = fit.first.take(index), fit.unknowns[index]
-    drawn = measured_draws(
-        problem, u, given.coefficients, given.effect_coefficients, random_state, _REPEATS
-    )
-    first, u = fit.first.take(np.repeat(index, _REPEATS)), np.repeat(u, _REPEATS, axis=0)
+    problem: Problem,
+    fit: Fit,
+    starts: _Starts,
+    random_state: np.random.RandomState,
+    effort: Effort = FROM_DRAWS,
+) -> tuple[_Starts, Posterior]:
+    """Return draws of step 2 given draws of the coefficients, by moves from draws of the same.
+
+    Given the rows of the fit they have the distribution of step 2, however few moves there are.
+    """
+    given = fit.first.take(starts.draw)
+    u = with_again(fit.unknowns[starts.draw], starts.u)
+    drawn = measured_draws(problem, u, given.coefficients, starts.columns, random_state, effort)
     z = np.hstack([drawn.z, u[:, problem.model.n_unknowns : -1]])
-    return replace(
-        first,
+    posterior = replace(
+        given,
         values=problem.model.values(z),
         sigma=drawn.sigma,
         effect_coefficients=drawn.coefficients,
     )
+    u = np.column_stack([drawn.z, np.log(drawn.sigma)])
+    return _Starts(starts.draw, u, drawn.coefficients), posterior
 
 
 def _log_likelihood(posterior: Posterior, X: FloatArray, y: FloatArray) -> FloatArray:

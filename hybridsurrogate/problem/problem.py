@@ -42,7 +42,7 @@ from hybridsurrogate.surrogates.stacked import built_for_each
 
 # beyond the first number of coefficients there may be no more than the second for each row of runs:
 # the time of a fit grows with the square of their number, 8 CPU seconds for 496
-_MANY_COEFFICIENTS, _MOST_A_ROW = 1000, 10
+_MANY_COEFFICIENTS, _MOST_A_ROW, _MOST_COEFFICIENTS = 1000, 10, 2000
 
 
 @dataclass(frozen=True)
@@ -386,8 +386,13 @@ def _callable(
 
 
 def _check_size(basis: Basis, n_rows: int) -> None:
-    """Raise ValueError for far more coefficients than rows of runs, before a fit that hangs."""
+    """Raise ValueError for far too many coefficients, before a fit that hangs."""
     n = len(basis.coefficient_mean)
+    if n > _MOST_COEFFICIENTS:
+        raise ValueError(
+            f"The surrogate has {n} coefficients, of which {_MOST_COEFFICIENTS} are the most that "
+            "can be inferred together: choose a lower degree, sparse=True, or Kriging()."
+        )
     if n > max(_MANY_COEFFICIENTS, _MOST_A_ROW * n_rows):
         raise ValueError(
             f"The surrogate has {n} coefficients, more than {_MOST_A_ROW} for each of the {n_rows} "

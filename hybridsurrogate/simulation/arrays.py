@@ -231,3 +231,14 @@ def check_spread(values: FloatArray, word: str) -> None:
                 f"{word} has values that differ by no more than {spread:g}, or are as small: below "
                 f"{1 / _LARGEST:g} their squares are zero. Choose another unit."
             )
+
+
+def is_whole(values: FloatArray) -> bool:
+    """Return whether all values are whole numbers.
+
+    Examples
+    --------
+    >>> is_whole(np.array([0.0, 3.0])), is_whole(np.array([0.0, 2.5]))
+    (True, False)
+    """
+    return bool(np.all(values == np.round(values)))

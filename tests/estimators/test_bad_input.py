@@ -77,7 +77,7 @@ ESTIMATORS = [hs.PowerScaledSurrogate, hs.PredictiveWeightedSurrogate]
 @pytest.mark.parametrize("estimator", ESTIMATORS)
 def test_a_simulator_must_be_run_for_an_emulator(simulator, measured, estimator):
     with pytest.raises(ValueError, match=r"PolynomialChaos is trained on runs.*simulator.run\(100"):
-        estimator(simulator, n_draws=100).fit(*measured)
+        estimator(simulator, hs.PolynomialChaos(), n_draws=100).fit(*measured)
 
 
 @pytest.mark.parametrize("estimator", ESTIMATORS)

@@ -1,9 +1,11 @@
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import special, stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.likelihoods import (
+    BetaBinomial,
+    Binomial,
     CustomLikelihood,
     LogNormal,
     NegativeBinomial,
@@ -59,6 +61,11 @@ OTHERS = [
         stats.nbinom(PRECISION, PRECISION / (PRECISION + np.exp(ETA))),
         np.round(Y),
     ),
+    (
+        BetaBinomial(7),
+        stats.betabinom(7, PRECISION * special.expit(ETA), PRECISION * special.expit(-ETA)),
+        np.array([0.0, 3.0, 7.0]),
+    ),
 ]
 
 
@@ -78,7 +85,10 @@ def test_others_are_those_of_scipy(likelihood, distribution, y):
     np.testing.assert_allclose(draws.var(axis=0), distribution.var() + 0 * ETA, rtol=0.15)
 
 
-@pytest.mark.parametrize("likelihood", [Normal(), LogNormal(), Poisson(), NegativeBinomial()])
+SMOOTH = [Normal(), LogNormal(), Poisson(), NegativeBinomial(), BetaBinomial(6)]
+
+
+@pytest.mark.parametrize("likelihood", SMOOTH)
 def test_derivatives_are_those_of_the_density(likelihood):
     y = np.maximum(np.round(Y), 1.0)
     step = 1e-4
@@ -98,6 +108,36 @@ def test_a_small_sigma_makes_a_negative_binomial_a_poisson():
         Poisson().log_density(y, ETA, SIGMA),
         atol=1e-5,
     )
+
+
+def test_a_small_sigma_makes_a_beta_binomial_a_binomial():
+    y = np.round(Y)
+    few, tiny = BetaBinomial(5), np.array([[1e-6]])
+    np.testing.assert_allclose(
+        few.log_density(y, ETA, tiny), Binomial(5).log_density(y, ETA, SIGMA), atol=1e-5
+    )
+    np.testing.assert_allclose(
+        few.information(ETA, tiny), Binomial(5).information(ETA, SIGMA), rtol=1e-5
+    )
+
+
+@pytest.mark.parametrize("trials", [2, 40, 1000])
+def test_the_information_of_successes_that_scatter(trials):
+    """The mean square of the score, over all that may come out."""
+    y = np.arange(trials + 1.0)[:, None, None]
+    likelihood = BetaBinomial(trials)
+    mass = np.exp(likelihood.log_density(y, ETA, SIGMA))
+    np.testing.assert_allclose(mass.sum(axis=0), 1.0)
+    score, _ = likelihood.derivatives(y, ETA, SIGMA)
+    exact = np.sum(mass * score**2, axis=0)
+    np.testing.assert_allclose(likelihood.information(ETA, SIGMA), exact, rtol=0.03)
+
+
+def test_single_trials_do_not_scatter():
+    with pytest.raises(ValueError, match=r"needs two or more trials .* BetaBinomial\(trials="):
+        hs.PowerScaledSurrogate(likelihood="beta-binomial").fit(
+            np.arange(6.0)[:, None], np.array([0.0, 1, 0, 1, 1, 0])
+        )
 
 
 def test_only_the_log_normal_is_on_a_log_scale():
@@ -127,7 +167,7 @@ def test_names():
     own = LogNormal()
     assert as_likelihood(own) is own
     for wrong in ("gamma", None, ["normal"]):
-        with pytest.raises(ValueError, match=r"one of \['binomial', 'lognormal', 'neg"):
+        with pytest.raises(ValueError, match=r"one of \['beta-binomial', 'binomial', 'logn"):
             as_likelihood(wrong)
 
 

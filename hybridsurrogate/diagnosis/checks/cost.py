@@ -16,19 +16,20 @@ from hybridsurrogate.problem.problem import Problem
 def seconds_a_run(problem: Problem) -> float:
     """Return the seconds that the simulation takes for one set of parameters at the measured rows.
 
-    Zero for an emulator. Many sets are timed where two look slow.
+    Zero for an emulator. More sets are timed where few look slow, while each takes far less of
+    them than of fewer.
     """
     model = problem.model
-    each = 0.0
+    each = np.inf
     if not model.basis.is_simulation:
-        return each
+        return 0.0
     for n in SETTINGS.timed_runs:
         # other sets each time: outputs that are known already take no time
         z = np.random.RandomState().standard_normal((n, model.n_unknowns))
         start = perf_counter()
         model.simulated(problem.X, model.values(z))
-        each = (perf_counter() - start) / n
-        if each < SETTINGS.slow_run:
+        before, each = each, (perf_counter() - start) / n
+        if each < SETTINGS.slow_run or each > SETTINGS.gain_of_many * before:
             break
     return each
 
@@ -52,9 +53,9 @@ def warn_if_slow(problem: Problem, n_folds: int | None = None) -> None:
     warnings.warn(
         f"The simulation takes {number(1000 * each, 2)} ms for one set of parameters, and this "
         f"diagnosis runs about {thousands:,.0f} of them, {thousands * len(problem.y):,.0f}"
-        f" rows: about {number(each * sets / 60, 2)} minutes. Runs of it, "
-        "simulation=simulator.run(200, n_jobs=-1) with surrogate=Kriging(), are searched in "
-        f"seconds.{without}",
+        f" rows: about {number(each * sets / 60, 2)} minutes. With "
+        "surrogate=None runs of it are made and searched in seconds, as with "
+        f"simulation=simulator.run(200, n_jobs=-1) and surrogate=Kriging().{without}",
         DiagnosisWarning,
         stacklevel=3,
     )

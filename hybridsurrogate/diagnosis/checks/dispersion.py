@@ -15,14 +15,11 @@ from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.problem import Problem
-from hybridsurrogate.simulation.simulator import SimulationData
 
 # a caution is raised in one of a hundred sets without overdispersion
 _LEVEL, _N_REPLICATES = 0.01, 999
 # pairs that a test needs; rounds of pairing; distances that are no neighbourhood, in medians
 _LEAST_PAIRS, _ROUNDS, _TOO_FAR = 8, 3, 3.0
-# of the noise: an effect of its size, in some rows, is still found beside so much
-_MUCH_OPEN = 0.3
 # of one pair: three standard deviations
 _LARGEST_SQUARE = 9.0
 # Newton steps to the mean of a pair, of which the first two do nearly all
@@ -78,28 +75,24 @@ def cautions_of_dispersion(problem: Problem, posteriors: Sequence[Posterior]) ->
     ]
 
 
-def cautions_of_rounding(
-    likelihood: Likelihood, runs: SimulationData, check: EmulatorCheck | None
-) -> list[Caution]:
-    """Return a caution where runs may be rounded means, and leave much of the simulation open.
+def cautions_of_rounding(likelihood: Likelihood, check: EmulatorCheck | None) -> list[Caution]:
+    """Return a caution where runs may be rounded means, and may hide much.
 
     Parameters
     ----------
     likelihood : Likelihood
-    runs : SimulationData
     check : EmulatorCheck or None
         Of an emulator through them.
     """
-    if check is None or not likelihood.means_as_runs or check.left_open < _MUCH_OPEN:
-        return []
-    if not np.all(runs.y == np.round(runs.y)):
+    if check is None or check.rounding is None or not check.hidden:
         return []
     return [
         Caution(
             "runs",
-            "The simulated values are whole numbers, and the runs leave the simulation open by "
-            f"{check.left_open:.2g} times the noise. If they are rounded expected values, give "
-            f"these as they are: a {likelihood.name} likelihood takes expected values as runs.",
+            "The simulated values are whole numbers, behind which effects of "
+            f"{check.hidden:.2g} times the noise may hide. If they are rounded expected values, "
+            f"give these as they are: a {likelihood.name} likelihood takes expected values as "
+            "runs.",
         )
     ]
 

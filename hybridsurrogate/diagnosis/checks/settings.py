@@ -13,11 +13,12 @@ class CheckSettings:
     ----------
     least_rows : int
         Measured rows that a diagnosis needs.
-    runs_of_a_search, cost_of_a_fold, slow_search, slow_run, timed_runs : numbers, tuple
+    runs_of_a_search, cost_of_a_fold, slow_search, slow_run, timed_runs, gain_of_many : numbers
         Sets of parameters that a search runs (25 000 and 107 000 with five folds at two parameters
         and 50 rows, 33 000 to 112 000 in other cases), those of a fold in shares of it, seconds
-        from which the user is warned, seconds of a set from which many are timed, and how many:
-        many at once may take hardly longer than two.
+        from which the user is warned, seconds of a set from which more are timed, and how many:
+        many at once may take hardly longer than two. None are where each of more takes a larger
+        share of what it took before: they run one after another.
     fewest_rows : int
         Rows that agree before they are told: one or two may by chance where the output is rounded.
     near_floor : float
@@ -72,7 +73,8 @@ class CheckSettings:
     cost_of_a_fold: float = 0.65
     slow_search: float = 150.0
     slow_run: float = 0.001
-    timed_runs: tuple[int, int] = (2, 200)
+    timed_runs: tuple[int, ...] = (2, 8, 200)
+    gain_of_many: float = 0.6
     fewest_rows: int = 3
     near_floor: float = 3.0
     mirrored: float = 0.7

@@ -208,7 +208,11 @@ class KrigedCurves(Basis):
 
 
 def krige(
-    basis: Basis, emulator: EmulatorPosterior, simulation: SimulationData, run_eta: FloatArray
+    basis: Basis,
+    emulator: EmulatorPosterior,
+    simulation: SimulationData,
+    run_eta: FloatArray,
+    noise: float = 0.0,
 ) -> tuple[Basis, EmulatorPosterior]:
     """Return the simulation as its runs tell it, and the posterior of its coefficients.
 
@@ -222,6 +226,8 @@ def krige(
         One output a row.
     run_eta : ndarray of shape (n_rows,)
         Outputs of the runs on the scale of eta.
+    noise : float, default=0.0
+        Standard deviation of an error of each run, such as rounding: the least that is smoothed.
 
     Returns
     -------
@@ -234,14 +240,14 @@ def krige(
     )
     X, omega = simulation.X, simulation.omega
     if not isinstance(basis, StackedBasis):
-        return _kriged(basis, emulator, X, omega, run_eta, of_inputs, of_parameters)
+        return _kriged(basis, emulator, X, omega, run_eta, of_inputs, of_parameters, noise)
     of_inputs = np.delete(of_inputs, basis.at, axis=0)
     parts: list[tuple[Basis, EmulatorPosterior]] = []
     for k, (one, own) in enumerate(zip(basis.bases, basis.coefficients_of, strict=True)):
         here = X[:, basis.at] == k
         told = EmulatorPosterior(emulator.mean[own], emulator.factor[own, own])
         rows = np.delete(X[here], basis.at, axis=1), omega[here], run_eta[here]
-        parts.append(_kriged(one, told, *rows, of_inputs, of_parameters))
+        parts.append(_kriged(one, told, *rows, of_inputs, of_parameters, noise))
     posterior = EmulatorPosterior(
         np.concatenate([told.mean for _, told in parts]),
         block_diag(*(told.factor for _, told in parts)),
@@ -257,14 +263,18 @@ def _kriged(
     run_eta: FloatArray,
     of_inputs: FloatArray,
     of_parameters: FloatArray,
+    noise: float,
 ) -> tuple[Basis, EmulatorPosterior]:
     """Return what `krige` does for one output, from runs and the ranges of what was varied."""
     none = np.empty(0)
     nothing = EmulatorPosterior(none, np.empty((0, 0)))
     if isinstance(basis, CurveBasis):
         return KrigedCurves(none, none, basis.emulator), nothing
+    ranges = np.vstack([of_inputs, of_parameters])
     if isinstance(basis, KrigingBasis):
         process = basis.process
+        if noise:
+            process = process_through(process.trend, ranges, X, omega, run_eta, noise)
     else:
         missed = run_eta - basis.output(X, omega, emulator.mean)
         # exact to rounding; with as many terms as runs that says nothing
@@ -274,8 +284,7 @@ def _kriged(
         curves = emulate_curves(X, omega, run_eta, of_inputs, of_parameters)
         if curves is not None:
             return KrigedCurves(none, none, curves), nothing
-        ranges = np.vstack([of_inputs, of_parameters])
-        process = process_through(basis, ranges, X, omega, run_eta)
+        process = process_through(basis, ranges, X, omega, run_eta, noise)
     runs = process.some(X, omega, run_eta)
     matrix = runs.places.alike(runs.places)
     told = conditioned(matrix, process.covariance.nugget, runs.residual)

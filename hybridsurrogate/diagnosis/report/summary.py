@@ -14,6 +14,7 @@ from hybridsurrogate.diagnosis.report.section import FirstScreen, Section
 from hybridsurrogate.diagnosis.report.tables import parameter_intervals, thirds
 from hybridsurrogate.diagnosis.report.view import View, averaged
 from hybridsurrogate.diagnosis.validation.gain import Gain, best_beta
+from hybridsurrogate.estimators.emulation import Emulation
 
 # raised whenever a key changes its meaning or goes away
 SCHEMA_VERSION = 3
@@ -86,6 +87,7 @@ def summary(
         "emulator": None
         if diagnosis.emulator_check_ is None
         else diagnosis.emulator_check_._asdict(),
+        "emulation": _emulation(diagnosis.estimator_.emulation_),
         "draws": {
             "before": asdict(diagnosis.estimator_.diagnostics_),
             "after": asdict(view.found.diagnostics_),
@@ -113,6 +115,12 @@ def _of(gain: Gain | None) -> dict[str, Any] | None:
     fields = asdict(replace(gain, scan=None))
     del fields["scan"]
     return fields
+
+
+def _emulation(made: Emulation | None) -> dict[str, float] | None:
+    if made is None:
+        return None
+    return {"n_runs": made.runs.n_runs, "seconds": made.seconds, "left_open": made.left_open}
 
 
 def _records(table: pd.DataFrame | None) -> list[dict[Hashable, Any]] | None:

@@ -109,7 +109,9 @@ def forward_search(
         while True:
             test = None
             if n_replicates is not None:
-                test = null_test(result, n_replicates, random_state)
+                # where nothing may be found, how large a fault would have shown is asked next
+                in_doubt = not steps and evidence_bound(result) > false_alarm_rate
+                test = null_test(result, n_replicates, random_state, in_doubt)
             if not steps:
                 result = at_best_noise(result, thorough)
                 result = scored(screened_at_best(result, causes, emulator))

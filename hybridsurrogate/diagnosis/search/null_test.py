@@ -16,6 +16,25 @@ from hybridsurrogate.inference.evidence.linearised import (
 )
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
 from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.simulation.outputs import OUTPUT
+
+# data sets of each shape and size of a fault; sizes in units of what the null leaves, after one
+# scaling
+_SETS, _SIZES = 8, np.geomspace(0.25, 16.0, 7)
+
+
+class Faults(NamedTuple):
+    """T of data sets with a known fault.
+
+    Attributes
+    ----------
+    sizes : ndarray of shape (k,)
+        Root mean squares of the faults, on the scale of eta.
+    statistic : ndarray of shape (n_shapes, k, n_sets)
+    """
+
+    sizes: FloatArray
+    statistic: FloatArray
 
 
 class NullTest(NamedTuple):
@@ -29,11 +48,14 @@ class NullTest(NamedTuple):
         T of data sets in which nothing is wrong.
     bound : float
         What Markov's inequality leaves to such evidence, see `evidence_bound`.
+    faults : Faults or None
+        None: not looked at.
     """
 
     statistic: float
     replicates: FloatArray
     bound: float = 1.0
+    faults: Faults | None = None
 
     def __repr__(self) -> str:
         n = len(self.replicates)
@@ -53,7 +75,12 @@ class NullTest(NamedTuple):
         return min(self.share, max(self.bound, 1 / (1 + len(self.replicates))))
 
 
-def null_test(result: Search, n_replicates: int, random_state: np.random.RandomState) -> NullTest:
+def null_test(
+    result: Search,
+    n_replicates: int,
+    random_state: np.random.RandomState,
+    with_faults: bool = False,
+) -> NullTest:
     """Repeat the whole search on replicates of "nothing is wrong" at the same inputs.
 
     Every cause is linearised once, at the null fit and where it changes nothing: designs do not
@@ -61,10 +88,61 @@ def null_test(result: Search, n_replicates: int, random_state: np.random.RandomS
     statistic. Causes that were accepted before stay where they were found: their places free, to
     first order, changed no cause and no verdict of 82 cases (48 pairs of size 2, 34 single effects
     of size 4, up to two causes each).
+
+    Parameters
+    ----------
+    result : Search
+    n_replicates : int
+    random_state : RandomState
+    with_faults : bool, default=False
+        Also look at data sets with faults of known sizes, see `faults_of`: in one batch with the
+        null test.
     """
     responses = np.vstack([result.problem.y, replicates(result, n_replicates, random_state)])
-    statistic = statistics(result, responses)
-    return NullTest(float(statistic[0]), statistic[1:])
+    if not with_faults:
+        statistic = statistics(result, responses)
+        return NullTest(float(statistic[0]), statistic[1:])
+    sizes, data = _faulty(result)
+    statistic = statistics(result, np.vstack([responses, data.reshape(-1, data.shape[-1])]))
+    own, of_faults = np.split(statistic, [len(responses)])
+    faults = Faults(sizes, of_faults.reshape(data.shape[:-1]))
+    return NullTest(float(own[0]), own[1:], faults=faults)
+
+
+def faults_of(result: Search) -> Faults:
+    """Return T of data sets with faults of a few shapes and sizes.
+
+    A step in the middle and a straight line over each input are added to replicates of "nothing is
+    wrong".
+
+    Parameters
+    ----------
+    result : Search
+    """
+    sizes, data = _faulty(result)
+    statistic = statistics(result, data.reshape(-1, data.shape[-1]))
+    return Faults(sizes, statistic.reshape(data.shape[:-1]))
+
+
+def _faulty(result: Search) -> tuple[FloatArray, FloatArray]:
+    """Return sizes of faults and responses with them, (shapes, sizes, sets, n)."""
+    # a fixed stream: a verdict has no randomness of its own
+    null = replicates(result, _SETS, np.random.RandomState(0))
+    sizes = float(np.std(null - null.mean(axis=0))) * _SIZES
+    return sizes, null + sizes[:, None, None] * _shapes(result)[:, None, None, :]
+
+
+def _shapes(result: Search) -> FloatArray:
+    """Return curves of unit root mean square over the rows, (k, n)."""
+    model, X = result.problem.model, result.problem.X
+    out = []
+    for k in range(model.n_inputs):
+        x = X[:, k]
+        if model.columns[k] == OUTPUT or np.ptp(x) == 0:
+            continue
+        out += [(x > np.median(x)).astype(float), (x - x.mean()) / np.std(x)]
+    curves = np.array(out).reshape(-1, len(X))
+    return curves / np.sqrt(np.mean(curves**2, axis=1, keepdims=True))
 
 
 def statistics(result: Search, responses: FloatArray) -> FloatArray:

@@ -28,6 +28,7 @@ from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray, to_normal
 from hybridsurrogate.problem.context import make_context, mismatch, of_each_output, with_slopes
 from hybridsurrogate.problem.problem import Problem, make_problem
+from hybridsurrogate.simulation.arrays import is_whole
 from hybridsurrogate.simulation.simulator import SimulationData
 from hybridsurrogate.surrogates.basis import Basis
 
@@ -208,7 +209,10 @@ def trained_emulator(
     if not trained or not isinstance(runs, SimulationData):
         return problem, emulator
     run_eta = problem.likelihood.working_runs(runs.y)
-    kriged, emulator = krige(basis, emulator, runs, run_eta)
+    # whole numbers may be rounded means: uniform errors, through which an emulator has to see
+    errors = problem.likelihood.rounding(run_eta) if is_whole(runs.y) else np.zeros(1)
+    noise = float(np.sqrt(np.mean(errors**2)))
+    kriged, emulator = krige(basis, emulator, runs, run_eta, noise)
     return with_basis(problem, kriged), emulator
 
 

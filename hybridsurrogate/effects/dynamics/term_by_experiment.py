@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.dynamics.dynamic import Dynamic
 from hybridsurrogate.effects.dynamics.dynamic_term import DynamicTerm
 from hybridsurrogate.effects.notation import SIMULATION, signed, word
+from hybridsurrogate.effects.over_column import position_among
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.ode.dynamics import MissingTerm
 from hybridsurrogate.priors import Prior
@@ -129,12 +131,16 @@ class TermByExperiment(Dynamic):
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
         """Run the simulation with the rate of each row's experiment in its right-hand side."""
         assert self.levels is not None
-        levels, column = np.asarray(self.levels), X[self.column]
-        which = np.minimum(np.searchsorted(levels, column), len(levels) - 1)
-        which = np.where(levels[which] == column, which, len(levels))
-        each = np.stack([*(theta[name] for name in self._names), np.zeros(len(column))])
+        which = position_among(self.levels, X[self.column])
+        each = np.stack([*(theta[name] for name in self._names), np.zeros(len(which))])
         own = each[which, np.arange(len(which))]
         return X, {**omega, self.modification.full("rate"): own}
+
+    def rows_of(self, X: Rows) -> dict[str, NDArray[np.bool_]]:
+        """Return the rows of each experiment."""
+        assert self.levels is not None
+        which = position_among(self.levels, X[self.column])
+        return {name: which == k for k, name in enumerate(self._names)}
 
     def start(self) -> dict[str, float]:
         """Return rates of zero."""

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.notation import SIMULATION, number, word
+from hybridsurrogate.effects.over_column import position_among
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import Prior, frozen, prior_sd
@@ -150,10 +152,7 @@ class ParameterByExperiment(Cause):
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
         """Give each row the parameter of its experiment."""
         assert self.levels is not None
-        column, mean = X[self.column], omega[self.parameter]
-        levels = np.asarray(self.levels)
-        which = np.minimum(np.searchsorted(levels, column), len(levels) - 1)
-        which = np.where(levels[which] == column, which, len(levels))
+        mean, which = omega[self.parameter], position_among(self.levels, X[self.column])
         rest = mean if self.how == "own" else theta[f"{_ANOTHER} {self.column}"]
         each = np.stack([*(theta[name] for name in self._names), rest])
         own = each[which, np.arange(len(which))]
@@ -162,6 +161,13 @@ class ParameterByExperiment(Cause):
             spread = theta.get("spread", self.spread)
             own = np.clip(mean + spread * own, *self.prior.support())
         return X, {**omega, self.parameter: own}
+
+    def rows_of(self, X: Rows) -> dict[str, NDArray[np.bool_]]:
+        """Return the rows of each experiment, and those of another one."""
+        assert self.levels is not None
+        names = [*self._names, f"{_ANOTHER} {self.column}"]
+        which = position_among(self.levels, X[self.column])
+        return {name: which == k for k, name in enumerate(names) if name in self.parameters}
 
     def start(self) -> dict[str, float]:
         """Return experiments that are all the same."""

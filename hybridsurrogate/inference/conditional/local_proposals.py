@@ -54,7 +54,6 @@ def own_draws(
     problem: MeasuredGiven,
     starts: FloatArray,
     random_state: np.random.RandomState,
-    n_each: int = 1,
 ) -> OwnDraws:
     """Draw u = [z, log sigma] given each coefficient draw.
 
@@ -62,8 +61,6 @@ def own_draws(
     ----------
     starts : ndarray of shape (M, S, d)
         M places for each draw, of which the likeliest is taken.
-    n_each : int, default=1
-        Points for each coefficient draw, one after the other.
     """
 
     def log_density(u: FloatArray, which: NDArray[np.intp]) -> FloatArray:
@@ -90,11 +87,11 @@ def own_draws(
         np.sum(scaled**2, axis=2), d
     )
     share = node_shares(log_weight)
-    pick = one_node_each(np.repeat(share, n_each, axis=1), random_state)
+    pick = one_node_each(share, random_state)
     some = np.unique(np.linspace(0, S - 1, min(S, 100)).astype(int))
     khat = float(np.median([level_smooth(log_weight[:, s])[1] for s in some]))
     effective = float(np.median(1 / np.sum(share**2, axis=0)))
-    return OwnDraws(points[pick, np.repeat(np.arange(S), n_each)], khat, effective)
+    return OwnDraws(points[pick, np.arange(S)], khat, effective)
 
 
 def log_density_of_pairs(

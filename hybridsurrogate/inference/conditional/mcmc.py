@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from hybridsurrogate.inference.conditional.sampler import MeasuredDraws
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.inference.model.prior_density import prior_log_density
-from hybridsurrogate.inference.sampling.differential_evolution import moved_draws
+from hybridsurrogate.inference.sampling.differential_evolution import FROM_NEAR, Effort, moved_draws
 from hybridsurrogate.likelihoods.base import Likelihood
 from hybridsurrogate.priors import FloatArray, Prior
 
@@ -24,6 +24,7 @@ def conditional_draws(
     c: FloatArray,
     a: FloatArray,
     random_state: np.random.RandomState,
+    effort: Effort = FROM_NEAR,
 ) -> MeasuredDraws:
     """Draw (omega, theta, sigma, a) given each coefficient draw and its hyperparameters.
 
@@ -37,6 +38,7 @@ def conditional_draws(
     u, c, a : ndarray of shape (S, d), (S, p), (S, q)
         Draws of step 1: unknowns with hyperparameters, coefficients of surrogate and causes.
     random_state : RandomState
+    effort : Effort
 
     Returns
     -------
@@ -61,7 +63,7 @@ def conditional_draws(
         return np.where(np.isfinite(out), out, -np.inf)
 
     start = np.hstack([u[:, :m], u[:, -1:], a / sd])
-    moved = moved_draws(log_density, start, random_state)
+    moved = moved_draws(log_density, start, random_state, effort)
     points = moved.points
     return MeasuredDraws(
         points[:, :m],

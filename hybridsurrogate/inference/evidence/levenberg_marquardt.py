@@ -18,6 +18,7 @@ from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.evidence.settings import SETTINGS
+from hybridsurrogate.inference.model.disjoint_moves import disjoint_moves, single_moves
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray, to_normal
 
@@ -193,11 +194,15 @@ class _Residual:
 
     def with_slopes(self, z: FloatArray, place: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
         """Return residuals (J, n) and their slopes downwards (J, len(place), n) in one call."""
-        points = np.repeat(z[:, None], 1 + len(place), axis=1)
-        step = self.model.step
-        points[:, 1 + np.arange(len(place)), place] += step
-        residual = self(points.reshape(-1, z.shape[1])).reshape(len(z), 1 + len(place), -1)
-        return residual[:, 0], (residual[:, :1] - residual[:, 1:]) / step
+        step, together = self.model.step, disjoint_moves(self.model, self.X, place)
+        if together.touched is not None and self.model.column_names:
+            # columns that are fitted anew carry a move of one row to all others
+            together = single_moves(self.model.n_unknowns, place)
+        moves = step * np.vstack([np.zeros(z.shape[1]), together.steps])
+        points = z[:, None] + moves
+        residual = self(points.reshape(-1, z.shape[1])).reshape(len(z), len(moves), -1)
+        slopes = (residual[:, :1] - residual[:, 1:]) / step
+        return residual[:, 0], together.of_directions(slopes)
 
     def deviance(self, residual: FloatArray, z: FloatArray) -> FloatArray:
         """Return minus twice the log posterior, the noise at its best value, (J,)."""

@@ -18,6 +18,7 @@ from hybridsurrogate.blocks import LARGE_BLOCK, blocks, in_blocks
 from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.evidence.settings import SETTINGS
+from hybridsurrogate.inference.model.disjoint_moves import disjoint_moves
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray
 
@@ -282,7 +283,8 @@ def _slopes_along(
     """Return the output and its slopes along some of the unknowns."""
     both = model.basis.is_simulation
     step = model.step if both else _SHORT_STEP
-    moves = step * np.eye(len(z))[directions]
+    together = disjoint_moves(model, X, directions)
+    moves = step * together.steps
     points = z + np.vstack([np.zeros((1, len(z))), moves, *([-moves] if both else [])])
     values = model.values(points)
     in_simulation = bool(len(grid.nodes)) and model.effects[-1].touches_simulation
@@ -300,7 +302,8 @@ def _slopes_along(
         response[~(np.abs(response) < _ABSURD)] = np.nan
         response = response.reshape(len(runs), len(points), len(X))
         ahead, behind = response[:, 1 : 1 + len(moves)], response[:, 1 + len(moves) :]
-        slope = (ahead - behind) / (2 * step) if both else (ahead - response[:, :1]) / step
+        change = (ahead - behind) / (2 * step) if both else (ahead - response[:, :1]) / step
+        slope = together.of_directions(change)
         # a node that fails at a row is impossible, and what other rows have there may be any size
         broken = ~np.isfinite(response[:, 0]).all(axis=1)
         slope[broken] = 0.0

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybridsurrogate.blocks import in_blocks
 from hybridsurrogate.effects.base import ROW, SIMULATED, SLOPE, Cause, Rows
@@ -112,6 +113,18 @@ class CausesOnRows:
         for column, (k, name) in enumerate(self.theta_names, start=self.n_parameters):
             theta[k] = {**theta[k], name: values[:, column]}
         return theta
+
+    def rows_moved(self, X: FloatArray) -> NDArray[np.bool_] | None:
+        """Return which rows each unknown may change, (n_unknowns, n); None: each of them all."""
+        once = {name: X[:, k] for k, name in enumerate(self.columns)}
+        own = [effect.rows_of(once) for effect in self.effects]
+        if not any(own):
+            return None
+        moved = np.ones((self.n_unknowns, len(X)), dtype=bool)
+        for position, (k, name) in enumerate(self.theta_names, start=self.n_parameters):
+            if name in own[k]:
+                moved[position] = own[k][name]
+        return moved
 
     def _places(
         self, rows: Rows, omega: Rows, theta: Sequence[Rows]

@@ -9,12 +9,24 @@ each update leaves the product of all conditional posteriors invariant.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from hybridsurrogate.inference.sampling.modes import PairLogDensity
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.priors import FloatArray
+
+
+class Effort(NamedTuple):
+    """How many moves each chain makes, and how many starts it chooses from besides its own."""
+
+    steps: int = SETTINGS.evolution_steps
+    pool: int = SETTINGS.population
+
+
+# from places near the answer; from draws of it
+FROM_NEAR, FROM_DRAWS = Effort(), Effort(30, 0)
 
 
 @dataclass(frozen=True)
@@ -36,6 +48,7 @@ def moved_draws(
     log_density: PairLogDensity,
     start: FloatArray,
     random_state: np.random.RandomState,
+    effort: Effort = FROM_NEAR,
 ) -> Moved:
     """Draw from the conditional density of each chain.
 
@@ -45,16 +58,17 @@ def moved_draws(
     start : ndarray of shape (S, d)
         Draws near the answer, one for each chain; some of them also make the shared pool.
     random_state : RandomState
+    effort : Effort
 
     Returns
     -------
     Moved
     """
     S = len(start)
-    points, value = _best_of_pool(log_density, start, random_state)
+    points, value = _best_of_pool(log_density, start, random_state, effort.pool)
     accepted = np.zeros(S)
     halves = np.array_split(random_state.permutation(S), 2)
-    for step in range(SETTINGS.evolution_steps):
+    for step in range(effort.steps):
         for mine, other in (halves, halves[::-1]):
             trial = points[mine] + differences(points[other], len(mine), random_state, step)
             new = log_density(trial, mine)
@@ -66,16 +80,18 @@ def moved_draws(
 
 
 def _best_of_pool(
-    log_density: PairLogDensity, start: FloatArray, random_state: np.random.RandomState
+    log_density: PairLogDensity, start: FloatArray, random_state: np.random.RandomState, n: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return for each chain its own start or a member of the pool, by their densities."""
+    """Return for each chain its own start or one of a pool of n, by their densities."""
     S = len(start)
     chains = np.arange(S)
-    pool = start[random_state.choice(S, min(SETTINGS.population, S), replace=False)]
+    pool = start[random_state.choice(S, min(n, S), replace=False)]
     value = np.stack(
         [log_density(start, chains)]
         + [log_density(np.tile(member, (S, 1)), chains) for member in pool]
     )
+    if n == 0:
+        return start.copy(), value[0]
     # Gumbel's trick: the maximum of log weight + Gumbel noise is a draw by weight
     noisy = value + random_state.gumbel(size=value.shape)
     pick = np.where(np.isfinite(value), noisy, -np.inf).argmax(axis=0)

@@ -9,6 +9,7 @@ v = (s, others - m(s)), a map of unit Jacobian, it lies along an axis.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,82 +63,116 @@ def elongation(mode: Gaussian) -> float:
 def ridge_through(target: Target, mode: Gaussian) -> Ridge | None:
     """Return the ridge through a mode along the unknown of which least is known; None without one.
 
-    It is followed from point to point: the next is extrapolated, then optimised.
+    It is followed to both sides at once: the next point is extrapolated, then optimised. Points are
+    further apart where extrapolation is good (predictor and corrector with steps of their own:
+    Allgower and Georg 1990, Numerical Continuation Methods, chapter 6).
     """
     covariance = mode.factor @ mode.factor.T
     # log sigma, the last, is never exchanged for another unknown
     position = int(np.argmax(np.diag(covariance)[:-1]))
     others = np.arange(len(mode.mean)) != position
-    spacing = min(
-        SETTINGS.ridge_spacing,
-        SETTINGS.ridge_share * float(np.sqrt(covariance[position, position])),
-    )
+    spread = float(np.sqrt(covariance[position, position]))
     slope = covariance[others, position] / covariance[position, position]
-    ahead = _followed(target, mode.mean, position, slope, spacing)
-    behind = _followed(target, mode.mean, position, slope, -spacing)
-    s, x, value, hessian = (
-        np.concatenate([b[:0:-1], a]) for b, a in zip(behind, ahead, strict=True)
-    )
-    if len(s) < 4:
+    behind, ahead = _followed(target, mode.mean, position, slope, spread)
+    path = [*behind[:0:-1], *ahead]
+    if len(path) < 4:
         return None
-    factor = factors(hessian)
+    s = np.array([node.s for node in path])
+    factor = factors(np.array([node.hessian for node in path]))
     # Laplace in the others at each point of the curve
-    log_mass = value + np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-    share = special.softmax(log_mass)
+    log_mass = np.array([node.value for node in path])
+    log_mass += np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
+    even = np.linspace(s[0], s[-1], SETTINGS.even_points)
+    share = special.softmax(CubicSpline(s, log_mass)(even))
     mean = np.zeros(len(mode.mean))
-    mean[position] = share @ s
+    mean[position] = share @ even
     whole = np.zeros_like(covariance)
-    whole[position, position] = np.sqrt(share @ (s - mean[position]) ** 2)
+    whole[position, position] = np.sqrt(share @ (even - mean[position]) ** 2)
     whole[np.ix_(others, others)] = factor[np.abs(s - mean[position]).argmin()]
-    return Ridge(position, CubicSpline(s, x), Gaussian(mean, whole))
+    curve = CubicSpline(s, np.array([node.x for node in path]))
+    return Ridge(position, curve, Gaussian(mean, whole))
+
+
+class _Node(NamedTuple):
+    """A point of a ridge: s, the others x (r,), log density and Hessian (r, r) in the others."""
+
+    s: float
+    x: FloatArray
+    value: float
+    hessian: FloatArray
 
 
 def _followed(
-    target: Target,
-    mode: FloatArray,
-    position: int,
-    slope: FloatArray,
-    spacing: float,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return s (K,), others (K, r), log densities and Hessians (K, r, r), the mode's the first."""
-    start = np.delete(mode, position)
-    s, x = [mode[position]], [start]
-    _, value, hessian = _climbed(target, position, s[0], start, SETTINGS.mode_steps)
-    values, hessians = [value], [hessian]
-    while (
-        abs(s[-1] + spacing) < SETTINGS.prior_end and values[-1] > max(values) - SETTINGS.ridge_deep
-    ):
-        near = x[-SETTINGS.ridge_near :]
-        # a polynomial through the last points; its first slope is that of the approximation
-        ahead = start + spacing * slope if len(near) == 1 else _extrapolated(near)
-        found, value, hessian = _climbed(
-            target, position, s[-1] + spacing, ahead, SETTINGS.mode_steps
+    target: Target, mode: FloatArray, position: int, slope: FloatArray, spread: float
+) -> tuple[list[_Node], list[_Node]]:
+    """Return the points of a ridge from its mode on, to either side."""
+    first = _climbed(target, position, mode[[position]], np.delete(mode, position)[None])[0]
+    sides, best = ([first], [first]), first.value
+    least = min(SETTINGS.ridge_spacing, SETTINGS.ridge_share * spread)
+    most, spacing = max(least, spread), [-least, least]
+    going = [0, 1]
+    while going:
+        s = np.array([sides[k][-1].s + spacing[k] for k in going])
+        guesses = np.array(
+            [_extrapolated(sides[k], slope, own) for k, own in zip(going, s, strict=True)]
         )
-        if not np.isfinite(value):
-            break
-        s.append(s[-1] + spacing)
-        x.append(found)
-        values.append(value)
-        hessians.append(hessian)
-    return np.array(s), np.array(x), np.array(values), np.array(hessians)
+        found = _climbed(target, position, s, guesses)
+        for k, guess, node in zip(tuple(going), guesses, found, strict=True):
+            error = _distance(guess, node)
+            # where too far was guessed the same is tried from nearer by
+            if error > SETTINGS.ridge_missed and abs(spacing[k]) > least:
+                spacing[k] = np.sign(spacing[k]) * max(least, 0.5 * abs(spacing[k]))
+                continue
+            if np.isfinite(node.value):
+                sides[k].append(node)
+                best = max(best, node.value)
+                # of a cubic that is extrapolated twice as far the error is sixteen times as large
+                if error < SETTINGS.ridge_missed / 32:
+                    spacing[k] = np.sign(spacing[k]) * min(most, 2 * abs(spacing[k]))
+                room = SETTINGS.prior_end - np.sign(spacing[k]) * node.s
+                spacing[k] = np.sign(spacing[k]) * min(abs(spacing[k]), room)
+            ended = abs(spacing[k]) < 0.5 * least or node.value < best - SETTINGS.ridge_deep
+            if ended or not np.isfinite(node.value):
+                going.remove(k)
+    return sides
 
 
-def _extrapolated(x: list[FloatArray]) -> FloatArray:
-    """Return the polynomial through evenly spaced points one further: a sum of differences."""
-    return sum((np.diff(x, k, axis=0)[-1] for k in range(len(x))), np.zeros_like(x[0]))
+def _distance(guess: FloatArray, node: _Node) -> float:
+    """Return how far a guess of a point was off, in standard deviations of the others."""
+    if not np.isfinite(node.value):
+        return np.inf
+    inverse = np.linalg.inv(factors(node.hessian[None])[0])
+    return float(np.linalg.norm(inverse @ (node.x - guess)))
 
 
-def _climbed(
-    target: Target, position: int, s: float, others: FloatArray, most: int
-) -> tuple[FloatArray, float, FloatArray]:
-    """Return where the others end, optimised with one unknown at s, log density and Hessian."""
+def _extrapolated(path: list[_Node], slope: FloatArray, s: float) -> FloatArray:
+    """Return the polynomial through the last points of a path at s; the slope beyond the first."""
+    near = path[-SETTINGS.ridge_near :]
+    if len(near) == 1:
+        return near[0].x + (s - near[0].s) * slope
+    at, out = np.array([node.s for node in near]), np.zeros_like(slope)
+    for k, node in enumerate(near):
+        # Lagrange
+        others = np.delete(at, k)
+        out += np.prod((s - others) / (at[k] - others)) * node.x
+    return out
 
-    def along(points: FloatArray, _: NDArray[np.intp]) -> FloatArray:
-        return target.search_density(np.insert(points, position, s, axis=1))
 
-    value = along(others[None], np.zeros(1, dtype=int))
-    if not np.isfinite(value[0]):
-        return others, -np.inf, np.zeros((len(others), len(others)))
-    steps = target.step_share, most, False, target.model.least_step
-    x, value, hessian = optimise(along, others[None], value, *steps)
-    return x[0], float(value[0]), hessian[0]
+def _climbed(target: Target, position: int, s: FloatArray, others: FloatArray) -> list[_Node]:
+    """Return where the others (K, r) end, optimised with one unknown at s (K,)."""
+    r = others.shape[1]
+    value = target.search_density(np.insert(others, position, s, axis=1))
+    finite = np.isfinite(value)
+    x, hessian = others.copy(), np.zeros((len(s), r, r))
+    held = s[finite]
+
+    def along(points: FloatArray, which: NDArray[np.intp]) -> FloatArray:
+        return target.search_density(np.insert(points, position, held[which], axis=1))
+
+    if finite.any():
+        steps = target.step_share, SETTINGS.mode_steps, False, target.model.least_step
+        x[finite], value[finite], hessian[finite] = optimise(
+            along, x[finite], value[finite], *steps
+        )
+    value[~finite] = -np.inf
+    return [_Node(*one) for one in zip(s.tolist(), x, value.tolist(), hessian, strict=True)]

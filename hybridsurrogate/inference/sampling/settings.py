@@ -19,6 +19,8 @@ class SamplingSettings:
         At least so many where draws are tried once more: far fewer than an ensemble's steps.
     enough_effective : float
         Draws of a smaller effective share are tried once more, from wider proposals.
+    prior_proposed : float
+        Share of these that the priors have, of that of the wider ones.
     mode_share, proposal_share : float
         Share of the best mode's mass from which a further one makes a posterior multimodal, and
         from which it has proposals of its own.
@@ -64,9 +66,10 @@ class SamplingSettings:
         an exchange of two unknowns below it, means with and without a ridge differ by 0.8 of their
         errors, and standard deviations are some 2 % smaller without; above 1000 means differ by 0.2
         to 14 standard deviations. Few effective draws are reason enough at any length.
-    ridge_spacing, ridge_share, ridge_deep, ridge_near : float, float, float, int
-        Of points on a ridge: distance in standard deviations of the prior and of the approximation,
-        depth at which it ends, points through which the next is extrapolated.
+    ridge_spacing, ridge_share, ridge_deep, ridge_near, ridge_missed : float, float, float, int
+        Of points on a ridge: least distance in standard deviations of the prior and of the
+        approximation, depth at which it ends, points through which the next is extrapolated, and
+        standard deviations by which it may be missed: a spline between them misses a fortieth.
     population, evolution_steps, smallest_move : int, int, float
         Differential evolution that starts an ensemble; moves of several sizes at once, down to this
         one: some posteriors are as wide as the population, some far narrower.
@@ -105,6 +108,7 @@ class SamplingSettings:
     min_proposals: int = 1000
     large_batch: int = 12_000
     enough_effective: float = 0.1
+    prior_proposed: float = 0.2
     mode_share: float = 0.02
     proposal_share: float = 1e-5
     evidence_starts: int = 2
@@ -141,6 +145,7 @@ class SamplingSettings:
     ridge_share: float = 0.5
     ridge_deep: float = 12.0
     ridge_near: int = 4
+    ridge_missed: float = 4.0
     population: int = 60
     evolution_steps: int = 160
     smallest_move: float = 0.03

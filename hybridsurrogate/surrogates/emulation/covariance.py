@@ -175,7 +175,9 @@ def _at_least_straight(bends: FloatArray) -> FloatArray:
     return np.where(np.abs(bends) < _STRAIGHT, _STRAIGHT, bends)
 
 
-def learned(points: FloatArray, terms: FloatArray, residual: FloatArray) -> Covariance:
+def learned(
+    points: FloatArray, terms: FloatArray, residual: FloatArray, least_nugget: float = 0.0
+) -> Covariance:
     """Return the most likely covariance.
 
     Parameters
@@ -188,13 +190,16 @@ def learned(points: FloatArray, terms: FloatArray, residual: FloatArray) -> Cova
         Outputs less their prior mean. Several have the same covariance but for its size, as in
         Conti and O'Hagan 2010 (Journal of Statistical Planning and Inference 140:640), and count
         by their standard deviations: small ones are rough, and matter less.
+    least_nugget : float, default=0.0
+        In units of the variance of the outputs: what is known to differ from run to run.
     """
     d = points.shape[1]
     if not residual.any():  # nothing to learn from
         return Covariance(np.ones(d), np.zeros(d), _NUGGETS[0], 0.0)
     gram = terms @ terms.T
     gram /= max(float(np.trace(gram)) / len(gram), 1e-300)
-    ranges = [_LENGTHS] * d + [_NUGGETS, _SHARES]
+    nuggets = np.clip(max(_NUGGETS[0], least_nugget), *_NUGGETS), _NUGGETS[1]
+    ranges = [_LENGTHS] * d + [nuggets, _SHARES]
     limits = [(math.log(low), math.log(high)) for low, high in ranges]
     limits += [(-_MOST_BENT, _MOST_BENT)] * d
 

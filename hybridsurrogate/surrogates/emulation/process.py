@@ -157,7 +157,12 @@ def _used(n: int, most: int) -> NDArray[np.intp]:
 
 
 def process_through(
-    trend: Basis | None, ranges: FloatArray, X: FloatArray, omega: FloatArray, eta: FloatArray
+    trend: Basis | None,
+    ranges: FloatArray,
+    X: FloatArray,
+    omega: FloatArray,
+    eta: FloatArray,
+    noise: float = 0.0,
 ) -> Process:
     """Return the most likely covariance of outputs.
 
@@ -169,6 +174,8 @@ def process_through(
         Of the runs.
     X, omega, eta : ndarray of shape (n, n_inputs), (n, n_parameters), (n,)
         Runs; of outputs (n, k) the covariance that they share but for its size.
+    noise : float, default=0.0
+        Least standard deviation of what differs from run to run, such as rounding.
     """
     chosen = _used(len(eta), len(eta))[:_LEARN]
     X, omega = X[chosen], omega[chosen]
@@ -179,7 +186,8 @@ def process_through(
         terms = features * trend.coefficient_sd
     residual = eta[chosen].reshape(len(chosen), -1) - mean[:, None]
     arrays = between(np.hstack([X, omega]), ranges), terms, residual
-    covariance = _learned(*(array.tobytes() for array in arrays), len(chosen))
+    least = noise**2 / max(float(np.var(residual)), np.finfo(float).tiny) if noise else 0.0
+    covariance = _learned(*(array.tobytes() for array in arrays), len(chosen), least)
     if trend is None:
         return Process(None, ranges, covariance, np.empty(0))
     size = float(np.mean(np.sum(terms**2, axis=1)))
@@ -189,11 +197,11 @@ def process_through(
 
 
 @lru_cache(maxsize=8)
-def _learned(points: bytes, terms: bytes, residual: bytes, n: int) -> Covariance:
+def _learned(points: bytes, terms: bytes, residual: bytes, n: int, least: float) -> Covariance:
     """Return `learned`: folds and grids over beta ask for the same runs again and again."""
     arrays = (np.frombuffer(array).reshape(n, -1) for array in (points, terms, residual))
     places, features, outputs = arrays
-    return learned(places, features, outputs)
+    return learned(places, features, outputs, least)
 
 
 class Conditioned(NamedTuple):

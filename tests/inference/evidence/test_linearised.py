@@ -204,3 +204,54 @@ def test_where_a_size_is_zero_the_simulation_is_run_at_one_node():
         np.testing.assert_allclose(
             getattr(here, name), getattr(close_by, name), rtol=1e-5, atol=1e-7
         )
+
+
+def _by_experiment(levels, last):
+    """Rates that differ between experiments, already found, and one more cause."""
+    asked = []
+
+    def decay(t, rate):
+        asked.append(len(t))
+        return np.exp(-rate * t)
+
+    simulator = hs.Simulator(decay, {"t": (0, 10)}, {"rate": stats.uniform(0.1, 0.5)})
+    t, batch = np.linspace(0.5, 10, 36), np.arange(36) % levels
+    X, y = np.column_stack([t, batch]), np.exp(-0.3 * t)
+    effects = (hs.ParameterByExperiment("rate", "batch"), last)
+    columns = ("t", "batch")
+    surrogate = hs.ExactSurrogate()
+    problem = make_problem(simulator, surrogate, hs.Normal(), None, effects, columns, X, y)
+    return problem.model, X, emulator_posterior(problem.model.basis, problem.simulation), asked
+
+
+def test_slopes_of_experiments_are_those_of_their_own_rows():
+    """In closed form: the rate's slope times the spread in rows of the experiment, else zero."""
+    model, X, emulator, _ = _by_experiment(4, hs.Offset())
+    grid = make_grid(model)
+    names = [name for _, name in model.theta_names]
+    z = grid.neutral.copy()
+    z[1 + names.index("spread")] = stats.norm.ppf(0.5)
+    deviations = [k for k, name in enumerate(names, start=1) if name.startswith("batch = ")]
+    z[deviations] = [0.3, -0.2, 0.1, -0.4]
+    around = linearise(model, X, emulator, grid, z)
+    spread = model.values(z[None])[0, 1 + names.index("spread")]
+    t, batch = X.T
+    rate = model.values(z[None])[0, 0] + spread * z[deviations][batch.astype(int)]
+    slope = -t * np.exp(-rate * t) * spread
+    for k, position in enumerate(deviations):
+        found = around.G[0, :, list(grid.fixed).index(position)]
+        expected = np.where(batch == k, slope, 0.0)
+        np.testing.assert_allclose(found, expected, atol=1e-4 * np.abs(slope).max())
+
+
+@pytest.mark.parametrize("last", [hs.Offset(), hs.Delay("t")], ids=["columns", "inputs"])
+def test_more_experiments_need_no_more_runs(last):
+    """Deviations of experiments have no row in common, and share a run."""
+    rows = []
+    for levels in (3, 12):
+        model, X, emulator, asked = _by_experiment(levels, last)
+        asked.clear()
+        grid = make_grid(model)
+        linearise(model, X, emulator, grid, grid.neutral + 0.1)
+        rows.append(sum(asked))
+    assert rows[0] == rows[1]

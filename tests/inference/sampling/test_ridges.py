@@ -76,3 +76,40 @@ def test_a_thick_mode_is_not_followed(monkeypatch, limit, is_followed):
         DECAY, surrogate=hs.ExactSurrogate(), effects=[effect], n_draws=300, random_state=0
     ).fit(t[:, None], y)
     assert bool(followed) == is_followed
+
+
+class Counted:
+    """A density that counts how often it is asked."""
+
+    def __init__(self, target):
+        self.target, self.calls = target, 0
+
+    def __getattr__(self, name):
+        return getattr(self.target, name)
+
+    def search_density(self, u):
+        self.calls += 1
+        return self.target.search_density(u)
+
+
+def test_a_ridge_is_followed_by_few_calls(monkeypatch):
+    """A call of a stiff solver takes a tenth of a second for one point as for a hundred."""
+    calls, follow = [], posterior_sampler.ridge_through
+
+    def counted(target, mode):
+        spy = Counted(target)
+        ridge = follow(spy, mode)
+        calls.append((spy.calls, ridge))
+        return ridge
+
+    monkeypatch.setattr(posterior_sampler, "ridge_through", counted)
+    t = np.linspace(0, 10, 40)
+    y = SIZE * np.exp(-RATE * t) + 1e-3 * np.random.default_rng(2).standard_normal(40)
+    hs.PowerScaledSurrogate(
+        DECAY, surrogate=hs.ExactSurrogate(), effects=[EXCHANGED["gain"][0]], random_state=0
+    ).fit(t[:, None], y)
+    ((n, ridge),) = calls
+    assert n < 350
+    # along the whole ridge: all of the prior of the amplitude that the gain's allows
+    assert len(ridge.curve.x) > 10
+    assert np.ptp(ridge.curve.x) > 4
