@@ -371,9 +371,6 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
 
         return make_report(self, test, beta_scan, units, full)
 
-    def to_python(self, path: str | None = None, units: Any = None) -> str:
-        return ""
-
     def plot(
         self,
         test: tuple[ArrayLike, ArrayLike] | None = None,

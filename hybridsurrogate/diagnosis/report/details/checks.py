@@ -35,10 +35,11 @@ def section(view: View) -> Section:
 def emulator(view: View) -> list[str]:
     """Say how well the runs, and the surrogate, know the simulation."""
     d = view.diagnosis
-    check = d.emulator_check_
+    check, made = d.emulator_check_, d.estimator_.emulation_
     if check is None:
         return []
     out = [
+        *([] if made is None else [made.origin]),
         f"At the measured rows the runs leave the simulation uncertain by {_times(check.left_open)}"
         " the noise, which is part of every comparison.",
         f"The surrogate, trained on the runs alone, differs from them by {_times(check.missed)} "

@@ -36,7 +36,7 @@ def _decide(view: View) -> tuple[Advice, ...]:
     """Say what would decide."""
     d = view.diagnosis
     if d.undecided_by_ == "runs":
-        if d.emulator_check_ is not None and d.emulator_check_.needs_places:
+        if d.emulator_check_ is not None and not d.emulator_check_.needs_runs:
             return (Advice(d.emulator_check_.remedy),)
         return (
             Advice("Run the simulation where it is most uncertain:", "diagnosis.next_runs(20)"),
