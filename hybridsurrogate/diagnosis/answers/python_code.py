@@ -6,25 +6,35 @@ import json
 import keyword
 import math
 import re
+import sys
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from numbers import Integral
+from typing import Any
 
 import numpy as np
 
-from hybridsurrogate.digits import interval, listing
+from hybridsurrogate.arguments.description import described
+from hybridsurrogate.digits import interval, listing, percent
 from hybridsurrogate.effects.base import Cause, Rows
 from hybridsurrogate.effects.code import Code, Table
 from hybridsurrogate.effects.dynamics.dynamic_delay import DynamicDelay
 from hybridsurrogate.effects.dynamics.dynamic_drift import DynamicDrift
 from hybridsurrogate.effects.dynamics.dynamic_term import DynamicTerm
 from hybridsurrogate.effects.in_output import InOutput
+from hybridsurrogate.effects.noise.output_noise import OutputNoise
 from hybridsurrogate.effects.notation import digits_at
+from hybridsurrogate.estimators.averaged import AveragedSurrogate, leading
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.likelihoods import Binomial, Likelihood, Normal
 from hybridsurrogate.ode.dynamics import DelayedState, MissingTerm, TimeVaryingParameter
 from hybridsurrogate.ode.simulator import OdeSimulator
+from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.problem.stacking import Stacking
 from hybridsurrogate.simulation.modification import Modification
+from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.simulation.simulator import Simulator
 
 WIDTH = 88
@@ -42,8 +52,8 @@ _RESERVED = re.findall(
     "np solve_ivp RectBivariateSpline float dict zip list len isinstance min max enumerate tuple "
     "simulation simulated output outputs rhs initial_state observe state states slopes seen "
     "extended rows by_level by_name each_row in_curves curve_of_level right_hand_side solutions "
-    "solution START STEP OUTPUTS STATES SIZES FIRST I l O sigma numbers columns own here times "
-    "first ends solved piece slope end lags length at lag k",
+    "solution START STEP OUTPUTS STATES SIZES FIRST I l O sigma numbers columns times first "
+    "derivative solved ends latest ago which moment piece late longest lags",
 )
 
 
@@ -97,6 +107,120 @@ class ExtendedModel:
     module: str = ""
 
 
+def extended_model(diagnosis: Any, units: Mapping[str, str] | None = None) -> ExtendedModel:
+    """Return what a module is written of, from a fitted diagnosis.
+
+    Parameters
+    ----------
+    diagnosis : DiscrepancyDiagnosis
+    units : mapping of name to str or None
+        Of measured columns, outputs, parameters and states.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For units of what there is not, or that are no text.
+    """
+    estimator, posterior = diagnosis.estimator_, leading(diagnosis.extended_estimator_).posterior_
+    model, simulation = posterior.model, estimator.simulation_
+    simulator = estimator.simulation.simulator
+    ode = simulator if isinstance(simulator, OdeSimulator) else None
+    states = ode.states if ode is not None else ()
+    names = [*model.columns, *simulation.outputs, *simulation.parameter_ranges, *states]
+    experiments, sizes = estimator.experiments_, ()
+    if ode is not None:
+        rows = estimator.measured_[0][:, : len(ode.input_names)]
+        sizes = tuple(ode.typical_states(rows).values())
+    labels = {}
+    if experiments is not None and experiments.labels is not None:
+        labels = {experiments.column: experiments.labels}
+    return ExtendedModel(
+        name=simulation.name if simulator is None else simulator.name,
+        inputs=tuple(simulation.input_names),
+        outputs=tuple(simulation.outputs),
+        parameters=dict(zip(model.parameters, posterior.values.T, strict=False)),
+        assumed={name: constant.value for name, constant in simulation.assumed.items()},
+        causes=[
+            FittedCause(cause, *posterior.draws_of(k)) for k, cause in enumerate(model.effects)
+        ],
+        likelihood=posterior.plain_likelihood,
+        sigma=_sigma(posterior, simulation.outputs, estimator.stacking_),
+        simulator=simulator,
+        sizes=sizes,
+        labels=labels,
+        units=_checked_units(units, [name for name in names if name != OUTPUT]),
+        about=_about(diagnosis),
+        module=_module_of(simulator),
+    )
+
+
+def _sigma(
+    posterior: Posterior, outputs: Sequence[str], stacking: Stacking | None
+) -> dict[str, FloatArray]:
+    """Return draws of the noise of each output, in its unit."""
+    if not posterior.plain_likelihood.has_scale:
+        return {}
+    if stacking is None:
+        return {outputs[0]: posterior.sigma}
+    effects = posterior.model.effects
+    ratios = [k for k, effect in enumerate(effects) if isinstance(effect, OutputNoise)]
+    known = posterior.estimates(ratios[0]) if ratios else {}
+    return {
+        name: scale * known.get(f"noise of {name}", 1.0) * posterior.sigma
+        for name, scale in zip(outputs, stacking.scale, strict=True)
+    }
+
+
+def _checked_units(units: Mapping[str, str] | None, names: Sequence[str]) -> dict[str, str]:
+    if units is None:
+        return {}
+    if not isinstance(units, Mapping):
+        raise TypeError(f'units must be a dict such as {{"co2": "ppm"}}, got {described(units)}.')
+    for name, unit in units.items():
+        if name not in names:
+            raise ValueError(
+                f"units: there is no {name!r}; there are {', '.join(names)}."
+                f"{did_you_mean(str(name), names)}"
+            )
+        if not isinstance(unit, str):
+            raise TypeError(f"The unit of {name!r} must be text, got {described(unit)}.")
+    return dict(units)
+
+
+def _about(diagnosis: Any) -> list[str]:
+    """Return the verdict, what was found, and how."""
+    from hybridsurrogate import __version__
+
+    right = diagnosis.probability_right_
+    sure = "" if right is None else f" The name is right with a probability of {percent(right)}."
+    text = [f"Verdict: {diagnosis.verdict_}.{sure}"]
+    for finding in diagnosis.found_causes_:
+        if finding.kind != "none":
+            text.append(f"{finding.kind}: {finding.formula}.")
+    after = diagnosis.extended_estimator_
+    if isinstance(after, AveragedSurrogate) and len(after.estimators_) > 1:
+        text.append(
+            f"predict of the diagnosis averages over {len(after.estimators_)} explanations; this "
+            "is the most probable one, and says nothing of what may be lacking beyond the "
+            "measured range."
+        )
+    seeds = {"diagnosis": diagnosis.random_state, "estimator": diagnosis.estimator.random_state}
+    said = [
+        f"random_state={seed if isinstance(seed, Integral) else 'not fixed'} of the {name}"
+        for name, seed in seeds.items()
+    ]
+    return [*text, f"Written by hybridsurrogate {__version__}; {listing(said)}."]
+
+
+def _module_of(simulator: Simulator | None) -> str:
+    """Return the module from which a simulation can be imported under its name, or nothing."""
+    function = getattr(simulator, "function", None)
+    module = getattr(function, "__module__", None) or ""
+    here = getattr(sys.modules.get(module), getattr(function, "__name__", ""), None)
+    known = function is not None and here is function and module != "__main__"
+    return module if known else ""
+
+
 def python_source(model: ExtendedModel) -> str:
     """Return the source of a module that holds the extended model."""
     parts = _Parts(model)
@@ -136,6 +260,12 @@ class _Names:
                 if (free := f"{name}_{k if k > 1 else ''}") not in self.taken
             )
         self.taken.add(name)
+        return name
+
+    def local(self, text: str) -> str:
+        """Return an identifier that is none of those taken, for one function alone."""
+        name = self.new(text)
+        self.taken.remove(name)
         return name
 
 
@@ -259,11 +389,20 @@ class _Parts:
             code = cause.code()
             assert code is not None
             ids = {name: self.ids[full] for name, full in names.items()}
-            self.coded.append(self._coded(cause, code, ids, {}))
+            function = self._function(cause, cause.kind, names)
+            self.coded.append(self._coded(cause, code, function, ids, {}))
 
-    def _number(self, cause: Cause, name: str) -> str:
-        kind = re.sub(r"\W", "_", cause.kind)
-        return self.names.new(f"{kind}_{name}" if name in self.names.taken else name)
+    def _function(self, cause: Cause, wanted: str, numbers: Iterable[str]) -> str:
+        """Return a name for a cause's function that none of its numbers has."""
+        inner = cause.cause if isinstance(cause, InOutput) else cause
+        plain = re.sub(r"\W", "_", wanted)
+        if plain in numbers:
+            plain = f"{plain}_effect"
+        free = f"{plain}_{inner.target}" if plain in self.names.taken and inner.target else plain
+        return self.names.new(free)
+
+    def _number(self, function: str, name: str) -> str:
+        return self.names.new(f"{function}_{name}" if name in self.names.taken else name)
 
     def _own(self, one: FittedCause) -> tuple[FittedCause, str, dict[str, str]]:
         if isinstance(one.cause, InOutput):
@@ -271,20 +410,23 @@ class _Parts:
                 f"The cause {one.cause.name!r} is not written as Python: give its class a method "
                 "code() that returns a Code, as those of the catalogue have."
             )
-        numbers = {}
+        numbers: dict[str, str] = {}
         self._heading(one.cause)
-        for name, draws in {**one.theta, **one.coefficients}.items():
-            argument = self._number(one.cause, name)
+        own = {**one.theta, **one.coefficients}
+        function = self._function(one.cause, one.cause.kind, own)
+        for name, draws in own.items():
+            argument = self._number(function, name)
             numbers[argument] = self._constant(argument, draws)
-        return one, self.names.new(one.cause.kind), numbers
+        return one, function, numbers
 
     def _part(self, one: FittedCause, code: Code) -> _Part:
         draws = self._draws(one)
         ids: dict[str, str] = {}
         numbers: dict[str, str] = {}
         self._heading(one.cause)
+        function = self._function(one.cause, code.name or one.cause.kind, code.numbers)
         for name, unit in code.numbers.items():
-            ids[name] = self._number(one.cause, name)
+            ids[name] = self._number(function, name)
             numbers[ids[name]] = self._constant(ids[name], draws[name], self.unit(unit, code))
         if code.table is not None:
             ids["table"] = self.names.new(f"by_{code.table.column}")
@@ -296,7 +438,7 @@ class _Parts:
         if "{sigma}" in code.expression:
             sigma = self.model.sigma.get(code.output or self.model.outputs[0], np.ones(1))
             numbers["sigma"] = self._constant("noise_sd", sigma, self.unit("{y}", code))
-        return self._coded(one.cause, code, ids, numbers)
+        return self._coded(one.cause, code, function, ids, numbers)
 
     def _table(self, table: Table, code: Code, name: str, draws: Rows) -> str:
         constant = self.names.new(name.upper())
@@ -315,7 +457,12 @@ class _Parts:
         return _literal(labels[int(value)]) if labels else _text(value)
 
     def _coded(
-        self, cause: Cause, code: Code, ids: Mapping[str, str], numbers: Mapping[str, str]
+        self,
+        cause: Cause,
+        code: Code,
+        function: str,
+        ids: Mapping[str, str],
+        numbers: Mapping[str, str],
     ) -> _Part:
         every = {"simulated": "simulated", "sigma": "sigma", **ids}
         every |= {key: self.ids[column] for key, column in code.columns.items()}
@@ -325,11 +472,10 @@ class _Parts:
             every["t"] = self.ids[self.ode.input_names[0]]
         every |= {key: self.level(*where) for key, where in code.levels.items()}
         for key in (*code.constants, *code.steps, *code.grids, *code.arguments, "step"):
-            every[key] = self.names.new(key)
-        states = {name: self.names.new(name) for name in dict.fromkeys(code.states.values())}
+            every[key] = self.names.local(key)
+        states = {name: self.names.local(name) for name in dict.fromkeys(code.states.values())}
         every |= {key: states[name] for key, name in code.states.items()}
         every |= {name: self.names.new(name) for name in code.by_row}
-        function = self.names.new(code.name or cause.kind)
         return _Part(cause, code, function, every, dict(numbers))
 
 
@@ -432,7 +578,7 @@ def _docstring(model: ExtendedModel, parts: _Parts) -> str:
     what = f"extended by {listing(found)}" if found else "as it is, its parameters estimated"
     call = listing([*_own_arguments(parts), *parts.columns.values()]) if parts.columns else ""
     noise = [part for part in parts.coded if part.code.does == "scatters"]
-    text = [f"{outputs} of the simulation {model.name}, {what}."]
+    text = [f"{outputs[:1].upper()}{outputs[1:]} of the simulation {model.name}, {what}."]
     text += list(model.about)
     if model.causes and not any(one.cause.changes_output for one in model.causes):
         text.append("The simulation is as it was; only its parameters were estimated anew.")
@@ -450,15 +596,12 @@ def _docstring(model: ExtendedModel, parts: _Parts) -> str:
         lines[-1:] = ["", f"    from {model.module} import {model.name}", ""]
         lines.append(f"    extended({model.name}, {', '.join(parts.columns.values())})")
         lines.append("")
-    return '"""' + "\n".join(_first_alone(lines)[:-1]).rstrip('"') + '\n"""'
+    return '"""' + "\n".join(_first_alone(lines, model.name)[:-1]).rstrip('"') + '\n"""'
 
 
-def _first_alone(lines: list[str]) -> list[str]:
+def _first_alone(lines: list[str], name: str) -> list[str]:
     """Return lines of a docstring of which the first is no longer than a line."""
-    end = lines.index("")
-    if end == 1:
-        return lines
-    return ["An extended simulation.", "", *lines]
+    return lines if lines.index("") == 1 else [f"An extension of {_inline(name)[:60]}.", "", *lines]
 
 
 def _does(part: _Part, model: ExtendedModel) -> str:
@@ -591,7 +734,8 @@ def _extended(model: ExtendedModel, parts: _Parts) -> str:
 
 
 def _explained(model: ExtendedModel, parts: _Parts) -> list[str]:
-    columns = listing([f"{n} [{model.units.get(c, c)}]" for c, n in parts.columns.items()])
+    units = {c: f" [{model.units[c]}]" for c in parts.columns if c in model.units}
+    columns = listing([f"{n}{units.get(c, '')}" for c, n in parts.columns.items()])
     names = list(dict.fromkeys([*model.inputs, *model.parameters, *model.assumed]))
     of = listing([_inline(name) for name in names])
     text = [f"simulation: your function {model.name} of {of}, by name; arrays in, an array out."]
@@ -796,7 +940,7 @@ def _ode(model: ExtendedModel, parts: _Parts) -> list[str]:
         call = _call("initial_state", _keywords(ode.start_names, parts.ids), "first = ")
         given["first"] = call + _FIRST
     lags = {ode.states.index(part.code.of): part.ids["lag"] for part in late}
-    given["lags"] = ", ".join(f"{k}: {lag}" for k, lag in lags.items())
+    given["lags"] = ", ".join(f"{k}: float({lag}[0])" for k, lag in lags.items())
     solution = (_LATE_SOLUTION if late else _SOLUTION).format_map(given)
     return [_right_hand_side(parts, time, varying, seen), solution, _SOLUTIONS.format_map(given)]
 
@@ -844,13 +988,13 @@ _SOLUTION = '''{definition}
     """Return the states at times, (n_states, n), of one solution."""
 {first}
 
-    def slope({time}, state):
+    def derivative({time}, state):
 {slope}
 
-    end = max(np.max(times), START + STEP)
+    latest = max(np.max(times), START + STEP)
     solved = solve_ivp(
-        slope,
-        (START, end),
+        derivative,
+        (START, latest),
         first,
         method="{method}",
         dense_output=True,
@@ -868,26 +1012,26 @@ _LATE_SOLUTION = '''{definition}
     lags = {{{lags}}}
     ends, solved = [START], []
 
-    def at(time):
-        k = min(np.searchsorted(ends, time), len(solved))
-        return first if k == 0 else solved[k - 1](min(time, ends[k]))
+    def late(moment):
+        which = min(np.searchsorted(ends, moment), len(solved))
+        return first if which == 0 else solved[which - 1](min(moment, ends[which]))
 
-    def slope({time}, state):
+    def derivative({time}, state):
         seen = state.copy()
-        for k, lag in lags.items():
-            if lag > 0:
-                seen[k] = at(min({time} - float(lag[0]), ends[-1]))[k]
+        for which, ago in lags.items():
+            if ago > 0:
+                seen[which] = late(min({time} - ago, ends[-1]))[which]
         seen = seen[:, None]
 {slope}
 
-    end, state = max(np.max(times), START + STEP), first
-    length = min([float(lag[0]) for lag in lags.values() if lag > 0], default=end - START)
-    length = max(length, (end - START) / 2000)
-    while ends[-1] < end:
+    latest = max(np.max(times), START + STEP)
+    longest = min([ago for ago in lags.values() if ago > 0], default=latest - START)
+    longest = max(longest, (latest - START) / 2000)
+    while ends[-1] < latest:
         piece = solve_ivp(
-            slope,
-            (ends[-1], min(ends[-1] + length, end)),
-            state,
+            derivative,
+            (ends[-1], min(ends[-1] + longest, latest)),
+            first if not solved else solved[-1](ends[-1]),
             method="{method}",
             dense_output=True,
             rtol=1e-8,
@@ -898,8 +1042,7 @@ _LATE_SOLUTION = '''{definition}
             raise RuntimeError(piece.message)
         solved.append(piece.sol)
         ends.append(piece.t[-1])
-        state = piece.y[:, -1]
-    return np.array([at(time) for time in times]).T'''
+    return np.array([late(moment) for moment in times]).T'''
 _HELPERS = {
     "rows": '''def rows(*values):
     """Return values as arrays of floats of one shape."""

@@ -15,8 +15,11 @@ from hybridsurrogate.diagnosis.answers.python_code import (
     python_source,
 )
 from hybridsurrogate.diagnosis.validation.refit import extended_simulator
+from hybridsurrogate.effects.base import NOISE_SD
 from hybridsurrogate.effects.registry import FORMS
 from hybridsurrogate.likelihoods import as_likelihood
+
+SIGMA = 0.3
 
 
 def imported(source):
@@ -36,6 +39,8 @@ def drawn(cause, values, coefficients, model, k):
     own = {
         name: coefficients[:, j] for j, (owner, name) in enumerate(model.column_names) if owner == k
     }
+    if cause.follows_slope:
+        theta[NOISE_SD] = np.array([SIGMA])
     return FittedCause(cause, theta, own)
 
 
@@ -53,7 +58,7 @@ def written(problem, causes, seed=0, simulator=SIMULATOR, **changes):
         assumed={name: constant.value for name, constant in simulator.assumed.items()},
         causes=[drawn(c, values, coefficients, model, k) for k, c in enumerate(causes)],
         likelihood=problem.likelihood,
-        sigma={name: np.array([0.3]) for name in simulator.outputs},
+        sigma={name: np.array([SIGMA]) for name in simulator.outputs},
         simulator=simulator,
     )
     return replace(extended, **changes), model, values, coefficients
