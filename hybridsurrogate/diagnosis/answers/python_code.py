@@ -127,7 +127,7 @@ def extended_model(diagnosis: Any, units: Mapping[str, str] | None = None) -> Ex
     ode = simulator if isinstance(simulator, OdeSimulator) else None
     states = ode.states if ode is not None else ()
     names = [*model.columns, *simulation.outputs, *simulation.parameter_ranges, *states]
-    experiments, sizes = estimator.experiments_, ()
+    experiments, sizes = estimator.experiments_, tuple[float, ...]()
     if ode is not None:
         rows = estimator.measured_[0][:, : len(ode.input_names)]
         sizes = tuple(ode.typical_states(rows).values())

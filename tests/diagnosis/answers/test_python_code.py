@@ -3,91 +3,263 @@
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
-from tide import FRAME, SIMULATOR, context_of, problem_of
+from epidemic import make_epidemic, second, sir
+from scipy import stats
+from tide import FRAME, SIMULATOR, context_of
 
 import hybridsurrogate as hs
+from hybridsurrogate.catalogue import catalogue
 from hybridsurrogate.diagnosis.answers.python_code import (
     ExtendedModel,
     FittedCause,
     python_source,
 )
-from hybridsurrogate.diagnosis.validation.refit import extended_simulator
+from hybridsurrogate.diagnosis.answers.table import form_of
 from hybridsurrogate.effects.base import NOISE_SD
 from hybridsurrogate.effects.registry import FORMS
-from hybridsurrogate.likelihoods import as_likelihood
+from hybridsurrogate.likelihoods import Binomial, as_likelihood
+from hybridsurrogate.problem.problem import make_problem
 
+ROOT = Path(__file__).parents[3]
 SIGMA = 0.3
+T = np.linspace(0, 60, 31)
+TIMES = pd.DataFrame({"t": T})
 
 
 def imported(source):
-    """Return the names that a module of this source has; it may import numpy and scipy only."""
+    """Return the names in a module of this source."""
     module = {}
     exec(compile(source, "extended.py", "exec"), module)
     return module
 
 
-def drawn(cause, values, coefficients, model, k):
-    """Return one draw of a cause's numbers as those of a fit."""
-    theta = {
-        name: values[:, model.n_parameters + j]
-        for j, (owner, name) in enumerate(model.theta_names)
-        if owner == k
-    }
-    own = {
-        name: coefficients[:, j] for j, (owner, name) in enumerate(model.column_names) if owner == k
-    }
-    if cause.follows_slope:
-        theta[NOISE_SD] = np.array([SIGMA])
-    return FittedCause(cause, theta, own)
+def problem_of(frame, simulator, likelihood="normal"):
+    X, columns = frame.to_numpy(dtype=float), tuple(frame.columns)
+    y = np.linspace(1.0, 2.0, len(frame))
+    one = as_likelihood(likelihood)
+    return make_problem(simulator, hs.ExactSurrogate(), one, None, (), columns, X, y)
 
 
-def written(problem, causes, seed=0, simulator=SIMULATOR, **changes):
-    """Return a module of causes at random numbers, and the model and the draw behind it."""
+def one_draw(posterior_model, causes, values, coefficients):
+    """Return each cause with its numbers in one draw, (1, n) each."""
+    out = []
+    for k, cause in enumerate(causes):
+        theta = {
+            name: values[:, posterior_model.n_parameters + j]
+            for j, (owner, name) in enumerate(posterior_model.theta_names)
+            if owner == k
+        }
+        if cause.follows_slope:
+            theta[NOISE_SD] = np.array([SIGMA])
+        own = {
+            name: coefficients[:, j]
+            for j, (owner, name) in enumerate(posterior_model.column_names)
+            if owner == k
+        }
+        out.append(FittedCause(cause, theta, own))
+    return out
+
+
+def written(causes, frame=FRAME, simulator=SIMULATOR, likelihood="normal", seed=0, **changes):
+    """Return a module of causes at random numbers, and what the fitted model gives there."""
     rng = np.random.default_rng(seed)
+    problem = problem_of(frame, simulator, likelihood)
     model = problem.model.with_effects(causes)
     values = model.values(0.5 * rng.standard_normal((1, model.n_unknowns)))
     coefficients = rng.standard_normal((1, len(model.column_sd)))
+    sizes = simulator.typical_states(frame.to_numpy(dtype=float)).values()
     extended = ExtendedModel(
         name=simulator.name,
         inputs=simulator.input_names,
         outputs=simulator.outputs,
         parameters={name: values[:, j] for j, name in enumerate(model.parameters)},
         assumed={name: constant.value for name, constant in simulator.assumed.items()},
-        causes=[drawn(c, values, coefficients, model, k) for k, c in enumerate(causes)],
+        causes=one_draw(model, causes, values, coefficients),
         likelihood=problem.likelihood,
         sigma={name: np.array([SIGMA]) for name in simulator.outputs},
         simulator=simulator,
+        sizes=tuple(sizes),
     )
-    return replace(extended, **changes), model, values, coefficients
-
-
-def of_catalogue():
-    """Yield a cause for every form of the catalogue that this simulation can have."""
-    context = context_of()
-    for name, form in FORMS.items():
-        for cause in form.propose(context):
-            yield pytest.param(name, cause, id=name)
-            break
-
-
-def columns_of(module):
-    code = module["extended"].__code__
-    return [name for name in code.co_varnames[: code.co_argcount] if name in FRAME]
-
-
-@pytest.mark.parametrize(("name", "cause"), list(of_catalogue()))
-def test_each_form_is_the_extended_simulator(name, cause):
-    problem = problem_of(FRAME, np.zeros(len(FRAME)))
-    causes = [cause.prepare(context_of())]
-    extended, model, values, coefficients = written(problem, causes)
-    module = imported(python_source(extended))
-    rows = {column: FRAME[column].to_numpy() for column in columns_of(module)}
-    found = module["extended"](SIMULATOR.function, **rows)
+    source = python_source(replace(extended, **changes))
     parts = model.parts(problem.X, values)
-    expected = parts.known[0]
-    if causes[0].changes_output:
-        expected = expected + parts.columns[0] @ coefficients[0]
-    np.testing.assert_allclose(found, expected, rtol=1e-6)
+    eta = parts.known[0]
+    if parts.columns.shape[-1] and any(c.changes_output for c in causes):
+        eta = eta + parts.columns[0] @ coefficients[0]
+    return source, problem.likelihood.inverse(eta)
+
+
+def run(source, *functions, frame=FRAME, **numbers):
+    extended = imported(source)["extended"]
+    names = extended.__code__.co_varnames[: extended.__code__.co_argcount]
+    rows = {name: frame[name].to_numpy() for name in names if name in frame}
+    return extended(*functions, **rows, **numbers)
+
+
+def cases(context, like=""):
+    """Return one cause of each form and column of the catalogue, by name."""
+    causes = catalogue(context)[0]
+    return [pytest.param(one, id=f"{like}{one.name} {form_of(one)}") for one in causes]
+
+
+def tolerance(cause, expected):
+    # tables of curves are interpolated
+    rtol = 1e-3 if cause.code() is not None and cause.code().tables else 1e-6
+    return {"rtol": rtol, "atol": 1e-9 * np.abs(expected).max()}
+
+
+@pytest.mark.parametrize("cause", cases(context_of()))
+def test_each_cause_of_the_catalogue(cause):
+    source, expected = written([cause])
+    found = run(source, SIMULATOR.function)
+    np.testing.assert_allclose(found, expected, **tolerance(cause, expected))
+
+
+@pytest.mark.parametrize("cause", cases(context_of(likelihood="lognormal"), "log "))
+def test_each_cause_on_a_logarithmic_scale(cause):
+    source, expected = written([cause], likelihood="lognormal")
+    found = run(source, SIMULATOR.function)
+    np.testing.assert_allclose(found, expected, **tolerance(cause, expected))
+
+
+def test_every_form_is_written():
+    """None takes the cause itself, which is for causes of the user's own."""
+    for form in FORMS.values():
+        assert any("code" in vars(one) for one in form.cause.__mro__[: -len(hs.Cause.__mro__)])
+
+
+COMBINATIONS = {
+    "delay, drift": (hs.Delay("t"), hs.ParameterDrift("height", "t", shape="step")),
+    "drift, delay": (hs.ParameterDrift("height", "t", shape="step"), hs.Delay("t")),
+    "trend, gain, delay": (hs.Trend("t"), hs.Gain(), hs.Delay("t")),
+    "three waves": (hs.Periodic("t"), hs.Periodic("dose"), hs.Periodic("wind")),
+    "constant, limit, noise": (hs.WrongConstant("floor"), hs.Limit(), hs.Noise("t")),
+    "slopes": (hs.MissingInput("wind"), hs.MissingInput("batch"), hs.ParameterDrift("rate", "wind")),
+}
+
+
+@pytest.mark.parametrize("effects", COMBINATIONS.values(), ids=COMBINATIONS)
+def test_several_causes_at_once(effects):
+    causes = [cause.prepare(context_of()) for cause in effects]
+    source, expected = written(causes)
+    np.testing.assert_allclose(run(source, SIMULATOR.function), expected, rtol=1e-9)
+
+
+def test_parameters_and_numbers_are_arguments():
+    cause = hs.Periodic("t").prepare(context_of())
+    source, _ = written([cause])
+    numbers = {"height": 2.5, "rate": 0.3, "period": 3.0, "amplitude": 0.7, "peak": 1.0}
+    found = run(source, SIMULATOR.function, **numbers)
+    t, dose = FRAME["t"].to_numpy(), FRAME["dose"].to_numpy()
+    plain = SIMULATOR.function(t, dose, 2.5, 0.3, 10.0)
+    np.testing.assert_allclose(found, plain + 0.7 * np.cos(2 * np.pi * (t - 1) / 3), rtol=1e-12)
+    # and numbers that differ between rows
+    found = run(source, SIMULATOR.function, **numbers | {"rate": np.linspace(0.1, 0.9, len(t))})
+    assert found.shape == t.shape
+
+
+# ------------------------------------------------------------------------------ ways to scatter
+
+
+@pytest.mark.parametrize(
+    "cause",
+    [hs.Noise("t"), hs.NoiseAtLevel("batch", 3.0), hs.NoiseOfMean()],
+    ids=lambda cause: cause.name,
+)
+def test_noise_is_a_function(cause):
+    cause = cause.prepare(context_of())
+    source, _ = written([cause])
+    module = imported(source)
+    arguments = module["noise_sd"].__code__.co_varnames
+    simulated = run(source, SIMULATOR.function)
+    known = {name: FRAME[name].to_numpy() for name in FRAME if name in arguments[:2]}
+    known |= {"simulated": simulated} if "simulated" in arguments else {}
+    found = module["noise_sd"](**known)
+    (theta,) = [{k: np.repeat(v, len(FRAME)) for k, v in one.theta.items()} for one in draws(cause)]
+    X = {name: FRAME[name].to_numpy() for name in FRAME} | {"simulated output": simulated}
+    np.testing.assert_allclose(found, SIGMA * cause.noise(X, theta), rtol=1e-6)
+    assert "The simulation is as it was" in module["__doc__"].replace("\n", " ")
+
+
+def draws(cause):
+    rng = np.random.default_rng(0)
+    model = problem_of(FRAME, SIMULATOR).model.with_effects([cause])
+    values = model.values(0.5 * rng.standard_normal((1, model.n_unknowns)))
+    return one_draw(model, [cause], values, np.empty((1, 0)))
+
+
+def test_wide_tails_are_drawn():
+    source, _ = written([hs.Outliers().prepare(context_of())])
+    rng = np.random.default_rng(1)
+    found = imported(source)["noise_draws"](rng, 2_000_000, share=0.1, sigma=2.0)
+    # nine tenths of variance one, and outliers of 3 to 30 times the sd, log-uniform; the standard
+    # error is 0.6 %
+    variance = 0.9 + 0.1 * (30**2 - 3**2) / (2 * np.log(10))
+    assert np.var(found) == pytest.approx(4 * variance, rel=0.03)
+
+
+# ---------------------------------------------------------------------------- other likelihoods
+
+
+def test_log_odds():
+    simulator = hs.Simulator(
+        lambda t, rate: 20 / (1 + np.exp(-rate * t)),
+        {"t": (-3, 3)},
+        {"rate": stats.uniform(0.3, 1)},
+        output="alive",
+    )
+    frame = pd.DataFrame({"t": np.linspace(-3, 3, 30)})
+    cause = hs.Step("t").prepare(context_of(frame, simulator, Binomial(20)))
+    source, expected = written([cause], frame, simulator, Binomial(20))
+    np.testing.assert_allclose(run(source, simulator.function, frame=frame), expected, rtol=1e-9)
+    assert "log odds" in source
+
+
+class OwnLink(hs.likelihoods.Normal):
+    def link(self, output):
+        return output**3
+
+
+def test_a_link_of_the_users_own_is_refused():
+    with pytest.raises(ValueError, match="link of its own"):
+        written([hs.Offset()], likelihood=OwnLink())
+
+
+# ------------------------------------------------------------------------------------- dynamics
+
+
+def in_the_dynamics():
+    context = context_of(TIMES, make_epidemic(max_step=0.5))
+    causes = [c for c in catalogue(context)[0] if c.modification is not None]
+    shapes = [hs.DynamicDrift("contact_rate", shape) for shape in ("step", "ramp")]
+    return [*causes, *(cause.prepare(context) for cause in shapes)]
+
+
+@pytest.mark.parametrize("cause", in_the_dynamics(), ids=lambda cause: cause.name)
+def test_each_change_of_the_dynamics(cause):
+    simulator = make_epidemic(max_step=0.1)
+    # what is typical is often fatal: small numbers
+    source, expected = written([cause], TIMES, simulator)
+    found = run(source, sir, second, frame=TIMES)
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-7)
+
+
+@pytest.mark.parametrize("likelihood", ["normal", "lognormal"])
+def test_causes_in_and_outside_the_dynamics(likelihood):
+    simulator = make_epidemic(max_step=0.1)
+    context = context_of(TIMES, simulator, likelihood)
+    effects = (
+        hs.DynamicDrift("contact_rate"),
+        hs.DynamicTerm("i", "proportional"),
+        hs.WrongConstant("recovery_rate"),
+        hs.Gain(),
+        hs.Delay("t"),
+    )
+    causes = [cause.prepare(context) for cause in effects]
+    source, expected = written(causes, TIMES, simulator, likelihood)
+    found = run(source, sir, second, frame=TIMES)
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-7)
