@@ -72,8 +72,11 @@ class ExtendedModel:
 
     Attributes
     ----------
-    name, module : str
-        Of the simulation; an empty module is one from which it cannot be imported.
+    name : str
+        Of the simulation.
+    functions : tuple of (str, str)
+        Names and modules of the functions that are passed, where they can be imported: the
+        simulation, or ``rhs``, ``initial_state`` where it is a function, and ``observe``.
     inputs, outputs : tuple of str
     parameters : dict of name to ndarray of shape (n_draws,)
     assumed : dict of name to float
@@ -104,7 +107,7 @@ class ExtendedModel:
     labels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     about: Sequence[str] = ()
-    module: str = ""
+    functions: tuple[tuple[str, str], ...] = ()
 
 
 def extended_model(diagnosis: Any, units: Mapping[str, str] | None = None) -> ExtendedModel:
@@ -150,7 +153,7 @@ def extended_model(diagnosis: Any, units: Mapping[str, str] | None = None) -> Ex
         labels=labels,
         units=_checked_units(units, [name for name in names if name != OUTPUT]),
         about=_about(diagnosis),
-        module=_module_of(simulator),
+        functions=_functions_of(simulator),
     )
 
 
@@ -212,13 +215,19 @@ def _about(diagnosis: Any) -> list[str]:
     return [*text, f"Written by hybridsurrogate {__version__}; {listing(said)}."]
 
 
-def _module_of(simulator: Simulator | None) -> str:
-    """Return the module from which a simulation can be imported under its name, or nothing."""
-    function = getattr(simulator, "function", None)
-    module = getattr(function, "__module__", None) or ""
-    here = getattr(sys.modules.get(module), getattr(function, "__name__", ""), None)
-    known = function is not None and here is function and module != "__main__"
-    return module if known else ""
+def _functions_of(simulator: Simulator | None) -> tuple[tuple[str, str], ...]:
+    """Return names and modules of what is passed, nothing where some cannot be imported."""
+    if simulator is None:
+        return ()
+    functions = [simulator.function]
+    if isinstance(simulator, OdeSimulator):
+        start = [simulator.initial_state] if callable(simulator.initial_state) else []
+        functions = [simulator.rhs, *start, simulator.observe]
+    found = [(getattr(f, "__name__", ""), getattr(f, "__module__", "")) for f in functions]
+    for function, (name, module) in zip(functions, found, strict=True):
+        if module == "__main__" or getattr(sys.modules.get(module), name, None) is not function:
+            return ()
+    return tuple(found)
 
 
 def python_source(model: ExtendedModel) -> str:
@@ -290,7 +299,7 @@ class _Parts:
         self.constants: list[str] = []
         simulator = model.simulator
         if len(model.outputs) > 1:
-            self.constants.append(f"OUTPUTS = ({', '.join(map(_literal, model.outputs))})")
+            self.constants.append(f"OUTPUTS = {_tuple(model.outputs)}")
         self.ode = simulator if isinstance(simulator, OdeSimulator) else None
         self.link, self.word = _link(model.likelihood)
         causes = [one for one in model.causes if one.cause.is_learned]
@@ -522,6 +531,11 @@ def _literal(text: str) -> str:
     return json.dumps(text)
 
 
+def _tuple(texts: Sequence[str]) -> str:
+    """Return strings as a tuple in source."""
+    return f"({', '.join(map(_literal, texts))}{',' if len(texts) == 1 else ''})"
+
+
 def _estimate(draws: FloatArray) -> tuple[str, str]:
     """Return the mean of draws as a literal, and their 90 % interval in words."""
     draws = np.ravel(np.asarray(draws, dtype=float))
@@ -592,10 +606,13 @@ def _docstring(model: ExtendedModel, parts: _Parts) -> str:
     )
     text.append(f"The function extended takes {call}.")
     lines = [line for each in text for line in [*textwrap.wrap(_inline(each), WIDTH), ""]]
-    if model.module and parts.ode is None:
-        lines[-1:] = ["", f"    from {model.module} import {model.name}", ""]
-        lines.append(f"    extended({model.name}, {', '.join(parts.columns.values())})")
-        lines.append("")
+    if model.functions:
+        given = [
+            *(name for name, _ in model.functions),
+            *_own_arguments(parts)[len(model.functions) :],
+        ]
+        lines += [f"    from {module} import {name}" for name, module in model.functions]
+        lines += ["", f"    extended({', '.join([*given, *parts.columns.values()])})", ""]
     return '"""' + "\n".join(_first_alone(lines, model.name)[:-1]).rstrip('"') + '\n"""'
 
 
@@ -621,7 +638,9 @@ def _does(part: _Part, model: ExtendedModel) -> str:
         "noise_variance": f"Return the variance of counts of {output}.",
         "noise_draws": f"Return draws of the noise of {word}{output}.",
     }
-    return _inline(said.get(code.does) or noises[code.name])
+    text = _inline(said.get(code.does) or noises[code.name])
+    # a name that is too long stands in the docstring of the module
+    return text if len(text) <= WIDTH - 10 else f"{text.partition(': ')[0].rstrip('.')}."
 
 
 # ---------------------------------------------------------------------------------- functions
@@ -909,10 +928,12 @@ def _ode(model: ExtendedModel, parts: _Parts) -> list[str]:
     ode, time = parts.ode.function, parts.ids[parts.ode.input_names[0]]
     varying = _varying(parts)
     late = [part for part in parts.coded if part.code.does == "delays"]
-    step = min(ode.max_step, ode.span / _LEAST_STEPS)
+    # a step of "rk4" resolves what happens; one of a higher order sees as much in four
+    most = 4 * ode.step if ode.method == "rk4" else ode.max_step
+    step = min(most, ode.span / _LEAST_STEPS)
     parts.constants += [
         "# the dynamics",
-        f"STATES = ({', '.join(map(_literal, ode.states))},)",
+        f"STATES = {_tuple(ode.states)}",
         f"START = {_text(ode.start)}",
         f"STEP = {_text(step)}  # the longest of the solver",
         f"SIZES = np.array([{', '.join(_text(size) for size in model.sizes)}])",

@@ -138,7 +138,11 @@ COMBINATIONS = {
     "trend, gain, delay": (hs.Trend("t"), hs.Gain(), hs.Delay("t")),
     "three waves": (hs.Periodic("t"), hs.Periodic("dose"), hs.Periodic("wind")),
     "constant, limit, noise": (hs.WrongConstant("floor"), hs.Limit(), hs.Noise("t")),
-    "slopes": (hs.MissingInput("wind"), hs.MissingInput("batch"), hs.ParameterDrift("rate", "wind")),
+    "slopes": (
+        hs.MissingInput("wind"),
+        hs.MissingInput("batch"),
+        hs.ParameterDrift("rate", "wind"),
+    ),
 }
 
 
@@ -263,3 +267,153 @@ def test_causes_in_and_outside_the_dynamics(likelihood):
     source, expected = written(causes, TIMES, simulator, likelihood)
     found = run(source, sir, second, frame=TIMES)
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-7)
+
+
+# -------------------------------------------------------------------------- hostile and unusual
+
+HOSTILE = 'wind """speed\\n\n(m/s)'
+
+
+def test_names_that_are_no_identifiers():
+    frame = FRAME.rename(columns={"wind": HOSTILE, "batch": "class"}).assign(**{"2nd": FRAME["t"]})
+    context = context_of(frame)
+    effects = (
+        hs.MissingInput(HOSTILE),
+        hs.MissingInput("class", shape="categorical"),
+        hs.Periodic("2nd"),
+    )
+    causes = [cause.prepare(context) for cause in effects]
+    about = [f"{HOSTILE}: '''a''' \\", 'ends with "']
+    units = {HOSTILE: 'm/s """ \n # \\', "level": "m"}
+    source, expected = written(causes, frame, about=about, units=units)
+    rows = [frame[name].to_numpy() for name in ("t", "dose", HOSTILE, "class", "2nd")]
+    found = imported(source)["extended"](SIMULATOR.function, *rows)
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_names_of_arguments_that_are_no_identifiers():
+    def fall(**given):
+        return given["wind speed"] * given["np"] + given["lambda"]
+
+    simulator = hs.Simulator(
+        fall,
+        {"wind speed": (0, 5), "np": (0, 3)},
+        {"lambda": stats.norm(1, 0.1)},
+        output="my output",
+    )
+    frame = pd.DataFrame({"wind speed": np.linspace(0, 5, 30), "np": np.linspace(3, 0, 30) ** 2})
+    cause = hs.Trend("np").prepare(context_of(frame, simulator))
+    source, expected = written([cause], frame, simulator)
+    found = imported(source)["extended"](fall, frame["wind speed"], frame["np"])
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_a_simulation_of_one_run_at_a_time():
+    def one(t, rate):
+        return rate * t if t > 3 else 0.0
+
+    simulator = hs.Simulator(one, {"t": (0, 9)}, {"rate": stats.norm(1, 0.1)}, vectorized=False)
+    frame = pd.DataFrame({"t": np.linspace(0, 9, 20)})
+    cause = hs.Delay("t").prepare(context_of(frame, simulator))
+    source, expected = written([cause], frame, simulator)
+    np.testing.assert_allclose(run(source, one, frame=frame), expected, rtol=1e-9)
+
+
+def test_a_simulation_that_returns_a_curve():
+    def curve(t, start, rate):
+        # looks at all places at once, as a solver does
+        return start + rate * np.cumsum(np.ones_like(t)) / len(t) + t
+
+    simulator = hs.Simulator(
+        curve,
+        {"t": (0, 9), "start": (0, 2)},
+        {"rate": stats.norm(1, 0.1)},
+        returns="curve",
+    )
+    frame = pd.DataFrame({"t": np.tile(np.linspace(0, 9, 10), 2), "start": np.repeat([0.5, 1], 10)})
+    cause = hs.Offset().prepare(context_of(frame, simulator))
+    source, expected = written([cause], frame, simulator)
+    np.testing.assert_allclose(run(source, curve, frame=frame), expected, rtol=1e-9)
+
+
+class Drag(hs.Cause):
+    kind = "air-drag"
+    target = "t"
+    parameters = {"strength": stats.halfnorm(scale=0.5)}
+    coefficients = ("amplitude",)
+
+    def columns(self, X, theta):
+        return (1 - np.exp(-theta["strength"] * X["t"] ** 3))[:, None]
+
+
+class Late(hs.Cause):
+    kind = "late"
+    target = "t"
+    parameters = {"lag": stats.norm(0, 0.5)}
+
+    def inputs(self, X, omega, theta):
+        return {**X, "t": X["t"] - theta["lag"]}, omega
+
+    def gain(self, X, theta):
+        return 1 + theta["lag"] ** 2
+
+
+class SteepTrend(hs.Trend):
+    def columns(self, X, theta):
+        return 3 * super().columns(X, theta)
+
+
+@pytest.mark.parametrize(
+    "cause", [Drag(), Late(), SteepTrend("t")], ids=lambda cause: type(cause).__name__
+)
+def test_a_cause_of_the_users_own_is_an_argument(cause):
+    cause = cause.prepare(context_of())
+    source, expected = written([cause])
+    found = run(source, SIMULATOR.function, cause)
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    assert type(cause).__name__ in source
+
+
+def test_an_earlier_change_of_the_dynamics_is_kept():
+    """An extended simulation is diagnosed again: its numbers are parameters by then."""
+    context = context_of(TIMES, make_epidemic(max_step=0.1))
+    change = hs.DynamicTerm("i", "saturating").prepare(context)
+    priors = {change.modification.full(k): v for k, v in change.parameters.items()}
+    simulator = make_epidemic(max_step=0.1).modified([change.modification], priors)
+    cause = hs.DynamicDrift("contact_rate", "exponential").prepare(context_of(TIMES, simulator))
+    source, expected = written([cause], TIMES, simulator)
+    found = run(source, sir, second, frame=TIMES)
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-7)
+
+
+def test_nothing_found_is_the_simulation():
+    source, expected = written([])
+    np.testing.assert_allclose(run(source, SIMULATOR.function), expected, rtol=1e-12)
+
+
+# ------------------------------------------------------------------------------------ clean code
+
+
+@pytest.mark.parametrize("what", ["check", "format"])
+def test_what_is_written_is_clean(tmp_path, what):
+    pytest.importorskip("ruff")
+    for k, cause in enumerate(catalogue(context_of())[0]):
+        (tmp_path / f"plain_{k}.py").write_text(written([cause])[0], encoding="utf-8")
+    for k, cause in enumerate(in_the_dynamics()):
+        source, _ = written([cause], TIMES, make_epidemic(max_step=1.0))
+        (tmp_path / f"ode_{k}.py").write_text(source, encoding="utf-8")
+    for k, effects in enumerate(COMBINATIONS.values()):
+        causes = [cause.prepare(context_of()) for cause in effects]
+        (tmp_path / f"several_{k}.py").write_text(written(causes)[0], encoding="utf-8")
+    config = ["--config", str(ROOT / "pyproject.toml"), "--no-cache"]
+    options = {
+        "check": ["--ignore", "D100,INP"],
+        "format": ["--check", "--diff", "--line-length", "88"],
+    }
+    ran = subprocess.run(
+        [sys.executable, "-m", "ruff", what, *config, *options[what], str(tmp_path)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ran.returncode == 0, ran.stdout + ran.stderr
