@@ -286,8 +286,18 @@ class _Part:
     code: Code
     function: str
     ids: Mapping[str, str]
-    # arguments of the function after its columns, and what their defaults are
+    # arguments of `extended`, and what their defaults are
     numbers: Mapping[str, str]
+
+    @property
+    def inside(self) -> dict[str, str]:
+        """What names in braces are in the cause's function, in which numbers are called shortly."""
+        code = self.code
+        others = {name for key, name in self.ids.items() if key not in code.numbers}
+        return {
+            **self.ids,
+            **{k: k for k in code.numbers if k not in others and k not in _RESERVED},
+        }
 
 
 class _Parts:
@@ -691,10 +701,11 @@ def _numbers_of(part: _Part) -> list[str]:
 
 
 def _function(part: _Part, model: ExtendedModel) -> str:
-    code, ids = part.code, part.ids
+    code, ids = part.code, part.inside
+    short = {part.ids[key]: ids[key] for key in part.ids}
     arguments = _arguments_of(part)
     arguments += [
-        f"{name}={part.numbers[name]}" if name in part.numbers else name
+        f"{short.get(name, name)}={part.numbers[name]}" if name in part.numbers else short[name]
         for name in _numbers_of(part)
     ]
     lines = [_definition(part.function, arguments), f'    """{_does(part, model)}"""']

@@ -146,7 +146,7 @@ class Autocorrelation(OverColumn):
     def code(self) -> Code:
         """Return the cause as Python."""
         return Code(
-            "{amplitude} ** 2 * np.exp(-np.abs({x} - {other}) / {length})",
+            "{amplitude}**2 * np.exp(-np.abs({x} - {other}) / {length})",
             {"length": "{x}", "amplitude": "{y}"},
             {"x": self.column},
             arguments={"other": f"{self.column} of another row"},

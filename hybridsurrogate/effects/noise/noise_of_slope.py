@@ -101,7 +101,7 @@ class NoiseOfSlope(Cause):
         """Return the cause as Python."""
         over = f"slope of the simulated output over {self.quantity}"
         return Code(
-            "np.sqrt({sigma} ** 2 + ({spread} * {slope}) ** 2)",
+            "np.sqrt({sigma}**2 + ({spread} * {slope}) ** 2)",
             {"spread": "{of}"},
             of=self.quantity,
             arguments={"slope": over},

@@ -139,10 +139,15 @@ class GaussianProcessDiscrepancy(Cause):
         grids = {f"grid{k}": (*self._ends(name), _PLACES[1]) for k, name in enumerate(names)}
         if len(names) == 2:
             grids = {name: (low, high, _PLACES[2]) for name, (low, high, _) in grids.items()}
-            held = ", ".join(f"np.clip({{x{k}}}, {{grid{k}}}[0], {{grid{k}}}[-1])" for k in (0, 1))
-            surface = "RectBivariateSpline({grid0}, {grid1}, {table0})"
+            held = {
+                f"held{k}": f"np.clip({{x{k}}}, {{grid{k}}}[0], {{grid{k}}}[-1])" for k in (0, 1)
+            }
             return Code(
-                f"{surface}({held}, grid=False)", columns=x, grids=grids, tables=self._tables
+                "{surface}({held0}, {held1}, grid=False)",
+                columns=x,
+                steps={"surface": "RectBivariateSpline({grid0}, {grid1}, {table0})", **held},
+                grids=grids,
+                tables=self._tables,
             )
         curves = [f"np.interp({{x{k}}}, {{grid{k}}}, {{table{k}}})" for k in range(len(names))]
         return Code(" + ".join(curves), columns=x, grids=grids, tables=self._tables)

@@ -138,12 +138,14 @@ class Periodic(OverColumn):
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        wave = "{amplitude} * np.cos(2 * np.pi * ({x} - {peak}) / {period})"
+        whole, steps = "{amplitude} * np.cos({angle})", {}
+        steps["angle"] = "2 * np.pi * ({x} - {peak}) / {period}"
         numbers = {"period": "{x}", "amplitude": "{y}", "peak": "{x}"}
         if self.harmonics == 2:
-            wave += " + {overtone} * np.cos(4 * np.pi * ({x} - {overtone_peak}) / {period})"
+            whole += " + {overtone} * np.cos({overtone_angle})"
+            steps["overtone_angle"] = "4 * np.pi * ({x} - {overtone_peak}) / {period}"
             numbers |= {"overtone": "{y}", "overtone_peak": "{x}"}
-        return Code(wave, numbers, {"x": self.column})
+        return Code(whole, numbers, {"x": self.column}, steps=steps)
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
