@@ -125,8 +125,8 @@ def extended_model(diagnosis: Any, units: Mapping[str, str] | None = None) -> Ex
         For units of what there is not, or that are no text.
     """
     estimator, posterior = diagnosis.estimator_, leading(diagnosis.extended_estimator_).posterior_
-    model, simulation = posterior.model, estimator.simulation_
-    simulator = estimator.simulation.simulator
+    model, simulation = posterior.model, estimator.simulation
+    simulator = simulation.simulator
     ode = simulator if isinstance(simulator, OdeSimulator) else None
     states = ode.states if ode is not None else ()
     names = [*model.columns, *simulation.outputs, *simulation.parameter_ranges, *states]

@@ -1,22 +1,28 @@
 """The extended model as Python: what is written, imported, is the extended simulator."""
 
+import importlib
+import re
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 from epidemic import make_epidemic, second, sir
 from scipy import stats
+from sklearn.exceptions import NotFittedError
 from tide import FRAME, SIMULATOR, context_of
 
 import hybridsurrogate as hs
 from hybridsurrogate.catalogue import catalogue
+from hybridsurrogate.datasets import make_log_sin
 from hybridsurrogate.diagnosis.answers.python_code import (
     ExtendedModel,
     FittedCause,
+    extended_model,
     python_source,
 )
 from hybridsurrogate.diagnosis.answers.table import form_of
@@ -65,9 +71,11 @@ def one_draw(posterior_model, causes, values, coefficients):
     return out
 
 
-def written(causes, frame=FRAME, simulator=SIMULATOR, likelihood="normal", seed=0, **changes):
+def written(
+    causes, frame=FRAME, simulator=SIMULATOR, likelihood="normal", expected=True, **changes
+):
     """Return a module of causes at random numbers, and what the fitted model gives there."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     problem = problem_of(frame, simulator, likelihood)
     model = problem.model.with_effects(causes)
     values = model.values(0.5 * rng.standard_normal((1, model.n_unknowns)))
@@ -86,6 +94,8 @@ def written(causes, frame=FRAME, simulator=SIMULATOR, likelihood="normal", seed=
         sizes=tuple(sizes),
     )
     source = python_source(replace(extended, **changes))
+    if not expected:
+        return source, None
     parts = model.parts(problem.X, values)
     eta = parts.known[0]
     if parts.columns.shape[-1] and any(c.changes_output for c in causes):
@@ -394,26 +404,238 @@ def test_nothing_found_is_the_simulation():
 # ------------------------------------------------------------------------------------ clean code
 
 
-@pytest.mark.parametrize("what", ["check", "format"])
-def test_what_is_written_is_clean(tmp_path, what):
-    pytest.importorskip("ruff")
-    for k, cause in enumerate(catalogue(context_of())[0]):
-        (tmp_path / f"plain_{k}.py").write_text(written([cause])[0], encoding="utf-8")
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder of modules: each form, in the dynamics too, and several causes at once."""
+    folder = tmp_path_factory.mktemp("written")
+    forms = {form_of(cause).partition(" over")[0]: cause for cause in catalogue(context_of())[0]}
+    sets = [[cause] for cause in forms.values()]
+    sets += [[cause.prepare(context_of()) for cause in some] for some in COMBINATIONS.values()]
+    for k, causes in enumerate(sets):
+        source, _ = written(causes, expected=False)
+        (folder / f"plain_{k}.py").write_text(source, encoding="utf-8")
     for k, cause in enumerate(in_the_dynamics()):
-        source, _ = written([cause], TIMES, make_epidemic(max_step=1.0))
-        (tmp_path / f"ode_{k}.py").write_text(source, encoding="utf-8")
-    for k, effects in enumerate(COMBINATIONS.values()):
-        causes = [cause.prepare(context_of()) for cause in effects]
-        (tmp_path / f"several_{k}.py").write_text(written(causes)[0], encoding="utf-8")
+        source, _ = written([cause], TIMES, make_epidemic(max_step=1.0), expected=False)
+        (folder / f"ode_{k}.py").write_text(source, encoding="utf-8")
+    return folder
+
+
+@pytest.mark.parametrize("what", ["check", "format"])
+def test_what_is_written_is_clean(folder, what):
+    pytest.importorskip("ruff")
     config = ["--config", str(ROOT / "pyproject.toml"), "--no-cache"]
     options = {
         "check": ["--ignore", "D100,INP"],
         "format": ["--check", "--diff", "--line-length", "88"],
     }
     ran = subprocess.run(
-        [sys.executable, "-m", "ruff", what, *config, *options[what], str(tmp_path)],
+        [sys.executable, "-m", "ruff", what, *config, *options[what], str(folder)],
         capture_output=True,
         text=True,
         check=False,
     )
     assert ran.returncode == 0, ran.stdout + ran.stderr
+
+
+# --------------------------------------------------------------------------------------- fits
+
+
+def of_one_draw(model, X, y):
+    """Return a fit of few draws as a diagnosis has it, with one draw left, and that draw's eta."""
+    fitted = model.fit(X, y)
+    fitted.posterior_ = fitted.posterior_.take(np.array([3]))
+    facts = {"found_causes_": [], "verdict_": "named", "probability_right_": None}
+    diagnosis = SimpleNamespace(
+        estimator_=fitted, extended_estimator_=fitted, estimator=model, random_state=0, **facts
+    )
+    eta, _ = fitted.posterior_.eta(fitted.checked_rows(X))
+    return python_source(extended_model(diagnosis)), fitted, eta
+
+
+def surrogate(simulator, **options):
+    exact = hs.ExactSurrogate()
+    options = {"n_draws": 20, "sampler": "importance", "random_state": 0, **options}
+    return hs.PowerScaledSurrogate(simulator, surrogate=exact, **options)
+
+
+def level_and_flow(t, a, k):
+    level = a * np.exp(-k * t)
+    return level, 30 * k * level
+
+
+def as_dict(t, a, k):
+    level, flow = level_and_flow(t, a, k)
+    return {"q": flow, "unused": flow, "h": level}
+
+
+@pytest.mark.filterwarnings("ignore::hybridsurrogate.exceptions.SamplingWarning")
+@pytest.mark.parametrize(
+    "effects",
+    [
+        [hs.InOutput(hs.Periodic("t"), "q")],
+        [hs.InOutput(hs.Gain(), "h"), hs.InOutput(hs.Trend("t"), "q")],
+        [hs.InOutput(hs.SensorResponse(), "q")],
+        [hs.InOutput(hs.Limit(), "q"), hs.Delay("t")],
+        [hs.ParameterDrift("k", "t", shape="logistic")],
+        [hs.InOutput(hs.GaussianProcessDiscrepancy(), "q")],
+        [hs.InOutput(hs.Noise("t"), "q")],
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("function", [level_and_flow, as_dict])
+def test_several_outputs(effects, function):
+    priors = {"a": hs.truncated_normal(2, 0.5, 0.5, 4), "k": hs.truncated_normal(0.3, 0.1, 0, 0.8)}
+    simulator = hs.Simulator(function, {"t": (0, 10)}, priors, output=("h", "q"))
+    t = np.linspace(0, 10, 40)
+    Y = np.column_stack(level_and_flow(t, 2.0, 0.25)) + 0.1 * np.cos(9 * t)[:, None]
+    source, fitted, eta = of_one_draw(surrogate(simulator, effects=effects), t[:, None], Y)
+    found = imported(source)["extended"](function, t)
+    expected = fitted.stacking_.back(eta)[0]
+    curve = effects[0].kind == "unexplained"
+    together = np.column_stack([found["h"], found["q"]])
+    np.testing.assert_allclose(together, expected, rtol=1e-6, atol=1e-3 if curve else 1e-9)
+
+
+@pytest.mark.filterwarnings("ignore::hybridsurrogate.exceptions.SamplingWarning")
+@pytest.mark.parametrize("how", ["spread", "own"])
+def test_experiments_keep_their_names(how):
+    simulator = hs.Simulator(
+        lambda t, rate, start: start * np.exp(-rate * t),
+        {"t": (0, 5)},
+        {"rate": hs.truncated_normal(1, 0.5, 0.1, 3), "start": stats.norm(5, 1)},
+    )
+    t = np.tile(np.linspace(0, 5, 10), 3)
+    frame = pd.DataFrame({"t": t, "batch": np.repeat(["A", "B", "C 3"], 10)})
+    y = 5 * np.exp(-t * np.repeat([0.7, 1.0, 1.4], 10)) + 0.05 * np.cos(30 * t)
+    model = surrogate(
+        simulator,
+        effects=[hs.MissingInput("batch", shape="categorical", level=1.0), hs.Trend("t")],
+        experiment="batch",
+        by_experiment={"rate": how},
+    )
+    source, _, eta = of_one_draw(model, frame, y)
+    extended = imported(source)["extended"]
+    found = extended(simulator.function, frame["t"], frame["batch"])
+    np.testing.assert_allclose(found, eta[0], rtol=1e-6)
+    assert '"C 3": ' in source
+    # one that was not measured is as all together
+    assert np.isfinite(extended(simulator.function, t, "D")).all()
+
+
+def restarted(t, state, rate, source):
+    return source - rate * state
+
+
+def total(state, rate):
+    return {"level": state[0], "flow": rate * state[0]}
+
+
+def beginning(start):
+    return {"level": start}
+
+
+@pytest.mark.filterwarnings("ignore::hybridsurrogate.exceptions.SamplingWarning")
+def test_dynamics_of_experiments_with_an_input_and_a_start():
+    simulator = hs.OdeSimulator(
+        restarted,
+        beginning,
+        total,
+        inputs={"t": (0, 5), "source": (0, 2)},
+        parameters={"rate": stats.uniform(0.3, 1), "start": stats.uniform(5, 10)},
+        states="level",
+        output=("level", "flow"),
+        max_step=0.05,
+    )
+    frame = pd.DataFrame(
+        {
+            "t": np.tile(np.linspace(0, 5, 12), 2),
+            "source": np.repeat([0.5, 1.5], 12),
+            "run": np.repeat([1.0, 2.0], 12),
+        }
+    )
+    Y = simulator(frame[["t", "source"]], np.tile([0.7, 8.0], (24, 1)))
+    effects = [hs.TermByExperiment("level", "run"), hs.InOutput(hs.Offset(), "flow")]
+    model = surrogate(simulator, effects=effects)
+    source, fitted, eta = of_one_draw(model, frame, Y + 0.1 * np.cos(9 * Y))
+    module = imported(source)
+    found = module["extended"](restarted, beginning, total, *frame.to_numpy().T)
+    expected = fitted.stacking_.back(eta)[0]
+    np.testing.assert_allclose(np.column_stack(list(found.values())), expected, rtol=1e-4)
+
+
+@pytest.fixture(scope="module")
+def diagnosed():
+    case = make_log_sin(random_state=0)
+    model = hs.PowerScaledSurrogate(case.simulator, surrogate=hs.ExactSurrogate(), random_state=0)
+    return case, hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(case.X, case.y)
+
+
+def test_the_module_of_a_diagnosis(diagnosed):
+    case, diagnosis = diagnosed
+    source = diagnosis.to_python(units={"x": "s", "y": "kg"})
+    module = imported(source)
+    x = np.asarray(case.X)[:, 0]
+    found = module["extended"](case.simulator.function, x)
+    leading = diagnosis.extended_estimator_.estimators_[0]
+    # what it gives at the means of the numbers is a probable curve of the fitted model
+    low, high = np.quantile(leading.sample_predictive_mean(case.X), [0.05, 0.95], axis=0)
+    assert np.all((low < found) & (found < high))
+    mean, low, high = diagnosis.best_cause_.estimates["amplitude"]
+    assert module["AMPLITUDE"] == pytest.approx(mean, rel=1e-4)
+    line = next(line for line in source.splitlines() if line.startswith("AMPLITUDE"))
+    assert re.search(r"90 %: (\S+) to (\S+) \[kg\]$", line)
+    assert low < mean < high
+    for part in (
+        f"Verdict: {diagnosis.verdict_}",
+        f"hybridsurrogate {hs.__version__}",
+        "random_state=0",
+        "from hybridsurrogate.datasets.log_sin import logarithmic_growth",
+    ):
+        assert part in source
+    # the report shows it: the same whenever and wherever it is written
+    assert source == diagnosis.to_python(units={"x": "s", "y": "kg"})
+    assert not re.search(r"""[\s"']/\w|20\d\d-\d\d""", source)
+
+
+def test_the_extended_simulator_is_the_module(diagnosed):
+    case, diagnosis = diagnosed
+    module = imported(diagnosis.to_python())
+    extended = diagnosis.extended_simulator_
+    assert extended.parameter_names == ("omega", "period", "sine", "cosine")
+    x = np.random.default_rng(0).uniform(1, 100, 50)
+    numbers = [0.9, 70.0, 0.3, -0.4]
+    expected = extended(x[:, None], np.tile(numbers, (50, 1)))
+    (cause,) = (e for e in diagnosis.extended_estimator_.effects if e.is_learned)
+    told = cause.estimates(
+        {"period": np.array([70.0])}, {"sine": np.array([0.3]), "cosine": np.array([-0.4])}
+    )
+    own = {name: float(value[0]) for name, value in told.items()}
+    found = module["extended"](case.simulator.function, x, omega=0.9, **own)
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_a_file_is_written_whole(diagnosed, tmp_path, monkeypatch):
+    _, diagnosis = diagnosed
+    path = tmp_path / "extended.py"
+    assert diagnosis.to_python(path) is None
+    assert path.read_text(encoding="utf-8") == diagnosis.to_python()
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "extended", raising=False)
+    assert callable(importlib.import_module("extended").extended)
+    with pytest.raises(FileNotFoundError, match=r"the folder .* does not exist"):
+        diagnosis.to_python(tmp_path / "nowhere" / "extended.py")
+    with pytest.raises(IsADirectoryError, match="is a folder"):
+        diagnosis.to_python(tmp_path)
+    with pytest.raises(ValueError, match=r"there is no 'co2'; there are x, y, omega"):
+        diagnosis.to_python(path, units={"co2": "ppm"})
+    with pytest.raises(TypeError, match="unit of 'x' must be text"):
+        diagnosis.to_python(path, units={"x": 3})
+    with pytest.raises(TypeError, match="units must be a dict"):
+        diagnosis.to_python(path, units="ppm")
+    assert path.read_text(encoding="utf-8") == diagnosis.to_python()
+    assert [one.name for one in tmp_path.iterdir() if one.suffix == ".py"] == ["extended.py"]
+
+
+def test_a_diagnosis_that_is_not_fitted():
+    with pytest.raises(NotFittedError):
+        hs.DiscrepancyDiagnosis().to_python()
