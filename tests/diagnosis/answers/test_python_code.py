@@ -19,13 +19,9 @@ from tide import FRAME, SIMULATOR, context_of
 import hybridsurrogate as hs
 from hybridsurrogate.catalogue import catalogue
 from hybridsurrogate.datasets import make_log_sin
-from hybridsurrogate.diagnosis.answers.python_code import (
-    ExtendedModel,
-    FittedCause,
-    extended_model,
-    python_source,
-)
+from hybridsurrogate.diagnosis.answers.python_code import extended_model, python_source
 from hybridsurrogate.diagnosis.answers.table import form_of
+from hybridsurrogate.diagnosis.source.extended_model import ExtendedModel, FittedCause
 from hybridsurrogate.effects.base import NOISE_SD
 from hybridsurrogate.effects.registry import FORMS
 from hybridsurrogate.likelihoods import Binomial, as_likelihood
