@@ -54,7 +54,7 @@ def extended_model(diagnosis: Any, units: Mapping[str, str] | None = None) -> Ex
     if experiments is not None and experiments.labels is not None:
         labels = {experiments.column: experiments.labels}
     return ExtendedModel(
-        name=simulation.name if simulator is None else simulator.name,
+        name=f"of {simulation.output}" if simulator is None else simulator.name,
         inputs=tuple(simulation.input_names),
         outputs=tuple(simulation.outputs),
         parameters=dict(zip(model.parameters, posterior.values.T, strict=False)),
@@ -113,6 +113,9 @@ def _about(diagnosis: Any) -> list[str]:
     right = diagnosis.probability_right_
     sure = "" if right is None else f" The name is right with a probability of {percent(right)}."
     text = [f"Verdict: {diagnosis.verdict_}.{sure}"]
+    if diagnosis.verdict_ == "ambiguous":
+        alike = listing(list(diagnosis.indistinguishable_))
+        text.append(f"Causes that together have 90 % of the probability: {alike}.")
     for finding in diagnosis.found_causes_:
         if finding.kind != "none":
             text.append(f"{finding.kind}: {finding.formula}.")

@@ -235,10 +235,7 @@ def _changed_by_own(
     parts: Parts, own: tuple[FittedCause, str, dict[str, str]], var: str
 ) -> list[str]:
     one, name, numbers = own
-    columns = (
-        f"{{{', '.join(f'{literal(key)}: {column}' for key, column in parts.columns.items())}}}"
-    )
-    lines = [f"    columns, numbers = {columns}, {_theta(one, numbers)}"]
+    lines = [f"    columns, numbers = {dict_of(parts.columns)}, {_theta(one, numbers)}"]
     of_rows = f"np.full(len({var}), value) for key, value in numbers.items()"
     lines.append(f"    numbers = {{key: {of_rows}}}")
     if one.cause.responds:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import keyword
 import math
 import re
 import textwrap
+import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -16,12 +16,9 @@ from hybridsurrogate.effects.notation import digits_at
 from hybridsurrogate.priors import FloatArray
 
 WIDTH = 88
-
-
 # digits of a default beyond those of its interval: rounding is no part of the error
 _DIGITS = 6
-
-
+# what modules call things themselves, and what is hard to read
 RESERVED = re.findall(
     r"\w+",
     "np solve_ivp RectBivariateSpline float dict zip list len isinstance min max enumerate tuple "
@@ -40,7 +37,8 @@ class Names:
 
     def new(self, text: str) -> str:
         """Return an identifier that is like a text, and none that is taken."""
-        name = re.sub(r"\W", "_", text).strip() or "x"
+        # Python reads identifiers in this form, in which two may be one
+        name = re.sub(r"\W", "_", unicodedata.normalize("NFKC", text)) or "x"
         name = name if name.strip("_") else "x" + name
         name = f"x{name}" if not name.isidentifier() else name
         if keyword.iskeyword(name) or name in self.taken:
@@ -74,8 +72,12 @@ def text_of(value: float) -> str:
 
 
 def literal(text: str) -> str:
-    """Return a string as source, in double quotes."""
-    return json.dumps(text)
+    """Return a string as source, in double quotes; what cannot be printed is escaped."""
+    shown = repr(text)
+    inside = shown[1:-1]
+    if shown.startswith("'"):
+        inside = inside.replace("\\'", "'").replace('"', '\\"')
+    return f'"{inside}"'
 
 
 def tuple_of(texts: Sequence[str]) -> str:
@@ -139,6 +141,7 @@ def keywords(names: Iterable[str], ids: Mapping[str, str]) -> list[str]:
     """Return arguments by name, those with names that are no identifiers in a dict."""
     names = list(names)
     plain = [n for n in names if n.isidentifier() and not keyword.iskeyword(n)]
+    plain = [n for n in plain if unicodedata.normalize("NFKC", n) == n]
     others = [f"{literal(n)}: {ids[n]}" for n in names if n not in plain]
     return [
         *(f"{n}={ids[n]}" for n in plain),

@@ -11,14 +11,14 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from epidemic import make_epidemic, second, sir
+from epidemic import hidden_fall, make_epidemic, second, sir
 from scipy import stats
 from sklearn.exceptions import NotFittedError
 from tide import FRAME, SIMULATOR, context_of
 
 import hybridsurrogate as hs
 from hybridsurrogate.catalogue import catalogue
-from hybridsurrogate.datasets import make_log_sin
+from hybridsurrogate.datasets import load_nile, make_log_sin
 from hybridsurrogate.diagnosis.answers.python_code import extended_model, python_source
 from hybridsurrogate.diagnosis.answers.table import form_of
 from hybridsurrogate.diagnosis.source.extended_model import ExtendedModel, FittedCause
@@ -106,10 +106,10 @@ def run(source, *functions, frame=FRAME, **numbers):
     return extended(*functions, **rows, **numbers)
 
 
-def cases(context, like=""):
-    """Return one cause of each form and column of the catalogue, by name."""
-    causes = catalogue(context)[0]
-    return [pytest.param(one, id=f"{like}{one.name} {form_of(one)}") for one in causes]
+def cases(context):
+    """Return one cause of each form of the catalogue, over another column where there are more."""
+    forms = {form_of(one).partition(" over")[0]: one for one in catalogue(context)[0]}
+    return [pytest.param(one, id=f"{one.name} {form}") for form, one in forms.items()]
 
 
 def tolerance(cause, expected):
@@ -125,7 +125,7 @@ def test_each_cause_of_the_catalogue(cause):
     np.testing.assert_allclose(found, expected, **tolerance(cause, expected))
 
 
-@pytest.mark.parametrize("cause", cases(context_of(likelihood="lognormal"), "log "))
+@pytest.mark.parametrize("cause", cases(context_of(likelihood="lognormal")))
 def test_each_cause_on_a_logarithmic_scale(cause):
     source, expected = written([cause], likelihood="lognormal")
     found = run(source, SIMULATOR.function)
@@ -244,7 +244,8 @@ def test_a_link_of_the_users_own_is_refused():
 
 def in_the_dynamics():
     context = context_of(TIMES, make_epidemic(max_step=0.5))
-    causes = [c for c in catalogue(context)[0] if c.modification is not None]
+    known = {form_of(c): c for c in catalogue(context)[0] if c.modification is not None}
+    causes = known.values()
     shapes = [hs.DynamicDrift("contact_rate", shape) for shape in ("step", "ramp")]
     return [*causes, *(cause.prepare(context) for cause in shapes)]
 
@@ -311,6 +312,17 @@ def test_names_of_arguments_that_are_no_identifiers():
     cause = hs.Trend("np").prepare(context_of(frame, simulator))
     source, expected = written([cause], frame, simulator)
     found = imported(source)["extended"](fall, frame["wind speed"], frame["np"])
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_names_that_python_reads_alike():
+    micro, greek = "\u00b5", "\u03bc"
+    frame = FRAME.assign(**{micro: FRAME["wind"], greek: FRAME["batch"]})
+    effects = (hs.MissingInput(micro), hs.MissingInput(greek))
+    causes = [cause.prepare(context_of(frame)) for cause in effects]
+    source, expected = written(causes, frame)
+    rows = [frame[name].to_numpy() for name in ("t", "dose", micro, greek)]
+    found = imported(source)["extended"](SIMULATOR.function, *rows)
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
@@ -404,8 +416,7 @@ def test_nothing_found_is_the_simulation():
 def folder(tmp_path_factory):
     """A folder of modules: each form, in the dynamics too, and several causes at once."""
     folder = tmp_path_factory.mktemp("written")
-    forms = {form_of(cause).partition(" over")[0]: cause for cause in catalogue(context_of())[0]}
-    sets = [[cause] for cause in forms.values()]
+    sets = [list(one.values) for one in cases(context_of())]
     sets += [[cause.prepare(context_of()) for cause in some] for some in COMBINATIONS.values()]
     for k, causes in enumerate(sets):
         source, _ = written(causes, expected=False)
@@ -635,3 +646,62 @@ def test_a_file_is_written_whole(diagnosed, tmp_path, monkeypatch):
 def test_a_diagnosis_that_is_not_fitted():
     with pytest.raises(NotFittedError):
         hs.DiscrepancyDiagnosis().to_python()
+
+
+def test_a_diagnosis_from_runs_alone():
+    """The module takes the function all the same, wherever it is run."""
+    case = make_log_sin(random_state=0)
+    runs = case.simulator.run(64, random_state=0)
+    data = hs.SimulationData(
+        runs.X, runs.omega, runs.y, runs.input_ranges, runs.parameters, output="grown"
+    )
+    effects = [hs.Periodic("x")]
+    model = hs.PowerScaledSurrogate(
+        data, beta=0.5, effects=effects, n_draws=50, sampler="importance", random_state=0
+    )
+    source, fitted, _ = of_one_draw(model, case.X, case.y)
+    module = imported(source)
+    x = np.asarray(case.X)[:, 0]
+    assert fitted.simulation.simulator is None
+    found = module["extended"](lambda x, omega: np.zeros_like(x), x)
+    # without a simulation what is left is the cause
+    periods = {name: module[name.upper()] for name in ("period", "amplitude", "peak")}
+    wave = periods["amplitude"] * np.cos(2 * np.pi * (x - periods["peak"]) / periods["period"])
+    np.testing.assert_allclose(found, wave, rtol=1e-12)
+    added = fitted.posterior_.model.added(fitted.checked_rows(case.X), fitted.posterior_.values)
+    np.testing.assert_allclose(wave, added[0] @ fitted.posterior_.effect_coefficients[0], rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_the_dam_on_the_nile():
+    """A step in the flow of the Nile, where the simulation is a constant."""
+    case = load_nile()
+    simulator = case.simulator
+    model = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate(), random_state=0)
+    diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(case.X, case.y)
+    module = imported(diagnosis.to_python())
+    assert diagnosis.best_cause_.kind == "step"
+    found = module["extended"](simulator.function, *np.asarray(case.X).T)
+    leading = diagnosis.extended_estimator_.estimators_[0]
+    low, high = np.quantile(leading.sample_predictive_mean(case.X), [0.01, 0.99], axis=0)
+    # next to the jump some draws are on the other side of it
+    assert np.mean((low <= found) & (found <= high)) > 0.95
+
+
+@pytest.mark.slow
+def test_an_epidemic_whose_contact_rate_falls():
+    t, y = hidden_fall()
+    model = hs.PowerScaledSurrogate(
+        make_epidemic(max_step=0.5),
+        surrogate=hs.ExactSurrogate(),
+        likelihood="lognormal",
+        n_draws=400,
+        random_state=0,
+    )
+    diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(t, y)
+    source = diagnosis.to_python()
+    assert "def right_hand_side(" in source
+    found = imported(source)["extended"](sir, second, t[:, 0])
+    leading = diagnosis.extended_estimator_.estimators_[0]
+    low, high = np.quantile(leading.sample_predictive_mean(t), [0.01, 0.99], axis=0)
+    assert np.all((low <= found) & (found <= high))
