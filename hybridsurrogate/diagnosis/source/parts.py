@@ -121,8 +121,8 @@ class Parts:
         return inline(template.format_map(known))
 
     def _draws(self, one: FittedCause) -> dict[str, FloatArray]:
-        told = one.cause.estimates(one.theta, one.coefficients)
-        return {**one.theta, **one.coefficients, **told}
+        estimates = one.cause.estimates(one.theta, one.coefficients)
+        return {**one.theta, **one.coefficients, **estimates}
 
     def _constant_of_parameters(self) -> None:
         model, self._defaults = self.model, {}
