@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from numbers import Integral
 from typing import Any
 
+import numpy as np
+
 from hybridsurrogate.arguments.description import described
 from hybridsurrogate.diagnosis.source.docstring import docstring
 from hybridsurrogate.diagnosis.source.dynamics import dynamics
@@ -70,6 +72,7 @@ def extended_model(diagnosis: Any, units: Mapping[str, str] | None = None) -> Ex
         units=_checked_units(units, [name for name in names if name != OUTPUT]),
         about=_about(diagnosis),
         functions=_functions_of(simulator),
+        returns_dict=_returns_dict(simulator, estimator.measured_[0], posterior),
     )
 
 
@@ -132,6 +135,26 @@ def _about(diagnosis: Any) -> list[str]:
         for name, seed in seeds.items()
     ]
     return [*text, f"Written by hybridsurrogate {__version__}; {listing(said)}."]
+
+
+def _returns_dict(simulator: Simulator | None, X: FloatArray, posterior: Posterior) -> bool:
+    """Return whether a function of arrays gives its one output in a dict: two rows are run."""
+    quick = simulator is not None and simulator.vectorized and not simulator.is_in_time
+    if simulator is None or not quick or len(simulator.outputs) > 1:
+        return False
+    means = posterior.values.mean(axis=0).tolist()
+    values = {
+        **dict(zip(simulator.input_names, X[0].tolist(), strict=False)),
+        **dict(zip(posterior.model.parameters, means, strict=False)),
+        **{name: constant.value for name, constant in simulator.assumed.items()},
+    }
+    try:
+        with np.errstate(all="ignore"):
+            output = simulator.function(**{name: np.full(2, v) for name, v in values.items()})
+    except Exception:
+        # it may fail in any way, and says so where it is run
+        return False
+    return isinstance(output, Mapping)
 
 
 def _functions_of(simulator: Simulator | None) -> tuple[tuple[str, str], ...]:

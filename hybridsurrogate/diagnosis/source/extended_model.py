@@ -5,10 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from hybridsurrogate.effects.base import Cause, Rows
-from hybridsurrogate.likelihoods import Binomial, Likelihood, Normal
+from hybridsurrogate.likelihoods import Binomial, Likelihood
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.simulator import Simulator
+
+# where a logarithm differs from the identity
+_TRIED = np.array([0.3, 2.0])
 
 
 @dataclass(frozen=True)
@@ -46,6 +51,8 @@ class ExtendedModel:
     units : dict of name to str
     about : sequence of str
         Paragraphs of the docstring.
+    returns_dict : bool
+        Whether a function of one output returns it in a dict.
     """
 
     name: str
@@ -62,6 +69,7 @@ class ExtendedModel:
     units: Mapping[str, str] = field(default_factory=dict)
     about: Sequence[str] = ()
     functions: tuple[tuple[str, str], ...] = ()
+    returns_dict: bool = False
 
 
 def link_of(likelihood: Likelihood) -> tuple[str, str]:
@@ -71,10 +79,12 @@ def link_of(likelihood: Likelihood) -> tuple[str, str]:
         plain = plain.plain
     if isinstance(plain, Binomial):
         return f"logit {plain.trials}", "log odds of "
-    if plain.log_scale:
+    eta = np.asarray(plain.link(_TRIED))
+    if np.allclose(eta, np.log(_TRIED)):
         return "log", "log "
-    if type(plain).link not in (Likelihood.link, Normal.link):
-        raise ValueError(
-            f"The likelihood {plain.name!r} has a link of its own, which is not written as Python."
-        )
-    return "", ""
+    if np.allclose(eta, _TRIED):
+        return "", ""
+    raise ValueError(
+        f"The likelihood {plain.name!r} has a link of its own, which is not written as Python: it "
+        "is neither the output nor its logarithm."
+    )

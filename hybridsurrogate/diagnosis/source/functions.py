@@ -184,6 +184,8 @@ def _run(model: ExtendedModel, parts: Parts, now: Mapping[str, str]) -> list[str
         lines = [call(way, [one, *given], "output = ")]
     else:
         lines = [call(way, ["simulation", *given], "output = ")]
+    if model.returns_dict:
+        lines.append(f"    output = output[{literal(model.outputs[0])}]")
     if several:
         lines.append(
             "    outputs = by_name(output)"
@@ -204,7 +206,9 @@ def _changes(model: ExtendedModel, parts: Parts) -> list[str]:
         if own or parts.own:
             into, back = _scale(parts.link, var)
             changed = [line for part in own for line in _changed(part, var, "responds")]
-            changed += [line for one in parts.own for line in _changed_by_own(parts, one, var)]
+            changed += [
+                line for one in parts.own for line in _changed_by_own(parts, one, name, var)
+            ]
             changed += [line for part in own for line in _changed(part, var, "adds")]
             lines += [*into, *changed, *back]
     return [*lines, f"    return {'outputs' if several else 'output'}"]
@@ -232,14 +236,19 @@ def _changed(part: Part, var: str, does: str) -> list[str]:
 
 
 def _changed_by_own(
-    parts: Parts, own: tuple[FittedCause, str, dict[str, str]], var: str
+    parts: Parts, own: tuple[FittedCause, str, dict[str, str]], output: str, var: str
 ) -> list[str]:
     one, name, numbers = own
+    only, unit = parts.unit_of_own.get(name, (output, 1.0))
+    if only != output:
+        return []
     lines = [f"    columns, numbers = {dict_of(parts.columns)}, {_theta(one, numbers)}"]
     of_rows = f"np.full(len({var}), value) for key, value in numbers.items()"
     lines.append(f"    numbers = {{key: {of_rows}}}")
     if one.cause.responds:
-        lines.append(f"    {var} = {name}.response({var}, columns, numbers)[0]")
+        scaled = (var, "") if unit == 1.0 else (f"{var} / {unit!r}", f"{unit!r} * ")
+        changed = f"{scaled[1]}{name}.response({scaled[0]}, columns, numbers)[0]"
+        lines.append(f"    {var} = {changed}")
     if one.coefficients:
         sizes = ", ".join(list(numbers)[len(one.theta) :])
         lines.append(f"    {var} = {var} + {name}.columns(columns, numbers) @ np.array([{sizes}])")

@@ -90,6 +90,8 @@ class Parts:
         self._constant_of_parameters()
         self.coded: list[Part] = []
         self.own: list[tuple[FittedCause, str, dict[str, str]]] = []
+        # of several outputs the one that such a cause concerns, and the unit that it knows
+        self.unit_of_own: dict[str, tuple[str, float]] = {}
         self._of_simulator()
         for one, code in zip(causes, codes, strict=True):
             if code is None:
@@ -180,18 +182,20 @@ class Parts:
         return self.names.new(f"{function}_{name}" if name in self.names.taken else name)
 
     def _own(self, one: FittedCause) -> tuple[FittedCause, str, dict[str, str]]:
-        if isinstance(one.cause, InOutput):
-            raise ValueError(
-                f"The cause {one.cause.name!r} is not written as Python: give its class a method "
-                "code() that returns a Code, as those of the catalogue have."
-            )
         numbers: dict[str, str] = {}
+        inner, output, scale = one.cause, "", 1.0
+        if isinstance(inner, InOutput):
+            inner, output, scale = inner.cause, inner.output, float(inner.scale or 1.0)
+        sized = {name: scale * draws for name, draws in one.coefficients.items()}
+        one = FittedCause(inner, one.theta, sized)
         self._heading(one.cause)
         own = {**one.theta, **one.coefficients}
         function = self.function_name(one.cause, one.cause.kind, own)
         for name, draws in own.items():
             argument = self._number(function, name)
             numbers[argument] = self._constant(argument, draws)
+        if output:
+            self.unit_of_own[function] = output, scale
         return one, function, numbers
 
     def _part(self, one: FittedCause, code: Code) -> Part:

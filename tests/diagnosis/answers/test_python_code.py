@@ -376,13 +376,21 @@ class Late(hs.Cause):
         return 1 + theta["lag"] ** 2
 
 
+class Weaker(hs.Cause):
+    kind = "weaker"
+    parameters = {"level": stats.norm(0.5, 0.1)}
+
+    def response(self, simulated, X, theta):
+        return simulated**2 * theta["level"], 2 * simulated * theta["level"]
+
+
 class SteepTrend(hs.Trend):
     def columns(self, X, theta):
         return 3 * super().columns(X, theta)
 
 
 @pytest.mark.parametrize(
-    "cause", [Drag(), Late(), SteepTrend("t")], ids=lambda cause: type(cause).__name__
+    "cause", [Drag(), Late(), Weaker(), SteepTrend("t")], ids=lambda cause: type(cause).__name__
 )
 def test_a_cause_of_the_users_own_is_an_argument(cause):
     cause = cause.prepare(context_of())
@@ -470,6 +478,9 @@ def level_and_flow(t, a, k):
     return level, 30 * k * level
 
 
+ASSUMED = {"k": hs.Assumed(0.3, stats.norm(0.3, 0.1))}
+
+
 def as_dict(t, a, k):
     level, flow = level_and_flow(t, a, k)
     return {"q": flow, "unused": flow, "h": level}
@@ -486,6 +497,8 @@ def as_dict(t, a, k):
         [hs.ParameterDrift("k", "t", shape="logistic")],
         [hs.InOutput(hs.GaussianProcessDiscrepancy(), "q")],
         [hs.InOutput(hs.Noise("t"), "q")],
+        [hs.InOutput(Drag(), "q")],
+        [hs.InOutput(Weaker(), "q")],
     ],
     ids=str,
 )
@@ -496,7 +509,9 @@ def test_several_outputs(effects, function):
     t = np.linspace(0, 10, 40)
     Y = np.column_stack(level_and_flow(t, 2.0, 0.25)) + 0.1 * np.cos(9 * t)[:, None]
     source, fitted, eta = of_one_draw(surrogate(simulator, effects=effects), t[:, None], Y)
-    found = imported(source)["extended"](function, t)
+    own = [one.cause for one in effects if isinstance(one, hs.InOutput)][:1]
+    own = [cause for cause in own if "code" not in vars(type(cause))]
+    found = imported(source)["extended"](function, *own, t)
     expected = fitted.stacking_.back(eta)[0]
     curve = effects[0].kind == "unexplained"
     together = np.column_stack([found["h"], found["q"]])
@@ -705,3 +720,12 @@ def test_an_epidemic_whose_contact_rate_falls():
     leading = diagnosis.extended_estimator_.estimators_[0]
     low, high = np.quantile(leading.sample_predictive_mean(t), [0.01, 0.99], axis=0)
     assert np.all((low <= found) & (found <= high))
+
+
+@pytest.mark.filterwarnings("ignore::hybridsurrogate.exceptions.SamplingWarning")
+def test_a_function_that_returns_its_output_in_a_dict():
+    simulator = hs.Simulator(as_dict, {"t": (0, 10)}, {"a": stats.norm(2, 0.5)}, ASSUMED, "h")
+    t = np.linspace(0, 10, 30)
+    y = level_and_flow(t, 2.1, 0.3)[0] + 0.05 * np.cos(9 * t)
+    source, _, eta = of_one_draw(surrogate(simulator, effects=[hs.Offset()]), t[:, None], y)
+    np.testing.assert_allclose(imported(source)["extended"](as_dict, t), eta[0], rtol=1e-9)
