@@ -25,12 +25,16 @@ def docstring(model: ExtendedModel, parts: Parts) -> str:
     if parts.link:
         scale = "logarithm" if parts.link == "log" else "log odds"
         text.append(f"Causes act on the {scale} of the output.")
-    text.append(
-        "Numbers are posterior means, with 90 % intervals; in brackets are units, where a name "
-        "stands for the unit of what it names."
-    )
     text.append(f"The function extended takes {call}.")
+    text.append(
+        "Its defaults are posterior means, with 90 % intervals; in brackets are units, where a "
+        "name stands for the unit of what it names."
+    )
     lines = [line for each in text for line in [*textwrap.wrap(inline(each), WIDTH), ""]]
+    if parts.estimates:
+        width = max(len(name) for name, _, _ in parts.estimates)
+        table = [f"    {n:{width}}  {known} {unit}".rstrip() for n, known, unit in parts.estimates]
+        lines += [*table, ""]
     if model.functions:
         given = [
             *(name for name, _ in model.functions),

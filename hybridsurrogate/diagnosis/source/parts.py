@@ -19,6 +19,7 @@ from hybridsurrogate.diagnosis.source.text import (
     text_of,
     tuple_of,
 )
+from hybridsurrogate.digits import interval
 from hybridsurrogate.effects.base import Cause, Rows
 from hybridsurrogate.effects.code import Code, Table
 from hybridsurrogate.effects.dynamics.dynamic_delay import DynamicDelay
@@ -63,6 +64,8 @@ class Parts:
         self.model = model
         self.names = Names(RESERVED)
         self.constants: list[str] = []
+        # arguments of `extended`, their estimates in words and their units, for a docstring
+        self.estimates: list[tuple[str, str, str]] = []
         simulator = model.simulator
         if len(model.outputs) > 1:
             self.constants.append(f"OUTPUTS = {tuple_of(model.outputs)}")
@@ -149,6 +152,9 @@ class Parts:
         constant = self.names.new(name.upper())
         value, known = estimate(draws)
         unit = f"[{inline(unit)}]" if unit not in ("", "1") else ""
+        if known:
+            ends = np.quantile(draws, [0.05, 0.95]).tolist()
+            self.estimates.append((name, interval(float(np.mean(draws)), *ends), unit))
         words = " ".join(filter(None, [known, note, unit]))
         self.constants.append(f"{constant} = {value}" + (f"  # {words}" if words else ""))
         return constant
