@@ -71,6 +71,7 @@ def extended_model(diagnosis: Any, units: Mapping[str, str] | None = None) -> Ex
         labels=labels,
         units=_checked_units(units, [name for name in names if name != OUTPUT]),
         about=_about(diagnosis),
+        written_by=_written_by(diagnosis),
         functions=_functions_of(simulator),
         returns_dict=_returns_dict(simulator, estimator.measured_[0], posterior),
     )
@@ -110,9 +111,7 @@ def _checked_units(units: Mapping[str, str] | None, names: Sequence[str]) -> dic
 
 
 def _about(diagnosis: Any) -> list[str]:
-    """Return the verdict, what was found, and how."""
-    from hybridsurrogate import __version__
-
+    """Return the verdict and what was found."""
     right = diagnosis.probability_right_
     sure = "" if right is None else f" The name is right with a probability of {percent(right)}."
     text = [f"Verdict: {diagnosis.verdict_}.{sure}"]
@@ -129,12 +128,18 @@ def _about(diagnosis: Any) -> list[str]:
             "is the most probable one, and says nothing of what may be lacking beyond the "
             "measured range."
         )
+    return text
+
+
+def _written_by(diagnosis: Any) -> str:
+    from hybridsurrogate import __version__
+
     seeds = {"diagnosis": diagnosis.random_state, "estimator": diagnosis.estimator.random_state}
     said = [
         f"random_state={seed if isinstance(seed, Integral) else 'not fixed'} of the {name}"
         for name, seed in seeds.items()
     ]
-    return [*text, f"Written by hybridsurrogate {__version__}; {listing(said)}."]
+    return f"Written by hybridsurrogate {__version__}; {listing(said)}."
 
 
 def _returns_dict(simulator: Simulator | None, X: FloatArray, posterior: Posterior) -> bool:
@@ -182,9 +187,9 @@ def python_source(model: ExtendedModel) -> str:
     body.append(extended(model, parts))
     text = "\n\n\n".join([*functions, *body])
     helpers = [HELPERS[name] for name in HELPERS if f"{name}(" in text]
-    if "RectBivariateSpline(" in text:
-        head.append("from scipy.interpolate import RectBivariateSpline")
     if "solve_ivp(" in text:
         head.append("from scipy.integrate import solve_ivp")
+    if "RectBivariateSpline(" in text:
+        head.append("from scipy.interpolate import RectBivariateSpline")
     start = "\n".join([head[0], "", *head[1:], "", *parts.constants])
     return "\n\n\n".join([start, *helpers, text]) + "\n"

@@ -13,14 +13,16 @@ from hybridsurrogate.digits import listing
 def docstring(model: ExtendedModel, parts: Parts) -> str:
     """Return the docstring, quotes included."""
     outputs = listing(list(model.outputs))
-    found = [one.cause.name for one in model.causes if one.cause.is_learned]
+    causes = [one.cause for one in model.causes if one.cause.is_learned]
+    found = [cause.name for cause in causes if cause.changes_output]
     what = f"extended by {listing(found)}" if found else "as it is, its parameters estimated"
     call = listing([*own_arguments(parts), *parts.columns.values()]) if parts.columns else ""
     noise = [part for part in parts.coded if part.code.does == "scatters"]
     text = [f"{outputs[:1].upper()}{outputs[1:]} of the simulation {model.name}, {what}."]
     text += list(model.about)
-    if model.causes and not any(one.cause.changes_output for one in model.causes):
-        text.append("The simulation is as it was; only its parameters were estimated anew.")
+    others = [cause.name for cause in causes if not cause.changes_output]
+    if others:
+        text.append(f"Found, and not in the simulation: {listing(others)}.")
     text += [f"{p.function} is how measurements scatter around it." for p in noise]
     if parts.link:
         scale = "logarithm" if parts.link == "log" else "log odds"
@@ -42,6 +44,7 @@ def docstring(model: ExtendedModel, parts: Parts) -> str:
         ]
         lines += [f"    from {module} import {name}" for name, module in model.functions]
         lines += ["", f"    extended({', '.join([*given, *parts.columns.values()])})", ""]
+    lines += [*textwrap.wrap(inline(model.written_by), WIDTH), ""] if model.written_by else []
     return '"""' + "\n".join(_first_alone(lines, model.name)[:-1]).rstrip('"') + '\n"""'
 
 

@@ -51,6 +51,8 @@ class ExtendedModel:
     units : dict of name to str
     about : sequence of str
         Paragraphs of the docstring.
+    written_by : str
+        Its last one: where the numbers come from.
     returns_dict : bool
         Whether a function of one output returns it in a dict.
     """
@@ -68,6 +70,7 @@ class ExtendedModel:
     labels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     about: Sequence[str] = ()
+    written_by: str = ""
     functions: tuple[tuple[str, str], ...] = ()
     returns_dict: bool = False
 

@@ -192,7 +192,7 @@ def test_noise_is_a_function(cause):
     (theta,) = [{k: np.repeat(v, len(FRAME)) for k, v in one.theta.items()} for one in draws(cause)]
     X = {name: FRAME[name].to_numpy() for name in FRAME} | {"simulated output": simulated}
     np.testing.assert_allclose(found, SIGMA * cause.noise(X, theta), rtol=1e-6)
-    assert "The simulation is as it was" in module["__doc__"].replace("\n", " ")
+    assert "not in the simulation" in module["__doc__"].replace("\n", " ")
 
 
 def draws(cause):
@@ -433,6 +433,16 @@ def folder(tmp_path_factory):
         source, _ = written([cause], TIMES, make_epidemic(max_step=1.0), expected=False)
         (folder / f"ode_{k}.py").write_text(source, encoding="utf-8")
     return folder
+
+
+def test_numpy_is_all_that_is_needed(folder):
+    """And scipy where an ODE is solved or a surface is interpolated."""
+    lines = [line for f in folder.iterdir() for line in f.read_text("utf-8").splitlines()]
+    assert {line for line in lines if re.match(r"(from|import) ", line)} == {
+        "import numpy as np",
+        "from scipy.integrate import solve_ivp",
+        "from scipy.interpolate import RectBivariateSpline",
+    }
 
 
 @pytest.mark.parametrize("what", ["check", "format"])
