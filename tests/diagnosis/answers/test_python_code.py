@@ -743,3 +743,25 @@ def test_a_function_that_returns_its_output_in_a_dict():
     y = level_and_flow(t, 2.1, 0.3)[0] + 0.05 * np.cos(9 * t)
     source, _, eta = of_one_draw(surrogate(simulator, effects=[hs.Offset()]), t[:, None], y)
     np.testing.assert_allclose(imported(source)["extended"](as_dict, t), eta[0], rtol=1e-9)
+
+
+def stiff(t, state, rate):
+    return np.stack([-1000 * rate * (state[0] - np.cos(t)), rate * (state[0] - state[1])])
+
+
+@pytest.mark.parametrize("method", ["rosenbrock", "LSODA"])
+def test_other_solvers(method):
+    simulator = hs.OdeSimulator(
+        stiff,
+        {"fast": 0.0, "slow": 1.0},
+        second,
+        inputs={"t": (0, 5)},
+        parameters={"rate": hs.truncated_normal(1, 0.2, 0.5, 2)},
+        states=("fast", "slow"),
+        method=method,
+    )
+    frame = pd.DataFrame({"t": np.linspace(0, 5, 12)})
+    cause = hs.DynamicTerm("slow").prepare(context_of(frame, simulator))
+    source, expected = written([cause], frame, simulator)
+    found = run(source, stiff, second, frame=frame)
+    np.testing.assert_allclose(found, expected, rtol=1e-4)
