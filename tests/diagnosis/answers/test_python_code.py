@@ -159,6 +159,24 @@ def test_several_causes_at_once(effects):
     np.testing.assert_allclose(run(source, SIMULATOR.function), expected, rtol=1e-9)
 
 
+@pytest.mark.parametrize(
+    "cause", [hs.Friction("gust"), hs.NarrowPrior("height")], ids=lambda cause: cause.name
+)
+def test_what_these_data_do_not_bring_forth(cause):
+    frame = FRAME.assign(gust=FRAME["wind"] - 2)
+    source, expected = written([cause.prepare(context_of(frame))], frame)
+    np.testing.assert_allclose(run(source, SIMULATOR.function, frame=frame), expected, rtol=1e-9)
+
+
+def test_counts_scatter_more():
+    cause = hs.effects.Overdispersion().prepare(context_of(likelihood="poisson"))
+    source, expected = written([cause], likelihood="poisson")
+    np.testing.assert_allclose(run(source, SIMULATOR.function), expected, rtol=1e-9)
+    # the variance of a negative binomial
+    variance = imported(source)["noise_variance"](mean=np.array([4.0, 10.0]), scatter=0.5)
+    np.testing.assert_allclose(variance, [4 + 0.25 * 16, 10 + 0.25 * 100])
+
+
 def test_parameters_and_numbers_are_arguments():
     cause = hs.Periodic("t").prepare(context_of())
     source, _ = written([cause])
@@ -749,7 +767,7 @@ def stiff(t, state, rate):
     return np.stack([-1000 * rate * (state[0] - np.cos(t)), rate * (state[0] - state[1])])
 
 
-@pytest.mark.parametrize("method", ["rosenbrock", "LSODA"])
+@pytest.mark.parametrize("method", ["rosenbrock", pytest.param("LSODA", marks=pytest.mark.slow)])
 def test_other_solvers(method):
     simulator = hs.OdeSimulator(
         stiff,
