@@ -196,8 +196,8 @@ class Posterior:
             out[_free("effect_coefficients", "linear", out)] = self.effect_coefficients
         return out
 
-    def estimates(self, effect: int) -> dict[str, FloatArray]:
-        """Return the draws that one cause reports, in the user's units."""
+    def draws_of(self, effect: int) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+        """Return draws of one cause's own parameters and of its coefficients, by name."""
         first = self.model.n_parameters
         theta = {
             name: self.values[:, first + k]
@@ -211,7 +211,11 @@ class Posterior:
             for k, (owner, name) in enumerate(self.model.column_names)
             if owner == effect
         }
-        told = self.model.effects[effect].estimates(theta, coefficients)
+        return theta, coefficients
+
+    def estimates(self, effect: int) -> dict[str, FloatArray]:
+        """Return the draws that one cause reports, in the user's units."""
+        told = self.model.effects[effect].estimates(*self.draws_of(effect))
         # what is known, as a row that is left out, is the same in every draw
         return {name: np.broadcast_to(values, self.n_draws) for name, values in told.items()}
 

@@ -8,6 +8,7 @@ checks      data, simulation and emulator: is there something to doubt?
 emulation   the simulation as its runs alone tell it
 search      screen every cause, score those that lead, accept, repeat
 answers     verdict tables, discrepancy, findings, extended simulation, next measurement
+source      the extended model as Python source
 validation  the whole search repeated on folds: what the extension gains
 report      text and HTML
 """

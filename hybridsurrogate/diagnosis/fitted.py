@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from numbers import Integral
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -22,6 +23,7 @@ from hybridsurrogate.diagnosis.answers.experimental_design import (
 )
 from hybridsurrogate.diagnosis.answers.monitor import Monitor, joined, monitored
 from hybridsurrogate.diagnosis.answers.next_runs import next_runs
+from hybridsurrogate.diagnosis.answers.python_code import extended_model, python_source
 from hybridsurrogate.diagnosis.answers.result import DiagnosisResult
 from hybridsurrogate.diagnosis.search.evidence import Search
 from hybridsurrogate.diagnosis.stored import restored, stored
@@ -30,6 +32,7 @@ from hybridsurrogate.diagnosis.validation.gain import Gain, gain_from, pointwise
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.rows import without_gaps
 from hybridsurrogate.simulation.arrays import complete_table
+from hybridsurrogate.whole_file import check_writable, written_whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -335,6 +338,61 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         return self.extended_estimator_.score(X, y, sample_weight)
+
+    def to_python(
+        self,
+        path: str | os.PathLike[str] | None = None,
+        units: Mapping[str, str] | None = None,
+    ) -> str | None:
+        """Write the extended model as a Python module of its own, or return its source.
+
+        Its function ``extended`` takes your simulation, measured columns and, with their estimates
+        as defaults, the parameters; each cause is a function of its own. Of an `OdeSimulator` it
+        takes ``rhs`` and ``observe``, and solves the changed equations by scipy. It holds the
+        causes that were found, not the average over all explanations.
+
+        Parameters
+        ----------
+        path : str, path or None, default=None
+            The file; None: the source is returned.
+        units : mapping of name to str or None, default=None
+            Units of measured columns, outputs and parameters, such as ``{"co2": "ppm"}``; without
+            them a column's name stands for its unit.
+
+        Returns
+        -------
+        str or None
+            None where a file was written.
+
+        Raises
+        ------
+        OSError
+            Where no such file can be written; one that is there is replaced as a whole.
+        ValueError, TypeError
+            For units of what there is not, and for a cause or likelihood of the user's own that
+            has no expression.
+
+        Examples
+        --------
+        >>> import hybridsurrogate as hs
+        >>> from hybridsurrogate.datasets import make_log_sin
+        >>> case = make_log_sin(random_state=0)
+        >>> model = hs.PowerScaledSurrogate(
+        ...     case.simulator, surrogate=hs.ExactSurrogate(), random_state=0)
+        >>> diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0)
+        >>> source = diagnosis.fit(case.X, case.y).to_python()
+        >>> "def periodic(" in source, "def extended(" in source
+        (True, True)
+        """
+        check_is_fitted(self)
+        if path is not None:
+            check_writable(path)
+        source = python_source(extended_model(self, units))
+        if path is None:
+            return source
+        with written_whole(path) as part:
+            part.write_text(source, encoding="utf-8")
+        return None
 
     def report(
         self,

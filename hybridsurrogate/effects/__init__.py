@@ -1,10 +1,10 @@
 """The catalogue of causes: one small file a kind, which registers itself.
 
 registry (what a file registers), base (the methods of a cause), context (what it may know of
-the data), in_output (a cause in one of several outputs), over_column, sized, picture, notation;
-then rooms by what a cause changes: output (added to it), response (made of it), parameters, inputs,
-dynamics, noise. Imports of today's causes below serve type checkers and editors: a new file needs
-none.
+the data), in_output (a cause in one of several outputs), over_column, sized, picture, notation,
+code (a cause as Python); then rooms by what a cause changes: output (added to it), response (made
+of it), parameters, inputs, dynamics, noise. Imports of today's causes below serve type checkers and
+editors: a new file needs none.
 """
 
 from typing import TYPE_CHECKING

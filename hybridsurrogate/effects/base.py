@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.base import BaseEstimator
 
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.context import Context, Rows
 from hybridsurrogate.effects.notation import word
 from hybridsurrogate.priors import FloatArray, Prior
@@ -335,6 +336,13 @@ class Cause(BaseEstimator):
         values : dict of name to float
         """
         return word(self.formula(values))
+
+    def code(self) -> Code | None:
+        """Return the cause as Python, for `DiscrepancyDiagnosis.to_python`.
+
+        None: a module that is written takes the cause itself as an argument.
+        """
+        return None
 
     @property
     def replaces(self) -> str | None:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import Prior
 from hybridsurrogate.simulation.outputs import OUTPUT
@@ -182,6 +183,20 @@ class InOutput(Cause):
         # an amplitude that is not linear is that of a process
         theta = {k: scale * v if k == "amplitude" else v for k, v in theta.items()}
         return self.cause.estimates(theta, own)
+
+    def code(self) -> Code | None:
+        """Return that of the cause, for this output."""
+        code = self.cause.code()
+        if code is None:
+            return None
+        tables, scale = code.tables, 1.0 if self.scale is None else self.scale
+
+        def scaled(theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+            assert tables is not None
+            found = tables(theta, coefficients)
+            return {name: scale * values for name, values in found.items()}
+
+        return replace(code, output=self.output, tables=scaled if tables else None)
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

@@ -6,6 +6,7 @@ failures             parameters for which the simulation fails
 discrepancy          where and how much the simulation is wrong
 finding              what was found, in numbers and formulas
 extension            the user's simulation with a cause in it
+python_code          the extended model as a Python module
 unknown_beyond       the remainder that an extension keeps beyond the measured range
 experimental_design  where one more measurement tells most
 next_runs            which further runs settle most

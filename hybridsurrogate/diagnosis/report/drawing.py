@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from hybridsurrogate.diagnosis.report.section import Drawn
 from hybridsurrogate.diagnosis.report.settings import SETTINGS
@@ -47,7 +48,7 @@ def _numbers(axes: Sequence[Axes]) -> pd.DataFrame:
                 pd.DataFrame({"x": x, "y": y}).assign(series=name.lstrip("_"), panel=panel)
             )
         for bar in ax.patches:
-            if hasattr(bar, "get_width"):
+            if isinstance(bar, Rectangle):
                 y = bar.get_y() + bar.get_height() / 2
                 parts.append(
                     pd.DataFrame({"x": [bar.get_width()], "y": [y]}).assign(

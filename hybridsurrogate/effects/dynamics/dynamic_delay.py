@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.dynamics.dynamic import Dynamic
 from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.over_column import span_and_spacing
@@ -92,6 +93,10 @@ class DynamicDelay(Dynamic):
     def start(self) -> dict[str, float]:
         """Return nothing: at a lag of zero the prior ends, so lags are enumerated."""
         return {}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code("{lag}", {"lag": "{t}"}, does="delays", of=self.state)
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

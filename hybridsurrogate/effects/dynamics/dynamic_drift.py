@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.dynamics.dynamic import NEEDS_ODE, Dynamic
 from hybridsurrogate.effects.notation import (
     SIMULATION,
@@ -26,6 +27,27 @@ from hybridsurrogate.priors import Prior, frozen, prior_sd, truncated_normal
 _N_LOCATIONS, _N_WIDTHS = 20, 4
 # halving and doubling are ordinary, but not of what is known to a per cent
 _LARGEST_CHANGE, _CHANGE_PER_DOUBT = 0.7, 3.0
+
+# the factor on the parameter by shape, and the units of its numbers
+_CODE = {
+    "step": (
+        "1 + {amount} / 2 * (1 + np.tanh(({t} - {location}) / {step}))",
+        {"amount": "1", "location": "{t}"},
+    ),
+    "ramp": (
+        "1 + {amount} * np.clip(({t} - {location}) / {duration}, 0, 1)",
+        {"amount": "1", "location": "{t}", "duration": "{t}"},
+    ),
+    "logistic": (
+        "1 + {amount} / 2 * (1 + np.tanh(({t} - {location}) / (2 * {width})))",
+        {"amount": "1", "location": "{t}", "width": "{t}"},
+    ),
+    "exponential": ("np.exp({rate} * ({t} - {center}))", {"rate": "1 / {t}"}),
+    "periodic": (
+        "1 + {sine} * np.sin({angle}) + {cosine} * np.cos({angle})",
+        {"sine": "1", "cosine": "1", "period": "{t}"},
+    ),
+}
 
 
 class DynamicDrift(Dynamic):
@@ -178,6 +200,19 @@ class DynamicDrift(Dynamic):
             return dict(theta)
         amplitude = np.hypot(theta["sine"], theta["cosine"])
         return {"period": np.asarray(theta["period"]), "amplitude": amplitude}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        course, units = _CODE[self.shape]
+        centred = self.shape in ("exponential", "periodic")
+        return Code(
+            course,
+            units,
+            constants={"center": self.modification.center} if centred else {},
+            steps={"angle": "2 * np.pi * ({t} - {center}) / {period}"} if "period" in units else {},
+            does="scales rate",
+            of=self.parameter,
+        )
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.dynamics.dynamic import Dynamic
 from hybridsurrogate.effects.notation import SIMULATION, number, signed, word
 from hybridsurrogate.effects.over_column import period_nodes, period_prior, span_and_spacing
@@ -33,6 +34,29 @@ _LATEX = {
     "saturating": r" \, \frac{{{x}}}{{{half} + {x}}}",
     "threshold": r" \max({x} - {level}, 0)",
     "product": r" \, {x} \, {other}",
+}
+
+# the term by form, and the units of its numbers
+_CODE = {
+    "constant": ("{rate}", {"rate": "{state} / {t}"}),
+    "proportional": ("{rate} * {state}", {"rate": "1 / {t}"}),
+    "seasonal": (
+        "{sine} * np.sin({angle}) + {cosine} * np.cos({angle})",
+        {"sine": "{state} / {t}", "cosine": "{state} / {t}", "period": "{t}"},
+    ),
+    "power": (
+        "{rate} * np.copysign({size} * np.abs({state} / {size}) ** {exponent}, {state})",
+        {"rate": "1 / {t}", "exponent": "1"},
+    ),
+    "saturating": (
+        "{rate} * {state} / ({half} + np.abs({state}))",
+        {"rate": "{state} / {t}", "half": "{state}"},
+    ),
+    "threshold": (
+        "{rate} * np.maximum({state} - {level}, 0)",
+        {"rate": "1 / {t}", "level": "{state}"},
+    ),
+    "product": ("{rate} * {state} * {other}", {"rate": "1 / ({other} {t})"}),
 }
 
 
@@ -182,6 +206,26 @@ class DynamicTerm(Dynamic):
             return dict(theta)
         amplitude = np.hypot(theta["sine"], theta["cosine"])
         return {"period": np.asarray(theta["period"]), "amplitude": amplitude}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        change = self.modification
+        term, units = _CODE[self.form]
+        states = {"state": self.state} if "{state}" in term else {}
+        if self.other is not None:
+            states["other"] = self.other
+        constants = {"size": change.size} if self.form == "power" else {}
+        angle = {"angle": "2 * np.pi * ({t} - {center}) / {period}"}
+        seasonal = self.form == "seasonal"
+        return Code(
+            term,
+            units,
+            constants={"center": change.center} if seasonal else constants,
+            steps=angle if seasonal else {},
+            does="adds to slope",
+            of=self.state,
+            states=states,
+        )
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code, Table
 from hybridsurrogate.effects.dynamics.dynamic import Dynamic
 from hybridsurrogate.effects.dynamics.dynamic_term import DynamicTerm
 from hybridsurrogate.effects.notation import SIMULATION, signed, word
@@ -149,6 +150,20 @@ class TermByExperiment(Dynamic):
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the rates."""
         return {name: np.asarray(theta[name]) for name in self._names}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        assert self.levels is not None
+        levels = tuple(zip(self.levels, self._names, strict=True))
+        return Code(
+            "{rate} * {state}",
+            columns={"x": self.column},
+            does="adds to slope",
+            of=self.state,
+            states={"state": self.state},
+            table=Table(self.column, levels, "1 / {t}"),
+            by_row={"rate": "by_level({x}, {table})"},
+        )
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

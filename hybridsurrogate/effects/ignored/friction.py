@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, signed, word
 from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.effects.registry import Form, over_extras, register
@@ -57,6 +58,14 @@ class Friction(OverColumn):
             "viscous": 2 / self.span * np.asarray(coefficients["viscous"]),
             "dry": np.asarray(coefficients["dry"]),
         }
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code(
+            "{viscous} * {x} + {dry} * np.sign({x})",
+            {"viscous": "{y} / {x}", "dry": "{y}"},
+            {"x": self.column},
+        )
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code, Table
 from hybridsurrogate.effects.context import MOST_EXPERIMENTS
 from hybridsurrogate.effects.notation import (
     SIMULATION,
@@ -180,6 +181,25 @@ class MissingInput(OverColumn):
         if self.offset:
             out["offset"] = np.asarray(coefficients["offset"])
         return out
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        x = {"x": self.column}
+        if self.level is not None:
+            at = {"level": (self.column, self.level)}
+            return Code("{amplitude} * ({x} == {level})", {"amplitude": "{y}"}, x, levels=at)
+        if self.shape == "categorical":
+            known = [value for value, _ in self.levels or ()]
+            levels = tuple(zip(known, self.coefficients, strict=True))
+            return Code("by_level({x}, {table})", {}, x, table=Table(self.column, levels))
+        assert self.center is not None
+        away = "({x} - {center})" if self.center else "{x}"
+        line, numbers = f"{{slope}} * {away}", {"slope": "{y} / {x}"}
+        if self.shape == "quadratic":
+            line, numbers["curvature"] = f"{line} + {{curvature}} * {away} ** 2", "{y} / {x}^2"
+        if self.offset:
+            line, numbers["offset"] = f"{{offset}} + {line}", "{y}"
+        return Code(line, numbers, x, {"center": self.center} if self.center else {})
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.context import trouble_with_labels
 from hybridsurrogate.effects.notation import SIMULATION, minus, plus
 from hybridsurrogate.effects.over_column import span_and_spacing
@@ -74,6 +75,10 @@ class Delay(Cause):
     def start(self) -> dict[str, float]:
         """Return a lag of zero."""
         return {"lag": 0.0}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code("{x} - {lag}", {"lag": "{x}"}, {"x": self.column}, does="moves", of=self.column)
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

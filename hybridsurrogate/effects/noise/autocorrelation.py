@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.over_column import OverColumn, span_and_spacing
 from hybridsurrogate.effects.registry import Form, register
@@ -141,6 +142,17 @@ class Autocorrelation(OverColumn):
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the correlation length and the standard deviation of the correlated part."""
         return {name: np.asarray(values) for name, values in theta.items()}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code(
+            "{amplitude}**2 * np.exp(-np.abs({x} - {other}) / {length})",
+            {"length": "{x}", "amplitude": "{y}"},
+            {"x": self.column},
+            arguments={"other": f"{self.column} of another row"},
+            does="scatters",
+            name="noise_covariance",
+        )
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

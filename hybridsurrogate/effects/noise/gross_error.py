@@ -14,6 +14,7 @@ from scipy import stats
 from hybridsurrogate.digits import listing
 from hybridsurrogate.digits import number as rounded
 from hybridsurrogate.effects.base import ROW, Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, word
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import Prior, frozen
@@ -208,6 +209,10 @@ class GrossError(Cause):
             out[f"measured{end}"] = np.array([row.measured])
             out[f"predicted{end}"] = np.array([row.predicted])
         return out
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code("", does="nothing")
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return in words which rows, and what is there."""

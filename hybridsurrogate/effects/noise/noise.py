@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.effects.registry import Form, over_columns, register
@@ -75,6 +76,18 @@ class Noise(OverColumn):
         """Return growth of log sigma per unit of the column, and the factor over the whole span."""
         assert self.span is not None
         return {"slope": 2 * theta["slope"] / self.span, "ratio": np.exp(2 * theta["slope"])}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        assert self.center is not None
+        return Code(
+            "{sigma} * np.exp({slope} * ({x} - {center}))",
+            {"slope": "1 / {x}"},
+            {"x": self.column},
+            {"center": self.center},
+            does="scatters",
+            name="noise_sd",
+        )
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

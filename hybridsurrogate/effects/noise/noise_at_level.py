@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.ignored.missing_input import trouble_with_levels
 from hybridsurrogate.effects.notation import SIMULATION, number, where
 from hybridsurrogate.effects.registry import Form, register
@@ -75,6 +76,17 @@ class NoiseAtLevel(Cause):
     def noise(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the factor on the noise scale."""
         return np.where(X[self.column] == self.level, theta["ratio"], 1.0)
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code(
+            "{sigma} * np.where({x} == {level}, {ratio}, 1)",
+            {"ratio": "1"},
+            {"x": self.column},
+            levels={"level": (self.column, self.level)},
+            does="scatters",
+            name="noise_sd",
+        )
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import SIMULATED, Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, number
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import Prior, frozen
@@ -132,6 +133,26 @@ class NoiseOfMean(Cause):
         low, high = np.sort(self._log_size(ends))
         exponent = np.asarray(theta["exponent"])
         return {"exponent": exponent, "ratio": np.exp(exponent * (high - low))}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        assert self.center is not None
+        assert self.size is not None
+        if self.log_scale:
+            factor, constants = (
+                "np.exp({exponent} * ({simulated} - {center}))",
+                {"center": self.center},
+            )
+        else:
+            factor = "(({simulated} / {size}) ** 2 + {floor}**2) ** ({exponent} / 2)"
+            constants = {"size": self.size, "floor": _FLOOR}
+        return Code(
+            f"{{sigma}} * {factor}",
+            {"exponent": "1"},
+            constants=constants,
+            does="scatters",
+            name="noise_sd",
+        )
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import NOISE_SD, SLOPE, Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.priors import Prior, frozen
 
 # median and sd of the logarithm of the ratio: from a third of the other noise to ten times it
@@ -95,6 +96,18 @@ class NoiseOfSlope(Cause):
         assert self.usual is not None
         ratio = np.asarray(theta["ratio"])
         return {"spread": ratio * theta[NOISE_SD] / self.usual, "ratio": ratio}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        over = f"slope of the simulated output over {self.quantity}"
+        return Code(
+            "np.sqrt({sigma}**2 + ({spread} * {slope}) ** 2)",
+            {"spread": "{of}"},
+            of=self.quantity,
+            arguments={"slope": over},
+            does="scatters",
+            name="noise_sd",
+        )
 
 
 def slopes_of(cause: NoiseOfSlope, context: Context) -> FloatArray:

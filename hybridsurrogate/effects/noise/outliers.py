@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, number
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.likelihoods.contaminated import LARGEST, SMALLEST
@@ -74,6 +75,19 @@ class Outliers(Cause):
     def outliers(self, theta: Rows) -> FloatArray:
         """Return the share of outliers."""
         return np.asarray(theta["share"])
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        ratio = LARGEST / SMALLEST
+        wide = f"{SMALLEST:g} * {ratio:g} ** {{random}}.random({{n}})"
+        return Code(
+            "{sigma} * {factor} * {random}.standard_normal({n})",
+            {"share": "1"},
+            steps={"factor": f"np.where({{random}}.random({{n}}) < {{share}}, {wide}, 1)"},
+            arguments={"random": "a numpy.random.Generator", "n": "how many rows"},
+            does="scatters",
+            name="noise_draws",
+        )
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

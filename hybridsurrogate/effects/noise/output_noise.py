@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.priors import Prior, frozen
 from hybridsurrogate.simulation.outputs import OUTPUT
 
@@ -57,6 +58,10 @@ class OutputNoise(Cause):
             return np.asarray(self.ratios, dtype=float)[which]
         each = np.stack([np.ones(len(which)), *(theta[name] for name in self.parameters)])
         return np.asarray(each[which, np.arange(len(which))])
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code("", does="nothing")
 
     def log_prior(self) -> float:
         """Return the log prior density of known ratios, of their logarithms."""

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import SIMULATED, Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, number
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import Prior, frozen
@@ -93,6 +94,16 @@ class Overdispersion(Cause):
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the ratio of standard deviations, and the relative scatter."""
         return {"ratio": np.asarray(theta["ratio"]), "scatter": self._scatter(theta)}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code(
+            "{mean} + ({scatter} * {mean}) ** 2",
+            {"scatter": "1"},
+            arguments={"mean": "expected count"},
+            does="scatters",
+            name="noise_variance",
+        )
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, number, plus, signed
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.effects.registry import Form, over_inputs, register
@@ -62,6 +63,14 @@ class Bump(Located):
         """Return the bump with height one."""
         z = (X[self.column] - theta["location"]) / theta["width"]
         return np.exp(-0.5 * z**2)[:, None]
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code(
+            "{amplitude} * np.exp(-0.5 * (({x} - {location}) / {width}) ** 2)",
+            {"amplitude": "{y}", "location": "{x}", "width": "{x}"},
+            {"x": self.column},
+        )
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.output.discrepancy_process import GaussianProcessDiscrepancy
 from hybridsurrogate.effects.over_column import OverColumn
@@ -20,6 +21,8 @@ _LEAST_PLACES = 4
 # waves of each curve: enough for the shortest length, 0.3 of half the span (Riutort-Mayol et al.
 # 2023, Statistics and Computing 33:17, eq. 17: 1.75 * 1.5 / 0.3)
 _N_WAVES, _SHORTEST = 10, 0.15
+# places of the table of a curve
+_PLACES = 61
 
 
 class CurveByExperiment(OverColumn):
@@ -147,6 +150,40 @@ class CurveByExperiment(OverColumn):
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return length and standard deviation of the curves."""
         return {name: np.asarray(values) for name, values in theta.items()}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        assert self.levels is not None
+        x = {"x": self.column, "by": self.by}
+        grid = {"grid": (*self._ends, _PLACES)}
+        levels = {f"level{k}": (self.by, level) for k, level in enumerate(self.levels)}
+        known = ", ".join(f"{{level{k}}}" for k in range(len(self.levels)))
+        return Code(
+            f"curve_of_level({{x}}, {{by}}, [{known}], {{grid}}, {{curves}})",
+            columns=x,
+            levels=levels,
+            grids=grid,
+            tables=self._tables,
+        )
+
+    @property
+    def _ends(self) -> tuple[float, float]:
+        """The places beyond which curves are held."""
+        assert self.center is not None
+        assert self.span is not None
+        return self.center - 0.75 * self.span, self.center + 0.75 * self.span
+
+    def _tables(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return the mean curve of each experiment on a grid."""
+        assert self.levels is not None
+        grid, curves = np.linspace(*self._ends, _PLACES), []
+        drawn = np.column_stack(list(coefficients.values()))
+        for level in self.levels:
+            of_rows, of_draws = self.factors(
+                {self.column: grid, self.by: np.full(_PLACES, level)}, theta
+            )
+            curves.append(of_rows @ np.mean(of_draws * drawn, axis=0))
+        return {"curves": np.array(curves)}
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, number, plus, signed
 from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
 from hybridsurrogate.effects.registry import Form, over_inputs, register
@@ -62,6 +63,16 @@ class Decay(FromOrigin):
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the share that is left."""
         return np.exp(-self.distance(X) / theta["scale"])[:, None]
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        assert self.origin is not None
+        return Code(
+            "{amplitude} * np.exp(-np.maximum({x} - {origin}, 0) / {scale})",
+            {"amplitude": "{y}", "scale": "{x}"},
+            {"x": self.column},
+            {"origin": self.origin},
+        )
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

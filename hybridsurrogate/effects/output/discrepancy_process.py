@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import Prior, frozen
@@ -17,6 +18,8 @@ from hybridsurrogate.priors import Prior, frozen
 # inputs follow lengths from 0.375 on
 _N_BASIS, _N_BASIS_EACH = {1: 24, 2: 7}, 10
 _BOUNDARY = 1.5
+# places of the table of a curve, interpolated by lines, and of each side of a surface, by cubics
+_PLACES = {1: 121, 2: 25}
 
 
 class GaussianProcessDiscrepancy(Cause):
@@ -127,6 +130,52 @@ class GaussianProcessDiscrepancy(Cause):
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the length scale on inputs scaled to [-1, 1], and the amplitude."""
         return {name: np.asarray(values) for name, values in theta.items()}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        assert self.ranges is not None
+        names = list(self.ranges)
+        x = {f"x{k}": name for k, name in enumerate(names)}
+        grids = {f"grid{k}": (*self._ends(name), _PLACES[1]) for k, name in enumerate(names)}
+        if len(names) == 2:
+            grids = {name: (low, high, _PLACES[2]) for name, (low, high, _) in grids.items()}
+            held = {
+                f"held{k}": f"np.clip({{x{k}}}, {{grid{k}}}[0], {{grid{k}}}[-1])" for k in (0, 1)
+            }
+            return Code(
+                "{surface}({held0}, {held1}, grid=False)",
+                columns=x,
+                steps={"surface": "RectBivariateSpline({grid0}, {grid1}, {table0})", **held},
+                grids=grids,
+                tables=self._tables,
+            )
+        curves = [f"np.interp({{x{k}}}, {{grid{k}}}, {{table{k}}})" for k in range(len(names))]
+        return Code(" + ".join(curves), columns=x, grids=grids, tables=self._tables)
+
+    def _ends(self, name: str) -> tuple[float, float]:
+        """Return the places of an input beyond which the curve is held."""
+        assert self.ranges is not None
+        low, high = self.ranges[name]
+        middle, reach = (low + high) / 2, _BOUNDARY * ((high - low) or 1.0) / 2
+        return middle - reach, middle + reach
+
+    def _tables(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
+        """Return the mean curve over each input, or the surface over two, on grids."""
+        assert self.ranges is not None
+        names = list(self.ranges)
+        several = len(names) == 2
+        grids = [np.linspace(*self._ends(name), _PLACES[2 if several else 1]) for name in names]
+        if several:
+            grids = [grid.ravel() for grid in np.meshgrid(*grids, indexing="ij")]
+        # an effect of one input is that of its own waves: a sum of them needs no others
+        X = dict(zip(names, grids, strict=True))
+        of_rows, of_draws = self.factors(X, theta)
+        mean = np.mean(of_draws * np.column_stack(list(coefficients.values())), axis=0)
+        if several:
+            return {"table0": (of_rows @ mean).reshape(_PLACES[2], _PLACES[2])}
+        waves = self._n_waves
+        parts = [slice(k * waves, (k + 1) * waves) for k in range(len(names))]
+        return {f"table{k}": of_rows[:, part] @ mean[part] for k, part in enumerate(parts)}
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

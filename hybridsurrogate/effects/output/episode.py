@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, number, plus, signed, word
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.effects.registry import Form, over_inputs, register
@@ -73,6 +74,14 @@ class Episode(Located):
         """Return where it begins and ends, and the amplitude."""
         begin = np.asarray(theta["location"])
         return {"location": begin, "end": self.end(theta), **coefficients}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code(
+            "{amplitude} * (({x} >= {location}) & ({x} < {end}))",
+            {"amplitude": "{y}", "location": "{x}", "end": "{x}"},
+            {"x": self.column},
+        )
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

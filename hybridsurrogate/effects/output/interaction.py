@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from itertools import combinations
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed
 from hybridsurrogate.effects.registry import Form, register
 
@@ -91,6 +92,16 @@ class Interaction(Cause):
         """Return the slope per unit of the product."""
         assert self.spans is not None
         return {"slope": 4 * coefficients["slope"] / (self.spans[0] * self.spans[1])}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        assert self.centers is not None
+        return Code(
+            "{slope} * ({first} - {first_center}) * ({second} - {second_center})",
+            {"slope": "{y} / ({first} {second})"},
+            {"first": self.first, "second": self.second},
+            dict(zip(("first_center", "second_center"), self.centers, strict=True)),
+        )
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

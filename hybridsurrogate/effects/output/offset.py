@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.ignored.missing_input import trouble_with_levels
 from hybridsurrogate.effects.notation import SIMULATION, plus, signed, where
 from hybridsurrogate.effects.registry import Form, register
@@ -97,6 +98,17 @@ class Offset(Cause):
         if self.column is None:
             return np.ones((len(next(iter(X.values()))), 1))
         return (np.asarray(X[self.column]) == self.level).astype(float)[:, None]
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        if self.column is None or self.level is None:
+            return Code("{amplitude}", {"amplitude": "{y}"})
+        return Code(
+            "{amplitude} * ({x} == {level})",
+            {"amplitude": "{y}"},
+            {"x": self.column},
+            levels={"level": (self.column, self.level)},
+        )
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, number, plus
 from hybridsurrogate.effects.over_column import (
     LONGEST_PERIOD,
@@ -134,6 +135,17 @@ class Periodic(OverColumn):
         typical = np.angle(np.mean(turn / np.maximum(np.abs(turn), 1e-300)))
         angle = typical + np.angle(turn * np.exp(-1j * typical))
         return np.abs(turn), self.center + period * angle / (2 * np.pi)
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        whole, steps = "{amplitude} * np.cos({angle})", {}
+        steps["angle"] = "2 * np.pi * ({x} - {peak}) / {period}"
+        numbers = {"period": "{x}", "amplitude": "{y}", "peak": "{x}"}
+        if self.harmonics == 2:
+            whole += " + {overtone} * np.cos({overtone_angle})"
+            steps["overtone_angle"] = "4 * np.pi * ({x} - {overtone_peak}) / {period}"
+            numbers |= {"overtone": "{y}", "overtone_peak": "{x}"}
+        return Code(whole, numbers, {"x": self.column}, steps=steps)
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hybridsurrogate.effects.base import FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.effects.registry import Form, over_inputs, register
@@ -61,6 +62,14 @@ class Ramp(Located):
             "location": np.asarray(theta["location"]),
             "slope": coefficients["slope"] / self.span,
         }
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code(
+            "{slope} * np.maximum({x} - {location}, 0)",
+            {"location": "{x}", "slope": "{y} / {x}"},
+            {"x": self.column},
+        )
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed
 from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
 from hybridsurrogate.effects.registry import Form, over_inputs, register
@@ -66,6 +67,17 @@ class Saturation(FromOrigin):
         assert self.origin is not None
         u = self.distance(X)
         return (u / (u + (theta["half"] - self.origin)))[:, None]
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        assert self.origin is not None
+        return Code(
+            "{amplitude} * {beyond} / ({beyond} + ({half} - {origin}))",
+            {"amplitude": "{y}", "half": "{x}"},
+            {"x": self.column},
+            {"origin": self.origin},
+            steps={"beyond": "np.maximum({x} - {origin}, 0)"},
+        )
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, signed, where
 from hybridsurrogate.effects.over_column import MOST_GAPS, Located, gaps
 from hybridsurrogate.effects.registry import Form, over_columns, register
@@ -88,6 +89,16 @@ class Step(Located):
         """Return 0 before and 1 from the location on, or -1 before and 0 from there on."""
         after = (X[self.column] >= theta["location"]).astype(float)
         return (after - self.before)[:, None]
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code(
+            "-{amplitude} * ({x} < {location})"
+            if self.before
+            else "{amplitude} * ({x} >= {location})",
+            {"location": "{x}", "amplitude": "{y}"},
+            {"x": self.column},
+        )
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

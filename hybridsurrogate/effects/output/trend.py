@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed
 from hybridsurrogate.effects.over_column import FromOrigin, OverColumn, span_and_spacing
 from hybridsurrogate.effects.registry import Form, over_inputs, register
@@ -83,6 +84,16 @@ class Trend(OverColumn):
             out["curvature"] = 6 * coefficients["curvature"] / self.span**2
         return out
 
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        assert self.center is not None
+        line = "{level} + {slope} * ({x} - {center})"
+        numbers = {"slope": "{y} / {x}", "level": "{y}"}
+        if self.degree == 2:
+            line += " + {curvature} * ({x} - {center}) ** 2"
+            numbers["curvature"] = "{y} / {x}^2"
+        return Code(line, numbers, {"x": self.column}, {"center": self.center})
+
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         assert self.center is not None
@@ -156,6 +167,16 @@ class TrendSinceStart(FromOrigin):
         """Return the slope per unit of the column."""
         assert self.span is not None
         return {"slope": coefficients["slope"] / self.span}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        assert self.origin is not None
+        return Code(
+            "{slope} * np.maximum({x} - {origin}, 0)",
+            {"slope": "{y} / {x}"},
+            {"x": self.column},
+            {"origin": self.origin},
+        )
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import Prior, frozen
@@ -94,6 +95,10 @@ class NarrowPrior(Cause):
         """Return the value that fits best within the given prior."""
         assert self.nearest is not None
         return {"value": self.nearest}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code("{value}", {"value": "{of}"}, does="replaces", of=self.parameter)
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

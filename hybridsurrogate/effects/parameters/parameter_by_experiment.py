@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code, Table
 from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.over_column import position_among
 from hybridsurrogate.effects.registry import Form, register
@@ -190,6 +191,23 @@ class ParameterByExperiment(Cause):
         first = np.asarray(theta[self._names[0]])
         spread = np.broadcast_to(np.asarray(theta.get("spread", self.spread)), first.shape)
         return {"spread": spread, **{name: spread * theta[name] for name in self._names}}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        assert self.levels is not None
+        assert self.prior is not None
+        table = Table(self.column, tuple(zip(self.levels, self._names, strict=True)), "{of}")
+        at = {"x": self.column}
+        if self.how == "own":
+            own = "by_level({x}, {table}, {of})"
+            return Code(own, {}, at, table=table, does="moves", of=self.parameter)
+        own = "{of} + by_level({x}, {table})"
+        # beyond the ends of its prior a parameter is at them
+        ends = dict(zip(("low", "high"), map(float, self.prior.support()), strict=True))
+        ends = {name: end for name, end in ends.items() if np.isfinite(end)}
+        for name in ends:
+            own = f"np.{'maximum' if name == 'low' else 'minimum'}({own}, {{{name}}})"
+        return Code(own, {}, at, ends, table=table, does="moves", of=self.parameter)
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

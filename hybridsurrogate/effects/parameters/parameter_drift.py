@@ -9,6 +9,7 @@ import numpy as np
 from scipy import special, stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import (
     SIMULATION,
     digits_at,
@@ -39,6 +40,8 @@ class _Shape(NamedTuple):
     sizes: tuple[str, ...]
     shift: Callable[[FloatArray, Rows], FloatArray]
     words: str
+    code: str
+    units: Mapping[str, str]
 
 
 def _linear(x: FloatArray, theta: Rows) -> FloatArray:
@@ -63,17 +66,29 @@ _SHAPES = {
         ("slope",),
         _linear,
         "changing by {slope:+.4g} per unit of {column} around {column} = {center}",
+        "{slope} * ({x} - {center})",
+        {"slope": "{of} / {x}"},
     ),
-    "step": _Shape(("change",), _jump, "{change:+.4g} from {column} = {location:place} on"),
+    "step": _Shape(
+        ("change",),
+        _jump,
+        "{change:+.4g} from {column} = {location} on",
+        "{change} * ({x} >= {location})",
+        {"change": "{of}", "location": "{x}"},
+    ),
     "logistic": _Shape(
         ("change",),
         _logistic,
-        "changing by {change:+.4g} around {column} = {location:place} within {width:.4g}",
+        "changing by {change:+.4g} around {column} = {location} within {width:.4g}",
+        "{change} / 2 * (1 + np.tanh(({x} - {location}) / (2 * {width})))",
+        {"change": "{of}", "location": "{x}", "width": "{x}"},
     ),
     "periodic": _Shape(
         ("sine", "cosine"),
         _periodic,
         "swinging by {amplitude:.4g} over {column} with period {period:.5g}",
+        "{sine} * np.sin({angle}) + {cosine} * np.cos({angle})",
+        {"sine": "{of}", "cosine": "{of}", "period": "{x}"},
     ),
 }
 
@@ -246,6 +261,21 @@ class ParameterDrift(Cause):
             amplitude = np.hypot(theta["sine"], theta["cosine"])
             return {"period": np.asarray(theta["period"]), "amplitude": amplitude}
         return {name: np.asarray(draws) for name, draws in theta.items()}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        assert self.center is not None
+        located = "location" in _SHAPES[self.shape].units
+        angle = {"angle": "2 * np.pi * ({x} - {center}) / {period}"}
+        return Code(
+            f"{{of}} + {_SHAPES[self.shape].code}",
+            _SHAPES[self.shape].units,
+            {"x": self.column},
+            {} if located else {"center": self.center},
+            steps=angle if self.shape == "periodic" else {},
+            does="moves",
+            of=self.parameter,
+        )
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

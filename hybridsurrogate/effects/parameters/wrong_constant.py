@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from hybridsurrogate.effects.base import Cause, Context, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.exceptions import did_you_mean
@@ -76,6 +77,10 @@ class WrongConstant(Cause):
         """Return the assumed value."""
         assert self.assumed is not None
         return {"value": self.assumed}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code("{value}", {"value": "{of}"}, does="replaces", of=self.constant)
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, minus, number, plus
 from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
 from hybridsurrogate.effects.registry import Form, over_inputs, register
@@ -103,6 +104,22 @@ class BuildUp(FromOrigin):
     def bends(self) -> bool:
         """Not at all: either is a straight line over the simulated output."""
         return False
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        assert self.origin is not None
+        share = "-np.expm1(-np.maximum({x} - {origin}, 0) / {scale})"
+        whole = "{simulated} * {share}"
+        if self.log_scale:
+            whole = "{simulated} + np.log(np.maximum({share}, np.finfo(float).tiny))"
+        return Code(
+            whole,
+            {"scale": "{x}"},
+            {"x": self.column},
+            {"origin": self.origin},
+            steps={"share": share},
+            does="responds",
+        )
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

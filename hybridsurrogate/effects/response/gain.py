@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, number
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import Prior, frozen
@@ -92,6 +93,12 @@ class Gain(Cause):
         if self.log_scale:
             return {"gain": np.exp(coefficients["log_gain"])}
         return {"gain": np.asarray(theta["gain"])}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        if self.log_scale:
+            return Code("np.log({gain})", {"gain": "1"})
+        return Code("{gain} * {simulated}", {"gain": "1"}, does="responds")
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, number
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import Prior, frozen
@@ -90,6 +91,13 @@ class Limit(Cause):
         assert self.unit is not None
         limit = self.unit * np.asarray(theta["limit"])
         return {"limit": np.exp(limit) if self.log_scale else limit}
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        end = "maximum" if self.below else "minimum"
+        limit = "np.log({limit})" if self.log_scale else "{limit}"
+        unit = "{plain}" if self.log_scale else "{y}"
+        return Code(f"np.{end}({{simulated}}, {limit})", {"limit": unit}, does="responds")
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

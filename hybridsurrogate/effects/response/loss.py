@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, number, plus
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.effects.registry import Form, register
@@ -94,6 +95,15 @@ class Loss(Located):
     def gain(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the share that is left."""
         return np.exp(-np.maximum(X[self.column] - theta["location"], 0.0) / theta["scale"])
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code(
+            "{simulated} * np.exp(-np.maximum({x} - {location}, 0) / {scale})",
+            {"location": "{x}", "scale": "{x}"},
+            {"x": self.column},
+            does="responds",
+        )
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

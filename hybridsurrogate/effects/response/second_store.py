@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, minus, number, plus
 from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
 from hybridsurrogate.effects.registry import Form, register
@@ -103,6 +104,18 @@ class SecondStore(FromOrigin):
             added = np.log(theta["size"]) - self.distance(X) / theta["scale"]
             total = np.logaddexp(simulated, added)
         return total, np.exp(simulated - total)
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        assert self.origin is not None
+        return Code(
+            "np.logaddexp({simulated}, np.log({size}) - {beyond} / {scale})",
+            {"size": "{plain}", "scale": "{x}"},
+            {"x": self.column},
+            {"origin": self.origin},
+            steps={"beyond": "np.maximum({x} - {origin}, 0)"},
+            does="responds",
+        )
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

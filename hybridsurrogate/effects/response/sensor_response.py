@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, number, plus, signed
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import Prior, frozen
@@ -92,6 +93,14 @@ class SensorResponse(Cause):
             "gain": slope,
             "curvature": theta["curvature"] / (self.unit * self.scale),
         }
+
+    def code(self) -> Code:
+        """Return the cause as Python."""
+        return Code(
+            "{level} + {gain} * {simulated} + {curvature} * {simulated}**2",
+            {"level": "{y}", "gain": "1", "curvature": "1 / {y}"},
+            does="responds",
+        )
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""

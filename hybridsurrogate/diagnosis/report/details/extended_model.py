@@ -29,7 +29,7 @@ def section(view: View) -> Section:
         "formula, Python code, estimates before and after",
         tuple(_sentences(view)),
         formulas=formulas(view),
-        code=view.diagnosis.to_python(units=dict(view.units)),
+        code=_code(view),
         tables=(table,),
     )
 
@@ -48,6 +48,14 @@ def formulas(view: View) -> tuple[tuple[str, str, str], ...]:
         name = f"Formula, {label_of_cause(cause)}" if len(view.findings) > 1 else "Formula"
         out.append((name, f"{plain} = {finding.formula}", f"{latex} = {finding.latex}"))
     return tuple(out)
+
+
+def _code(view: View) -> str:
+    """Return the extended model as Python, "" where a cause has no expression."""
+    try:
+        return view.diagnosis.to_python(units=dict(view.units)) or ""
+    except (ValueError, TypeError):  # a likelihood or cause of the user's own
+        return ""
 
 
 def _sentences(view: View) -> list[str]:

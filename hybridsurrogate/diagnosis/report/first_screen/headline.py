@@ -145,7 +145,7 @@ def sentence_of(view: View, finding: CauseFinding, cause: Cause) -> str:
 
 def estimates_of(view: View, finding: CauseFinding, cause: Cause) -> str:
     """Return the first estimates with their intervals: "amplitude 2.74 ppm (2.71 to 2.78)"."""
-    parts = []
+    parts: list[str] = []
     for name, (mean, low, high) in list(finding.estimates.items())[:_MOST_ESTIMATES]:
         value, _, limits = digits.interval(mean, low, high).partition(" (")
         unit = known_unit(view, cause, name)

@@ -1,0 +1,195 @@
+"""The extended model as a Python module of its own, which needs numpy and of scipy a solver."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from numbers import Integral
+from typing import Any
+
+import numpy as np
+
+from hybridsurrogate.arguments.description import described
+from hybridsurrogate.diagnosis.source.docstring import docstring
+from hybridsurrogate.diagnosis.source.dynamics import dynamics
+from hybridsurrogate.diagnosis.source.extended_model import ExtendedModel, FittedCause
+from hybridsurrogate.diagnosis.source.functions import extended, function_of
+from hybridsurrogate.diagnosis.source.helpers import HELPERS
+from hybridsurrogate.diagnosis.source.parts import Parts
+from hybridsurrogate.digits import listing, percent
+from hybridsurrogate.effects.noise.output_noise import OutputNoise
+from hybridsurrogate.estimators.averaged import AveragedSurrogate, leading
+from hybridsurrogate.exceptions import did_you_mean
+from hybridsurrogate.ode.simulator import OdeSimulator
+from hybridsurrogate.posterior import Posterior
+from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.problem.stacking import Stacking
+from hybridsurrogate.simulation.outputs import OUTPUT
+from hybridsurrogate.simulation.simulator import Simulator
+
+
+def extended_model(diagnosis: Any, units: Mapping[str, str] | None = None) -> ExtendedModel:
+    """Return what a module is written of, from a fitted diagnosis.
+
+    Parameters
+    ----------
+    diagnosis : DiscrepancyDiagnosis
+    units : mapping of name to str or None
+        Of measured columns, outputs, parameters and states.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For units of what there is not, or that are no text.
+    """
+    estimator, posterior = diagnosis.estimator_, leading(diagnosis.extended_estimator_).posterior_
+    model, simulation = posterior.model, estimator.simulation
+    simulator = simulation.simulator
+    ode = simulator if isinstance(simulator, OdeSimulator) else None
+    states = ode.states if ode is not None else ()
+    names = [*model.columns, *simulation.outputs, *simulation.parameter_ranges, *states]
+    experiments, sizes = estimator.experiments_, tuple[float, ...]()
+    if ode is not None:
+        rows = estimator.measured_[0][:, : len(ode.input_names)]
+        sizes = tuple(ode.typical_states(rows).values())
+    labels = {}
+    if experiments is not None and experiments.labels is not None:
+        labels = {experiments.column: experiments.labels}
+    return ExtendedModel(
+        name=f"of {simulation.output}" if simulator is None else simulator.name,
+        inputs=tuple(simulation.input_names),
+        outputs=tuple(simulation.outputs),
+        parameters=dict(zip(model.parameters, posterior.values.T, strict=False)),
+        assumed={name: constant.value for name, constant in simulation.assumed.items()},
+        causes=[
+            FittedCause(cause, *posterior.draws_of(k)) for k, cause in enumerate(model.effects)
+        ],
+        likelihood=posterior.plain_likelihood,
+        sigma=_sigma(posterior, simulation.outputs, estimator.stacking_),
+        simulator=simulator,
+        sizes=sizes,
+        labels=labels,
+        units=_checked_units(units, [name for name in names if name != OUTPUT]),
+        about=_about(diagnosis),
+        written_by=_written_by(diagnosis),
+        functions=_functions_of(simulator),
+        returns_dict=_returns_dict(simulator, estimator.measured_[0], posterior),
+    )
+
+
+def _sigma(
+    posterior: Posterior, outputs: Sequence[str], stacking: Stacking | None
+) -> dict[str, FloatArray]:
+    """Return draws of the noise of each output, in its unit."""
+    if not posterior.plain_likelihood.has_scale:
+        return {}
+    if stacking is None:
+        return {outputs[0]: posterior.sigma}
+    effects = posterior.model.effects
+    ratios = [k for k, effect in enumerate(effects) if isinstance(effect, OutputNoise)]
+    known = posterior.estimates(ratios[0]) if ratios else {}
+    return {
+        name: scale * known.get(f"noise of {name}", 1.0) * posterior.sigma
+        for name, scale in zip(outputs, stacking.scale, strict=True)
+    }
+
+
+def _checked_units(units: Mapping[str, str] | None, names: Sequence[str]) -> dict[str, str]:
+    if units is None:
+        return {}
+    if not isinstance(units, Mapping):
+        raise TypeError(f'units must be a dict such as {{"co2": "ppm"}}, got {described(units)}.')
+    for name, unit in units.items():
+        if name not in names:
+            raise ValueError(
+                f"units: there is no {name!r}; there are {', '.join(names)}."
+                f"{did_you_mean(str(name), names)}"
+            )
+        if not isinstance(unit, str):
+            raise TypeError(f"The unit of {name!r} must be text, got {described(unit)}.")
+    return dict(units)
+
+
+def _about(diagnosis: Any) -> list[str]:
+    """Return the verdict and what was found."""
+    right = diagnosis.probability_right_
+    sure = "" if right is None else f" The name is right with a probability of {percent(right)}."
+    text = [f"Verdict: {diagnosis.verdict_}.{sure}"]
+    if diagnosis.verdict_ == "ambiguous":
+        alike = listing(list(diagnosis.indistinguishable_))
+        text.append(f"Causes that together have 90 % of the probability: {alike}.")
+    for finding in diagnosis.found_causes_:
+        if finding.kind != "none":
+            text.append(f"{finding.kind}: {finding.formula}.")
+    after = diagnosis.extended_estimator_
+    if isinstance(after, AveragedSurrogate) and len(after.estimators_) > 1:
+        text.append(
+            f"predict of the diagnosis averages over {len(after.estimators_)} explanations; this "
+            "is the most probable one, and says nothing of what may be lacking beyond the "
+            "measured range."
+        )
+    return text
+
+
+def _written_by(diagnosis: Any) -> str:
+    from hybridsurrogate import __version__
+
+    seeds = {"diagnosis": diagnosis.random_state, "estimator": diagnosis.estimator.random_state}
+    said = [
+        f"random_state={seed if isinstance(seed, Integral) else 'not fixed'} of the {name}"
+        for name, seed in seeds.items()
+    ]
+    return f"Written by hybridsurrogate {__version__}; {listing(said)}."
+
+
+def _returns_dict(simulator: Simulator | None, X: FloatArray, posterior: Posterior) -> bool:
+    """Return whether a function of arrays gives its one output in a dict: two rows are run."""
+    quick = simulator is not None and simulator.vectorized and not simulator.is_in_time
+    if simulator is None or not quick or len(simulator.outputs) > 1:
+        return False
+    means = posterior.values.mean(axis=0).tolist()
+    values = {
+        **dict(zip(simulator.input_names, X[0].tolist(), strict=False)),
+        **dict(zip(posterior.model.parameters, means, strict=False)),
+        **{name: constant.value for name, constant in simulator.assumed.items()},
+    }
+    try:
+        with np.errstate(all="ignore"):
+            output = simulator.function(**{name: np.full(2, v) for name, v in values.items()})
+    except Exception:
+        # it may fail in any way, and says so where it is run
+        return False
+    return isinstance(output, Mapping)
+
+
+def _functions_of(simulator: Simulator | None) -> tuple[tuple[str, str], ...]:
+    """Return names and modules of what is passed, nothing where some cannot be imported."""
+    if simulator is None:
+        return ()
+    functions = [simulator.function]
+    if isinstance(simulator, OdeSimulator):
+        start = [simulator.initial_state] if callable(simulator.initial_state) else []
+        functions = [simulator.rhs, *start, simulator.observe]
+    found = [(getattr(f, "__name__", ""), getattr(f, "__module__", "")) for f in functions]
+    for function, (name, module) in zip(functions, found, strict=True):
+        if module == "__main__" or getattr(sys.modules.get(module), name, None) is not function:
+            return ()
+    return tuple(found)
+
+
+def python_source(model: ExtendedModel) -> str:
+    """Return the source of a module that holds the extended model."""
+    parts = Parts(model)
+    head = [docstring(model, parts), "import numpy as np"]
+    written = [part for part in parts.coded if part.code.does != "delays"]
+    functions = [function_of(part, model) for part in written]
+    body = dynamics(model, parts) if parts.ode is not None else []
+    body.append(extended(model, parts))
+    text = "\n\n\n".join([*functions, *body])
+    helpers = [HELPERS[name] for name in HELPERS if f"{name}(" in text]
+    if "solve_ivp(" in text:
+        head.append("from scipy.integrate import solve_ivp")
+    if "RectBivariateSpline(" in text:
+        head.append("from scipy.interpolate import RectBivariateSpline")
+    start = "\n".join([head[0], "", *head[1:], "", *parts.constants])
+    return "\n\n\n".join([start, *helpers, text]) + "\n"

@@ -1,0 +1,181 @@
+"""The functions of a module that solve a changed ODE."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from hybridsurrogate.diagnosis.source.extended_model import ExtendedModel
+from hybridsurrogate.diagnosis.source.parts import Parts, arguments_of, numbers_of
+from hybridsurrogate.diagnosis.source.text import call, definition, keywords, text_of, tuple_of
+
+# methods of the module by those of the simulator; others are scipy's own
+_METHODS = {"rk4": "DOP853", "rosenbrock": "Radau"}
+
+
+# steps that a solver takes at least, so that no sudden change is stepped over
+_LEAST_STEPS = 100
+
+
+INSIDE = ("scales rate", "adds to slope", "delays")
+
+
+def varying_in(parts: Parts) -> list[str]:
+    """Return what solutions differ in: arguments of the right-hand side and of the start."""
+    assert parts.ode is not None
+    ode = parts.ode.function
+    inside = [part for part in parts.coded if part.code.does in INSIDE]
+    numbers = [part.ids[key] for part in inside for key in (*part.code.numbers, *part.code.by_row)]
+    names = [parts.ids[name] for name in (*ode.rate_names, *ode.start_names)]
+    return list(dict.fromkeys([*names, *numbers]))
+
+
+def dynamics(model: ExtendedModel, parts: Parts) -> list[str]:
+    """Return the functions that solve the changed ODE."""
+    assert parts.ode is not None
+    ode, time = parts.ode.function, parts.ids[parts.ode.input_names[0]]
+    varying = varying_in(parts)
+    late = [part for part in parts.coded if part.code.does == "delays"]
+    # a step of "rk4" resolves what happens; one of a higher order sees as much in four
+    most = 4 * ode.step if ode.method == "rk4" else ode.max_step
+    step = min(most, ode.span / _LEAST_STEPS)
+    parts.constants += [
+        "# the dynamics",
+        f"STATES = {tuple_of(ode.states)}",
+        f"START = {text_of(ode.start)}",
+        f"STEP = {text_of(step)}  # the longest of the solver",
+        f"SIZES = np.array([{', '.join(text_of(size) for size in model.sizes)}])",
+    ]
+    start = "initial_state" if callable(ode.initial_state) else ""
+    if not start:
+        first = ode.initial_state
+        values = [first[n] for n in ode.states] if isinstance(first, Mapping) else list(first)
+        numbers = ", ".join(text_of(float(np.ravel(value)[0])) for value in values)
+        parts.constants.append(f"FIRST = np.array([{numbers}])")
+    seen = ["seen"] if late else []
+    slope = call("right_hand_side", ["rhs", time, "state[:, None]", *seen, *varying], "return ", 8)
+    given = {
+        "rhs": ", ".join(["rhs", *([start] if start else []), "times", "*numbers"]),
+        "own": ", ".join(["rhs", *([start] if start else []), "times[here]", "*own[:, None]"]),
+        "definition": definition(
+            "solution", ["rhs", *([start] if start else []), "times", *varying]
+        ),
+        "time": time,
+        "slope": slope + "[:, 0]",
+        "method": _METHODS.get(ode.method, ode.method),
+        "first": "    first = FIRST",
+    }
+    if start:
+        asked = call("initial_state", keywords(ode.start_names, parts.ids), "first = ")
+        given["first"] = asked + _FIRST
+    lags = {ode.states.index(part.code.of): part.ids["lag"] for part in late}
+    given["lags"] = ", ".join(f"{k}: float({lag}[0])" for k, lag in lags.items())
+    solution = (_LATE_SOLUTION if late else _SOLUTION).format_map(given)
+    return [_right_hand_side(parts, time, varying, seen), solution, _SOLUTIONS.format_map(given)]
+
+
+def _right_hand_side(parts: Parts, time: str, varying: Sequence[str], seen: Sequence[str]) -> str:
+    assert parts.ode is not None
+    ode = parts.ode.function
+    lines = [definition("right_hand_side", ["rhs", time, "state", *seen, *varying])]
+    lines.append('    """Return the slopes of the states with what was found in them."""')
+    inside = [part for part in parts.coded if part.code.does in INSIDE]
+    for part in inside:
+        if part.code.does == "scales rate":
+            rate = parts.ids[part.code.of]
+            own = [*arguments_of(part), *numbers_of(part)]
+            lines.append(call(part.function, own, f"{rate} = {rate} * "))
+    seen_state = seen[0] if seen else "state"
+    called = [time, seen_state, *keywords(ode.rate_names, parts.ids)]
+    lines.append(call("rhs", called, "slopes = "))
+    lines.append("    slopes = np.array(slopes, dtype=float).reshape(state.shape)")
+    for part in inside:
+        if part.code.does == "adds to slope":
+            states = {part.ids[key]: name for key, name in part.code.states.items()}
+            own = [
+                f"state[{ode.states.index(states[one])}]" if one in states else one
+                for one in (*arguments_of(part), *numbers_of(part))
+            ]
+            at = ode.states.index(part.code.of)
+            lines.append(call(part.function, own, f"slopes[{at}] += "))
+    return "\n".join([*lines, "    return slopes"])
+
+
+_FIRST = """
+    if isinstance(first, dict):
+        first = [first[name] for name in STATES]
+    first = np.array([float(np.ravel(value)[0]) for value in first])"""
+
+
+_SOLUTIONS = '''def solutions({rhs}):
+    """Return the states of rows, (n_states, n): equal numbers are one solution."""
+    numbers = np.array(np.broadcast_arrays(times, *numbers)[1:])
+    states = np.empty((len(STATES), len(times)))
+    for own in np.unique(numbers, axis=1).T:
+        here = np.all(numbers == own[:, None], axis=0)
+        states[:, here] = solution({own})
+    return states'''
+
+
+_SOLUTION = '''{definition}
+    """Return the states at times, (n_states, n), of one solution."""
+{first}
+
+    def derivative({time}, state):
+{slope}
+
+    latest = max(np.max(times), START + STEP)
+    solved = solve_ivp(
+        derivative,
+        (START, latest),
+        first,
+        method="{method}",
+        dense_output=True,
+        rtol=1e-8,
+        atol=1e-10 * SIZES,
+        max_step=STEP,
+    )
+    if not solved.success:
+        raise RuntimeError(solved.message)
+    return solved.sol(times)'''
+
+
+# one lag after the other, so that what was is known
+_LATE_SOLUTION = '''{definition}
+    """Return the states at times, (n_states, n), of one solution, one lag at a time."""
+{first}
+    lags = {{{lags}}}
+    ends, solved = [START], []
+
+    def late(moment):
+        which = min(np.searchsorted(ends, moment), len(solved))
+        return first if which == 0 else solved[which - 1](min(moment, ends[which]))
+
+    def derivative({time}, state):
+        seen = state.copy()
+        for which, ago in lags.items():
+            if ago > 0:
+                seen[which] = late(min({time} - ago, ends[-1]))[which]
+        seen = seen[:, None]
+{slope}
+
+    latest = max(np.max(times), START + STEP)
+    longest = min([ago for ago in lags.values() if ago > 0], default=latest - START)
+    longest = max(longest, (latest - START) / 2000)
+    while ends[-1] < latest:
+        piece = solve_ivp(
+            derivative,
+            (ends[-1], min(ends[-1] + longest, latest)),
+            first if not solved else solved[-1](ends[-1]),
+            method="{method}",
+            dense_output=True,
+            rtol=1e-8,
+            atol=1e-10 * SIZES,
+            max_step=STEP,
+        )
+        if not piece.success:
+            raise RuntimeError(piece.message)
+        solved.append(piece.sol)
+        ends.append(piece.t[-1])
+    return np.array([late(moment) for moment in times]).T'''

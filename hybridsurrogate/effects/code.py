@@ -1,0 +1,113 @@
+"""A cause as Python source: the expression that a written module makes a function of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from hybridsurrogate.effects.context import Rows
+from hybridsurrogate.priors import FloatArray
+
+Does = Literal[
+    "adds",
+    "responds",
+    "moves",
+    "replaces",
+    "scales rate",
+    "adds to slope",
+    "delays",
+    "scatters",
+    "nothing",
+]
+# tables of numbers by name, made of draws of theta and of the coefficients
+Tables = Callable[[Rows, Rows], dict[str, FloatArray]]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Numbers of a cause that belong to the levels of a column.
+
+    Attributes
+    ----------
+    column : str
+    levels : tuple of (float, str)
+        Each level, and the name of its number.
+    unit : str
+        As in `Code.numbers`.
+    """
+
+    column: str
+    levels: tuple[tuple[float, str], ...]
+    unit: str = "{y}"
+
+
+@dataclass(frozen=True)
+class Code:
+    """What a cause does, as an expression of numpy.
+
+    Names in braces stand for what is named below, ``{simulated}`` for the output on the scale on
+    which causes act, ``{of}`` for the quantity that is moved, ``{t}`` for the time and ``{step}``
+    for the solver's step of an ODE, and ``{sigma}`` for the standard deviation of the noise.
+
+    Attributes
+    ----------
+    expression : str
+    numbers : mapping of str to str
+        Names of the numbers, as `Cause.estimates` or else the cause's own parameters have them,
+        and their units: ``{y}`` is that of the output on the scale on which causes act,
+        ``{plain}`` that of the output itself; names of columns and states stand for theirs.
+    columns : mapping of str to str
+        The measured column that each name stands for.
+    constants : mapping of str to float
+    levels : mapping of str to (str, float)
+        Values of a column of labels: the column and the value.
+    steps : mapping of str to str
+        Variables that the expression uses, in order.
+    does : str
+        The expression "adds" to the output, is what the output becomes ("responds"), what a column
+        or a parameter becomes ("moves"), or the noise ("scatters"); a number "replaces" a parameter
+        or constant. Of an ODE it "scales rate", "adds to slope", or says how long ago the state is
+        seen ("delays"). "nothing": what it changes is not in the simulation.
+    of : str
+        The column, parameter or state concerned.
+    states : mapping of str to str
+        The state of an ODE that each name stands for.
+    table : Table or None
+        ``{table}`` in the expression.
+    by_row : mapping of str to str
+        Numbers of an ODE that differ between rows, as expressions.
+    grids : mapping of str to (float, float, int)
+        Ends and number of places of grids on which ``tables`` hold a curve.
+    tables : callable or None
+        ``(theta, coefficients) -> {name: array}``; means over draws.
+    arguments : mapping of str to str
+        What else the noise depends on, with words for it.
+    name : str
+        Of the function; empty: that of the kind.
+    output : str or None
+        Of several outputs the one concerned.
+
+    Examples
+    --------
+    >>> line = Code("{slope} * {x}", {"slope": "{y} / {x}"}, {"x": "t"})
+    >>> line.does, line.expression.format(slope="slope", x="t")
+    ('adds', 'slope * t')
+    """
+
+    expression: str
+    numbers: Mapping[str, str] = field(default_factory=dict)
+    columns: Mapping[str, str] = field(default_factory=dict)
+    constants: Mapping[str, float] = field(default_factory=dict)
+    levels: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    steps: Mapping[str, str] = field(default_factory=dict)
+    does: Does = "adds"
+    of: str = ""
+    states: Mapping[str, str] = field(default_factory=dict)
+    table: Table | None = None
+    by_row: Mapping[str, str] = field(default_factory=dict)
+    grids: Mapping[str, tuple[float, float, int]] = field(default_factory=dict)
+    tables: Tables | None = None
+    arguments: Mapping[str, str] = field(default_factory=dict)
+    name: str = ""
+    output: str | None = None
