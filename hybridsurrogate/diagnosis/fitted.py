@@ -453,8 +453,8 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         import matplotlib.pyplot as plt
 
+        from .report.elements.view import view_of
         from .report.first_screen.picture import overview
-        from .report.view import view_of
 
         if axes is None:
             axes = plt.subplots(2, 1, sharex=True, figsize=(7.2, 4.8), layout="constrained")[1]

@@ -8,8 +8,7 @@ import re
 
 import pandas as pd
 
-from hybridsurrogate.diagnosis.report.mathml import mathml
-from hybridsurrogate.diagnosis.report.section import (
+from hybridsurrogate.diagnosis.report.elements.section import (
     Advice,
     Card,
     FirstScreen,
@@ -17,6 +16,7 @@ from hybridsurrogate.diagnosis.report.section import (
     Section,
     Table,
 )
+from hybridsurrogate.diagnosis.report.mathml import mathml
 
 _STYLE = """
 :root{color-scheme:light dark;--ink:#1c1d1f;--soft:#5c6066;--line:#dfe1e4;--paper:#fff;

@@ -25,13 +25,13 @@ from hybridsurrogate.diagnosis.report.details import (
     weight,
 )
 from hybridsurrogate.diagnosis.report.details.cautions import cautions
+from hybridsurrogate.diagnosis.report.elements.section import FirstScreen, Picture, Section
+from hybridsurrogate.diagnosis.report.elements.view import View, view_of
 from hybridsurrogate.diagnosis.report.first_screen.advice import advice
 from hybridsurrogate.diagnosis.report.first_screen.cards import cards
 from hybridsurrogate.diagnosis.report.first_screen.headline import headline, lead, subject
 from hybridsurrogate.diagnosis.report.first_screen.picture import picture
-from hybridsurrogate.diagnosis.report.section import FirstScreen, Picture, Section
 from hybridsurrogate.diagnosis.report.summary import summary
-from hybridsurrogate.diagnosis.report.view import View, view_of
 from hybridsurrogate.diagnosis.validation.gain import Gain
 from hybridsurrogate.whole_file import check_writable, written_whole
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from hybridsurrogate.diagnosis.report.section import FirstScreen, Section
-from hybridsurrogate.diagnosis.report.tables import parameter_intervals, thirds
-from hybridsurrogate.diagnosis.report.view import View, averaged
+from hybridsurrogate.diagnosis.report.elements.section import FirstScreen, Section
+from hybridsurrogate.diagnosis.report.elements.tables import parameter_intervals, thirds
+from hybridsurrogate.diagnosis.report.elements.view import View, averaged
 from hybridsurrogate.diagnosis.validation.gain import Gain, best_beta
 from hybridsurrogate.estimators.emulation import Emulation
 

@@ -6,7 +6,7 @@ import textwrap
 
 import pandas as pd
 
-from hybridsurrogate.diagnosis.report.section import Advice, Card, FirstScreen, Section
+from hybridsurrogate.diagnosis.report.elements.section import Advice, Card, FirstScreen, Section
 
 _WIDTH, _HOLD = 88, "\u00a0"
 

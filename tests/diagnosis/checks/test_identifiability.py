@@ -7,7 +7,7 @@ from scipy.stats import norm
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.checks.identifiability import confounded, confounding
 from hybridsurrogate.diagnosis.report.details.cautions import cautions
-from hybridsurrogate.diagnosis.report.view import View
+from hybridsurrogate.diagnosis.report.elements.view import View
 
 
 def line(t, level, slope):

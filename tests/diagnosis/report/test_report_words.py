@@ -11,8 +11,8 @@ from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.answers.finding import CauseFinding
 from hybridsurrogate.diagnosis.checks.emulator import EmulatorCheck
 from hybridsurrogate.diagnosis.report.details import checks, gain, weight
+from hybridsurrogate.diagnosis.report.elements.view import View, label_of_cause
 from hybridsurrogate.diagnosis.report.first_screen import headline
-from hybridsurrogate.diagnosis.report.view import View, label_of_cause
 from hybridsurrogate.diagnosis.validation.gain import FoldGain, Gain
 from hybridsurrogate.effects.registry import FORMS
 
@@ -98,7 +98,7 @@ def test_the_sentences_of_a_gain():
 
 
 def test_the_words_for_what_runs_leave_open():
-    estimator = SimpleNamespace(surrogate=hs.PolynomialChaos())
+    estimator = SimpleNamespace(surrogate_=hs.PolynomialChaos(), emulation_=None)
     check = EmulatorCheck(4e-7, 163.4, {"distance": 3, "t": 1})
     view = SimpleNamespace(diagnosis=SimpleNamespace(emulator_check_=check, estimator_=estimator))
     known, missed, beyond = checks.emulator(view)

@@ -8,8 +8,8 @@ from hybridsurrogate.diagnosis.checks.identifiability import confounded, sentenc
 from hybridsurrogate.diagnosis.checks.residuals import STRANGE
 from hybridsurrogate.diagnosis.report.details.evidence import probability_of_smooth_curve
 from hybridsurrogate.diagnosis.report.details.gain import is_worse
-from hybridsurrogate.diagnosis.report.settings import SETTINGS
-from hybridsurrogate.diagnosis.report.view import View
+from hybridsurrogate.diagnosis.report.elements.settings import SETTINGS
+from hybridsurrogate.diagnosis.report.elements.view import View
 
 
 def cautions(view: View) -> list[str]:

@@ -9,8 +9,8 @@ import pandas as pd
 from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.checks.emulator import MOST_MISSED, advice
 from hybridsurrogate.diagnosis.report.details.cautions import cautions
-from hybridsurrogate.diagnosis.report.section import Section, Table
-from hybridsurrogate.diagnosis.report.view import View, averaged
+from hybridsurrogate.diagnosis.report.elements.section import Section, Table
+from hybridsurrogate.diagnosis.report.elements.view import View, averaged
 from hybridsurrogate.posterior import KHAT_LIMIT
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from hybridsurrogate import digits
-from hybridsurrogate.diagnosis.report.section import Section, Table
-from hybridsurrogate.diagnosis.report.tables import estimate_table
-from hybridsurrogate.diagnosis.report.view import View, averaged, label_of_cause
+from hybridsurrogate.diagnosis.report.elements.section import Section, Table
+from hybridsurrogate.diagnosis.report.elements.tables import estimate_table
+from hybridsurrogate.diagnosis.report.elements.view import View, averaged, label_of_cause
 from hybridsurrogate.effects import Remainder
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.in_output import InOutput

@@ -11,8 +11,8 @@ import pandas as pd
 
 from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.report.details import pictures
-from hybridsurrogate.diagnosis.report.section import Picture, Section, Table
-from hybridsurrogate.diagnosis.report.view import View
+from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
+from hybridsurrogate.diagnosis.report.elements.view import View
 from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, HALF, Gain
 
 _EXPLAINED = (

@@ -6,9 +6,9 @@ from functools import partial
 
 from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.report.details import pictures
-from hybridsurrogate.diagnosis.report.section import Picture, Section, Table
-from hybridsurrogate.diagnosis.report.tables import output_table
-from hybridsurrogate.diagnosis.report.view import View, label_of_cause
+from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
+from hybridsurrogate.diagnosis.report.elements.tables import output_table
+from hybridsurrogate.diagnosis.report.elements.view import View, label_of_cause
 from hybridsurrogate.effects.in_output import InOutput
 
 

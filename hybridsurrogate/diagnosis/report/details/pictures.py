@@ -8,9 +8,9 @@ from matplotlib.axes import Axes
 
 from hybridsurrogate import digits, plotting
 from hybridsurrogate.diagnosis.answers.experimental_design import information_at
-from hybridsurrogate.diagnosis.report.drawing import logarithmic, rendered
-from hybridsurrogate.diagnosis.report.section import Drawn
-from hybridsurrogate.diagnosis.report.view import View, label_of
+from hybridsurrogate.diagnosis.report.elements.drawing import logarithmic, rendered
+from hybridsurrogate.diagnosis.report.elements.section import Drawn
+from hybridsurrogate.diagnosis.report.elements.view import View, label_of
 from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, Gain, best_beta
 from hybridsurrogate.effects.context import MOST_EXPERIMENTS
 from hybridsurrogate.plotting import AFTER, BEFORE

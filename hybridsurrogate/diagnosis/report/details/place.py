@@ -8,9 +8,9 @@ import numpy as np
 
 from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.report.details import pictures
-from hybridsurrogate.diagnosis.report.section import Picture, Section, Table
-from hybridsurrogate.diagnosis.report.tables import third_table, thirds
-from hybridsurrogate.diagnosis.report.view import View
+from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
+from hybridsurrogate.diagnosis.report.elements.tables import third_table, thirds
+from hybridsurrogate.diagnosis.report.elements.view import View
 
 _MOST_STRETCHES = 4
 

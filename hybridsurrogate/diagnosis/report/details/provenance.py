@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from hybridsurrogate.diagnosis.report.section import Section, Table
-from hybridsurrogate.diagnosis.report.view import View
+from hybridsurrogate.diagnosis.report.elements.section import Section, Table
+from hybridsurrogate.diagnosis.report.elements.view import View
 
 _PACKAGES = ("hybridsurrogate", "numpy", "scipy", "scikit-learn", "emcee", "matplotlib")
 _BIBTEX = """@article{reiser2024bayesian,

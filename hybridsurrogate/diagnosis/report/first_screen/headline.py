@@ -8,8 +8,8 @@ from typing import Any
 
 from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.answers.finding import CauseFinding
-from hybridsurrogate.diagnosis.report.tables import noise_of, unit_of
-from hybridsurrogate.diagnosis.report.view import View, label_of_cause
+from hybridsurrogate.diagnosis.report.elements.tables import noise_of, unit_of
+from hybridsurrogate.diagnosis.report.elements.view import View, label_of_cause
 from hybridsurrogate.diagnosis.search.evidence import kind_shares
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.in_output import InOutput

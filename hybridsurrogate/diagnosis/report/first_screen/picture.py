@@ -11,10 +11,10 @@ from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
 from hybridsurrogate import digits, plotting
-from hybridsurrogate.diagnosis.report.drawing import logarithmic, rendered
-from hybridsurrogate.diagnosis.report.section import Drawn
-from hybridsurrogate.diagnosis.report.settings import SETTINGS
-from hybridsurrogate.diagnosis.report.view import View
+from hybridsurrogate.diagnosis.report.elements.drawing import logarithmic, rendered
+from hybridsurrogate.diagnosis.report.elements.section import Drawn
+from hybridsurrogate.diagnosis.report.elements.settings import SETTINGS
+from hybridsurrogate.diagnosis.report.elements.view import View
 from hybridsurrogate.plotting import Predicted
 from hybridsurrogate.priors import FloatArray
 

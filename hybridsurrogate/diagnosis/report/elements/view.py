@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from hybridsurrogate import digits
-from hybridsurrogate.diagnosis.report.settings import SETTINGS
+from hybridsurrogate.diagnosis.report.elements.settings import SETTINGS
 from hybridsurrogate.diagnosis.search.evidence import Candidate, Search, kind_of
 from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
 from hybridsurrogate.diagnosis.validation.beta_scan import has_weight, is_slow

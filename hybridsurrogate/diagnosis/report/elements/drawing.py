@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from hybridsurrogate.diagnosis.report.section import Drawn
-from hybridsurrogate.diagnosis.report.settings import SETTINGS
-from hybridsurrogate.diagnosis.report.view import View
+from hybridsurrogate.diagnosis.report.elements.section import Drawn
+from hybridsurrogate.diagnosis.report.elements.settings import SETTINGS
+from hybridsurrogate.diagnosis.report.elements.view import View
 from hybridsurrogate.priors import FloatArray
 
 
@@ -49,9 +49,9 @@ def _numbers(axes: Sequence[Axes]) -> pd.DataFrame:
             )
         for bar in ax.patches:
             if isinstance(bar, Rectangle):
-                y = bar.get_y() + bar.get_height() / 2
+                middle = bar.get_y() + bar.get_height() / 2
                 parts.append(
-                    pd.DataFrame({"x": [bar.get_width()], "y": [y]}).assign(
+                    pd.DataFrame({"x": [bar.get_width()], "y": [middle]}).assign(
                         series="bar", panel=panel
                     )
                 )
