@@ -17,7 +17,7 @@ def main() -> None:
     model = hs.PowerScaledSurrogate(simulator, hs.ExactSurrogate(), random_state=0)
     diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0)
     diagnosis.fit(x[:, None], 1.2 * x + np.sin(2 * x) + noise)
-    assert (diagnosis.verdict_, diagnosis.best_cause_.kind) == ("named", "periodic")
+    assert diagnosis.best_cause_.kind == "periodic"
     diagnosis.report().save("report.html")
     print(hs.__version__, hs.__file__, diagnosis.best_cause_.formula)
 
