@@ -262,6 +262,13 @@ class AveragedSurrogate(SurrogateEstimator):
             if weight > 0
         ]
 
+    def _draws(self) -> list[tuple[str, Any, Posterior, Diagnostics]]:
+        out = []
+        for weight, one in zip(self.weights_, self.estimators_, strict=True):
+            causes = " + ".join(effect.name for effect in one.posterior_.model.effects) or "none"
+            out.append((causes, float(weight), one.posterior_, one.diagnostics_))
+        return out
+
     def _pointwise_loo(self) -> PointwiseLoo:
         parts = [one._pointwise_loo() for one in self.estimators_]
         log_density = special.logsumexp(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
+from sklearn import get_config
 from sklearn.base import RegressorMixin
 from sklearn.utils import _safe_indexing, check_random_state
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
@@ -17,8 +18,9 @@ from sklearn.utils.validation import check_consistent_length, check_is_fitted
 from hybridsurrogate.arguments.scalars import check_flag, check_number
 from hybridsurrogate.arviz_groups import arviz_of
 from hybridsurrogate.estimators.checked_estimator import CheckedEstimator
+from hybridsurrogate.estimators.shown import fitted_html
 from hybridsurrogate.inference.loo import PointwiseLoo
-from hybridsurrogate.posterior import Posterior
+from hybridsurrogate.posterior import Diagnostics, Posterior
 from hybridsurrogate.prediction.intervals import central_interval, inside_intervals
 from hybridsurrogate.prediction.leave_one_out import Loo, loo_of_rows
 from hybridsurrogate.prediction.mixture import (
@@ -41,6 +43,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
     """Base of the estimators; subclasses implement ``fit`` and ``_mixture``."""
 
     diagnostics_: Any
+    posterior_: Any
     _fitted: Any
 
     @abstractmethod
@@ -345,11 +348,30 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         noise_priors = [priors[id(posterior.model)] for posterior in posteriors]
         return arviz_of(posteriors, noise_priors, followed, X, y, random)
 
+    def _draws(self) -> list[tuple[str, Any, Posterior, Diagnostics]]:
+        """Return each posterior with its name, its weight and how its draws were made."""
+        return [("posterior", 1.0, self.posterior_, self.diagnostics_)]
+
+    def _repr_html_inner(self) -> str:
+        # scikit-learn's diagram of the settings stands below what was fitted with them
+        settings = str(super()._repr_html_inner())
+        return fitted_html(self, self._draws()) + settings if _is_fitted(self) else settings
+
+    def _repr_mimebundle_(self, **kwargs: Any) -> dict[str, str]:
+        out = {"text/plain": repr(self)}
+        if get_config()["display"] == "diagram":
+            out["text/html"] = self._repr_html_inner()
+        return out
+
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
         # the score is a log density, not R^2
         tags.regressor_tags.poor_score = True
         return tags
+
+
+def _is_fitted(estimator: SurrogateEstimator) -> bool:
+    return "n_features_in_" in vars(estimator)
 
 
 def _spread_out(values: FloatArray, there: NDArray[np.bool_]) -> FloatArray:

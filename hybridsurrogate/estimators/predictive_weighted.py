@@ -15,7 +15,7 @@ from hybridsurrogate.inference.loo import PointwiseLoo, stacking_weight
 from hybridsurrogate.inference.procedure import fit_problem
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood
-from hybridsurrogate.posterior import Posterior
+from hybridsurrogate.posterior import Diagnostics, Posterior
 from hybridsurrogate.prediction.leave_one_out import loo_of_fit
 from hybridsurrogate.prediction.summary import Part
 from hybridsurrogate.priors import FloatArray, Prior
@@ -215,3 +215,13 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
             prior = self._fitted[name][0].noise_prior
             parts.append(Part(float(weight), posterior, self.diagnostics_[name], prior))
         return parts
+
+    def _draws(self) -> list[tuple[str, Any, Posterior, Diagnostics]]:
+        beta = self.beta_ if self.simulation_posterior_ is not None else 0.0
+        weights: dict[str, float | None] = {"measured": None, "simulation": None}
+        if not callable(beta):
+            weights = {"measured": 1.0 - float(beta), "simulation": float(beta)}
+        return [
+            (source, weights[source], fit.second, self.diagnostics_[source])
+            for source, (_, fit) in self._fitted.items()
+        ]
