@@ -269,8 +269,8 @@ class AveragedSurrogate(SurrogateEstimator):
             out.append((causes, float(weight), one.posterior_, one.diagnostics_))
         return out
 
-    def _pointwise_loo(self) -> PointwiseLoo:
-        parts = [one._pointwise_loo() for one in self.estimators_]
+    def _pointwise_loo(self, progress: bool = False) -> PointwiseLoo:
+        parts = [one._pointwise_loo(progress) for one in self.estimators_]
         log_density = special.logsumexp(
             [part.log_density for part in parts], axis=0, b=self.weights_[:, None]
         )

@@ -270,11 +270,16 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         there = ~np.isnan(values)
         return float(np.average(values[there], weights=weights[there]))
 
-    def loo(self) -> Loo:
+    def loo(self, progress: bool = False) -> Loo:
         """Return the leave-one-out score: the density of each measured row given the others.
 
         Pareto-smoothed importance sampling with the weights that belong to a power-scaled
         posterior; rows for which it fails are left out in a fit of their own.
+
+        Parameters
+        ----------
+        progress : bool, default=False
+            Show a progress bar of these fits.
 
         Returns
         -------
@@ -283,13 +288,14 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
             row; rows of no weight have their predictive density.
         """
         check_is_fitted(self)
-        found, (X, y) = self._pointwise_loo(), self.single_rows_
+        progress = check_flag(progress, "progress")
+        found, (X, y) = self._pointwise_loo(progress), self.single_rows_
         outside = self._rows.origin < 0
         log_scale = 0.0 if self.stacking_ is None else self.stacking_.log_scale(X)
         return loo_of_rows(found, outside, self._mixture, X, y, self.row_weights_, log_scale)
 
     @abstractmethod
-    def _pointwise_loo(self) -> PointwiseLoo:
+    def _pointwise_loo(self, progress: bool = False) -> PointwiseLoo:
         """Return leave-one-out densities of the rows given to ``fit``, NaN without weight."""
 
     def summary(self) -> pd.DataFrame:

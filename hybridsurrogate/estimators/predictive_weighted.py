@@ -163,10 +163,10 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
             return
         super()._check_beta()
 
-    def _parts_loo(self, random: np.random.RandomState) -> dict[str, PointwiseLoo]:
+    def _parts_loo(self, random: np.random.RandomState, progress: bool) -> dict[str, PointwiseLoo]:
         """Return the leave-one-out densities of both surrogates."""
         return {
-            source: loo_of_fit(problem, fit, self._rows, self.sampler, random)
+            source: loo_of_fit(problem, fit, self._rows, self.sampler, random, progress)
             for source, (problem, fit) in self._fitted.items()
         }
 
@@ -180,8 +180,8 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
             data.single[2][inside],
         )
 
-    def _pointwise_loo(self) -> PointwiseLoo:
-        parts = self._parts_loo(check_random_state(self.random_state))
+    def _pointwise_loo(self, progress: bool = False) -> PointwiseLoo:
+        parts = self._parts_loo(check_random_state(self.random_state), progress)
         if "simulation" not in parts:
             return parts["measured"]
         beta, X = self.beta_, self.single_rows_[0]

@@ -11,6 +11,7 @@ from hybridsurrogate.inference.loo import PointwiseLoo, pointwise_loo
 from hybridsurrogate.inference.procedure import Fit, fit_problem, measured_draws
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.inference.warm_start import carried
+from hybridsurrogate.notebook.bars import counted
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.prediction.cavity import without_each
 from hybridsurrogate.prediction.mixture import MixtureAt, log_density_of
@@ -92,6 +93,7 @@ def loo_of_fit(
     rows: MeasuredRows,
     sampler: str | EnsembleSampler,
     random_state: np.random.RandomState,
+    progress: bool = False,
 ) -> PointwiseLoo:
     """Return leave-one-out densities of the rows given to a fit; bad rows are fitted anew.
 
@@ -110,7 +112,7 @@ def loo_of_fit(
         return_inverse=True,
     )
     found = _loo_of_distinct(
-        problem, fit, asked[:, 0].astype(int), asked[:, 1], sampler, random_state
+        problem, fit, asked[:, 0].astype(int), asked[:, 1], sampler, random_state, progress
     )
     out.log_density[inside] = found.log_density[which.ravel()]
     out.khat[inside] = found.khat[which.ravel()]
@@ -125,6 +127,7 @@ def _loo_of_distinct(
     less: FloatArray,
     sampler: str | EnsembleSampler,
     random_state: np.random.RandomState,
+    progress: bool,
 ) -> PointwiseLoo:
     """Return the densities of rows of a problem, by position, with so much less weight each."""
     X, y = problem.X[index], problem.observed[index]
@@ -145,7 +148,7 @@ def _loo_of_distinct(
         shape = len(draws), _REPEATS, len(y)
         second, removed = (values.reshape(shape) for values in pair)
         found = pointwise_loo(first, power * less, second, less, removed)
-    for i in np.flatnonzero(found.failed):
+    for i in counted(np.flatnonzero(found.failed), "Fits without one row", progress):
         again = _fit_without(problem, fit, index[i], less[i], sampler, random_state)
         density = _log_likelihood(again, X[i : i + 1], y[i : i + 1])
         found.log_density[i] = np.logaddexp.reduce(density[:, 0]) - np.log(len(density))
