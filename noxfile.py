@@ -73,7 +73,7 @@ def dist(session: nox.Session) -> None:
     """Build what is released, check it, and use both of it in empty environments."""
     session.install("build>=1.2", "twine>=6.1")
     # not the folder `build`, which would hide the module
-    made = Path(session.create_tmp(), "dist")
+    made = Path(session.create_tmp(), "dist").resolve()
     session.run("python", "-m", "build", "--outdir", str(made), silent=True)
     artefacts = sorted(made.glob("hybridsurrogate-*"))[-2:]
     session.run("python", "-m", "twine", "check", "--strict", *map(str, artefacts))
@@ -81,7 +81,7 @@ def dist(session: nox.Session) -> None:
     for artefact in artefacts:
         with tempfile.TemporaryDirectory() as folder, session.chdir(folder):
             session.run("python", "-m", "venv", "empty", silent=True)
-            session.run("empty/bin/pip", "install", "-q", str(artefact.resolve()), external=True)
+            session.run("empty/bin/pip", "install", "-q", str(artefact), external=True)
             session.run("empty/bin/hybridsurrogate", "demo", "--list", external=True)
             session.run("empty/bin/python", str(script), external=True)
 
