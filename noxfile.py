@@ -68,7 +68,7 @@ def review(session: nox.Session) -> None:
 def pages(session: nox.Session) -> None:
     """Build the documentation."""
     session.install(".[docs]")
-    session.run("python", "-m", "sphinx", "-W", "docs", "docs/_build")
+    session.run("python", "-m", "sphinx", "docs", "docs/_build")
 
 
 @nox.session
