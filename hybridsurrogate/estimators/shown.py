@@ -27,17 +27,19 @@ def fitted_html(estimator: Any, draws: Sequence[tuple[str, Any, Posterior, Diagn
     str
     """
     rows = len(estimator.measured_[1])
-    first = draws[0][2]
+    posteriors = [posterior for _, _, posterior, _ in draws]
     lines = [("Fitted to", f"{rows} rows")]
     if estimator.simulation is not None:
         lines.append(("Simulation", repr(estimator.simulation)))
     beta = getattr(estimator, "beta_", getattr(estimator, "beta", None))
     if beta is not None and not isinstance(beta, str):
         lines.append(("Weight beta", "differs between rows" if callable(beta) else f"{beta:.3g}"))
-    causes = [effect.name for effect in first.model.effects]
+    # of several posteriors every name once
+    causes = dict.fromkeys(effect.name for one in posteriors for effect in one.model.effects)
     if causes:
         lines.append(("Causes", ", ".join(causes)))
-    lines.append(("Unknowns", ", ".join(first.named())))
+    unknowns = dict.fromkeys(name for one in posteriors for name in one.named())
+    lines.append(("Unknowns", ", ".join(unknowns)))
     header = ("", "weight", "draws", "step 1", "step 2", "quality")
     quality = [_quality(*one) for one in draws]
     return (

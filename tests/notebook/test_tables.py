@@ -106,6 +106,8 @@ def test_two_posteriors_show_their_weights(case):
     two = hs.PredictiveWeightedSurrogate(case.simulation, beta=0.25, random_state=0)
     cells = shown(two.fit(case.X, case.y)).cells
     assert {"simulation", "measured", "25 %", "75 %"} <= set(cells)
+    # omega is one of the second posterior alone
+    assert "omega" in cells[cells.index("Unknowns") + 1]
 
 
 def test_an_average_shows_its_weights(case, model):
