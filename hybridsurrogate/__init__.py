@@ -8,6 +8,7 @@ from hybridsurrogate.effects import (
     BuildUp,
     Bump,
     Cause,
+    CurveByExperiment,
     Decay,
     Delay,
     DynamicDelay,
@@ -26,9 +27,12 @@ from hybridsurrogate.effects import (
     MissingInput,
     NarrowPrior,
     Noise,
+    NoiseAtLevel,
     NoiseOfMean,
     Offset,
     Outliers,
+    Overdispersion,
+    ParameterByExperiment,
     ParameterDrift,
     Periodic,
     Ramp,
@@ -38,6 +42,7 @@ from hybridsurrogate.effects import (
     SecondStore,
     SensorResponse,
     Step,
+    TermByExperiment,
     Trend,
     TrendSinceStart,
     WrongConstant,
@@ -94,7 +99,7 @@ from hybridsurrogate.surrogates import (
     PolynomialChaos,
 )
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "SIMULATED",
@@ -110,6 +115,7 @@ __all__ = [
     "CauseFinding",
     "CommandSimulator",
     "ConfoundingWarning",
+    "CurveByExperiment",
     "CustomLikelihood",
     "Decay",
     "Delay",
@@ -146,11 +152,14 @@ __all__ = [
     "NegativeBinomial",
     "NetworkSurrogate",
     "Noise",
+    "NoiseAtLevel",
     "NoiseOfMean",
     "Normal",
     "OdeSimulator",
     "Offset",
     "Outliers",
+    "Overdispersion",
+    "ParameterByExperiment",
     "ParameterDrift",
     "ParametricSurrogate",
     "Periodic",
@@ -173,6 +182,7 @@ __all__ = [
     "Source",
     "Step",
     "StudentT",
+    "TermByExperiment",
     "Trend",
     "TrendSinceStart",
     "WrongConstant",
@@ -184,7 +194,7 @@ __all__ = [
     "truncated_normal",
 ]
 
-# whatever a file registers is public; the lists above are for type checkers
+# whatever a file registers is public; the lists above are for type checkers and editors
 _REGISTERED = {
     **_causes(),
     **{type(one).__name__: type(one) for one in (*LIKELIHOODS.values(), *SURROGATES.values())},

@@ -56,6 +56,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
     beta_scans_: BetaScans
     result_: DiagnosisResult
     search_: Search
+    progress: bool
     _rows: tuple[ArrayLike, ArrayLike]
     _weights: FloatArray | None
     _new: tuple[Any, FloatArray]
@@ -285,7 +286,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
                 "out_of_range=True scans the data of fit at five weights: leave out X, y and betas."
             )
         if X is None and betas is None:
-            return self.beta_scans_.few(out_of_range)
+            return self.beta_scans_.few(out_of_range, bool(self.progress))
         given = X is None or y is None
         rows, values = self._rows if X is None or y is None else (X, y)
         grid = np.linspace(0, 1, 11) if betas is None else np.unique(np.asarray(betas, dtype=float))
@@ -294,7 +295,9 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         rows, values = complete_table(rows, labels=labels), self.measured_outputs(values, "y")
         folds = scan_folds(values)
         scans, weights = self.beta_scans_, self._weights if given else None
-        return scan_beta(scans.models, grid, folds, rows, values, scans.n_jobs, weights)
+        return scan_beta(
+            scans.models, grid, folds, rows, values, scans.n_jobs, weights, bool(self.progress)
+        )
 
     def measured_outputs(self, y: ArrayLike, word: str = "y") -> FloatArray:
         """Return outputs as the fitted models read them, (n,), or (n, k) with NaN of several.

@@ -117,7 +117,7 @@ def refine(
             break
         asked = current.next_runs(min(int(batch), left))
         left -= len(asked)
-        table = simulator.run_at(asked, along, n_jobs)
+        table = simulator.run_at(asked, along, n_jobs, progress=bool(diagnosis.progress))
         done = table[table[list(data.outputs)].notna().any(axis=1)]
         if len(done):
             data = data.with_rows(done)

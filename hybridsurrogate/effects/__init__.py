@@ -3,8 +3,8 @@
 registry (what a file registers), base (the methods of a cause), context (what it may know of
 the data), in_output (a cause in one of several outputs), over_column, sized, picture, notation,
 code (a cause as Python); then rooms by what a cause changes: output (added to it), response (made
-of it), parameters, inputs, dynamics, noise. Imports of today's causes below serve type checkers and
-editors: a new file needs none.
+of it), parameters, inputs, dynamics, noise. The imports below serve type checkers and
+editors, which do not run ``load``.
 """
 
 from typing import TYPE_CHECKING
@@ -26,11 +26,13 @@ if TYPE_CHECKING:  # the files are loaded below, room by room
     from hybridsurrogate.effects.noise.gross_error import GrossError
     from hybridsurrogate.effects.noise.input_error import InputError
     from hybridsurrogate.effects.noise.noise import Noise
+    from hybridsurrogate.effects.noise.noise_at_level import NoiseAtLevel
     from hybridsurrogate.effects.noise.noise_of_mean import NoiseOfMean
     from hybridsurrogate.effects.noise.outliers import Outliers
     from hybridsurrogate.effects.noise.overdispersion import Overdispersion
     from hybridsurrogate.effects.noise.random_parameter import RandomParameter
     from hybridsurrogate.effects.output.bump import Bump
+    from hybridsurrogate.effects.output.curve_by_experiment import CurveByExperiment
     from hybridsurrogate.effects.output.decay import Decay
     from hybridsurrogate.effects.output.discrepancy_process import GaussianProcessDiscrepancy
     from hybridsurrogate.effects.output.episode import Episode
@@ -42,6 +44,7 @@ if TYPE_CHECKING:  # the files are loaded below, room by room
     from hybridsurrogate.effects.output.step import Step
     from hybridsurrogate.effects.output.trend import Trend, TrendSinceStart
     from hybridsurrogate.effects.parameters.narrow_prior import NarrowPrior
+    from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
     from hybridsurrogate.effects.parameters.parameter_drift import ParameterDrift
     from hybridsurrogate.effects.parameters.wrong_constant import WrongConstant
     from hybridsurrogate.effects.response.build_up import BuildUp
@@ -59,6 +62,7 @@ __all__ = [
     "Bump",
     "Cause",
     "Context",
+    "CurveByExperiment",
     "Decay",
     "Delay",
     "DynamicDelay",
@@ -77,10 +81,12 @@ __all__ = [
     "MissingInput",
     "NarrowPrior",
     "Noise",
+    "NoiseAtLevel",
     "NoiseOfMean",
     "Offset",
     "Outliers",
     "Overdispersion",
+    "ParameterByExperiment",
     "ParameterDrift",
     "Periodic",
     "Ramp",

@@ -262,8 +262,15 @@ class AveragedSurrogate(SurrogateEstimator):
             if weight > 0
         ]
 
-    def _pointwise_loo(self) -> PointwiseLoo:
-        parts = [one._pointwise_loo() for one in self.estimators_]
+    def _draws(self) -> list[tuple[str, Any, Posterior, Diagnostics]]:
+        out = []
+        for weight, one in zip(self.weights_, self.estimators_, strict=True):
+            causes = " + ".join(effect.name for effect in one.posterior_.model.effects) or "none"
+            out.append((causes, float(weight), one.posterior_, one.diagnostics_))
+        return out
+
+    def _pointwise_loo(self, progress: bool = False) -> PointwiseLoo:
+        parts = [one._pointwise_loo(progress) for one in self.estimators_]
         log_density = special.logsumexp(
             [part.log_density for part in parts], axis=0, b=self.weights_[:, None]
         )

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
+from sklearn import get_config
 from sklearn.base import RegressorMixin
 from sklearn.utils import _safe_indexing, check_random_state
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
@@ -17,8 +18,9 @@ from sklearn.utils.validation import check_consistent_length, check_is_fitted
 from hybridsurrogate.arguments.scalars import check_flag, check_number
 from hybridsurrogate.arviz_groups import arviz_of
 from hybridsurrogate.estimators.checked_estimator import CheckedEstimator
+from hybridsurrogate.estimators.shown import fitted_html
 from hybridsurrogate.inference.loo import PointwiseLoo
-from hybridsurrogate.posterior import Posterior
+from hybridsurrogate.posterior import Diagnostics, Posterior
 from hybridsurrogate.prediction.intervals import central_interval, inside_intervals
 from hybridsurrogate.prediction.leave_one_out import Loo, loo_of_rows
 from hybridsurrogate.prediction.mixture import (
@@ -41,6 +43,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
     """Base of the estimators; subclasses implement ``fit`` and ``_mixture``."""
 
     diagnostics_: Any
+    posterior_: Any
     _fitted: Any
 
     @abstractmethod
@@ -267,11 +270,16 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         there = ~np.isnan(values)
         return float(np.average(values[there], weights=weights[there]))
 
-    def loo(self) -> Loo:
+    def loo(self, progress: bool = False) -> Loo:
         """Return the leave-one-out score: the density of each measured row given the others.
 
         Pareto-smoothed importance sampling with the weights that belong to a power-scaled
         posterior; rows for which it fails are left out in a fit of their own.
+
+        Parameters
+        ----------
+        progress : bool, default=False
+            Show a progress bar of these fits.
 
         Returns
         -------
@@ -280,13 +288,14 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
             row; rows of no weight have their predictive density.
         """
         check_is_fitted(self)
-        found, (X, y) = self._pointwise_loo(), self.single_rows_
+        progress = check_flag(progress, "progress")
+        found, (X, y) = self._pointwise_loo(progress), self.single_rows_
         outside = self._rows.origin < 0
         log_scale = 0.0 if self.stacking_ is None else self.stacking_.log_scale(X)
         return loo_of_rows(found, outside, self._mixture, X, y, self.row_weights_, log_scale)
 
     @abstractmethod
-    def _pointwise_loo(self) -> PointwiseLoo:
+    def _pointwise_loo(self, progress: bool = False) -> PointwiseLoo:
         """Return leave-one-out densities of the rows given to ``fit``, NaN without weight."""
 
     def summary(self) -> pd.DataFrame:
@@ -349,11 +358,30 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         noise_priors = [priors[id(posterior.model)] for posterior in posteriors]
         return arviz_of(posteriors, noise_priors, followed, X, y, random)
 
+    def _draws(self) -> list[tuple[str, Any, Posterior, Diagnostics]]:
+        """Return each posterior with its name, its weight and how its draws were made."""
+        return [("posterior", 1.0, self.posterior_, self.diagnostics_)]
+
+    def _repr_html_inner(self) -> str:
+        # scikit-learn's diagram of the settings stands below what was fitted with them
+        settings = str(super()._repr_html_inner())
+        return fitted_html(self, self._draws()) + settings if _is_fitted(self) else settings
+
+    def _repr_mimebundle_(self, **kwargs: Any) -> dict[str, str]:
+        out = {"text/plain": repr(self)}
+        if get_config()["display"] == "diagram":
+            out["text/html"] = self._repr_html_inner()
+        return out
+
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
         # the score is a log density, not R^2
         tags.regressor_tags.poor_score = True
         return tags
+
+
+def _is_fitted(estimator: SurrogateEstimator) -> bool:
+    return "n_features_in_" in vars(estimator)
 
 
 def _spread_out(values: FloatArray, there: NDArray[np.bool_]) -> FloatArray:

@@ -13,8 +13,10 @@ from sklearn.model_selection import TimeSeriesSplit, check_cv
 from sklearn.utils import _safe_indexing
 
 from hybridsurrogate.arguments.description import described
+from hybridsurrogate.arguments.scalars import check_flag
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.beta_path import beta_path, check_model
+from hybridsurrogate.notebook.bars import counted
 from hybridsurrogate.problem.rows import without_gaps
 from hybridsurrogate.problem.stacking import as_several
 from hybridsurrogate.simulation.arrays import as_numbers, as_outputs, complete_table
@@ -60,6 +62,7 @@ def choose_beta(
     y: ArrayLike,
     betas: Sequence[float] | None = None,
     cv: Any = 5,
+    progress: bool = False,
 ) -> BetaChoice:
     """Choose beta by the held-out ELPD, every beta of a fold from one path.
 
@@ -74,6 +77,8 @@ def choose_beta(
         the first column, five times trained on the earlier ones and tested on the next, as
         extrapolation needs it (Burkner, Gabry and Vehtari 2020, Journal of Statistical Computation
         and Simulation 90:2499).
+    progress : bool, default=False
+        Show a progress bar of the folds.
 
     Returns
     -------
@@ -90,6 +95,7 @@ def choose_beta(
     True
     """
     check_model(model)
+    shown = check_flag(progress, "progress")
     grid = np.linspace(0, 1, 21) if betas is None else np.atleast_1d(as_numbers(betas, "betas"))
     X, table, _ = without_gaps(X, y)
     X = complete_table(X, labels=model.experiment)
@@ -111,7 +117,7 @@ def choose_beta(
                 f"splitter or pairs (train, test) of row numbers, got {described(cv)}: {error}."
             ) from error
     held_out, n_refits = [], 0
-    for train, test in splits:
+    for train, test in counted(splits, "Folds", shown):
         path = beta_path(model, _safe_indexing(X, train), outputs[train], list(grid))
         n_refits += path.n_refits
         rows = _safe_indexing(X, test)

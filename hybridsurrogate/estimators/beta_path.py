@@ -13,12 +13,14 @@ from sklearn.base import clone
 from sklearn.utils import check_random_state
 
 from hybridsurrogate.arguments.description import described
+from hybridsurrogate.arguments.scalars import check_flag
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.estimators.predictive_weighted import PredictiveWeightedSurrogate
 from hybridsurrogate.inference.model.power_scaling import powers_of
 from hybridsurrogate.inference.procedure import fit_problem
 from hybridsurrogate.inference.warm_start import carried
+from hybridsurrogate.notebook.bars import counted
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.arrays import as_numbers
 
@@ -81,6 +83,7 @@ def beta_path(
     y: ArrayLike,
     betas: Sequence[float],
     sample_weight: ArrayLike | None = None,
+    progress: bool = False,
 ) -> BetaPath:
     """Fit an estimator at many beta by as few fits as possible.
 
@@ -98,6 +101,8 @@ def beta_path(
     betas : sequence of float
     sample_weight : array-like of shape (n,) or None, default=None
         Of the rows, as in ``fit``.
+    progress : bool, default=False
+        Show a progress bar.
 
     Returns
     -------
@@ -116,6 +121,7 @@ def beta_path(
     (5,)
     """
     check_model(model)
+    progress = check_flag(progress, "progress")
     grid = as_numbers(betas, "betas")
     if grid.ndim != 1 or not len(grid) or not ((grid >= 0) & (grid <= 1)).all():
         raise ValueError(f"betas must be numbers between 0 and 1, got {betas!r}.")
@@ -131,7 +137,7 @@ def beta_path(
             "beta_path needs a PowerScaledSurrogate or a PredictiveWeightedSurrogate, got "
             f"{type(model).__name__}."
         )
-    return _power_scaled_path(model, X, y, grid, sample_weight)
+    return _power_scaled_path(model, X, y, grid, sample_weight, progress)
 
 
 def _power_scaled_path(
@@ -140,6 +146,7 @@ def _power_scaled_path(
     y: ArrayLike,
     grid: FloatArray,
     sample_weight: ArrayLike | None,
+    progress: bool,
 ) -> BetaPath:
     out: dict[int, Any] = {}
     refitted, khat = np.zeros(len(grid), dtype=bool), np.full(len(grid), np.nan)
@@ -148,7 +155,7 @@ def _power_scaled_path(
     data = checked._check_fit_data(X, y, likelihood, sample_weight)
     problem = checked._problem(surrogate, likelihood, data, data.rows)
     # from the middle outwards: there both sources speak, and the ends are its neighbours
-    for k in _outwards(grid):
+    for k in counted(_outwards(grid), "Weights beta", progress):
         one = copy.copy(checked).set_params(beta=float(grid[k]))
         random = check_random_state(one.random_state)
         fit = None

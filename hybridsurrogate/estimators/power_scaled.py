@@ -250,10 +250,10 @@ class PowerScaledSurrogate(SurrogateEstimator):
             return powers_of(float(self.beta))
         return 1.0, powers_of(self._beta_at(self.beta, X))[1]
 
-    def _pointwise_loo(self) -> PointwiseLoo:
+    def _pointwise_loo(self, progress: bool = False) -> PointwiseLoo:
         problem, fit = self._fitted
         random = check_random_state(self.random_state)
-        return loo_of_fit(problem, fit, self._rows, self.sampler, random)
+        return loo_of_fit(problem, fit, self._rows, self.sampler, random, progress)
 
     def _mixture(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
         return [(1.0, self.posterior_)]

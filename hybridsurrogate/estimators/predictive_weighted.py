@@ -16,7 +16,7 @@ from hybridsurrogate.inference.loo import PointwiseLoo, stacking_weight
 from hybridsurrogate.inference.procedure import fit_problem
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood
-from hybridsurrogate.posterior import Posterior
+from hybridsurrogate.posterior import Diagnostics, Posterior
 from hybridsurrogate.prediction.leave_one_out import loo_of_fit
 from hybridsurrogate.prediction.summary import Part
 from hybridsurrogate.priors import FloatArray, Prior
@@ -168,10 +168,10 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
             return
         super()._check_beta()
 
-    def _parts_loo(self, random: np.random.RandomState) -> dict[str, PointwiseLoo]:
+    def _parts_loo(self, random: np.random.RandomState, progress: bool) -> dict[str, PointwiseLoo]:
         """Return the leave-one-out densities of both surrogates."""
         return {
-            source: loo_of_fit(problem, fit, self._rows, self.sampler, random)
+            source: loo_of_fit(problem, fit, self._rows, self.sampler, random, progress)
             for source, (problem, fit) in self._fitted.items()
         }
 
@@ -185,8 +185,8 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
             data.single[2][inside],
         )
 
-    def _pointwise_loo(self) -> PointwiseLoo:
-        parts = self._parts_loo(check_random_state(self.random_state))
+    def _pointwise_loo(self, progress: bool = False) -> PointwiseLoo:
+        parts = self._parts_loo(check_random_state(self.random_state), progress)
         if "simulation" not in parts:
             return parts["measured"]
         beta, X = self.beta_, self.single_rows_[0]
@@ -220,3 +220,13 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
             prior = self._fitted[name][0].noise_prior
             parts.append(Part(float(weight), posterior, self.diagnostics_[name], prior))
         return parts
+
+    def _draws(self) -> list[tuple[str, Any, Posterior, Diagnostics]]:
+        beta = self.beta_ if self.simulation_posterior_ is not None else 0.0
+        weights: dict[str, float | None] = {"measured": None, "simulation": None}
+        if not callable(beta):
+            weights = {"measured": 1.0 - float(beta), "simulation": float(beta)}
+        return [
+            (source, weights[source], fit.second, self.diagnostics_[source])
+            for source, (_, fit) in self._fitted.items()
+        ]

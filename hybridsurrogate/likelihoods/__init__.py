@@ -9,29 +9,35 @@ from hybridsurrogate.likelihoods.custom import CustomLikelihood
 from hybridsurrogate.likelihoods.normal import TransformedNormal
 from hybridsurrogate.registration import import_all
 
+if TYPE_CHECKING:  # for type checkers and editors, which do not run `import_all`
+    from hybridsurrogate.likelihoods.beta_binomial import BetaBinomial
+    from hybridsurrogate.likelihoods.binomial import Binomial
+    from hybridsurrogate.likelihoods.counts import NegativeBinomial, Poisson
+    from hybridsurrogate.likelihoods.normal import LogNormal, Normal
+    from hybridsurrogate.likelihoods.student_t import StudentT
+
+__all__ = [
+    "LIKELIHOODS",
+    "BetaBinomial",
+    "Binomial",
+    "Contaminated",
+    "CustomLikelihood",
+    "Likelihood",
+    "LogNormal",
+    "NegativeBinomial",
+    "Normal",
+    "Poisson",
+    "StudentT",
+    "TransformedNormal",
+    "as_likelihood",
+]
+
 import_all(__name__)
 
 # what a file registers is public
 _CLASSES = {type(likelihood).__name__: type(likelihood) for likelihood in LIKELIHOODS.values()}
 globals().update(_CLASSES)
-__all__ = [
-    "LIKELIHOODS",
-    "Contaminated",
-    "CustomLikelihood",
-    "Likelihood",
-    "TransformedNormal",
-    "as_likelihood",
-    *_CLASSES,
-]
-
-if TYPE_CHECKING:  # for type checkers and editors, which do not run the loop
-    from hybridsurrogate.likelihoods.beta_binomial import BetaBinomial as BetaBinomial
-    from hybridsurrogate.likelihoods.binomial import Binomial as Binomial
-    from hybridsurrogate.likelihoods.counts import NegativeBinomial as NegativeBinomial
-    from hybridsurrogate.likelihoods.counts import Poisson as Poisson
-    from hybridsurrogate.likelihoods.normal import LogNormal as LogNormal
-    from hybridsurrogate.likelihoods.normal import Normal as Normal
-    from hybridsurrogate.likelihoods.student_t import StudentT as StudentT
+__all__ += sorted(_CLASSES.keys() - set(__all__))
 
 
 def as_likelihood(likelihood: str | Likelihood) -> Likelihood:

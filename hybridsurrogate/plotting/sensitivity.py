@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import matplotlib.pyplot as plt
 import pandas as pd
+from matplotlib.axes import Axes
 
 
-def plot_sobol(table: pd.DataFrame, ax: Any = None) -> Any:
+def plot_sobol(table: pd.DataFrame, ax: Axes | None = None) -> Axes:
     """Draw the indices of each parameter over the first column: total as lines, first dashed.
 
     Parameters

@@ -15,6 +15,7 @@ from hybridsurrogate.inference.sampling.differential_evolution import FROM_DRAWS
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.inference.sampling.psis import khat_limit, pareto_smooth
 from hybridsurrogate.inference.warm_start import carried
+from hybridsurrogate.notebook.bars import counted
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.prediction.cavity import without_each
 from hybridsurrogate.prediction.mixture import MixtureAt, log_density_of
@@ -127,6 +128,7 @@ def loo_of_fit(
     rows: MeasuredRows,
     sampler: str | EnsembleSampler,
     random_state: np.random.RandomState,
+    progress: bool = False,
 ) -> PointwiseLoo:
     """Return leave-one-out densities of the rows given to a fit; bad rows are fitted anew.
 
@@ -145,7 +147,7 @@ def loo_of_fit(
         return_inverse=True,
     )
     found = _loo_of_distinct(
-        problem, fit, asked[:, 0].astype(int), asked[:, 1], sampler, random_state
+        problem, fit, asked[:, 0].astype(int), asked[:, 1], sampler, random_state, progress
     )
     out.log_density[inside] = found.log_density[which.ravel()]
     out.khat[inside] = found.khat[which.ravel()]
@@ -160,6 +162,7 @@ def _loo_of_distinct(
     less: FloatArray,
     sampler: str | EnsembleSampler,
     random_state: np.random.RandomState,
+    progress: bool,
 ) -> PointwiseLoo:
     """Return the densities of rows of a problem, by position, with so much less weight each."""
     X, y = problem.X[index], problem.observed[index]
@@ -178,7 +181,7 @@ def _loo_of_distinct(
         found = pointwise_loo(
             first, power * less, second.reshape(shape), less, removed.reshape(shape), some
         )
-    for i in np.flatnonzero(found.failed):
+    for i in counted(np.flatnonzero(found.failed), "Fits without one row", progress):
         without, powers = _without(problem, fit.powers, index[i], less[i])
         most = _REFITTED if fit.again is None else _draws_of(problem).refitted
         n_draws = min(fit.first.n_draws, most)

@@ -13,6 +13,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from hybridsurrogate.exceptions import FailedRunsWarning
+from hybridsurrogate.notebook.tables import table
 from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_spread
 from hybridsurrogate.simulation.curve_tables import (
@@ -462,11 +463,28 @@ class SimulationData:
         self._lock()
 
     def __repr__(self) -> str:
+        names = (self.input_names, self.parameter_names, self.assumed_names)
+        return f"SimulationData({describe(self._title(), *names, self.output)})"
+
+    def _repr_html_(self) -> str:
+        ranges, constants = {**self.input_ranges, **self.parameter_ranges}, self.assumed
+        rows = [
+            (name, word, f"{low:.4g} to {high:.4g}")
+            for word, names in (("input", self.input_names), ("parameter", self.parameter_names))
+            for name, (low, high) in ((name, ranges[name]) for name in names)
+        ]
+        rows += [
+            (name, f"assumed {constant.value:.4g}", "{:.4g} to {:.4g}".format(*ranges[name]))
+            for name, constant in constants.items()
+        ]
+        rows += [(name, "output", "") for name in self.outputs]
+        return table(rows, (self._title(), "", "simulated range"))
+
+    def _title(self) -> str:
         source = "" if self.simulator is None else f" of {self.simulator.name}"
         if self.n_runs < self.n_rows:
             source += f" of {self.n_rows} rows"
-        names = (self.input_names, self.parameter_names, self.assumed_names)
-        return f"SimulationData({describe(f'{self.n_runs} runs{source}', *names, self.output)})"
+        return f"{self.n_runs} runs{source}"
 
     def _lock(self) -> None:
         for array in (self.X, self.omega, self.y):

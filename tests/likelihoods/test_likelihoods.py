@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from scipy import special, stats
+from scipy import integrate, special, stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.likelihoods import (
@@ -178,7 +178,7 @@ def test_smoothed_density_of_a_student_t_is_its_mean_over_a_normal_kernel():
     def mean(function):
         node = np.linspace(-8, 8, 4001)
         values = function(node) * stats.norm.pdf(node)[:, None]
-        return np.trapezoid(values, node, axis=0)
+        return integrate.trapezoid(values, node, axis=0)
 
     def density(node):
         return stats.t.logpdf(y, 4, loc=0.4 * node[:, None], scale=0.7)

@@ -83,7 +83,9 @@ def test_scene_draws_measurements_truth_and_the_range_of_training():
     np.testing.assert_array_equal(measured.get_xydata().T, SCENE.measured)
     assert (truth.get_linestyle(), measured.get_linestyle()) == ("--", "None")
     (shade,) = ax.patches
-    assert (shade.get_x(), shade.get_x() + shade.get_width()) == SCENE.train
+    # a Polygon in old versions of matplotlib, a Rectangle in new ones
+    across = shade.get_patch_transform().transform(shade.get_path().vertices)[:, 0]
+    assert (across.min(), across.max()) == SCENE.train
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("days", "infected")
     assert not plotting.plot_scene(Scene()).lines
 

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.search.evidence import kind_of
 from hybridsurrogate.diagnosis.search.forward_selection import Step
+from hybridsurrogate.notebook.tables import table
 from hybridsurrogate.posterior import Posterior
 
 
@@ -51,6 +53,23 @@ class CauseFinding:
     estimates: dict[str, tuple[float, float, float]]
     latex: str = r"\text{simulation}"
     same_curve: tuple[str, ...] = ()
+
+    def _repr_html_(self) -> str:
+        concerns = [] if self.target is None else [("target", self.target)]
+        same = [("same curve", digits.listing(list(self.same_curve)))] if self.same_curve else []
+        words = [
+            ("kind", self.kind),
+            *concerns,
+            ("probability", digits.probability(self.probability)),
+            ("formula", self.formula),
+            *same,
+        ]
+        numbers = [
+            (name, digits.number(mean), f"{digits.number(low)} to {digits.number(high)}")
+            for name, (mean, low, high) in self.estimates.items()
+        ]
+        header = ("estimate", "mean", "90 % interval")
+        return table(words) + (table(numbers, header) if numbers else "")
 
 
 def finding_of(

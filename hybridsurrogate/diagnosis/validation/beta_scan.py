@@ -58,16 +58,16 @@ class BetaScans:
         tried = sum(scan is not None for scan in self.known.values())
         return f"BetaScans({len(np.asarray(self.y))} rows, {tried} of 2 scans tried)"
 
-    def few(self, out_of_range: bool) -> pd.DataFrame | None:
+    def few(self, out_of_range: bool, progress: bool = False) -> pd.DataFrame | None:
         """Return the scan within the measured range or beyond it.
 
         None where it makes no sense or takes minutes, and without folds beyond it.
         """
         if out_of_range not in self.known:
-            self.known[out_of_range] = self._few(out_of_range)
+            self.known[out_of_range] = self._few(out_of_range, progress)
         return self.known[out_of_range]
 
-    def _few(self, out_of_range: bool) -> pd.DataFrame | None:
+    def _few(self, out_of_range: bool, progress: bool) -> pd.DataFrame | None:
         before = self.models[0]
         if not has_weight(before) or any(is_slow(model) for model in self.models):
             return None
@@ -80,7 +80,9 @@ class BetaScans:
         if not folds:
             return None
         betas = np.array(_FEW_BETAS)
-        return scan_beta(self.models, betas, folds, self.X, self.y, self.n_jobs, self.weights)
+        return scan_beta(
+            self.models, betas, folds, self.X, self.y, self.n_jobs, self.weights, progress
+        )
 
 
 @dataclass(frozen=True)
@@ -127,6 +129,7 @@ def scan_beta(
     y: ArrayLike,
     n_jobs: int | None,
     weights: FloatArray | None = None,
+    progress: bool = False,
 ) -> pd.DataFrame:
     """Return the held-out ELPD per row of the models before and after at each weight.
 
@@ -144,6 +147,8 @@ def scan_beta(
         Folds at the same time, as in `joblib.Parallel`.
     weights : ndarray of shape (n,) or None, default=None
         Of the rows, in the fits and in the means of their scores.
+    progress : bool, default=False
+        Say how many folds are done.
 
     Returns
     -------
@@ -161,7 +166,7 @@ def scan_beta(
         for model in ([before] if after is before else models)
         for train, test in folds
     ]
-    told = in_parallel(tasks, n_jobs)
+    told = in_parallel(tasks, n_jobs, progress)
     n, tests = len(folds), np.concatenate([test for _, test in folds])
     # the same tasks where nothing was found
     scores = {"before": told[:n], "after": told[-n:]}

@@ -12,10 +12,12 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from hybridsurrogate import digits
+from hybridsurrogate.notebook.tables import table
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.scoring.scores import last_of_the_best
 
 COVERAGE_LEVEL, HALF = 0.9, 0.5
+_HEADER = ("", "before", "after", "difference")
 
 
 @dataclass(frozen=True)
@@ -106,15 +108,22 @@ class Gain:
         return f"{type(self).__name__}({change} nats a row on {self.n_rows} held-out rows)"
 
     def __str__(self) -> str:
-        rows = [("", "before", "after", "difference"), *self._scores(), *self._shares()]
+        rows = [_HEADER, *self._scores(), *self._shares()]
         widths = [max(len(row[k]) for row in rows) for k in range(3)]
         lines = [
             f"{name:<{widths[0]}}  {a:>{widths[1]}}  {b:>{widths[2]}}  {change}"
             for name, a, b, change in rows
         ]
+        return "\n".join([*lines, self._rows()])
+
+    def _repr_html_(self) -> str:
+        return table([*self._scores(), *self._shares()], _HEADER, self._rows())
+
+    def _rows(self) -> str:
+        """Return how many rows were held out, and what was found without them."""
         chosen = ", ".join(f"{kind} in {n}" for kind, n in Counter(self.kinds).most_common())
         folds = f"; the searches of {len(self.kinds)} folds chose {chosen}" if chosen else ""
-        return "\n".join([*lines, f"{self.n_rows} held-out rows{folds}"])
+        return f"{self.n_rows} held-out rows{folds}"
 
     def _scores(self) -> list[tuple[str, ...]]:
         return [

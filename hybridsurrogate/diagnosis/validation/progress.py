@@ -1,29 +1,26 @@
-"""What is being done, on a terminal."""
+"""What is being done, on a terminal or in a notebook."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
-from tqdm import tqdm
+from hybridsurrogate.notebook.bars import for_a_person
 
 
 def doing(what: str, shown: bool = True) -> Any:
-    """Return a context that says what is being done while it lasts, where stderr is a terminal.
+    """Return a context that says what is being done while it lasts.
 
     Parameters
     ----------
     what : str
     shown : bool
     """
-    # tqdm takes None for "not on a terminal"
-    return tqdm(
-        desc=what, bar_format="{desc} ({elapsed})", leave=False, disable=None if shown else True
-    )
+    return for_a_person(what, shown, text="{desc} ({elapsed})")
 
 
 def counted(tasks: Sequence[Any], what: str, shown: bool = True) -> Any:
-    """Return the tasks, which say how many of them are done where stderr is a terminal.
+    """Return the tasks, which say how many of them are done.
 
     Parameters
     ----------
@@ -31,10 +28,4 @@ def counted(tasks: Sequence[Any], what: str, shown: bool = True) -> Any:
     what : str
     shown : bool
     """
-    return tqdm(
-        tasks,
-        desc=what,
-        bar_format="{desc} {n_fmt} of {total_fmt} ({elapsed})",
-        leave=False,
-        disable=None if shown else True,
-    )
+    return for_a_person(what, shown, tasks, "{desc} {n_fmt} of {total_fmt} ({elapsed})")

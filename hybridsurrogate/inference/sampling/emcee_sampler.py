@@ -18,6 +18,7 @@ from hybridsurrogate.arguments.scalars import check_flag, check_number
 from hybridsurrogate.inference.sampling.modes import Gaussian, LogDensity
 from hybridsurrogate.inference.sampling.proposals import student_draws
 from hybridsurrogate.inference.sampling.settings import SETTINGS
+from hybridsurrogate.notebook.bars import filled
 from hybridsurrogate.priors import FloatArray
 
 # differential evolution (Ter Braak 2006, Statistics and Computing 16:239) beside the stretch move,
@@ -166,19 +167,20 @@ class EnsembleSampler(BaseEstimator):
         if self.file is not None and sampler.backend.iteration:
             state = sampler.backend.get_last_sample()
         tau, converged = np.inf, False
-        while True:
-            if sampler.iteration and sampler.iteration % SETTINGS.ensemble_steps == 0:
-                tau = _autocorrelation_time(sampler)
-                converged = sampler.iteration > self.tol * tau
-            if converged or sampler.iteration >= self.max_steps:
-                break
-            # always to the next multiple: a resumed run decides where an unbroken one would
-            steps = SETTINGS.ensemble_steps - sampler.iteration % SETTINGS.ensemble_steps
-            steps = min(steps, self.max_steps - sampler.iteration)
-            # the walkers are draws of a Gaussian: a ridge of any narrowness is no fault of theirs
-            state = sampler.run_mcmc(
-                state, steps, progress=self.progress, skip_initial_state_check=True
-            )
+        with filled(self.max_steps, "Steps of the ensemble, at most", self.progress) as done:
+            done.update(sampler.iteration)
+            while True:
+                if sampler.iteration and sampler.iteration % SETTINGS.ensemble_steps == 0:
+                    tau = _autocorrelation_time(sampler)
+                    converged = sampler.iteration > self.tol * tau
+                if converged or sampler.iteration >= self.max_steps:
+                    break
+                # always to the next multiple: a resumed run decides where an unbroken one would
+                steps = SETTINGS.ensemble_steps - sampler.iteration % SETTINGS.ensemble_steps
+                steps = min(steps, self.max_steps - sampler.iteration)
+                # walkers are draws of a Gaussian: a ridge of any narrowness is no fault of theirs
+                state = sampler.run_mcmc(state, steps, skip_initial_state_check=True)
+                done.update(steps)
         return sampler, tau, converged
 
     def _check(self, d: int) -> None:

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from joblib import Parallel, delayed, effective_n_jobs
-from tqdm import tqdm
+
+from hybridsurrogate.notebook.bars import counted
 
 
 class Outcome(NamedTuple):
@@ -55,7 +56,7 @@ def called(
         tasks = [delayed(_call)(function, own, which, timeout) for own, which in calls]
         outcomes = _sent(_outcomes(tasks, n_jobs), function, n_jobs)
     if progress is not None:
-        outcomes = iter(tqdm(outcomes, total=len(calls), desc=progress))
+        outcomes = iter(counted(outcomes, progress, True, len(calls)))
     yield from outcomes
 
 

@@ -10,8 +10,8 @@ import pandas as pd
 from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.answers.table import NOT_WEIGHED, is_weighed
 from hybridsurrogate.diagnosis.checks.outside import DOCUMENTED, N_CASES, NOT_HELD
-from hybridsurrogate.diagnosis.report import tables
 from hybridsurrogate.diagnosis.report.details import pictures
+from hybridsurrogate.diagnosis.report.elements import tables
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
 from hybridsurrogate.diagnosis.report.elements.settings import SETTINGS
 from hybridsurrogate.diagnosis.report.elements.view import View, label, label_of, label_of_cause
