@@ -36,7 +36,7 @@ def test_a_damaged_file(fitted, tmp_path):
     path = tmp_path / "fall.hs"
     hs.save(fitted, path)
     path.write_bytes(path.read_bytes()[:-2000])
-    with pytest.raises(ValueError, match="cannot be loaded: .* Fit again and save it anew"):
+    with pytest.raises(ValueError, match=r"cannot be loaded: .* Fit again and save it anew"):
         hs.load(path)
 
 

@@ -87,7 +87,6 @@ from hybridsurrogate.exceptions import ConfoundingWarning, DiagnosisWarning
 from hybridsurrogate.inference.prior_ends import AtPriorEnd, at_prior_ends
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.posterior import Posterior
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.problem import Problem
 from hybridsurrogate.problem.rows import check_outcomes, without_gaps
 from hybridsurrogate.simulation.arrays import complete_table
@@ -330,7 +329,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         return self
 
     def cross_validate(self, cv: int = 5) -> DiscrepancyDiagnosis:
-        """Measure the gain of a fitted diagnosis on held-out rows, the search repeated without them.
+        """Measure the gain on held-out rows, the search repeated without them.
 
         ``fit`` does it where ``cv`` is set. Apart from it the verdict can be read first:
         ``fit`` with ``cv=None``, then this. The same ``random_state`` gives the same folds either
