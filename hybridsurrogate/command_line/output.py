@@ -95,30 +95,30 @@ def first_words(report: Report, diagnosis: DiscrepancyDiagnosis) -> str:
 
 
 def table_of_causes(causes: pd.DataFrame) -> str:
-    """Return the most probable causes as text, a line each.
+    """Return the most probable kinds of cause as text, a line each.
 
     Parameters
     ----------
     causes : pandas.DataFrame
-        As `DiscrepancyDiagnosis.causes_`.
+        As `DiscrepancyDiagnosis.causes_`. The forms of a kind are added up.
 
     Examples
     --------
     >>> import pandas as pd
     >>> print(table_of_causes(pd.DataFrame({
-    ...     "form": ["step", "none"], "target": ["year", None], "probability": [0.9, 0.1]})))
+    ...     "kind": ["step", "none", "step"], "target": ["year", None, "year"],
+    ...     "probability": [0.5, 0.1, 0.4]})))
     cause         probability
     step in year  90 %
     none          10 %
     """
-    shown = causes[causes["probability"].notna()].head(_MOST_CAUSES)
-    names = [
-        form if pd.isna(target) or str(target) in form else f"{form} in {target}"
-        for form, target in zip(shown["form"], shown["target"], strict=True)
-    ]
+    known = causes[causes["probability"].notna()]
+    by_kind = known.groupby(["kind", "target"], dropna=False, sort=False)["probability"].sum()
+    shown = by_kind.sort_values(ascending=False, kind="stable").head(_MOST_CAUSES)
+    names = [kind if pd.isna(target) else f"{kind} in {target}" for kind, target in shown.index]
     width = max(map(len, [*names, "cause"]))
     lines = [f"{'cause':{width}}  probability"]
-    for name, value in zip(names, shown["probability"], strict=True):
+    for name, value in zip(names, shown, strict=True):
         lines.append(f"{name:{width}}  {probability(float(value))}")
     return "\n".join(lines)
 

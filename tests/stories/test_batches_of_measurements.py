@@ -11,7 +11,7 @@ from experiments import main
 from shared_files import shared_path
 
 import hybridsurrogate as hs
-from hybridsurrogate.cli import main as command_line
+from hybridsurrogate.command_line.main import main as command_line
 
 
 def test_the_page_runs_as_it_stands(capsys):

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.stats import qmc, uniform
 
 import hybridsurrogate as hs
-from hybridsurrogate.cli import main
+from hybridsurrogate.command_line.main import main
 
 TIMES = np.linspace(0, 20, 300)
 MEASURED = np.linspace(0.3, 18, 60)

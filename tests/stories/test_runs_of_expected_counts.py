@@ -6,7 +6,7 @@ import pytest
 from scipy.stats import uniform
 
 import hybridsurrogate as hs
-from hybridsurrogate.cli import main
+from hybridsurrogate.command_line.main import main
 from hybridsurrogate.effects.registry import kinds
 from hybridsurrogate.likelihoods import Binomial
 

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import hybridsurrogate as hs
-from hybridsurrogate.cli import main
+from hybridsurrogate.command_line.main import main
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 import hybridsurrogate as hs
-from hybridsurrogate.cli import main
+from hybridsurrogate.command_line.main import main
 
 
 def line(t):
