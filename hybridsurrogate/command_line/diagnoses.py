@@ -56,7 +56,7 @@ def diagnose(given: argparse.Namespace) -> int:
     check_outputs(given)
     study = read_study_data(given)
     units = checked_units(given.units, study.columns)
-    return _diagnosed(model_of(study, given), study, given, units)
+    return _diagnosed(model_of(study, given, given.beta), study, given, units)
 
 
 def report(given: argparse.Namespace) -> int:

@@ -19,12 +19,11 @@ from hybridsurrogate.command_line.output import (
     write_json,
     write_table,
 )
-from hybridsurrogate.command_line.study import model_of, read_study_data
+from hybridsurrogate.command_line.study import check_columns, model_of, read_study_data
 from hybridsurrogate.command_line.user_code import read_saved
 from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
 from hybridsurrogate.estimators import choose_beta as held_out
 from hybridsurrogate.estimators.beta_choice import LEAVE_FUTURE_OUT
-from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.saved_file import save
 from hybridsurrogate.simulation.files.measured_table import numbers_of
 from hybridsurrogate.simulation.files.table_file import read_table
@@ -37,7 +36,7 @@ def fit(given: argparse.Namespace) -> int:
     """Fit a surrogate to runs and measurements; return the exit code."""
     check_outputs(given)
     study = read_study_data(given)
-    model = model_of(study, given, given.method)
+    model = model_of(study, given, given.beta, given.method)
     with stage("Fit", given):
         model.fit(study.X, study.y)
     table = model.summary()
@@ -55,8 +54,10 @@ def choose_beta(given: argparse.Namespace) -> int:
             "emulated."
         )
     cv = LEAVE_FUTURE_OUT if given.future else given.folds
+    # every weight that is tried takes the place of the first
+    model = model_of(study, given, 0.5, given.method)
     with stage("Folds", given):
-        choice = held_out(model_of(study, given, given.method), study.X, study.y, given.betas, cv)
+        choice = held_out(model, study.X, study.y, given.betas, cv)
     text = f"beta = {choice.beta:g} has the best held-out ELPD.\n\n{_text(choice.table)}"
     numbers = {"beta": choice.beta, "table": _records(choice.table)}
     _finish(choice.estimator, text, numbers, given, study.code)
@@ -69,8 +70,9 @@ def predict(given: argparse.Namespace) -> int:
     saved: Any = read_saved(given.saved)
     model = saved.extended_estimator_ if isinstance(saved, DiscrepancyDiagnosis) else saved
     rows = _rows_for(model, read_table(given.new_inputs), given.new_inputs)
-    mean, sd = model.predict(rows, return_std=True)
-    low, high = model.predict_interval(rows, _LEVEL)
+    known = rows if hasattr(model, "feature_names_in_") else rows.to_numpy()
+    mean, sd = model.predict(known, return_std=True)
+    low, high = model.predict_interval(known, _LEVEL)
     outputs = model.simulation.outputs
     table = rows.copy()
     for k, name in enumerate(outputs):
@@ -82,13 +84,14 @@ def predict(given: argparse.Namespace) -> int:
 
 def _rows_for(model: Any, table: pd.DataFrame, path: str) -> pd.DataFrame:
     """Return the columns that a fitted model has, as numbers."""
-    names = list(model.feature_names_in_)
-    missing = [name for name in names if name not in table]
-    if missing:
+    # of rows that came as arrays the simulation's inputs alone have names
+    names = list(getattr(model, "feature_names_in_", model.simulation.input_names))
+    if len(names) < model.n_features_in_:
         raise ValueError(
-            f"{path} has no columns {missing}; its columns are {list(table)}."
-            f"{did_you_mean(missing, table)}"
+            "It was fitted to an array of more columns than the simulation has inputs, and these "
+            "have no names: fit it to a DataFrame."
         )
+    check_columns(names, table, path)
     label = model.experiment
     return pd.DataFrame(
         {name: table[name] if name == label else numbers_of(table[name], path) for name in names}

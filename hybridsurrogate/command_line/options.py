@@ -53,7 +53,8 @@ class Option:
     @property
     def shown_default(self) -> str:
         """The default as help shows it, empty where there is none to show."""
-        return "" if self.default in (None, (), False) else str(self.default)
+        shown = self.kind != "yes" and self.default not in (None, ())
+        return str(self.default) if shown else ""
 
 
 _PARSED: dict[str, dict[str, Any]] = {

@@ -129,7 +129,7 @@ def checked_units(pairs: Sequence[str], known: Iterable[str]) -> dict[str, str]:
 def _from_runs(given: argparse.Namespace, runs: pd.DataFrame) -> SimulationData:
     parameters = list(given.parameters)
     constants = named(given.assumed, "--assumed", "0.5,0.3,0.9")
-    _check_there([*parameters, *constants], runs, given.simulation)
+    check_columns([*parameters, *constants], runs, given.simulation)
     ends = {
         name: (float(runs[name].min()), float(runs[name].max()))
         for name in (*parameters, *constants)
@@ -182,7 +182,15 @@ def _priors(given: argparse.Namespace, parameters: Sequence[str]) -> dict[str, s
     return texts
 
 
-def _check_there(names: Sequence[str], table: pd.DataFrame, path: str) -> None:
+def check_columns(names: Sequence[str], table: pd.DataFrame, path: str) -> None:
+    """Raise ValueError where a table of a file has not all of the columns.
+
+    Parameters
+    ----------
+    names : sequence of str
+    table : pandas.DataFrame
+    path : str
+    """
     missing = [name for name in names if name not in table]
     if missing:
         raise ValueError(
@@ -222,7 +230,7 @@ def _make_numbers(
 def _measured(path: str, names: Iterable[str], outputs: list[str]) -> pd.DataFrame:
     """Return measured rows that have the named columns, and any of the outputs."""
     table = read_table(path)
-    _check_there(list(names), table, path)
+    check_columns(list(names), table, path)
     table, *_ = without_gaps(table, table[outputs], word=", ".join(outputs))
     # a comma at the end of each line makes a column without a cell
     return table.dropna(axis="columns", how="all")
@@ -316,7 +324,7 @@ def largest_degree(simulation: SimulationData) -> int:
 
 
 def model_of(
-    study: Study, given: argparse.Namespace, method: str = "power-scaling"
+    study: Study, given: argparse.Namespace, beta: float, method: str = "power-scaling"
 ) -> PowerScaledSurrogate | PredictiveWeightedSurrogate:
     """Return the estimator of a study, which is yet to be fitted.
 
@@ -324,14 +332,16 @@ def model_of(
     ----------
     study : Study
     given : argparse.Namespace
-        With the options of `options.MODEL`, experiment, by_experiment and seed.
+        With likelihood, experiment, by_experiment and seed.
+    beta : float
+        Weight of the simulation.
     method : {"power-scaling", "predictive-weighting"}
     """
     estimator = _METHODS[method]
     return estimator(
         study.simulation,
         surrogate=study.surrogate,
-        beta=given.beta,
+        beta=beta,
         likelihood=given.likelihood,
         experiment=given.experiment,
         by_experiment=named(given.by_experiment, "--by-experiment", "spread") or None,

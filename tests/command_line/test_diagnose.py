@@ -41,7 +41,7 @@ def arguments(folder, *more):
         "--simulation",
         str(folder / "runs.csv"),
         *("--inputs", "t", "--parameters", "speed", "--output", "distance", "--degree", "2"),
-        *("--report", str(folder / "report.html")),
+        *("--report", str(folder / "report.html"), "--jobs", "1"),
         *more,
     ]
 

@@ -78,7 +78,7 @@ def test_the_weight_of_a_right_simulation_is_compared(folder, capsys):
         (["report", "fit.hs"], "a fitted PowerScaledSurrogate, not a DiscrepancyDiagnosis"),
         (["next-runs", "fit.hs"], "diagnose with --save writes one"),
         (["predict", "fit.hs", "wrong.csv"], "has no columns ['t']; its columns are ['T']"),
-        (["predict", "fit.hs", "wrong.csv"], "Did you mean 't'?"),
+        (["predict", "fit.hs", "wrong.csv"], "Did you mean 'T'?"),
         (["predict", "fit.hs", "text.csv"], "1 of 1 values of 't' are no numbers"),
         (["predict", "fit.hs", "runs.csv", "--table", "no/out.csv"], "does not exist"),
         (["fit", "measured.csv", "--simulation", "runs.csv"], "--inputs is missing"),
