@@ -14,7 +14,7 @@ from tqdm import tqdm
 
 from hybridsurrogate.command_line.commands import COMMANDS, Command
 from hybridsurrogate.command_line.options import completed
-from hybridsurrogate.command_line.output import STDOUT
+from hybridsurrogate.command_line.output import STDOUT, Unbroken
 from hybridsurrogate.command_line.parsers import make_parser
 from hybridsurrogate.command_line.study_file import read_study
 from hybridsurrogate.exceptions import HybridSurrogateWarning
@@ -42,9 +42,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         warnings.simplefilter("always", HybridSurrogateWarning)
         warnings.showwarning = _PrintOnce()  # catch_warnings restores it
         try:
-            given = _settings(command, words)
-            with _texts_of(given):
-                return command.run(given)
+            with redirect_stdout(Unbroken(sys.stdout)):
+                given = _settings(command, words)
+                with _texts_of(given):
+                    return command.run(given)
         except (ValueError, TypeError, OSError) as error:
             print(f"hybridsurrogate: {error}", file=sys.stderr)
             return _UNUSABLE

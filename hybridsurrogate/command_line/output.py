@@ -26,8 +26,42 @@ STDOUT = "-"
 _MOST_CAUSES = 5
 
 
+class Unbroken:
+    """A text stream whose reader may have seen enough, as with ``| head``: the command goes on.
+
+    Parameters
+    ----------
+    stream : text stream
+    """
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        """Write text, which goes nowhere once nobody reads it."""
+        with self._until_broken():
+            self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        """Write at once what was kept back."""
+        with self._until_broken():
+            self._stream.flush()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    @contextmanager
+    def _until_broken(self) -> Iterator[None]:
+        try:
+            yield
+        except BrokenPipeError:
+            # what is kept back goes nowhere as well, and Python's end finds no broken pipe
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
+
+
 def say(text: str, stream: Any = None) -> None:
-    """Print text at once; whoever reads it may have seen enough, and the command goes on.
+    """Print text at once.
 
     Parameters
     ----------
@@ -35,12 +69,7 @@ def say(text: str, stream: Any = None) -> None:
     stream : text stream or None, default=None
         None: stdout.
     """
-    stream = sys.stdout if stream is None else stream
-    try:
-        print(text, file=stream, flush=True)
-    except BrokenPipeError:
-        # as "| head" does: the rest goes nowhere, and files are written
-        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    print(text, file=stream, flush=True)
 
 
 def check_outputs(given: argparse.Namespace) -> None:

@@ -1,6 +1,8 @@
 """Words that are typed wrongly, where texts go, and the exit code."""
 
+import contextlib
 import json
+import os
 from types import SimpleNamespace
 
 import pandas as pd
@@ -135,6 +137,24 @@ def test_the_verdict_is_printed_before_the_folds(quick, capsys, monkeypatch):
     assert "With pictures: report.html" in capsys.readouterr().out
     assert made[0].settings["n_jobs"] == -1
     assert made[0].settings["cv"] is None
+
+
+def test_folds_that_are_interrupted_leave_a_report(quick, capsys, monkeypatch):
+    def interrupt(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Found, "cross_validate", interrupt)
+    assert main(["demo"]) == 0
+    assert (quick / "report.html").exists()
+
+
+def test_whoever_reads_may_have_seen_enough(quick):
+    """As with ``| head -1``: the reader is gone before the first word."""
+    read, write = os.pipe()
+    os.close(read)
+    with os.fdopen(write, "w") as gone, contextlib.redirect_stdout(gone):
+        assert main(["demo"]) == 0
+    assert (quick / "report.html").exists()
 
 
 def test_no_folds_and_jobs(quick):
