@@ -132,21 +132,22 @@ def named(pairs: Sequence[str], option: str, example: str) -> dict[str, str]:
     Parameters
     ----------
     pairs : sequence of str
-    option, example : str
-        What to call them in an error, and a value that is right.
+    option : str
+        What it is called, and the form of a value.
+    example : str
+        A value that is right.
 
     Examples
     --------
-    >>> named(["co2=ppm"], "--units", "ppm")
+    >>> named(["co2=ppm"], "--units NAME=UNIT", "ppm")
     {'co2': 'ppm'}
     """
     out = {}
+    flag, form = option.split()
     for text in pairs:
         name, _, value = text.partition("=")
         if not name or not value:
-            raise ValueError(
-                f"{option} {text}: write NAME={example}, such as {name or 'speed'}={example}."
-            )
+            raise ValueError(f"{flag} {text}: write {form}, such as {name or 'x'}={example}.")
         out[name] = value
     return out
 

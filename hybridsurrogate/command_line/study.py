@@ -116,7 +116,7 @@ def checked_units(pairs: Sequence[str], known: Iterable[str]) -> dict[str, str]:
     >>> checked_units(["co2=ppm"], ["year", "co2"])
     {'co2': 'ppm'}
     """
-    units, known = named(pairs, "--units", "ppm"), list(known)
+    units, known = named(pairs, "--units NAME=UNIT", "ppm"), list(known)
     for name in units:
         if name not in known:
             raise ValueError(
@@ -128,7 +128,7 @@ def checked_units(pairs: Sequence[str], known: Iterable[str]) -> dict[str, str]:
 
 def _from_runs(given: argparse.Namespace, runs: pd.DataFrame) -> SimulationData:
     parameters = list(given.parameters)
-    constants = named(given.assumed, "--assumed", "0.5,0.3,0.9")
+    constants = named(given.assumed, "--assumed NAME=VALUE,LOW,HIGH", "0.5,0.3,0.9")
     check_columns([*parameters, *constants], runs, given.simulation)
     ends = {
         name: (float(runs[name].min()), float(runs[name].max()))
@@ -151,7 +151,7 @@ def _from_function(
     given: argparse.Namespace, function: Any, measured: pd.DataFrame
 ) -> SimulationData | Simulator:
     """Return the function as a simulation over the ranges of the measured inputs, or its runs."""
-    texts = named(given.prior, "--prior", "2,0.5")
+    texts = named(given.prior, "--prior NAME=MEAN,SD", "2,0.5")
     parameters = list(given.parameters or texts)
     _priors(given, parameters)
     without = [name for name in parameters if name not in texts]
@@ -160,7 +160,7 @@ def _from_function(
             f"The parameters {without} have no prior, and a function no runs to take one from: "
             f"add --prior {without[0]}=MEAN,SD."
         )
-    constants = named(given.assumed, "--assumed", "0.5,0.3,0.9")
+    constants = named(given.assumed, "--assumed NAME=VALUE,LOW,HIGH", "0.5,0.3,0.9")
     simulator = Simulator(
         function,
         {name: (float(measured[name].min()), float(measured[name].max())) for name in given.inputs},
@@ -172,7 +172,7 @@ def _from_function(
 
 
 def _priors(given: argparse.Namespace, parameters: Sequence[str]) -> dict[str, str]:
-    texts = named(given.prior, "--prior", "2,0.5")
+    texts = named(given.prior, "--prior NAME=MEAN,SD", "2,0.5")
     for name, text in texts.items():
         if name not in parameters:
             raise ValueError(
@@ -236,8 +236,8 @@ def _measured(path: str, names: Iterable[str], outputs: list[str]) -> pd.DataFra
     return table.dropna(axis="columns", how="all")
 
 
-def _warn_of_unnamed(runs: pd.DataFrame, named: set[str]) -> None:
-    rest = [name for name in runs.select_dtypes("number") if name not in {*named, RUN}]
+def _warn_of_unnamed(runs: pd.DataFrame, known: set[str]) -> None:
+    rest = [name for name in runs.select_dtypes("number") if name not in {*known, RUN}]
     varied = [name for name in rest if runs[name].min() < runs[name].max()]
     if varied:
         warnings.warn(
@@ -344,6 +344,6 @@ def model_of(
         beta=beta,
         likelihood=given.likelihood,
         experiment=given.experiment,
-        by_experiment=named(given.by_experiment, "--by-experiment", "spread") or None,
+        by_experiment=named(given.by_experiment, "--by-experiment NAME=HOW", "spread") or None,
         random_state=given.seed,
     )

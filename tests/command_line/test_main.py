@@ -198,7 +198,7 @@ def test_units_are_of_columns_that_there_are(quick, capsys):
     assert "there is no 'flwo', but year, mean_flow, flow. Did you mean 'flow'?" in error
     assert not (quick / "new.html").exists()
     assert main(["demo", "--units", "flow"]) == 2
-    assert "--units flow: write NAME=ppm" in capsys.readouterr().err
+    assert "--units flow: write NAME=UNIT, such as flow=ppm" in capsys.readouterr().err
 
 
 def test_a_report_into_a_folder_that_is_not_there(quick, capsys):

@@ -148,7 +148,7 @@ def test_the_command_line_knows_experiments(tmp_path, monkeypatch, capsys):
     frame.to_csv("runs.csv", index=False)
     settings = ["--simulation", "runs.csv", "--inputs", "x", "--parameters", "rate", "level"]
     settings += ["--prior", "rate=0.5,0.3", "--prior", "level=3,1", "--output", "y"]
-    settings += ["--experiment", "batch"]
+    settings += ["--experiment", "batch", "--jobs", "1"]
     assert command_line(["diagnose", "measured.csv", *settings, "--by-experiment", "rate"]) == 2
     assert "write NAME=HOW" in capsys.readouterr().err
     assert command_line(["diagnose", "measured.csv", *settings]) == 0

@@ -126,4 +126,5 @@ def test_the_command_line_takes_expected_counts(tmp_path, monkeypatch):
     pd.DataFrame({"t": t, "n": y}).to_csv("measured.csv", index=False)
     given = ["diagnose", "measured.csv", "--simulation", "runs.csv", "--inputs", "t"]
     given += ["--parameters", "first", "rate", "--output", "n", "--likelihood", "poisson"]
+    given += ["--jobs", "1"]
     assert main(given) == 0
