@@ -97,7 +97,7 @@ class Found:
     def cross_validate(self):
         self.calls.append("cross_validate")
 
-    def report(self):
+    def report(self, **_):
         self.calls.append("report")
         section = SimpleNamespace(sentences=("The flow fell.",))
 
@@ -108,6 +108,8 @@ class Found:
         return SimpleNamespace(
             title="The simulation is wrong",
             sections=(section,),
+            headline="The simulation is wrong",
+            lead=section.sentences,
             save=save,
             to_dict=lambda: {"verdict": self.verdict_},
         )
