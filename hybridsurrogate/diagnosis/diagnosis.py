@@ -322,7 +322,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self.gain_: Gain | None = None
         self.gain_out_of_range_: Gain | None = None
         # of this fit, whatever set_params changes until the folds are run
-        self._searched_with = clone(self.estimator), own, excluded, int(self.max_causes)
+        self._searched_with = own, excluded, int(self.max_causes)
         self._fold_random = deepcopy(random)
         if self.cv is not None:
             self._cross_validate(int(self.cv))
@@ -512,10 +512,10 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
 
     def _cross_validate(self, cv: int) -> None:
         X, y = self._rows[0], self.estimator_.measured_[1]
-        estimator, own, excluded, max_causes = self._searched_with
+        own, excluded, max_causes = self._searched_with
         kinds = in_one_word([cause.kind for cause in self.found_causes_])
         refitted = Refit(
-            estimator,
+            clone(self.estimator_),
             own,
             excluded,
             searches(self.result_.steps),
