@@ -1,4 +1,4 @@
-"""Fitted estimators and diagnoses in a file that says by which version it was written."""
+"""Fitted estimators and diagnoses in a file, with the version that wrote it."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def save(fitted: Any, path: str | os.PathLike[str], code: str | None = None) -> 
 
 
 def about_saved(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return what the head of a saved file says, without reading what is in it.
+    """Return the head of a saved file, without reading what is in it.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ def co2() -> Demonstration:
     data = load_mauna_loa_co2()
     early = (data.data["year"] < 1996).to_numpy()
     return Demonstration(
-        "Monthly CO2 at Mauna Loa, 1958 to 1995 (1996 to 2001 held back), against a simulation of "
+        "Monthly CO2 at Mauna Loa, 1958 to 1995 (1996 to 2001 held out), against a simulation of "
         "smooth growth: a pre-industrial level plus an excess that grows exponentially.",
         data.simulator,
         data.data[early],
@@ -52,7 +52,7 @@ def log_sin() -> Demonstration:
     case = make_log_sin(random_state=0)
     return Demonstration(
         "Case study 1 of arXiv 2412.11875: 30 rows of a process in x = 1 to 100, against a "
-        "simulation that lacks one of its terms (x = 100 to 200 held back).",
+        "simulation that lacks one of its terms (x = 100 to 200 held out).",
         case.simulator,
         case.X,
         case.y,

@@ -100,7 +100,7 @@ def _diagnosed(
             "\nNow the gain on held-out rows: the search is repeated without them. --no-folds "
             "leaves it out.\n"
         )
-        # a diagnosis says itself that its folds were interrupted, and all else is kept
+        # the diagnosis warns that its folds were interrupted, and keeps all else
         with stage("Folds", given, shown=False), suppress(KeyboardInterrupt):
             diagnosis.cross_validate()
     return _reported(diagnosis, given, units, test, study)

@@ -84,5 +84,5 @@ class _PrintOnce:
     def __call__(self, message: Any, *_: Any, **__: Any) -> None:
         if str(message) not in self._known:
             self._known.add(str(message))
-            # not into the line that says what is being done
+            # not into the line of the stage on a terminal
             tqdm.write(f"Warning: {message}", file=sys.stderr)

@@ -180,7 +180,7 @@ def report_of(
 def write_files(
     writers: Sequence[tuple[str, str | None, Callable[[str], None]]],
 ) -> tuple[list[str], list[str]]:
-    """Write files and return what to say of them: of those written, of those that failed.
+    """Write files and return a line for each that was written, and for each that failed.
 
     Parameters
     ----------
