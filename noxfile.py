@@ -15,7 +15,7 @@ PYTHONS = ["3.11", "3.12", "3.13", "3.14"]
 # what a lower bound may break: tables, pictures, samplers, ArviZ, scikit-learn's checks
 QUICK = [
     *("tests/estimators", "tests/likelihoods", "tests/plotting", "tests/simulation"),
-    *("tests/surrogates", "tests/scoring", "tests/test_cli.py", "tests/test_posterior.py"),
+    *("tests/surrogates", "tests/scoring", "tests/command_line", "tests/test_posterior.py"),
     *("tests/test_priors.py", "tests/house/test_sklearn_contract.py"),
 ]
 

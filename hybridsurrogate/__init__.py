@@ -86,6 +86,7 @@ from hybridsurrogate.likelihoods import (
 )
 from hybridsurrogate.ode.simulator import OdeSimulator
 from hybridsurrogate.priors import truncated_normal
+from hybridsurrogate.saved_file import load, save
 from hybridsurrogate.simulation.command_simulator import CommandSimulator
 from hybridsurrogate.simulation.simulator import Assumed, SimulationData, Simulator, read_simulation
 from hybridsurrogate.surrogates import (
@@ -188,8 +189,10 @@ __all__ = [
     "WrongConstant",
     "beta_path",
     "choose_beta",
+    "load",
     "read_simulation",
     "refine",
+    "save",
     "sobol_indices",
     "truncated_normal",
 ]

@@ -7,13 +7,15 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from copy import deepcopy
 from dataclasses import replace
+from numbers import Integral
 from typing import Any
 
 import numpy as np
 from joblib import parallel_config
 from numpy.typing import ArrayLike
 from sklearn.base import clone
-from sklearn.utils import check_random_state
+from sklearn.utils import check_random_state, check_scalar
+from sklearn.utils.validation import check_is_fitted
 
 from hybridsurrogate.diagnosis.answers.discrepancy import estimate_discrepancies
 from hybridsurrogate.diagnosis.answers.experimental_design import next_measurement
@@ -88,7 +90,6 @@ from hybridsurrogate.exceptions import ConfoundingWarning, DiagnosisWarning
 from hybridsurrogate.inference.prior_ends import AtPriorEnd, at_prior_ends
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.posterior import Posterior
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.problem import Problem
 from hybridsurrogate.problem.rows import check_outcomes, without_gaps
 from hybridsurrogate.simulation.arrays import complete_table
@@ -325,8 +326,53 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             self.feature_names_in_ = self.estimator_.feature_names_in_
         self.gain_: Gain | None = None
         self.gain_out_of_range_: Gain | None = None
-        with one_blas_thread():
-            self._prove(X, self.estimator_.measured_[1], random)
+        # of this fit, whatever set_params changes until the folds are run
+        self._searched_with = own, excluded, int(self.max_causes)
+        self._fold_random = deepcopy(random)
+        if self.cv is not None:
+            self._cross_validate(int(self.cv))
+        return self
+
+    def cross_validate(self, cv: int = 5) -> DiscrepancyDiagnosis:
+        """Measure the gain on held-out rows, the search repeated without them.
+
+        ``fit`` does it where ``cv`` is set. Apart from it the verdict can be read first:
+        ``fit`` with ``cv=None``, then this. The same ``random_state`` gives the same folds either
+        way.
+
+        Parameters
+        ----------
+        cv : int, default=5
+            Folds within the measured range, at least 2. Those beyond it are up to three.
+
+        Returns
+        -------
+        self
+            With ``gain_`` and ``gain_out_of_range_``.
+
+        Raises
+        ------
+        NotFittedError
+            Before ``fit``.
+        TypeError, ValueError
+            For a number of folds that is no whole number, or less than 2.
+
+        Examples
+        --------
+        >>> import hybridsurrogate as hs
+        >>> from hybridsurrogate.datasets import make_log_sin
+        >>> case = make_log_sin(random_state=0)
+        >>> model = hs.PowerScaledSurrogate(
+        ...     case.simulator, surrogate=hs.ExactSurrogate(), random_state=0)
+        >>> diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0)
+        >>> diagnosis.fit(case.X, case.y).gain_ is None
+        True
+        >>> diagnosis.cross_validate(3).gain_ is None
+        False
+        """
+        check_is_fitted(self)
+        check_scalar(cv, "cv", Integral, min_val=2)
+        self._cross_validate(int(cv))
         return self
 
     def _doubts_of(self, steps: Sequence[Step], problem: Problem, verdict: str) -> list[Caution]:
@@ -469,25 +515,26 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         every = {one.name: one for one in (*before, *found)}
         return [one for name, one in every.items() if name not in replaced]
 
-    def _prove(self, X: ArrayLike, y: FloatArray, random_state: np.random.RandomState) -> None:
-        if self.cv is None:
-            return
+    def _cross_validate(self, cv: int) -> None:
+        X, y = self._rows[0], self.estimator_.measured_[1]
+        own, excluded, max_causes = self._searched_with
         kinds = in_one_word([cause.kind for cause in self.found_causes_])
         refitted = Refit(
             clone(self.estimator_),
-            tuple(self.causes),
-            tuple(self.exclude),
+            own,
+            excluded,
             searches(self.result_.steps),
             Pair(self.estimator_, self.extended_estimator_, kinds),
-            int(self.max_causes),
-            self.false_alarm_rate,
+            max_causes,
+            self.result_.false_alarm_rate,
         )
-        within = random_folds(len(y), int(self.cv), random_state)
+        within = random_folds(len(y), cv, deepcopy(self._fold_random))
         beyond = folds_beyond(self.estimator_.simulation, self.estimator_.measured_[0])
         try:
-            gains = cross_validated(
-                refitted, within, beyond, X, y, self.n_jobs, bool(self.progress), self._weights
-            )
+            with one_blas_thread():
+                gains = cross_validated(
+                    refitted, within, beyond, X, y, self.n_jobs, bool(self.progress), self._weights
+                )
         except KeyboardInterrupt:
             warnings.warn(
                 "The folds of the diagnosis were interrupted: there is no gain. All else is kept, "

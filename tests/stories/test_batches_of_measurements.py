@@ -11,7 +11,7 @@ from experiments import main
 from shared_files import shared_path
 
 import hybridsurrogate as hs
-from hybridsurrogate.cli import main as command_line
+from hybridsurrogate.command_line.main import main as command_line
 
 
 def test_the_page_runs_as_it_stands(capsys):
@@ -148,7 +148,7 @@ def test_the_command_line_knows_experiments(tmp_path, monkeypatch, capsys):
     frame.to_csv("runs.csv", index=False)
     settings = ["--simulation", "runs.csv", "--inputs", "x", "--parameters", "rate", "level"]
     settings += ["--prior", "rate=0.5,0.3", "--prior", "level=3,1", "--output", "y"]
-    settings += ["--experiment", "batch"]
+    settings += ["--experiment", "batch", "--jobs", "1"]
     assert command_line(["diagnose", "measured.csv", *settings, "--by-experiment", "rate"]) == 2
     assert "write NAME=HOW" in capsys.readouterr().err
     assert command_line(["diagnose", "measured.csv", *settings]) == 0

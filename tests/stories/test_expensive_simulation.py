@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.stats import qmc, uniform
 
 import hybridsurrogate as hs
-from hybridsurrogate.cli import main
+from hybridsurrogate.command_line.main import main
 
 TIMES = np.linspace(0, 20, 300)
 MEASURED = np.linspace(0.3, 18, 60)
@@ -82,7 +82,7 @@ def test_a_tank_without_a_leak_is_adequate_by_the_command_line(tank, capsys):
     files = [str(tank / name) for name in ("measured.csv", "runs.csv", "report.html", "out.json")]
     code = main(
         f"diagnose {files[0]} --simulation {files[1]} --inputs t --parameters q c h0 --output h "
-        f"--report {files[2]} --json {files[3]}".split()
+        f"--report {files[2]} --json {files[3]} --jobs 1".split()
     )
     assert code == 0
     assert json.loads((tank / "out.json").read_text())["verdict"] == "adequate"

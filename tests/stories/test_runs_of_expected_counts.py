@@ -6,7 +6,7 @@ import pytest
 from scipy.stats import uniform
 
 import hybridsurrogate as hs
-from hybridsurrogate.cli import main
+from hybridsurrogate.command_line.main import main
 from hybridsurrogate.effects.registry import kinds
 from hybridsurrogate.likelihoods import Binomial
 
@@ -110,6 +110,7 @@ def test_the_command_line_takes_expected_counts(tmp_path, monkeypatch):
     pd.DataFrame({"t": t, "n": y}).to_csv("measured.csv", index=False)
     given = ["diagnose", "measured.csv", "--simulation", "runs.csv", "--inputs", "t"]
     given += ["--parameters", "first", "rate", "--output", "n", "--likelihood", "poisson"]
+    given += ["--jobs", "1"]
     assert main(given) == 0
 
 

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import hybridsurrogate as hs
-from hybridsurrogate.cli import main
+from hybridsurrogate.command_line.main import main
 
 
 @pytest.mark.slow
@@ -51,6 +51,7 @@ def test_the_command_line_takes_several_outputs(tmp_path, monkeypatch):
     measured.to_csv("measured.csv", index=False)
     given = ["diagnose", "measured.csv", "--simulation", "runs.csv", "--inputs", "t"]
     given += ["--parameters", "a", "k", "--output", "level", "flow", "--json", "report.json"]
+    given += ["--jobs", "1"]
     assert main(given) == 0
     told = json.loads(Path("report.json").read_text(encoding="utf-8"))
     assert told["best_cause"]["kind"] == "step"

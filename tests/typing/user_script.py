@@ -302,7 +302,7 @@ told = plotting.Prediction(measured, low, high, low, high)
 omega = np.linspace(0.0, 1.0, 200)
 by_beta: dict[str, list[Array]] = {"power scaling": [draws, draws]}
 colours = [plotting.BEFORE, plotting.AFTER, plotting.DATA, plotting.HELD_OUT, plotting.QUIET]
-looks = [*plotting.RIVALS, plotting.OMEGA_COLOURS.name]
+looks = [*plotting.ALTERNATIVES, plotting.OMEGA_COLOURS.name]
 
 
 def on_axes() -> Axes:
@@ -323,7 +323,7 @@ pictures: list[Axes] = [
     plotting.plot_predictive_bands(x, draws, scene=scene),
     plotting.plot_quantiles(on_axes(), measured, plotting.BEFORE, "o", "before"),
     plotting.plot_residuals(on_axes(), x, measured, plotting.BEFORE, "before"),
-    plotting.plot_rivals(on_axes(), x, [measured, low], ["trend", "step"], 0.5),
+    plotting.plot_alternatives(on_axes(), x, [measured, low], ["trend", "step"], 0.5),
     plotting.plot_scene(scene),
     plotting.plot_scores(on_axes(), ["fold 1"], per_row[:1], per_row[:1], per_row[:1]),
     plotting.plot_setup(scene, x, measured, x),

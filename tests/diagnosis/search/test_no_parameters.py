@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 import hybridsurrogate as hs
-from hybridsurrogate.cli import main
+from hybridsurrogate.command_line.main import main
 
 
 def line(t):
@@ -46,5 +46,6 @@ def test_the_command_line_without_parameters(tmp_path, capsys):
     pd.DataFrame({"t": T, "y": line(T) + 0.5 + NOISE}).to_csv(tmp_path / "data.csv", index=False)
     given = ["diagnose", str(tmp_path / "data.csv"), "--simulation", str(tmp_path / "runs.csv")]
     given += ["--inputs", "t", "--output", "y", "--report", str(tmp_path / "report.html")]
+    given += ["--jobs", "1"]
     assert main(given) == 0
     assert "offset" in capsys.readouterr().out

@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+from argparse import Namespace
 
 import numpy as np
 import pandas as pd
@@ -13,8 +14,9 @@ import pytest
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate import cli
-from hybridsurrogate.cli import _degree, _surrogate, main
+from hybridsurrogate.command_line import diagnoses, study
+from hybridsurrogate.command_line.main import main
+from hybridsurrogate.command_line.study import largest_degree, surrogate_for
 from hybridsurrogate.diagnosis.report.report import Report
 from hybridsurrogate.effects.registry import kinds
 
@@ -39,7 +41,7 @@ def arguments(folder, *more):
         "--simulation",
         str(folder / "runs.csv"),
         *("--inputs", "t", "--parameters", "speed", "--output", "distance", "--degree", "2"),
-        *("--report", str(folder / "report.html")),
+        *("--report", str(folder / "report.html"), "--jobs", "1"),
         *more,
     ]
 
@@ -58,27 +60,17 @@ def test_the_degree_leaves_two_runs_for_each_term(n_runs, n_parameters, degree):
         inputs=["t"],
         parameters={name: stats.uniform(0, 1) for name in names},
     )
-    assert _degree(runs) == degree
-    assert _surrogate(None, runs, 201).degree == degree
-    assert _surrogate(7, runs, 201).degree == _surrogate(7, runs, 40).degree == 7
-    assert isinstance(_surrogate(None, runs, 200), hs.Kriging)
-
-
-def test_the_list_of_demonstrations(capsys):
-    assert main(["demo", "--list"]) == 0
-    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == [
-        "co2",
-        "log-sin",
-        "nile",
-    ]
-
-
-@pytest.mark.slow
-def test_a_demonstration_prints_its_verdict_and_writes_a_report(capsys, tmp_path):
-    assert main(["demo", "nile", "--report", str(tmp_path / "report.html")]) == 0
-    out = capsys.readouterr().out
-    assert "step in year, with location 1898" in out
-    assert (tmp_path / "report.html").exists()
+    assert largest_degree(runs) == degree
+    free = Namespace(surrogate=None, degree=None)
+    assert surrogate_for(free, runs, 201).degree == degree
+    assert isinstance(surrogate_for(free, runs, 200), hs.Kriging)
+    for word, kind in (("kriging", hs.Kriging), ("gaussian-process", hs.GaussianProcess)):
+        assert isinstance(surrogate_for(Namespace(surrogate=word, degree=None), runs, 201), kind)
+    chosen = Namespace(surrogate="polynomial-chaos", degree=None)
+    assert surrogate_for(chosen, runs, 40).degree == degree
+    if n_runs > 5:  # of which degree 1 has six terms
+        named = Namespace(surrogate=None, degree=1)
+        assert [surrogate_for(named, runs, n).degree for n in (40, 201)] == [1, 1]
 
 
 @pytest.mark.slow
@@ -177,10 +169,12 @@ def test_spaces_after_commas_belong_to_no_name(files, capsys):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("module", ["hybridsurrogate", "hybridsurrogate.cli"])
-def test_the_command_as_a_module(module):
+def test_the_command_as_a_module():
     run = subprocess.run(
-        [sys.executable, "-m", module, "demo", "--list"], capture_output=True, text=True, check=True
+        [sys.executable, "-m", "hybridsurrogate", "demo", "--list"],
+        capture_output=True,
+        text=True,
+        check=True,
     )
     assert "nile" in run.stdout
 
@@ -197,7 +191,7 @@ def test_a_folder_that_is_not_there_is_told_before_anything_is_computed(
     files, capsys, monkeypatch, option
 ):
     monkeypatch.setattr(hs.DiscrepancyDiagnosis, "fit", None)
-    monkeypatch.setattr(cli, "read_table", None)
+    monkeypatch.setattr(study, "read_table", None)
     missing = str(files / "missing" / "r.html")
     for command in (["demo", "nile"], arguments(files)):
         assert main([*command, option, missing]) == 2
@@ -248,28 +242,6 @@ def test_a_terminal_is_told_what_is_being_done(files, capsys, monkeypatch):
     assert "Folds" not in capsys.readouterr().err
 
 
-def test_an_unknown_demonstration(capsys):
-    with pytest.raises(SystemExit, match="2"):
-        main(["demo", "moon"])
-    assert "invalid choice: 'moon'" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("words", "meant"),
-    [
-        (["demo", "nyle"], "nile"),
-        (["demoo"], "demo"),
-        (["diagnose", "a.csv", "--simualtion", "b.csv"], "--simulation"),
-        (["diagnose", "a.csv", "--likelihood", "student_t"], "student-t"),
-        (["demo", "--lits"], "--list"),
-    ],
-)
-def test_a_misspelt_word_of_the_command_line(capsys, words, meant):
-    with pytest.raises(SystemExit, match="2"):
-        main(words)
-    assert f"Did you mean '{meant}'?" in capsys.readouterr().err
-
-
 def test_gaps_are_left_out_with_a_word(files, capsys):
     measured = pd.read_csv(files / "measured.csv").drop(columns="wind")
     measured["distance"] = 2 * measured["t"] + 0.2 * np.random.default_rng(1).standard_normal(30)
@@ -306,11 +278,11 @@ def test_dates_are_counted_in_days_from_the_first_run(files, capsys, monkeypatch
     dated(files, form)
     seen = {}
 
-    def stop(model, X, y, *_):
-        seen.update(simulation=model.simulation, X=X)
+    def stop(model, study, *_):
+        seen.update(simulation=model.simulation, X=study.X)
         raise ValueError("enough")
 
-    monkeypatch.setattr(cli, "_finish", stop)
+    monkeypatch.setattr(diagnoses, "_diagnosed", stop)
     assert main(arguments(files)) == 2
     told = capsys.readouterr()
     assert "enough" in told.err
@@ -354,7 +326,7 @@ def test_a_wide_table_of_runs(files, capsys, monkeypatch):
         seen.append(model.simulation)
         raise ValueError("enough")
 
-    monkeypatch.setattr(cli, "_finish", stop)
+    monkeypatch.setattr(diagnoses, "_diagnosed", stop)
     assert main(arguments(files)) == 2
     said = capsys.readouterr().err
     assert "enough" in said
@@ -418,7 +390,7 @@ def test_an_empty_column_and_a_failed_run_are_left_out(files, capsys):
 
 
 def test_files_are_written_where_the_text_is_cut_off(files):
-    command = [sys.executable, "-m", "hybridsurrogate.cli"]
+    command = [sys.executable, "-m", "hybridsurrogate"]
     command += arguments(files, "--json", str(files / "report.json"))
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     # written line by line, or a short text would go out at the end and all at once

@@ -1,0 +1,195 @@
+"""Every command: what it does, its options, an example."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from hybridsurrogate.command_line.demonstrations import DEFAULT, DEMONSTRATIONS
+from hybridsurrogate.command_line.diagnoses import demo, diagnose, next_runs, report
+from hybridsurrogate.command_line.fits import choose_beta, fit, predict
+from hybridsurrogate.command_line.options import (
+    BETA_SCAN,
+    CONFIG,
+    DATA,
+    JOBS,
+    LOUDNESS,
+    MEASURED,
+    METHOD,
+    MODEL,
+    NEW,
+    OUTCOME,
+    REPORT,
+    SAVE,
+    SEARCH,
+    SEED,
+    Option,
+)
+
+_JSON = OUTCOME[0]
+_SAVED = Option(
+    "saved",
+    "path",
+    "file that an earlier command wrote with --save; loading it runs code: only what you trust",
+    metavar="SAVED",
+    positional=True,
+    required=True,
+    in_file=False,
+)
+_TABLE = Option("table", "path", "csv file to write; - prints it", "-", "FILE", in_file=False)
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command of the command line.
+
+    Attributes
+    ----------
+    name : str
+    purpose : str
+        A phrase for the list of commands.
+    description : str
+        Sentences for its help.
+    options : tuple of Option
+    run : callable
+        Takes a value for each option by name, and returns the exit code.
+    example : str
+    """
+
+    name: str
+    purpose: str
+    description: str
+    options: tuple[Option, ...]
+    run: Callable[[argparse.Namespace], int]
+    example: str
+
+
+_DEMO = Option(
+    "name", "text", "which one", DEFAULT, "NAME", tuple(DEMONSTRATIONS), True, in_file=False
+)
+_LIST = Option("list", "yes", "list the demonstrations", False, in_file=False)
+_OWN_CAUSES = "look for up to N causes (2 for co2, else 1)"
+
+COMMANDS = (
+    Command(
+        "demo",
+        "diagnose a simulation on data inside the package",
+        "Diagnoses data inside the package, and prints what it finds as it finds it.",
+        (
+            _DEMO,
+            _LIST,
+            *(
+                replace(one, default=None, meaning=_OWN_CAUSES) if one.name == "max_causes" else one
+                for one in SEARCH
+            ),
+            REPORT,
+            *OUTCOME,
+            SAVE,
+            SEED,
+            JOBS,
+            *LOUDNESS,
+        ),
+        demo,
+        "hybridsurrogate demo --report nile.html",
+    ),
+    Command(
+        "diagnose",
+        "find out what a simulation gets wrong, from its runs and your data",
+        "Finds out whether a simulation is wrong, names the cause, and measures the gain. The "
+        "simulation is a file of runs, or a function of a Python file, which is executed.",
+        (
+            MEASURED,
+            CONFIG,
+            *DATA,
+            *MODEL,
+            NEW,
+            *SEARCH,
+            BETA_SCAN,
+            REPORT,
+            *OUTCOME,
+            SAVE,
+            SEED,
+            JOBS,
+            *LOUDNESS,
+        ),
+        diagnose,
+        "hybridsurrogate diagnose measured.csv --simulation decay.py:decay --inputs minutes "
+        "--prior rate=0.2,0.05 --output glucose",
+    ),
+    Command(
+        "report",
+        "report a saved diagnosis",
+        "Reports what diagnose --save wrote. Nothing is fitted.",
+        (_SAVED, REPORT, *OUTCOME, *LOUDNESS),
+        report,
+        "hybridsurrogate report study.hs --report study.html --units co2=ppm",
+    ),
+    Command(
+        "next-runs",
+        "list the simulation runs that a diagnosis lacks most",
+        "Lists the runs that would decide most of what the known ones leave open, as csv.",
+        (
+            _SAVED,
+            Option("number", "whole", "how many", 10, "N", in_file=False),
+            _TABLE,
+            *LOUDNESS,
+        ),
+        next_runs,
+        "hybridsurrogate next-runs study.hs --number 10 --table more.csv",
+    ),
+    Command(
+        "fit",
+        "train a surrogate on runs and measurements",
+        "Trains a surrogate on two data sources and prints the estimates. The simulation is a file "
+        "of runs, or a function of a Python file, which is executed.",
+        (MEASURED, CONFIG, *DATA, *MODEL, METHOD, _JSON, SAVE, SEED, *LOUDNESS),
+        fit,
+        "hybridsurrogate fit measured.csv --simulation runs.csv --inputs minutes --parameters rate "
+        "--output glucose --beta 0.5 --save fit.hs",
+    ),
+    Command(
+        "predict",
+        "predict from a saved fit or diagnosis",
+        "Writes mean, standard deviation and 90 % interval of new measurements as csv. A diagnosis "
+        "predicts by its extended model.",
+        (
+            _SAVED,
+            Option(
+                "new_inputs",
+                "path",
+                "csv, Parquet or NetCDF file with the measured columns, numbers as in the fit",
+                metavar="NEW",
+                positional=True,
+                required=True,
+                in_file=False,
+            ),
+            _TABLE,
+            *LOUDNESS,
+        ),
+        predict,
+        "hybridsurrogate predict fit.hs new.csv --table predicted.csv",
+    ),
+    Command(
+        "choose-beta",
+        "choose the weight of the simulation",
+        "Compares weights of the simulation by the log density of held-out measurements.",
+        (
+            MEASURED,
+            CONFIG,
+            *DATA,
+            *(one for one in MODEL if one.name != "beta"),
+            METHOD,
+            Option("betas", "numbers", "weights to try (21 from 0 to 1)", metavar="BETA"),
+            Option("folds", "whole", "how many", 5, "N"),
+            Option("future", "yes", "test on later rows, along the first input", False),
+            _JSON,
+            SAVE,
+            SEED,
+            *LOUDNESS,
+        ),
+        choose_beta,
+        "hybridsurrogate choose-beta measured.csv --simulation runs.csv --inputs minutes "
+        "--parameters rate --output glucose --folds 5",
+    ),
+)

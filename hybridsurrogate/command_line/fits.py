@@ -1,0 +1,124 @@
+"""Commands about a surrogate on two data sources: fit, predict, choose-beta."""
+
+from __future__ import annotations
+
+import argparse
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from hybridsurrogate.command_line.output import (
+    STDOUT,
+    as_json,
+    check_outputs,
+    say,
+    stage,
+    write_files,
+    write_json,
+    write_table,
+)
+from hybridsurrogate.command_line.study import check_columns, model_of, read_study_data
+from hybridsurrogate.command_line.user_code import read_saved
+from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
+from hybridsurrogate.estimators import choose_beta as held_out
+from hybridsurrogate.estimators.beta_choice import LEAVE_FUTURE_OUT
+from hybridsurrogate.saved_file import save
+from hybridsurrogate.simulation.files.measured_table import numbers_of
+from hybridsurrogate.simulation.files.table_file import read_table
+from hybridsurrogate.simulation.simulator import Simulator
+
+_LEVEL = 0.9
+
+
+def fit(given: argparse.Namespace) -> int:
+    """Fit a surrogate to runs and measurements; return the exit code."""
+    check_outputs(given)
+    study = read_study_data(given)
+    model = model_of(study, given, given.beta, given.method)
+    with stage("Fit", given):
+        model.fit(study.X, study.y)
+    table = model.summary()
+    _finish(model, _text(table), {"estimates": _records(table)}, given, study.code)
+    return 0
+
+
+def choose_beta(given: argparse.Namespace) -> int:
+    """Choose the weight of the simulation by held-out rows; return the exit code."""
+    check_outputs(given)
+    study = read_study_data(given)
+    if isinstance(study.simulation, Simulator):
+        raise ValueError(
+            "A function that is run itself has no weight to choose: add --runs 128, and it is "
+            "emulated."
+        )
+    cv = LEAVE_FUTURE_OUT if given.future else given.folds
+    # every weight that is tried takes the place of the first
+    model = model_of(study, given, 0.5, given.method)
+    with stage("Folds", given):
+        choice = held_out(model, study.X, study.y, given.betas, cv)
+    text = f"beta = {choice.beta:g} has the best held-out ELPD.\n\n{_text(choice.table)}"
+    numbers = {"beta": choice.beta, "table": _records(choice.table)}
+    _finish(choice.estimator, text, numbers, given, study.code)
+    return 0
+
+
+def predict(given: argparse.Namespace) -> int:
+    """Predict from what was saved; return the exit code."""
+    check_outputs(given)
+    saved: Any = read_saved(given.saved)
+    model = saved.extended_estimator_ if isinstance(saved, DiscrepancyDiagnosis) else saved
+    rows = _rows_for(model, read_table(given.new_inputs), given.new_inputs)
+    known = rows if hasattr(model, "feature_names_in_") else rows.to_numpy()
+    mean, sd = model.predict(known, return_std=True)
+    low, high = model.predict_interval(known, _LEVEL)
+    outputs = model.simulation.outputs
+    table = rows.copy()
+    for k, name in enumerate(outputs):
+        for word, values in (("mean", mean), ("sd", sd), ("low", low), ("high", high)):
+            table[f"{name}_{word}"] = values if len(outputs) == 1 else values[:, k]
+    write_table(table, given)
+    return 0
+
+
+def _rows_for(model: Any, table: pd.DataFrame, path: str) -> pd.DataFrame:
+    """Return the columns that a fitted model has, as numbers."""
+    # of rows that came as arrays the simulation's inputs alone have names
+    names = list(getattr(model, "feature_names_in_", model.simulation.input_names))
+    if len(names) < model.n_features_in_:
+        raise ValueError(
+            "It was fitted to an array of more columns than the simulation has inputs, and these "
+            "have no names: fit it to a DataFrame."
+        )
+    check_columns(names, table, path)
+    label = model.experiment
+    return pd.DataFrame(
+        {name: table[name] if name == label else numbers_of(table[name], path) for name in names}
+    )
+
+
+def _finish(
+    model: Any, text: str, numbers: dict[str, Any], given: argparse.Namespace, code: str | None
+) -> None:
+    written, failed = write_files(
+        [
+            ("Numbers", given.json, partial(write_json, numbers)),
+            ("Saved", given.save, lambda path: save(model, path, code)),
+        ]
+    )
+    say("\n".join([text, *([""] if written else []), *written]))
+    if given.json == STDOUT:
+        say(as_json(numbers), given.result)
+    if failed:
+        raise OSError(" ".join(failed))
+
+
+def _text(table: pd.DataFrame) -> str:
+    return str(table.to_string(float_format=lambda value: f"{value:.4g}"))
+
+
+def _records(table: pd.DataFrame) -> list[dict[str, Any]]:
+    named = table if isinstance(table.index, pd.RangeIndex) else table.reset_index(names="name")
+    records = named.replace({np.nan: None}).to_dict("records")
+    return [{str(key): value for key, value in record.items()} for record in records]

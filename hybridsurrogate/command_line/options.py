@@ -1,0 +1,256 @@
+"""What an option is: one table from which parsers, study files and the reference page come."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from hybridsurrogate.likelihoods import LIKELIHOODS
+
+SURROGATES = ("kriging", "polynomial-chaos", "gaussian-process", "exact")
+
+
+@dataclass(frozen=True)
+class Option:
+    """One option of a command.
+
+    Attributes
+    ----------
+    name : str
+        As in code and study files; on the command line with "-" for "_".
+    kind : {"text", "path", "names", "number", "numbers", "whole", "pairs", "yes"}
+        What it takes: one text or file, several names, numbers, NAME=VALUE that may be repeated,
+        or nothing.
+    meaning : str
+        A phrase for help and reference.
+    default : Any
+    metavar : str or None
+    choices : tuple of str
+    positional : bool
+    required : bool
+        On the command line or in the study file.
+    in_file : bool
+        Whether a study file may hold it.
+    """
+
+    name: str
+    kind: str
+    meaning: str
+    default: Any = None
+    metavar: str | None = None
+    choices: tuple[str, ...] = ()
+    positional: bool = False
+    required: bool = False
+    in_file: bool = True
+
+    @property
+    def flag(self) -> str:
+        """How it is written on the command line."""
+        return self.name if self.positional else f"--{self.name.replace('_', '-')}"
+
+    @property
+    def shown_default(self) -> str:
+        """The default as help shows it, empty where there is none to show."""
+        shown = self.kind != "yes" and self.default not in (None, ())
+        return str(self.default) if shown else ""
+
+
+_PARSED: dict[str, dict[str, Any]] = {
+    "text": {},
+    "path": {},
+    "names": {"nargs": "+"},
+    "number": {"type": float},
+    "numbers": {"type": float, "nargs": "+"},
+    "whole": {"type": int},
+    "pairs": {"action": "append"},
+    "yes": {"action": "store_true"},
+}
+
+
+def add_options(parser: argparse.ArgumentParser, options: Iterable[Option]) -> None:
+    """Add options to a parser, which sets those alone that were given.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+    options : iterable of Option
+    """
+    for one in options:
+        settings = dict(_PARSED[one.kind])
+        if one.choices:
+            settings["choices"] = one.choices
+        if one.positional:
+            settings["nargs"] = "?"
+        if one.metavar and one.kind != "yes":
+            settings["metavar"] = one.metavar
+        # a positional one with choices would not take SUPPRESS, which is none of them
+        default = one.default if one.positional and one.choices else argparse.SUPPRESS
+        meaning = f"{one.meaning} ({one.shown_default})" if one.shown_default else one.meaning
+        parser.add_argument(one.flag, default=default, help=meaning.replace("%", "%%"), **settings)
+
+
+def completed(
+    options: Sequence[Option], given: dict[str, Any], from_file: dict[str, Any]
+) -> dict[str, Any]:
+    """Return a value for each option: what was given, else what the file holds, else the default.
+
+    Pairs of both are joined, and a name that both have is as it was given.
+
+    Parameters
+    ----------
+    options : sequence of Option
+    given, from_file : dict
+
+    Raises
+    ------
+    ValueError
+        Where one that is required is in neither.
+
+    Examples
+    --------
+    >>> completed([Option("seed", "whole", "random seed", 0)], {}, {})
+    {'seed': 0}
+    """
+    out = {}
+    for one in options:
+        out[one.name] = given.get(one.name, from_file.get(one.name, one.default))
+        if one.kind == "pairs":
+            out[one.name] = [*from_file.get(one.name, []), *given.get(one.name, [])]
+        if one.required and not out[one.name]:
+            raise ValueError(
+                f"{one.flag} is missing: give it"
+                f"{f', or write {one.name} = ... in a file for --config' if one.in_file else ''}."
+            )
+    return out
+
+
+def named(pairs: Sequence[str], option: str, example: str) -> dict[str, str]:
+    """Return NAME=VALUE texts by name; raise ValueError for a text without one of the two.
+
+    Parameters
+    ----------
+    pairs : sequence of str
+    option : str
+        What it is called, and the form of a value.
+    example : str
+        A value that is right.
+
+    Examples
+    --------
+    >>> named(["co2=ppm"], "--units NAME=UNIT", "ppm")
+    {'co2': 'ppm'}
+    """
+    out = {}
+    flag, form = option.split()
+    for text in pairs:
+        name, _, value = text.partition("=")
+        if not name or not value:
+            raise ValueError(f"{flag} {text}: write {form}, such as {name or 'x'}={example}.")
+        out[name] = value
+    return out
+
+
+MEASURED = Option(
+    "measured",
+    "path",
+    "csv, Parquet or NetCDF file of measurements",
+    metavar="MEASURED",
+    positional=True,
+    required=True,
+)
+CONFIG = Option(
+    "config", "path", "study file (TOML) that holds options", metavar="FILE", in_file=False
+)
+DATA = (
+    Option(
+        "simulation",
+        "path",
+        "csv, Parquet or NetCDF file of runs; or model.py:function, which is executed",
+        metavar="FILE",
+        required=True,
+    ),
+    Option(
+        "inputs", "names", "columns known for runs and measurements: numbers, dates", (), "COLUMN"
+    ),
+    Option(
+        "parameters",
+        "names",
+        "columns known for runs only; of a function its unknown arguments, by default those with "
+        "a prior",
+        (),
+        "NAME",
+    ),
+    Option("output", "names", "column of the output, or several", (), "COLUMN"),
+    Option(
+        "prior",
+        "pairs",
+        "prior of a parameter: normal MEAN,SD, or MEAN,SD,LOW,HIGH cut off there, or uniform "
+        "LOW..HIGH; of runs the default is uniform over them",
+        metavar="NAME=MEAN,SD",
+    ),
+    Option(
+        "assumed",
+        "pairs",
+        "constant that the modeller fixed, and the range in which it may be (of runs: theirs)",
+        metavar="NAME=VALUE[,LOW,HIGH]",
+    ),
+    Option(
+        "runs",
+        "whole",
+        "run the function so often and emulate it (else it is run itself)",
+        None,
+        "N",
+    ),
+    Option("experiment", "text", "column that labels the experiment of a row", metavar="COLUMN"),
+    Option(
+        "by_experiment",
+        "pairs",
+        "parameter that differs between experiments: own, or spread around a mean",
+        metavar="NAME=HOW",
+    ),
+)
+MODEL = (
+    Option("likelihood", "text", "of the measurements", "normal", choices=tuple(LIKELIHOODS)),
+    Option("beta", "number", "weight of the simulation, 0 to 1", 0.5, "BETA"),
+    Option(
+        "surrogate",
+        "text",
+        "emulator of the runs: by default kriging; beyond 200 measured rows a polynomial",
+        choices=SURROGATES,
+    ),
+    Option("degree", "whole", "of polynomial-chaos, which it chooses", None, "N"),
+)
+METHOD = Option(
+    "method",
+    "text",
+    "how runs and measurements are joined",
+    "power-scaling",
+    choices=("power-scaling", "predictive-weighting"),
+)
+NEW = Option(
+    "new",
+    "path",
+    "later measurements, in order: does the extended model still hold?",
+    metavar="FILE",
+)
+SEARCH = (
+    Option("exclude", "names", "kinds that cannot be the cause, such as delay noise", (), "KIND"),
+    Option("max_causes", "whole", "look for up to N causes", 1, "N"),
+    Option("no_folds", "yes", "do not measure the gain on held-out rows", False),
+)
+BETA_SCAN = Option("beta_scan", "yes", "also try other weights: takes longer than all else", False)
+REPORT = Option("report", "path", "report to write: .html, .txt or .json", "report.html", "FILE")
+OUTCOME = (
+    Option("json", "path", "also write the numbers; - prints them alone", metavar="FILE"),
+    Option("units", "pairs", "unit of a column, for the report", metavar="NAME=UNIT"),
+    Option("check", "yes", "end with exit code 1 unless the verdict is adequate", False),
+)
+SAVE = Option("save", "path", "file to save the result in, for later commands", metavar="FILE")
+SEED = Option("seed", "whole", "random seed", 0, "N")
+JOBS = Option("jobs", "whole", "processes that share the folds; -1: one for each core", -1, "N")
+LOUDNESS = (
+    Option("verbose", "yes", "print every section, and each stage with its seconds", False),
+    Option("quiet", "yes", "print warnings and errors alone", False),
+)

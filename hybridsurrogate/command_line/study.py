@@ -1,0 +1,349 @@
+"""Simulation and measurements from what the command line names."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+import warnings
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from hybridsurrogate.command_line.options import named
+from hybridsurrogate.command_line.priors import assumed_of, prior_of
+from hybridsurrogate.command_line.user_code import function_in, is_code
+from hybridsurrogate.estimators import PowerScaledSurrogate, PredictiveWeightedSurrogate
+from hybridsurrogate.exceptions import DiagnosisWarning, did_you_mean
+from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.problem.rows import without_gaps
+from hybridsurrogate.simulation.curve_tables import long_table
+from hybridsurrogate.simulation.files.measured_table import numbers_of, with_days, with_levels
+from hybridsurrogate.simulation.files.table_file import DATE, RUN, read_table
+from hybridsurrogate.simulation.simulator import SimulationData, Simulator
+from hybridsurrogate.surrogates import (
+    SURROGATES,
+    ExactSurrogate,
+    Kriging,
+    PolynomialChaos,
+    Surrogate,
+)
+
+# of measurements, beyond which kriging takes too long; of the polynomial that then takes its place
+_MOST_ROWS, _MOST_DEGREE = 200, 5
+_METHODS = {
+    "power-scaling": PowerScaledSurrogate,
+    "predictive-weighting": PredictiveWeightedSurrogate,
+}
+
+
+class Study(NamedTuple):
+    """What is compared: simulation, its surrogate, measured rows, later ones, the user's code."""
+
+    simulation: SimulationData | Simulator
+    surrogate: Surrogate
+    X: pd.DataFrame
+    y: FloatArray
+    later: tuple[pd.DataFrame, FloatArray] | None = None
+    code: str | None = None
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of all that has a unit."""
+        source = self.simulation
+        return [*self.X.columns, *source.parameter_ranges, *source.outputs]
+
+
+def read_study_data(given: argparse.Namespace) -> Study:
+    """Return the study that options describe: those of `options.DATA`, ``new`` and ``surrogate``.
+
+    Parameters
+    ----------
+    given : argparse.Namespace
+
+    Raises
+    ------
+    ValueError, OSError
+        For files and names that do not fit.
+    """
+    for name in ("inputs", "output"):
+        if not getattr(given, name):
+            raise ValueError(f"--{name} is missing: name the columns.")
+    user = function_in(given.simulation) if is_code(given.simulation) else None
+    if user is None and given.runs is not None:
+        raise ValueError("--runs is for a function: the file of runs has those that it has.")
+    runs = None
+    if user is None:
+        runs = long_table(read_table(given.simulation), given.inputs, given.output)
+    measured = _measured(given.measured, (*given.inputs, *given.output), given.output)
+    n, new = len(measured), getattr(given, "new", None)
+    if new:
+        later = _measured(new, measured.columns, given.output)
+        # names mean the same level in both
+        measured = pd.concat([measured, later[measured.columns]], ignore_index=True)
+    if runs is not None:
+        runs, measured = with_days(runs, measured, given.inputs, (given.simulation, given.measured))
+    _make_numbers(given, runs, measured)
+    if user is None:
+        assert runs is not None
+        simulation: SimulationData | Simulator = _from_runs(given, runs)
+    else:
+        print(f"The function {given.simulation} is executed as it stands.", flush=True)
+        simulation = _from_function(given, user.function, measured)
+    surrogate = surrogate_for(given, simulation, n)
+    y = measured[given.output].to_numpy(dtype=float)
+    y = y[:, 0] if len(given.output) == 1 else y
+    labels = [given.experiment] if given.experiment in measured else []
+    X = with_levels(measured.drop(columns=[*given.output, *labels]))
+    X = X.assign(**{name: measured[name] for name in labels})
+    after = (X[n:], y[n:]) if new else None
+    return Study(simulation, surrogate, X[:n], y[:n], after, user and user.file)
+
+
+def checked_units(pairs: Sequence[str], known: Iterable[str]) -> dict[str, str]:
+    """Return units by name; raise ValueError for a name that is none of the known.
+
+    Parameters
+    ----------
+    pairs : sequence of str
+        NAME=UNIT.
+    known : iterable of str
+
+    Examples
+    --------
+    >>> checked_units(["co2=ppm"], ["year", "co2"])
+    {'co2': 'ppm'}
+    """
+    units, known = named(pairs, "--units NAME=UNIT", "ppm"), list(known)
+    for name in units:
+        if name not in known:
+            raise ValueError(
+                f"--units {name}={units[name]}: there is no {name!r}, but {', '.join(known)}."
+                f"{did_you_mean(name, known)}"
+            )
+    return units
+
+
+def _from_runs(given: argparse.Namespace, runs: pd.DataFrame) -> SimulationData:
+    parameters = list(given.parameters)
+    constants = named(given.assumed, "--assumed NAME=VALUE,LOW,HIGH", "0.5,0.3,0.9")
+    check_columns([*parameters, *constants], runs, given.simulation)
+    ends = {
+        name: (float(runs[name].min()), float(runs[name].max()))
+        for name in (*parameters, *constants)
+    }
+    priors: dict[str, Prior | None] = {
+        name: None for name in parameters if ends[name][0] < ends[name][1]
+    }
+    for name, text in _priors(given, parameters).items():
+        priors[name] = prior_of(name, text, (ends[name], len(runs)))
+    fixed = [name for name in parameters if name not in priors]
+    if fixed:
+        raise ValueError(f"The parameters {fixed} have one value in all runs: leave them out.")
+    assumed = {name: assumed_of(name, text, ends[name]) for name, text in constants.items()}
+    _warn_of_unnamed(runs, {*given.inputs, *parameters, *constants, *given.output})
+    return SimulationData.from_frame(runs, given.inputs, priors, given.output, assumed)
+
+
+def _from_function(
+    given: argparse.Namespace, function: Any, measured: pd.DataFrame
+) -> SimulationData | Simulator:
+    """Return the function as a simulation over the ranges of the measured inputs, or its runs."""
+    texts = named(given.prior, "--prior NAME=MEAN,SD", "2,0.5")
+    parameters = list(given.parameters or texts)
+    _priors(given, parameters)
+    without = [name for name in parameters if name not in texts]
+    if without:
+        raise ValueError(
+            f"The parameters {without} have no prior, and a function no runs to take one from: "
+            f"add --prior {without[0]}=MEAN,SD."
+        )
+    constants = named(given.assumed, "--assumed NAME=VALUE,LOW,HIGH", "0.5,0.3,0.9")
+    simulator = Simulator(
+        function,
+        {name: (float(measured[name].min()), float(measured[name].max())) for name in given.inputs},
+        {name: prior_of(name, texts[name]) for name in parameters},
+        {name: assumed_of(name, text) for name, text in constants.items()},
+        given.output,
+    )
+    return simulator if given.runs is None else simulator.run(given.runs, random_state=given.seed)
+
+
+def _priors(given: argparse.Namespace, parameters: Sequence[str]) -> dict[str, str]:
+    texts = named(given.prior, "--prior NAME=MEAN,SD", "2,0.5")
+    for name, text in texts.items():
+        if name not in parameters:
+            raise ValueError(
+                f"--prior {name}={text}: {name!r} is not one of --parameters."
+                f"{did_you_mean(name, parameters)}"
+            )
+    return texts
+
+
+def check_columns(names: Sequence[str], table: pd.DataFrame, path: str) -> None:
+    """Raise ValueError where a table of a file has not all of the columns.
+
+    Parameters
+    ----------
+    names : sequence of str
+    table : pandas.DataFrame
+    path : str
+    """
+    missing = [name for name in names if name not in table]
+    if missing:
+        raise ValueError(
+            f"{path} has no columns {missing}; its columns are {list(table)}."
+            f"{did_you_mean(missing, table)}"
+        )
+
+
+def _make_numbers(
+    given: argparse.Namespace, runs: pd.DataFrame | None, measured: pd.DataFrame
+) -> None:
+    """Turn measured columns into numbers, in place; raise ValueError where one of them is none."""
+    for name in dict.fromkeys([*given.inputs, *given.output, *measured.select_dtypes("number")]):
+        column = measured[name]
+        if name in given.output:
+            # of several some may be missing
+            measured.loc[column.notna(), name] = numbers_of(column.dropna(), given.measured)
+            measured[name] = measured[name].astype(float)
+            continue
+        if runs is None and re.fullmatch(DATE, str(column.iloc[0]).strip()):
+            raise ValueError(
+                f"{given.measured}: {name!r} holds dates, and a function takes numbers: write the "
+                "days that have passed since the simulation began."
+            )
+        measured[name] = numbers_of(column, given.measured)
+    if runs is None:
+        return
+    for name in (*given.inputs, *given.parameters):
+        if name in runs:
+            numbers_of(runs[name], given.simulation)
+    for name in given.output:
+        if name in runs:
+            # a run without a number has failed, and is dropped with a warning
+            numbers_of(runs[name].dropna(), given.simulation, finite=False)
+
+
+def _measured(path: str, names: Iterable[str], outputs: list[str]) -> pd.DataFrame:
+    """Return measured rows that have the named columns, and any of the outputs."""
+    table = read_table(path)
+    check_columns(list(names), table, path)
+    table, *_ = without_gaps(table, table[outputs], word=", ".join(outputs))
+    # a comma at the end of each line makes a column without a cell
+    return table.dropna(axis="columns", how="all")
+
+
+def _warn_of_unnamed(runs: pd.DataFrame, known: set[str]) -> None:
+    rest = [name for name in runs.select_dtypes("number") if name not in {*known, RUN}]
+    varied = [name for name in rest if runs[name].min() < runs[name].max()]
+    if varied:
+        warnings.warn(
+            f"The columns {varied} differ between runs and are not among --inputs and "
+            "--parameters: what they do to the output is taken for an error of the surrogate. "
+            "Name them, unless they do nothing.",
+            DiagnosisWarning,
+            stacklevel=2,
+        )
+
+
+def surrogate_for(
+    given: argparse.Namespace, simulation: SimulationData | Simulator, n_rows: int
+) -> Surrogate:
+    """Return the surrogate that was named, or that serves so many measured rows.
+
+    Parameters
+    ----------
+    given : argparse.Namespace
+        With ``surrogate`` and ``degree``, which may be None.
+    simulation : SimulationData or Simulator
+    n_rows : int
+
+    Raises
+    ------
+    ValueError
+        For a surrogate that cannot be had, and for more terms than runs.
+    """
+    word, degree = given.surrogate, given.degree
+    if degree is not None and word not in (None, "polynomial-chaos"):
+        raise ValueError(f"--degree is for polynomial-chaos, not for --surrogate {word}.")
+    if isinstance(simulation, Simulator):
+        if word not in (None, "exact") or degree is not None:
+            raise ValueError(
+                "An emulator needs runs of the function: add --runs 128, or leave out "
+                f"--{'surrogate' if degree is None else 'degree'} and it is run itself."
+            )
+        return ExactSurrogate()
+    if word == "exact" and simulation.simulator is None:
+        raise ValueError(
+            "--surrogate exact runs the simulation: name its function, --simulation "
+            "model.py:FUNCTION."
+        )
+    if degree is not None:
+        _check_degree(degree, simulation)
+        return PolynomialChaos(degree)
+    if word == "polynomial-chaos":
+        return PolynomialChaos(largest_degree(simulation))
+    if word is not None:
+        return SURROGATES[word]
+    # curves are few runs, however many rows they have
+    omega = simulation.omega
+    curves = omega.shape[1] and 5 * len(np.unique(omega, axis=0)) <= simulation.n_rows
+    if n_rows <= _MOST_ROWS or curves:
+        return Kriging()
+    return PolynomialChaos(largest_degree(simulation))
+
+
+def _check_degree(degree: int, simulation: SimulationData) -> None:
+    """Raise ValueError for more terms than rows of the runs: a fit takes the cube of their number.
+
+    What no row determines is the prior's alone.
+    """
+    n, d = len(simulation.y), simulation.X.shape[1] + simulation.omega.shape[1]
+    terms = math.comb(d + max(degree, 0), d)
+    if terms > n:
+        most = next(k for k in range(degree) if math.comb(d + k + 1, d) > n)
+        raise ValueError(
+            f"--degree {degree} has {terms if terms < 1e6 else f'{terms:.3g}'} terms, more than "
+            f"the {n} rows of the runs determine: take at most --degree {most}, or leave it out."
+        )
+
+
+def largest_degree(simulation: SimulationData) -> int:
+    """Return the largest degree that leaves two runs for each term, at most 5.
+
+    Parameters
+    ----------
+    simulation : SimulationData
+    """
+    n_runs, d = len(simulation.y), simulation.X.shape[1] + simulation.omega.shape[1]
+    fitting = [k for k in range(2, _MOST_DEGREE + 1) if 2 * math.comb(d + k, k) <= n_runs]
+    return max(fitting, default=1)
+
+
+def model_of(
+    study: Study, given: argparse.Namespace, beta: float, method: str = "power-scaling"
+) -> PowerScaledSurrogate | PredictiveWeightedSurrogate:
+    """Return the estimator of a study, which is yet to be fitted.
+
+    Parameters
+    ----------
+    study : Study
+    given : argparse.Namespace
+        With likelihood, experiment, by_experiment and seed.
+    beta : float
+        Weight of the simulation.
+    method : {"power-scaling", "predictive-weighting"}
+    """
+    estimator = _METHODS[method]
+    return estimator(
+        study.simulation,
+        surrogate=study.surrogate,
+        beta=beta,
+        likelihood=given.likelihood,
+        experiment=given.experiment,
+        by_experiment=named(given.by_experiment, "--by-experiment NAME=HOW", "spread") or None,
+        random_state=given.seed,
+    )
