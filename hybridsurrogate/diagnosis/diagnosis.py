@@ -58,7 +58,7 @@ from hybridsurrogate.diagnosis.fitted import FittedDiagnosis
 from hybridsurrogate.diagnosis.search.backfitting import backfitted
 from hybridsurrogate.diagnosis.search.evidence import credible_kinds
 from hybridsurrogate.diagnosis.search.forward_selection import (
-    Step,
+    SearchStep,
     forward_search,
     searches,
     with_correlated_noise,
@@ -69,7 +69,7 @@ from hybridsurrogate.diagnosis.search.working_rows import on_working_rows
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans, FewScan
 from hybridsurrogate.diagnosis.validation.cross_validation import cross_validated
 from hybridsurrogate.diagnosis.validation.folds import folds_beyond, random_folds
-from hybridsurrogate.diagnosis.validation.gain import Gain, in_one_word
+from hybridsurrogate.diagnosis.validation.gain import HeldOutGain, in_one_word
 from hybridsurrogate.diagnosis.validation.progress import doing
 from hybridsurrogate.diagnosis.validation.refit import (
     Pair,
@@ -159,7 +159,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     causes_ : pandas.DataFrame
         Columns kind, target, form (which of the kind's forms, such as "parameter-drift: logistic
         over t"), probability, log_evidence (against "none", of the cause alone or beside what
-        follows, whichever is true), remainder (probability that a smooth remainder is needed
+        follows, whichever is true), smooth_curve (probability that a smooth curve is needed
         beside the cause), correlated (probability that beside it the noise of neighbouring rows is
         correlated), note (why a cause was not weighed, or how often the simulation fails under
         it); most probable first. Where several causes were found: beside all but the first of
@@ -190,10 +190,10 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         then, and what share of the cause's curve it could absorb. A `ConfoundingWarning` tells of
         pairs in which the correlation is at least 0.9, the parameter at least half as uncertain as
         its prior, and at least half of the curve could be its.
-    gain_ : Gain or None
+    gain_ : HeldOutGain or None
         On held-out rows within the measured range, the search repeated in each fold. Its methods
         tell the best weight of the simulation before and after.
-    gain_out_of_range_ : Gain or None
+    gain_out_of_range_ : HeldOutGain or None
         The same beyond it: the last 40 % of the rows in three blocks, each foreseen from all rows
         before it. None where rows are few, or have no order: of several inputs without an
         `OdeSimulator`, none by which they come sorted.
@@ -324,8 +324,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self.n_features_in_ = self.estimator_.n_features_in_
         if hasattr(self.estimator_, "feature_names_in_"):
             self.feature_names_in_ = self.estimator_.feature_names_in_
-        self.gain_: Gain | None = None
-        self.gain_out_of_range_: Gain | None = None
+        self.gain_: HeldOutGain | None = None
+        self.gain_out_of_range_: HeldOutGain | None = None
         # of this fit, whatever set_params changes until the folds are run
         self._searched_with = own, excluded, int(self.max_causes)
         self._fold_random = deepcopy(random)
@@ -375,7 +375,9 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self._cross_validate(int(cv))
         return self
 
-    def _doubts_of(self, steps: Sequence[Step], problem: Problem, verdict: str) -> list[Caution]:
+    def _doubts_of(
+        self, steps: Sequence[SearchStep], problem: Problem, verdict: str
+    ) -> list[Caution]:
         """Return what makes a search doubtful: single rows, columns and their units."""
         first, ranges = steps[0], self.estimator_.simulation_.input_ranges
         found = with_rows(accepted(steps), steps)
@@ -396,7 +398,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
 
     def _search(
         self, prepared: Prepared, random_state: np.random.RandomState
-    ) -> tuple[list[Step], Verdict]:
+    ) -> tuple[list[SearchStep], Verdict]:
         problem, emulator = trained_emulator(prepared.problem, self.estimator_)
         problem = on_working_rows(problem, self.estimator_.posterior_)
         settings = int(self.max_causes), self.false_alarm_rate, int(self.n_replicates)
@@ -442,7 +444,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self.next_information_ = places[most].information
         return steps, verdict
 
-    def _conclude(self, steps: Sequence[Step]) -> Verdict:
+    def _conclude(self, steps: Sequence[SearchStep]) -> Verdict:
         last = [step for step in steps if step.is_accepted][-1:]
         self.residual_check_ = None
         for step in last:
@@ -471,14 +473,14 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         after = [] if of_any_shape or not causes else [leading(self.extended_estimator_).posterior_]
         return [self.estimator_.posterior_, *after]
 
-    def _probability_right(self, first: Step, share: float) -> float | None:
+    def _probability_right(self, first: SearchStep, share: float) -> float | None:
         if self.verdict_ in ("adequate", "unexplained", "undecided"):
             return None
         wrong = 1 - float(first.given_others.probability[0])
         return wrong * probability_right(share, self.verdict_ == "nearest")
 
     def _extend(
-        self, steps: Sequence[Step], same_curve: tuple[str, ...], X: ArrayLike, y: ArrayLike
+        self, steps: Sequence[SearchStep], same_curve: tuple[str, ...], X: ArrayLike, y: ArrayLike
     ) -> None:
         causes, problem = accepted(steps), self.search_.problem
         self._rows = deepcopy((X, y))

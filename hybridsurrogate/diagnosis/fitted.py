@@ -28,7 +28,7 @@ from hybridsurrogate.diagnosis.answers.result import DiagnosisResult
 from hybridsurrogate.diagnosis.search.evidence import Search
 from hybridsurrogate.diagnosis.stored import restored, stored
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans, scan_beta, scan_folds
-from hybridsurrogate.diagnosis.validation.gain import Gain, gain_from, pointwise
+from hybridsurrogate.diagnosis.validation.gain import HeldOutGain, gain_from, pointwise
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.rows import without_gaps
 from hybridsurrogate.simulation.arrays import complete_table
@@ -92,7 +92,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "n_features_in_")
 
-    def gain_on(self, X_test: ArrayLike, y_test: ArrayLike) -> Gain:
+    def gain_on(self, X_test: ArrayLike, y_test: ArrayLike) -> HeldOutGain:
         """Return the gain on a test set, from the fitted models before and after.
 
         Parameters

@@ -15,7 +15,7 @@ from hybridsurrogate.diagnosis.search.evidence import (
     kind_shares,
     verdict_on,
 )
-from hybridsurrogate.diagnosis.search.forward_selection import Step
+from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.search.local_prediction import draw_the_same, predicted_rows
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 
@@ -45,7 +45,7 @@ class Verdict:
 
 
 def conclude(
-    steps: Sequence[Step],
+    steps: Sequence[SearchStep],
     false_alarm_rate: float,
     residual_check: ResidualCheck | None,
     hidden: float,
@@ -66,7 +66,7 @@ def conclude(
 
     Parameters
     ----------
-    steps : sequence of Step
+    steps : sequence of SearchStep
     false_alarm_rate : float
     residual_check : ResidualCheck or None
         Of the last cause that was accepted.
@@ -124,7 +124,7 @@ def kinds_of_same_curve(result: Search, chosen: Candidate) -> tuple[str, ...]:
     )
 
 
-def size_of_effect(step: Step) -> float:
+def size_of_effect(step: SearchStep) -> float:
     """Return how far a cause moves the predictions at the measured rows, in units of the noise.
 
     The root mean square over the rows; zero where nothing was accepted, or noise alone.

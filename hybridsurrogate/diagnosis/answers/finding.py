@@ -8,7 +8,7 @@ import numpy as np
 
 from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.search.evidence import kind_of
-from hybridsurrogate.diagnosis.search.forward_selection import Step
+from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.notebook.tables import table
 from hybridsurrogate.posterior import Posterior
 
@@ -73,13 +73,13 @@ class CauseFinding:
 
 
 def finding_of(
-    step: Step, position: int, posterior: Posterior, same_curve: tuple[str, ...] = ()
+    step: SearchStep, position: int, posterior: Posterior, same_curve: tuple[str, ...] = ()
 ) -> CauseFinding:
     """Return what one search chose, its numbers from the draws of the extended model.
 
     Parameters
     ----------
-    step : Step
+    step : SearchStep
     position : int
         Of the cause among the effects of the extended model.
     posterior : Posterior

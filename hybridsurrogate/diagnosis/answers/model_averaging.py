@@ -9,7 +9,7 @@ import numpy as np
 
 from hybridsurrogate.diagnosis.answers.unknown_beyond import with_remainder
 from hybridsurrogate.diagnosis.search.evidence import Search
-from hybridsurrogate.diagnosis.search.forward_selection import Step
+from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
@@ -23,7 +23,7 @@ Causes = tuple[Cause, ...]
 
 
 def averaged_over(
-    steps: Sequence[Step],
+    steps: Sequence[SearchStep],
     before: PowerScaledSurrogate,
     fitted: Callable[[Causes], PowerScaledSurrogate],
 ) -> AveragedSurrogate:
@@ -34,7 +34,7 @@ def averaged_over(
 
     Parameters
     ----------
-    steps : sequence of Step
+    steps : sequence of SearchStep
         Accepted.
     before : PowerScaledSurrogate
         Fitted without effects.
@@ -69,7 +69,7 @@ def averaged_over(
     return AveragedSurrogate.of_fitted(models, weights, before.random_state)
 
 
-def explanations(steps: Sequence[Step]) -> tuple[list[Causes], list[float]]:
+def explanations(steps: Sequence[SearchStep]) -> tuple[list[Causes], list[float]]:
     """Return the sets of causes that have at least 5 % of the probability, and their shares of it.
 
     Those found come first, whatever they have; in each further one another cause, or none, stands
@@ -79,7 +79,7 @@ def explanations(steps: Sequence[Step]) -> tuple[list[Causes], list[float]]:
 
     Parameters
     ----------
-    steps : sequence of Step
+    steps : sequence of SearchStep
         Accepted.
     """
     found = tuple(step.chosen.cause for step in steps if step.chosen.cause is not None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from hybridsurrogate.diagnosis.search.evidence import Search, kind_of
-from hybridsurrogate.diagnosis.search.forward_selection import Step
+from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.search.null_test import NullTest
 
 
@@ -15,7 +15,7 @@ class DiagnosisResult:
 
     Attributes
     ----------
-    steps : tuple of Step
+    steps : tuple of SearchStep
         One for each search, each beside the causes that were accepted before it.
     asked : Search
         The one whose rivals a further measurement would best tell apart.
@@ -25,7 +25,7 @@ class DiagnosisResult:
     n_replicates : int
     """
 
-    steps: tuple[Step, ...]
+    steps: tuple[SearchStep, ...]
     asked: Search
     test: NullTest
     false_alarm_rate: float

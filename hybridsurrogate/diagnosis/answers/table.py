@@ -31,7 +31,7 @@ def cause_table(result: Search, skipped: list[Skipped]) -> pd.DataFrame:
             "form": form_of(w.cause) if w.cause else "none",
             "probability": probability,
             "log_evidence": log_evidence,
-            "remainder": remainder,
+            "smooth_curve": remainder,
             "correlated": correlated,
             "note": note,
         }
@@ -52,7 +52,7 @@ def cause_table(result: Search, skipped: list[Skipped]) -> pd.DataFrame:
             "form": s.kind,
             "probability": 0.0,
             "log_evidence": np.nan,
-            "remainder": np.nan,
+            "smooth_curve": np.nan,
             "correlated": np.nan,
             "note": f"{NOT_WEIGHED}{s.reason}",
         }

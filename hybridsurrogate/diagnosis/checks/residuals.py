@@ -13,7 +13,7 @@ import numpy as np
 from scipy import fft
 
 from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
-from hybridsurrogate.diagnosis.search.forward_selection import Step
+from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.search.local_prediction import (
     local_posterior,
     measured_and_other,
@@ -86,7 +86,7 @@ def check_residuals(result: Search, w: Candidate) -> ResidualCheck | None:
     return ResidualCheck(p_value, dict(zip(told, shares[:, 0].tolist(), strict=True)))
 
 
-def leaves_structure(step: Step, check: ResidualCheck | None) -> bool:
+def leaves_structure(step: SearchStep, check: ResidualCheck | None) -> bool:
     """Tell whether a cause leaves more than noise: by its residuals, or beside a smooth curve."""
     strange = check is not None and check.p_value <= STRANGE
     place = [w is step.chosen for w in step.given_others.candidates]

@@ -32,7 +32,7 @@ from hybridsurrogate.diagnosis.report.first_screen.cards import cards
 from hybridsurrogate.diagnosis.report.first_screen.headline import headline, lead, subject
 from hybridsurrogate.diagnosis.report.first_screen.picture import picture
 from hybridsurrogate.diagnosis.report.summary import summary
-from hybridsurrogate.diagnosis.validation.gain import Gain
+from hybridsurrogate.diagnosis.validation.gain import HeldOutGain
 from hybridsurrogate.whole_file import check_writable, written_whole
 
 if TYPE_CHECKING:
@@ -153,7 +153,7 @@ def make_report(
     if test is not None:
         test = test[0], diagnosis.measured_outputs(test[1], "y_test")
     on_test = diagnosis.gain_on(*test) if test is not None else None
-    gains: dict[str, Gain | None] = {
+    gains: dict[str, HeldOutGain | None] = {
         "within": diagnosis.gain_,
         "beyond": diagnosis.gain_out_of_range_,
         "held out": on_test,
@@ -180,14 +180,14 @@ def make_report(
     )
 
 
-def first_screen(view: View, test: Test = None, on_test: Gain | None = None) -> FirstScreen:
+def first_screen(view: View, test: Test = None, on_test: HeldOutGain | None = None) -> FirstScreen:
     """Return what a reader sees first.
 
     Parameters
     ----------
     view : View
     test : (X_test, y_test) or None
-    on_test : Gain or None
+    on_test : HeldOutGain or None
         On these rows.
     """
     d = view.diagnosis

@@ -13,7 +13,7 @@ import pandas as pd
 from hybridsurrogate.diagnosis.report.elements.section import FirstScreen, Section
 from hybridsurrogate.diagnosis.report.elements.tables import parameter_intervals, thirds
 from hybridsurrogate.diagnosis.report.elements.view import View, averaged
-from hybridsurrogate.diagnosis.validation.gain import Gain, best_beta
+from hybridsurrogate.diagnosis.validation.gain import HeldOutGain, best_beta
 from hybridsurrogate.estimators.emulation import Emulation
 
 # raised whenever a key changes its meaning or goes away
@@ -24,7 +24,7 @@ def summary(
     view: View,
     first: FirstScreen,
     sections: tuple[Section, ...],
-    gains: Mapping[str, Gain | None],
+    gains: Mapping[str, HeldOutGain | None],
     scans: tuple[pd.DataFrame | None, pd.DataFrame | None],
 ) -> dict[str, Any]:
     """Return the numbers and the sentences of a report; ``json.dumps`` takes it as it is."""
@@ -108,7 +108,7 @@ def summary(
     return plain(values)
 
 
-def _of(gain: Gain | None) -> dict[str, Any] | None:
+def _of(gain: HeldOutGain | None) -> dict[str, Any] | None:
     if gain is None:
         return None
     # the scans are given apart, as there are some without folds

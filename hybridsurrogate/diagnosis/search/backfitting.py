@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from hybridsurrogate.diagnosis.search.conditioning import conditioned_places
 from hybridsurrogate.diagnosis.search.evidence import Candidate, Search, leader, search
-from hybridsurrogate.diagnosis.search.forward_selection import Step, ends_search
+from hybridsurrogate.diagnosis.search.forward_selection import SearchStep, ends_search
 from hybridsurrogate.diagnosis.search.local_fit import Fitted
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.nothing import Nothing
@@ -16,7 +16,9 @@ from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.problem.problem import Problem
 
 
-def backfitted(steps: Sequence[Step], problem: Problem, causes: Sequence[Cause]) -> list[Step]:
+def backfitted(
+    steps: Sequence[SearchStep], problem: Problem, causes: Sequence[Cause]
+) -> list[SearchStep]:
     """Return the steps, each cause weighed again with all others part of the simulation.
 
     Alone the first cause also has to explain what the second one does, and a smooth curve may do
@@ -26,7 +28,7 @@ def backfitted(steps: Sequence[Step], problem: Problem, causes: Sequence[Cause])
 
     Parameters
     ----------
-    steps : sequence of Step
+    steps : sequence of SearchStep
     problem : Problem
         Without effects.
     causes : sequence of Cause
@@ -50,7 +52,9 @@ def backfitted(steps: Sequence[Step], problem: Problem, causes: Sequence[Cause])
     return out
 
 
-def _without(left_out: Candidate, joint: Step, problem: Problem, causes: Sequence[Cause]) -> Search:
+def _without(
+    left_out: Candidate, joint: SearchStep, problem: Problem, causes: Sequence[Cause]
+) -> Search:
     """Search for one cause, all others held where they are in the joint fit of all of them."""
     known = joint.given_others
     model, _, mode, sigma = fit = Fitted(*joint.chosen[1:5])

@@ -32,7 +32,7 @@ _LIKELY = 0.01
 
 
 @dataclass(frozen=True)
-class Step:
+class SearchStep:
     """One search, the test of the whole of it, and the cause that it chose.
 
     Attributes
@@ -56,7 +56,7 @@ class Step:
 
     def __repr__(self) -> str:
         test = "" if self.test is None else f", p = {self.test.p_value:.3g}"
-        return f"Step(chosen={self.chosen!r}{test}, search={self.search!r})"
+        return f"SearchStep(chosen={self.chosen!r}{test}, search={self.search!r})"
 
     @property
     def is_accepted(self) -> bool:
@@ -73,7 +73,7 @@ def forward_search(
     n_replicates: int | None,
     random_state: np.random.RandomState,
     nearby: Sequence[Search] = (),
-) -> list[Step]:
+) -> list[SearchStep]:
     """Search, accept the best cause, and search again beside it until nothing more is found.
 
     Every search has its own replicates, in which the causes accepted so far are true, so that the
@@ -92,7 +92,7 @@ def forward_search(
 
     Returns
     -------
-    list of Step
+    list of SearchStep
         At least one; only the last may have found nothing.
 
     Raises
@@ -100,7 +100,7 @@ def forward_search(
     InterruptedSearch
         On an interrupt: it holds the first search, as far as it came.
     """
-    steps: list[Step] = []
+    steps: list[SearchStep] = []
     result: Search | None = None
     thorough = n_replicates is not None
     try:
@@ -122,14 +122,14 @@ def forward_search(
             # the p-value guards against noise, the probability against a cause that is no better
             by_chance = test is not None and test.p_value > false_alarm_rate
             if by_chance or result.probability[0] > 0.5:
-                return _alone(steps) or [Step(result, test, result.candidates[0], result)]
+                return _alone(steps) or [SearchStep(result, test, result.candidates[0], result)]
             chosen, given_others = _leading(result), None
             tried: tuple[Search, ...] = ()
             if len(steps) + 1 < max_causes:
                 chosen, given_others, tried = _look_ahead(
                     problem, causes, emulator, result, chosen, thorough, nearby
                 )
-            steps.append(Step(result, test, chosen, result, tried))
+            steps.append(SearchStep(result, test, chosen, result, tried))
             if given_others is None:
                 return steps
             problem, causes, result = given_others.problem, _others(causes, chosen), given_others
@@ -139,8 +139,8 @@ def forward_search(
 
 
 def with_correlated_noise(
-    steps: Sequence[Step], causes: Sequence[Cause], emulator: EmulatorPosterior
-) -> list[Step]:
+    steps: Sequence[SearchStep], causes: Sequence[Cause], emulator: EmulatorPosterior
+) -> list[SearchStep]:
     """Return the steps and, where the last cause needs correlated noise beside it, one with that.
 
     It is no further cause of what the simulation misses: a cause that was weighed beside such noise
@@ -148,7 +148,7 @@ def with_correlated_noise(
 
     Parameters
     ----------
-    steps : sequence of Step
+    steps : sequence of SearchStep
     causes : sequence of Cause
         All that were weighed in the first search.
     emulator : EmulatorPosterior
@@ -159,10 +159,10 @@ def with_correlated_noise(
         return list(steps)
     paths = [cause for cause in causes if cause.is_correlated_noise]
     beside = _search_beside(found.problem, paths, emulator, last)
-    return [*steps, Step(beside, None, beside.candidates[leader(beside)], beside)]
+    return [*steps, SearchStep(beside, None, beside.candidates[leader(beside)], beside)]
 
 
-def searches(steps: Sequence[Step]) -> list[Search]:
+def searches(steps: Sequence[SearchStep]) -> list[Search]:
     """Return every search of a forward search, the first one first."""
     return [steps[0].search, *(one for step in steps for one in step.tried)]
 
@@ -192,7 +192,7 @@ def _leading(result: Search) -> Candidate:
     return first
 
 
-def _alone(steps: list[Step]) -> list[Step]:
+def _alone(steps: list[SearchStep]) -> list[SearchStep]:
     """Return the steps; one that has no second beside it chooses what leads on its own."""
     if len(steps) != 1:
         return steps

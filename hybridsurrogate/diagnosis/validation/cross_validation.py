@@ -9,7 +9,7 @@ from joblib import delayed
 from numpy.typing import ArrayLike
 
 from hybridsurrogate.diagnosis.validation.folds import Folds, rows_of
-from hybridsurrogate.diagnosis.validation.gain import Gain, Held, gain_over, pointwise
+from hybridsurrogate.diagnosis.validation.gain import Held, HeldOutGain, gain_over, pointwise
 from hybridsurrogate.diagnosis.validation.parallel import in_parallel
 from hybridsurrogate.diagnosis.validation.refit import Refit
 from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning
@@ -32,7 +32,7 @@ def cross_validated(
     n_jobs: int | None,
     progress: bool = False,
     weights: FloatArray | None = None,
-) -> tuple[Gain | None, Gain | None]:
+) -> tuple[HeldOutGain | None, HeldOutGain | None]:
     """Return the gain within the measured range and beyond it, None where there are no folds.
 
     Parameters

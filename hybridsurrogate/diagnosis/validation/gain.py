@@ -43,7 +43,7 @@ class FoldGain:
 
 
 @dataclass(frozen=True)
-class Gain:
+class HeldOutGain:
     """Scores before and after an extension on the same held-out rows.
 
     Attributes
@@ -237,7 +237,7 @@ def pointwise(
     return Scores(*(values[there] for values in scores))
 
 
-def gain_from(before: Scores, after: Scores, folds: tuple[FoldGain, ...] = ()) -> Gain:
+def gain_from(before: Scores, after: Scores, folds: tuple[FoldGain, ...] = ()) -> HeldOutGain:
     """Summarise two sets of pointwise scores of the same rows, each row with its weight."""
     weight = before.weight
     rmse = [
@@ -249,7 +249,7 @@ def gain_from(before: Scores, after: Scores, folds: tuple[FoldGain, ...] = ()) -
         for scores, root in zip((before, after), rmse, strict=True)
     ]
     change, error = mean_and_error(after.log_density - before.log_density, weight)
-    return Gain(
+    return HeldOutGain(
         mean_and_error(before.log_density, weight)[0],
         mean_and_error(after.log_density, weight)[0],
         change,
@@ -301,7 +301,7 @@ def _fold_gain(held: Held) -> FoldGain:
     )
 
 
-def gain_over(folds: Sequence[Held]) -> Gain:
+def gain_over(folds: Sequence[Held]) -> HeldOutGain:
     """Return the gain over folds, each held out once."""
     befores, afters, _ = zip(*folds, strict=True)
     before, after = (

@@ -16,7 +16,7 @@ from hybridsurrogate.diagnosis.answers.extension import extend_simulator
 from hybridsurrogate.diagnosis.answers.model_averaging import averaged_over
 from hybridsurrogate.diagnosis.search.evidence import Search, kind_of
 from hybridsurrogate.diagnosis.search.forward_selection import (
-    Step,
+    SearchStep,
     forward_search,
     with_correlated_noise,
 )
@@ -168,14 +168,14 @@ def coarsely_fitted(
     return model.fit(X, y, weights) if known is None else known
 
 
-def accepted(steps: Sequence[Step]) -> tuple[Cause, ...]:
+def accepted(steps: Sequence[SearchStep]) -> tuple[Cause, ...]:
     """Return the causes that a forward search accepted."""
     return tuple(step.chosen.cause for step in steps if step.is_accepted and step.chosen.cause)
 
 
 def extended(
     before: PowerScaledSurrogate,
-    steps: Sequence[Step],
+    steps: Sequence[SearchStep],
     X: ArrayLike,
     y: ArrayLike,
     weights: FloatArray | None = None,

@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
-from hybridsurrogate.diagnosis.search.forward_selection import Step
+from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.search.local_prediction import local_posterior, measured_and_other
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.noise.gross_error import GrossError, GrossRow
 
 
-def with_rows(causes: Sequence[Cause], steps: Sequence[Step]) -> tuple[Cause, ...]:
+def with_rows(causes: Sequence[Cause], steps: Sequence[SearchStep]) -> tuple[Cause, ...]:
     """Return causes in which a `GrossError` has the rows that were found; others are as they are.
 
     Parameters
     ----------
     causes : sequence of Cause
         Of the searches.
-    steps : sequence of Step
+    steps : sequence of SearchStep
 
     Examples
     --------
@@ -32,7 +32,7 @@ def with_rows(causes: Sequence[Cause], steps: Sequence[Step]) -> tuple[Cause, ..
     )
 
 
-def _found(cause: GrossError, steps: Sequence[Step]) -> Cause:
+def _found(cause: GrossError, steps: Sequence[SearchStep]) -> Cause:
     for step in steps:
         for search in (step.given_others, step.search):
             for w in search.candidates:

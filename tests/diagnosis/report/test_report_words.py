@@ -13,7 +13,7 @@ from hybridsurrogate.diagnosis.checks.emulator import EmulatorCheck
 from hybridsurrogate.diagnosis.report.details import checks, gain, weight
 from hybridsurrogate.diagnosis.report.elements.view import View, label_of_cause
 from hybridsurrogate.diagnosis.report.first_screen import headline
-from hybridsurrogate.diagnosis.validation.gain import FoldGain, Gain
+from hybridsurrogate.diagnosis.validation.gain import FoldGain, HeldOutGain
 from hybridsurrogate.effects.registry import FORMS
 
 
@@ -45,7 +45,7 @@ def test_what_the_best_beta_says(after, words):
 
 def gain_of(difference, error, coverage=0.9, kinds=("step", "step")):
     folds = tuple(FoldGain(kind, 50, -1.0, -1.0 + difference, error) for kind in kinds)
-    return Gain(
+    return HeldOutGain(
         *(-1.0, -1.0 + difference, difference, error, 2.0, 1.5),
         *(0.9, coverage, 0.4, 0.55, 100, kinds, folds),
     )

@@ -242,7 +242,7 @@ def test_near_copies_have_forms_of_their_own():
     model = clone(diagnosis_of().estimator).fit(T[:, None], Y)
     table = table_of(model, ("trend", "trend: quadratic", *drifts, "unexplained"))
     assert list(table.columns) == [
-        *("kind", "target", "form", "probability", "log_evidence", "remainder"),
+        *("kind", "target", "form", "probability", "log_evidence", "smooth_curve"),
         *("correlated", "note"),
     ]
     weighed = table[table["note"] == ""]

@@ -13,7 +13,7 @@ from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
 from hybridsurrogate.diagnosis.report.elements.view import View
-from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, HALF, Gain
+from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, HALF, HeldOutGain
 
 _EXPLAINED = (
     "The log score (ELPD) is the logarithm of the probability density that a model gave to a "
@@ -22,13 +22,13 @@ _EXPLAINED = (
 _TOO_FEW_ROWS = "too few rows for a standard error"
 
 
-def section(view: View, gains: Mapping[str, Gain | None]) -> Section:
+def section(view: View, gains: Mapping[str, HeldOutGain | None]) -> Section:
     """Return the section.
 
     Parameters
     ----------
     view : View
-    gains : dict of str to Gain or None
+    gains : dict of str to HeldOutGain or None
         "within", "beyond" and "held out".
     """
     known = {name: gain for name, gain in gains.items() if gain is not None}
@@ -54,7 +54,7 @@ def section(view: View, gains: Mapping[str, Gain | None]) -> Section:
     )
 
 
-def table_of(view: View, gain: Gain) -> pd.DataFrame:
+def table_of(view: View, gain: HeldOutGain) -> pd.DataFrame:
     """Return scores before and after with the standard error of their difference."""
     unit = view.units.get(view.output, "") if view.stacking is None else "standard deviations"
     rows = [
@@ -80,7 +80,7 @@ def table_of(view: View, gain: Gain) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["", "before", "after", "difference"])
 
 
-def judgement(gain: Gain) -> str:
+def judgement(gain: HeldOutGain) -> str:
     """Return in plain words what a difference of scores and its standard error amount to."""
     difference, error = gain.elpd_difference, gain.standard_error
     if difference == 0:
@@ -97,19 +97,19 @@ def judgement(gain: Gain) -> str:
     return f"the extended model seems to predict {word}, by less than two standard errors"
 
 
-def is_better(gain: Gain) -> bool:
+def is_better(gain: HeldOutGain) -> bool:
     """Tell whether the model after predicts better, by more than two standard errors."""
     error = gain.standard_error
     return math.isfinite(error) and error > 0 and gain.elpd_difference > 2 * error
 
 
-def is_worse(gain: Gain) -> bool:
+def is_worse(gain: HeldOutGain) -> bool:
     """Tell whether the model after predicts worse, by more than two standard errors."""
     error = gain.standard_error
     return math.isfinite(error) and gain.elpd_difference < -2 * error
 
 
-def coverage_word(gain: Gain) -> str:
+def coverage_word(gain: HeldOutGain) -> str:
     """Return whether the 90 % intervals of the model after cover as many rows as they should."""
     allowed = 2 * math.sqrt(COVERAGE_LEVEL * (1 - COVERAGE_LEVEL) / gain.n_rows)
     off = gain.coverage_after - COVERAGE_LEVEL
@@ -118,7 +118,7 @@ def coverage_word(gain: Gain) -> str:
     return "too few: they are too narrow" if off < 0 else "too many: they are too wide"
 
 
-def _rows(view: View, name: str, gain: Gain) -> str:
+def _rows(view: View, name: str, gain: HeldOutGain) -> str:
     """Return which rows a gain is of."""
     if name == "within":
         return f"Within the measured range ({gain.n_rows} rows, {len(gain.folds)} random folds)"
@@ -132,7 +132,7 @@ def _rows(view: View, name: str, gain: Gain) -> str:
     return f"On the rows that you held out ({gain.n_rows} rows)"
 
 
-def _chosen(gain: Gain) -> str:
+def _chosen(gain: HeldOutGain) -> str:
     return digits.listing([f"{kind} ({n})" for kind, n in Counter(gain.kinds).most_common()])
 
 

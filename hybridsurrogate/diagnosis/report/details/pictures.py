@@ -11,7 +11,7 @@ from hybridsurrogate.diagnosis.answers.experimental_design import information_at
 from hybridsurrogate.diagnosis.report.elements.drawing import logarithmic, rendered
 from hybridsurrogate.diagnosis.report.elements.section import Drawn
 from hybridsurrogate.diagnosis.report.elements.view import View, label_of
-from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, Gain, best_beta
+from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, HeldOutGain, best_beta
 from hybridsurrogate.effects.context import MOST_EXPERIMENTS
 from hybridsurrogate.plotting import AFTER, BEFORE
 
@@ -150,7 +150,7 @@ def picture_residuals(view: View) -> Drawn:
     )
 
 
-def picture_gain(gains: dict[str, Gain]) -> Drawn:
+def picture_gain(gains: dict[str, HeldOutGain]) -> Drawn:
     """Draw held-out scores before and after, fold by fold, and coverage; gains have names."""
     rows: list[tuple[str, float, float, float]] = []
     covered: list[tuple[str, float, int]] = []

@@ -7,7 +7,7 @@ from hybridsurrogate.diagnosis.report.details.gain import is_better, is_worse
 from hybridsurrogate.diagnosis.report.elements.section import Card
 from hybridsurrogate.diagnosis.report.elements.view import View
 from hybridsurrogate.diagnosis.search.evidence import kind_shares
-from hybridsurrogate.diagnosis.validation.gain import Gain
+from hybridsurrogate.diagnosis.validation.gain import HeldOutGain
 
 WRONG = "Is something wrong?"
 CAUSE = "How sure is the cause?"
@@ -15,13 +15,13 @@ GAIN = "What is gained?"
 RANGE = "How far to trust it?"
 
 
-def cards(view: View, on_test: Gain | None) -> tuple[Card, ...]:
+def cards(view: View, on_test: HeldOutGain | None) -> tuple[Card, ...]:
     """Return the four cards.
 
     Parameters
     ----------
     view : View
-    on_test : Gain or None
+    on_test : HeldOutGain or None
         On rows that were held out by the user.
     """
     return (_wrong(view), _cause(view), _gain(view, on_test), _range(view, on_test))
@@ -79,7 +79,7 @@ def _cause(view: View) -> Card:
     return Card(CAUSE, right, f"{kind} if the catalogue holds the true cause")
 
 
-def _gain(view: View, on_test: Gain | None) -> Card:
+def _gain(view: View, on_test: HeldOutGain | None) -> Card:
     d = view.diagnosis
     if not view.extended:
         return Card(GAIN, "Nothing to gain", "no cause was added to the simulation")
@@ -104,7 +104,7 @@ def _gain(view: View, on_test: Gain | None) -> Card:
     return Card(GAIN, "No clear gain", f"within two standard errors on held-out rows: {detail}")
 
 
-def _range(view: View, on_test: Gain | None) -> Card:
+def _range(view: View, on_test: HeldOutGain | None) -> Card:
     d = view.diagnosis
     name = view.inputs[0]
     column = view.X[:, view.columns.index(name)]
