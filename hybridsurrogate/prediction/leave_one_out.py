@@ -57,8 +57,10 @@ class _Starts(NamedTuple):
         return _Starts(self.draw[chosen], self.u[chosen], self.columns[chosen])
 
 
-# fewer say as much of a density in which the coefficients of causes are integrated out
-_MANY, _FEW = _Draws(8, 50, 400), _Draws(4, 40, 400)
+# of a density in which the coefficients of causes are integrated out few draws say as much
+_FEW = _Draws(4, 40, 200)
+# a draw of step 2 costs the square of the coefficients: 2 s of 60 and 40 rows
+_SQUARED, _LEAST, _MOST = 4e5, 50, 1000
 
 
 @dataclass(frozen=True)
@@ -172,7 +174,7 @@ def _loo_of_distinct(
         found = pointwise_loo(first, less, first[:, None], np.zeros(len(y)))
     else:
         first = _log_likelihood(fit.first, X, y)
-        n = _draws_of(problem)
+        n = _draws_of(problem, fit)
         some = _spread(len(first), n.conditional)
         starts = _Starts.of_fit(fit, np.repeat(some, n.repeats))
         starts, again = _repeated(problem, fit, starts, random_state)
@@ -183,7 +185,7 @@ def _loo_of_distinct(
         )
     for i in counted(np.flatnonzero(found.failed), "Fits without one row", progress):
         without, powers = _without(problem, fit.powers, index[i], less[i])
-        most = _REFITTED if fit.again is None else _draws_of(problem).refitted
+        most = _REFITTED if fit.again is None else _draws_of(problem, fit).refitted
         n_draws = min(fit.first.n_draws, most)
         chosen = None
         if fit.again is not None:
@@ -203,8 +205,11 @@ def _integrates(problem: Problem) -> bool:
     return problem.collapses and len(problem.model.column_sd) > 0
 
 
-def _draws_of(problem: Problem) -> _Draws:
-    return _FEW if _integrates(problem) else _MANY
+def _draws_of(problem: Problem, fit: Fit) -> _Draws:
+    if _integrates(problem):
+        return _FEW
+    n_coefficients = max(fit.first.coefficients.shape[1], 1)
+    return _Draws(8, int(np.clip(_SQUARED / n_coefficients**2, _LEAST, _MOST)), 400)
 
 
 def _given_others(
