@@ -94,6 +94,16 @@ def test_the_first_page_is_short_and_shows_code_at_once():
         assert phrase in text
 
 
+def test_the_readme_shows_the_example_of_the_first_page():
+    """It runs as that of the README (tests/stories/test_readme.py)."""
+    first, second = (
+        re.search(r"```python\n(.*?)```\n\n```text\n(.*?)```", page.read_text("utf-8"), re.DOTALL)
+        for page in (DOCS / "index.md", DOCS.parent / "README.md")
+    )
+    assert second[1].startswith(first[1])
+    assert first[2] == second[2]
+
+
 def test_every_public_name_has_its_page():
     page = runpy.run_path(str(DOCS / "api.py"))["page_of_names"]()
     names = [line.strip() for line in page.splitlines() if re.match(r" {3}\w", line)]
