@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import hybridsurrogate as hs
+from hybridsurrogate import datasets, plotting, scoring
 from hybridsurrogate.effects.registry import classes
 from hybridsurrogate.likelihoods import LIKELIHOODS
 from hybridsurrogate.surrogates import SURROGATES
@@ -24,6 +25,10 @@ TASKS = {
     "See which parameters matter": ("sobol_indices",),
     "Write a cause": ("Cause", "InOutput", "SIMULATED", "SLOPE"),
 }
+
+
+# rooms whose functions and classes are listed as they are
+ROOMS = {"Score predictions": scoring, "Draw": plotting, "Load data sets": datasets}
 
 
 def _names() -> Iterator[tuple[str, list[str]]]:
@@ -50,5 +55,11 @@ def page_of_names() -> str:
     lines = [title, "=" * len(title), "", ".. currentmodule:: hybridsurrogate", ""]
     for task, names in _names():
         lines += [task, "-" * len(task), "", ".. autosummary::", "   :toctree: generated", ""]
+        lines += [*(f"   {name}" for name in names), ""]
+    for task, room in ROOMS.items():
+        lines += [task, "-" * len(task), "", f".. currentmodule:: {room.__name__}", ""]
+        lines += [".. autosummary::", "   :toctree: generated", ""]
+        # colours are callable, too
+        names = [name for name in sorted(room.__all__) if not name.isupper()]
         lines += [*(f"   {name}" for name in names), ""]
     return "\n".join(lines)

@@ -106,8 +106,9 @@ def test_the_readme_shows_the_example_of_the_first_page():
 
 def test_every_public_name_has_its_page():
     page = runpy.run_path(str(DOCS / "api.py"))["page_of_names"]()
-    names = [line.strip() for line in page.splitlines() if re.match(r" {3}\w", line)]
-    assert sorted(names) == sorted(hs.__all__)
+    of_package, *of_rooms = re.split(r"^\.\. currentmodule:: \S+$", page, flags=re.MULTILINE)[1:]
+    assert sorted(re.findall(r"^ {3}(\w+)$", of_package, re.MULTILINE)) == sorted(hs.__all__)
+    assert all(re.findall(r"^ {3}(\w+)$", room, re.MULTILINE) for room in of_rooms)
 
 
 def test_sphinx_builds_the_pages(tmp_path):
