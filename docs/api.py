@@ -51,7 +51,7 @@ def _names() -> Iterator[tuple[str, list[str]]]:
 
 def page_of_names() -> str:
     """Return the page as reStructuredText."""
-    title = "Functions and classes by task"
+    title = "API by task"
     lines = [title, "=" * len(title), "", ".. currentmodule:: hybridsurrogate", ""]
     for task, names in _names():
         lines += [task, "-" * len(task), "", ".. autosummary::", "   :toctree: generated", ""]
