@@ -22,6 +22,7 @@ TASKS = {
         *("KennedyOHaganSurrogate", "AveragedSurrogate", "EnsembleSampler"),
     ),
     "Choose beta": ("choose_beta", "beta_path"),
+    "Save and load": ("save", "load"),
     "See which parameters matter": ("sobol_indices",),
     "Write a cause": ("Cause", "InOutput", "SIMULATED", "SLOPE"),
 }

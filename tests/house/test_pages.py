@@ -111,11 +111,18 @@ def test_every_public_name_has_its_page():
     assert all(re.findall(r"^ {3}(\w+)$", room, re.MULTILINE) for room in of_rooms)
 
 
+def test_every_warning_is_explained():
+    page = (DOCS / "reference" / "warnings.md").read_text(encoding="utf-8")
+    assert [name for name in hs.__all__ if name.endswith("Warning") and name not in page] == []
+
+
 def test_sphinx_builds_the_pages(tmp_path):
     needed = ("sphinx", "sphinx_gallery", "numpydoc", "myst_parser", "pydata_sphinx_theme")
     for name in (*needed, "sphinx_design", "sphinx_copybutton"):
         if find_spec(name) is None:
             pytest.skip(f"{name} is not installed (extra `docs`)")
+    if not any(DOCS.rglob("*.png")):
+        pytest.skip("the pictures are not here: a source distribution leaves them out")
     # the gallery writes next to the pages: a copy of both, whose examples are shown and not run
     for folder in ("docs", "examples"):
         skip = shutil.ignore_patterns("_build", "auto_examples", "generated", "__pycache__")
