@@ -1,26 +1,38 @@
 """Settings of Sphinx: `python -m sphinx docs docs/_build` (extra `docs`) builds the pages."""
 
+import sys
 from importlib.metadata import version as installed
 from pathlib import Path
 
-import hybridsurrogate as hs
-from hybridsurrogate.effects.registry import table_of_causes
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+import api
+import catalogue
 
 project = "hybridsurrogate"
 author = "The hybridsurrogate founders"
+copyright = "The hybridsurrogate founders"
 version = release = installed("hybridsurrogate")
 extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
+    "sphinx.ext.intersphinx",
     "numpydoc",
+    "sphinx_copybutton",
+    "sphinx_design",
     "sphinx_gallery.gen_gallery",
 ]
-root_doc = "contents"
 exclude_patterns = ["_build"]
 autosummary_generate = True
 numpydoc_show_class_members = False
 myst_heading_anchors = 3
+myst_enable_extensions = ["colon_fence"]
+# inventories of the names that pages link to lie here, so that no network is needed
+intersphinx_mapping = {
+    "scipy": ("https://docs.scipy.org/doc/scipy", "inventories/scipy.inv"),
+    "sklearn": ("https://scikit-learn.org/stable", "inventories/sklearn.inv"),
+}
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "auto_examples",
@@ -29,22 +41,35 @@ sphinx_gallery_conf = {
     "ignore_pattern": r"(^|/)(?!plot_)[^/]*\.py$",
     "abort_on_example_error": True,
 }
-
-
-def page_of_names():
-    """Return the page of all public names."""
-    head = ["API", "===", "", ".. currentmodule:: hybridsurrogate", ""]
-    head += [".. autosummary::", "   :toctree: generated", ""]
-    return "\n".join([*head, *(f"   {name}" for name in sorted(hs.__all__)), ""])
+html_theme = "pydata_sphinx_theme"
+html_title = "hybridsurrogate"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_theme_options = {
+    "navbar_align": "left",
+    "header_links_before_dropdown": 6,
+    "show_toc_level": 2,
+    "footer_start": ["copyright"],
+    "footer_end": [],
+    "secondary_sidebar_items": ["page-toc"],
+}
+html_show_sourcelink = False
+# prompts are not copied
+copybutton_prompt_text = r">>> |\.\.\. |\$ "
+copybutton_prompt_is_regexp = True
 
 
 def fill_in(app, docname, source):
-    """Put the table of causes into a page that Sphinx has read."""
-    source[0] = source[0].replace("{{ table of causes }}", table_of_causes())
+    """Put the catalogue of causes into the page that asks for it."""
+    if docname == "reference/causes":
+        pictures = catalogue.write_pictures(Path(app.srcdir) / "reference" / "pictures")
+        text = catalogue.catalogue(pictures, "pictures")
+        source[0] = source[0].replace("{{ catalogue of causes }}", text)
 
 
 def setup(app):
-    """Write the page of names, and have the table filled in."""
+    """Write the page of names, and have the catalogue filled in."""
     # autosummary looks for names in files, so the page must lie there before it looks
-    (Path(app.srcdir) / "api.rst").write_text(page_of_names(), encoding="utf-8")
+    page = Path(app.srcdir) / "reference" / "api.rst"
+    page.write_text(api.page_of_names(), encoding="utf-8")
     app.connect("source-read", fill_in)

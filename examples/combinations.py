@@ -1,6 +1,6 @@
 """Every surrogate with every likelihood, on the published case study 1 and on counts.
 
-`python examples/combinations.py > docs/combinations.md` writes the page of the docs.
+`python examples/combinations.py > docs/evidence/combinations.md` writes the page of the docs.
 """
 
 import sys

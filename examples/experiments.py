@@ -1,13 +1,12 @@
 """Batches that differ in one parameter: is it found, and is its spread told right?
 
-``python -m examples.experiments --rows rows.csv`` prints the table of `docs/experiments.md`. Each
-finished case is a row of the file, and a stopped run goes on with those that are left. 10 batches
-of 12 rows, a column that numbers them, and one parameter of the simulation that differs between
-them by as much as gives an effect of 1 or 2 times the noise; without a difference whatever is found
-is a false alarm. Gaps: the numbers of the batches have some, as those of subjects do, and are
-declared. Curves: no parameter differs, but each batch strays by a cubic of its own. Declared:
-``by_experiment`` names the parameter, and nothing else is wrong.
-"""
+``python -m examples.experiments --rows rows.csv`` prints the table of
+`docs/evidence/experiments.md`. Each finished case is a row of the file, and a stopped run goes on
+with those that are left. 10 batches of 12 rows, a column that numbers them, and one parameter of
+the simulation that differs between them by as much as gives an effect of 1 or 2 times the noise;
+without a difference whatever is found is a false alarm. Gaps: the numbers of the batches have some,
+as those of subjects do, and are declared. Curves: no parameter differs, but each batch strays by a
+cubic of its own. Declared: ``by_experiment`` names the parameter, and nothing else is wrong."""
 
 from __future__ import annotations
 

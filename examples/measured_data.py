@@ -260,9 +260,9 @@ def beyond_in_words(told: list[tuple[str, str, str]]) -> str:
     better = [int(np.sum(scores[:, k] >= scores[:, 0])) for k in (1, 2)]
     rows, sets = np.average(held, axis=0, weights=n), held.mean(axis=0)
     return (
-        f"Held-out rows are foreseen no worse (log density a row) than by the plain simulation in "
-        f"{better[1]} of {len(told)} sets by the extended model (in {better[0]} by its leading "
-        "cause alone). 90 % "
+        f"Held-out rows are predicted no worse (log density a row) than by the plain simulation in "
+        f"{better[1]} of {len(told)} sets by the extended model (in {better[0]} by its most "
+        "probable cause alone). 90 % "
         f"intervals hold {rows[0]:.0f} / {rows[1]:.0f} / {rows[2]:.0f} % of all held-out rows, "
         f"{sets[0]:.0f} / {sets[1]:.0f} / {sets[2]:.0f} % on average over the sets."
     )
@@ -278,25 +278,25 @@ def within_in_words(cells: list[str]) -> str:
 
 INTRODUCTION = """# Measured data with a known cause
 
-Printed by `python examples/measured_data.py > docs/measured_data.md` in some minutes; `--rows FILE`
-keeps finished rows, so that a run that was stopped goes on. Each data set meets the simulation that
-a scientist would write first. The diagnosis sees that simulation, its priors and
-the training rows; "RMSE held out" is on rows that it never saw, before -> after the
-cause that it named, then with the documented cause in its place; INDEX is the same with the
-documented cause fitted by least squares. "Right" says whether the leading cause is the documented
-one, whatever the verdict is. One of another name counts where its curve is less than 5 % of what
-the simulation misses apart from that of the documented cause, on the training rows and on those
-held out (both shares are given); "among rivals": it is not right, but the documented kind is among
-those that cannot be told apart, or among those of which the nearest leads. A probability in
-brackets counts causes that the catalogue does not hold as well (`probability_right_`). The score is
-the mean log density of a held-out row, of the plain simulation, of the leading cause alone and of
-the extended model, which averages over the causes; then how many of these rows the 90 % interval of
+Printed by `python examples/measured_data.py > docs/evidence/measured_data.md` in some minutes;
+`--rows FILE` keeps finished rows, so that a run that was stopped goes on. Each data set meets the
+simulation that a scientist would write first. The diagnosis sees that simulation, its priors and
+the training rows; "RMSE held out" is on rows that it never saw, before -> after the cause that it
+named, then with the documented cause in its place; INDEX is the same with the documented cause
+fitted by least squares. "Right" says whether the most probable cause is the documented one,
+whatever the verdict is. One of another name counts where its curve is less than 5 % of what the
+simulation misses apart from that of the documented cause, on the training rows and on those held
+out (both shares are given); "among rivals": it is not right, but the documented kind is among those
+that cannot be separated, or among those of which the nearest comes first. A probability in brackets
+counts causes that the catalogue does not hold as well (`probability_right_`). The score is the mean
+log density of a held-out row, of the plain simulation, of the most probable cause alone and of the
+extended model, which averages over the causes; then how many of these rows the 90 % interval of
 each holds. "Gain within": what the score gains on training rows held out in five folds, the search
 repeated in each, with its standard error.
 
-Where the catalogue has no cause of the documented form, that formula was weighed beside it as the
+Where the catalogue has no cause of the documented form, that formula was compared too, as the
 scientist's own cause, with a prior of the field (`examples/measured_mechanisms.py`). "Without own
-cause" says who leads the same search where it is left out, and whether that is right.
+cause" says what comes first in the same search where it is left out, and whether that is right.
 
 No rows of these files are part of the package, apart from `nile`, `mauna-loa`, `enso` and
 `ultrasound`, which are in the public domain.

@@ -105,16 +105,17 @@ SETS = (
         (own.ElNino(),), "slow 44.3, fast 26.9", "3.032 -> 2.372",
         own=(own.ElNino(),),
         remark="120 months hold fewer than three and five of the two cycles. By hand, least "
-        "squares and BIC choose a jump; correlated noise, which leads here, foresees nothing.",
+        "squares and BIC choose a jump; correlated noise, which comes first here, does not "
+        "extrapolate.",
     ),
     DataSet(
         "ultrasound", "nist_chwirut1.csv", {"distance": "distance"}, "response", made.ultrasound,
         lambda f: f["distance"] <= 3, "the beam spreads", (own.BeamSpreading(),),
         "rate 1.717", "4.618 -> 2.243", own=(own.BeamSpreading(),),
-        remark="a sensor that bends leads, and fits distances up to 3 as well; so does an offset "
-        "(training RMSE 3.67, the documented factor 3.70), and both do worse beyond. With relative "
-        "noise instead and without the bend beam spreading led (0.70), but measurements that were "
-        "repeated show noise between the two.",
+        remark="a sensor that bends comes first, and fits distances up to 3 as well; so does an "
+        "offset (training RMSE 3.67, the documented factor 3.70), and both do worse beyond. With "
+        "relative noise instead and without the bend beam spreading led (0.70), but measurements "
+        "that were repeated show noise between the two.",
     ),
     DataSet(
         "insulation", "whiteside_insulation.csv",
@@ -149,8 +150,8 @@ SETS = (
         "rate -0.00488 a day (half-life 141.9 d)", "10.22 -> 1.182",
         remark="a loss that falls exponentially in time and one that falls with the weight both "
         "give an exponential approach; a parabola fits 150 days as well, and a scale that bends, "
-        "which leads, is one. Nobody doubts the scale: with exclude=['response'] the fall leads "
-        "(0.40).",
+        "which comes first, is one. Nobody doubts the scale: with exclude=['response'] the fall "
+        "comes first (0.40).",
     ),
     DataSet(
         "capacitor", "capacitor_discharge.csv", {"time_s": "seconds"}, "voltage_V",
@@ -162,8 +163,8 @@ SETS = (
         "measles", "measles_us_states.csv", {"year": "year"}, "rate_per_100k", made.measles,
         lambda f: f["year"] <= 1975, "vaccine since 1963, exponential fall", (hs.Loss("year"),),
         "location 1963, scale 2.2", "274 -> 7.19", load=national,
-        remark="absolute noise, as in INDEX; with relative noise a jump in 1966 leads, as cases "
-        "fell no further after 1968.",
+        remark="absolute noise, as in INDEX; with relative noise a jump in 1966 comes first, as "
+        "cases fell no further after 1968.",
     ),
     DataSet(
         "supernovae", "supernova_union21.csv", {"z": "z"}, "mu", made.supernovae,
@@ -200,9 +201,9 @@ SETS = (
         (hs.DynamicTerm("velocity", "proportional"),),
         "quadratic, Cd 0.62", "1.831 -> 0.3486 (nine balls)", load=of_ball("Whiffle Ball 1"),
         experiment="drop", by_experiment=RELEASED,
-        remark="a force that grows with the velocity leads, as documented, but one that saturates: "
-        "what is quadratic in INDEX fits the first drop worse (by least squares RMSE 0.10 and 0.23 "
-        "m). With all rows of both drops a power of the velocity leads (0.75).",
+        remark="a force that grows with the velocity comes first, as documented, but one that "
+        "saturates: what is quadratic in INDEX fits the first drop worse (by least squares RMSE "
+        "0.10 and 0.23 m). With all rows of both drops a power of the velocity leads (0.75).",
     ),
     DataSet(
         "carriage", "emps_drive.csv", {"a_mps2": "acceleration", "v_mps": "velocity"}, "force_N",
@@ -215,22 +216,24 @@ SETS = (
         made.classroom, lambda f: f["height_m"] < 3.3, "late stopwatch, air drag: not separable",
         (own.AirDrag(), hs.Offset()), "terminal 9.2", "0.1542 -> 0.09984",
         own=(own.AirDrag(),),
-        remark="two faults at once, of which one leads, and narrowly: with a terminal velocity of "
-        "2 to 400 m/s heavy-tailed noise leads, and by hand, least squares and BIC find nothing.",
+        remark="two faults at once, of which one comes first, and narrowly: with a terminal "
+        "velocity of 2 to 400 m/s heavy-tailed noise comes first, and by hand, least squares and "
+        "BIC find nothing.",
     ),
     DataSet(
         "school-influenza", "flu_boarding_school_1978.csv", {"day": "day"}, "in_bed", made.school,
         lambda f: f["day"] <= 8, "nothing: control", (), "", "20.51 -> 49.45",
         likelihood="lognormal",
         remark="counts grow from 3 to 300 and so does their noise: it is relative, on the "
-        "logarithm; with the same noise on all days `noise: mean` leads, which is true of counts.",
+        "logarithm; with the same noise on all days `noise: mean` comes first, which is true of "
+        "counts.",
     ),
     DataSet(
         "golf-ball", "ball_drop_bridge.csv", {"time_s": "t", "drop": "drop"}, "height_m",
         made.bridge, release, "nothing that shows: control (a dense ball)", (), "",
         "0.24 -> 0.23", load=of_ball("Golf Ball"),
         experiment="drop", by_experiment=RELEASED,
-        remark="heights read off the video stray smoothly, by 0.1 m in the first drop and as a "
+        remark="heights read off the video deviate smoothly, by 0.1 m in the first drop and as a "
         "parabola of 0.3 m in the second (noise 0.05): no name is singled out among a bump, a "
         "curve of each drop's own, and others. With all rows of both drops the curves of their own "
         "have everything (log evidence 61, the next cause 17): the readings of a drop err "

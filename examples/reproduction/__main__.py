@@ -1,4 +1,4 @@
-"""`python -m examples.reproduction`: every case study, its figures and docs/reproduction.md."""
+"""`python -m examples.reproduction`: all case studies, figures, docs/evidence/reproduction.md."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from . import extension, figures, page, scores
 from .cases import CASES, italy
 
 ROOT = Path(__file__).resolve().parents[2]
-DOCS = ROOT / "docs"
+PAGES = ROOT / "docs" / "evidence"
 # data sets of what is slow: Italy, of which only the runs and the draws differ from seed to seed,
 # and diagnoses that ask the epidemic of case study 2.1
 N_SLOW = 5
@@ -79,7 +79,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--fast", action="store_true", help="fewer draws and betas")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--cases", nargs="*", choices=list(CASES), help="only these case studies")
-    parser.add_argument("--out", type=Path, default=DOCS, help="folder of reproduction.md")
+    parser.add_argument("--out", type=Path, default=PAGES, help="folder of reproduction.md")
     parser.add_argument("--csv", type=Path, help="keep the scores in this file")
     parser.add_argument("--from-csv", type=Path, help="scores from this file instead of new ones")
     given = parser.parse_args(arguments)

@@ -67,7 +67,7 @@ says that no single seed moves it on the grid.
 EXTENSIONS = """
 ## What the diagnosis adds
 
-The extended model beside the best beta of each scheme (chosen with hindsight on these rows) and
+The extended model and the best beta of each scheme (chosen with hindsight on these rows) and
 Kennedy and O'Hagan's calibration with the same surrogate: means over seeds, standard errors over
 seeds in brackets. The diagnosis asks the simulation itself. "Averaged": over the causes, by their
 probabilities, instead of the first alone; in 2.1 one of them is a trend of the logarithm, whose

@@ -12,8 +12,8 @@ _COLUMNS = """`sure`: named with more than 90 % of the probability within the ca
 something is wrong; `sure all the same`: named, and with more than 90 % where causes outside the
 catalogue count (`probability_right_`), then what that is on average. The score is the mean log
 density of a measurement beyond the measured range, then the share of these that the 90 % interval
-holds: of the simulation as it is, of the leading cause alone and of the average over the causes
-(`extended_estimator_`).
+covers: of the simulation as it is, of the most probable cause alone and of the average over the
+causes (`extended_estimator_`).
 """
 
 INTRODUCTION = f"""# Truths that are not in the catalogue
@@ -27,7 +27,7 @@ MECHANISMS = f"""# Mechanisms that no cause draws
 
 Printed by `python -m examples.scorecard --mechanisms --pairs 0 --nulls 0 ...`: what is hidden in
 these blind cases is of no kind of the catalogue (`examples/hidden_effects/mechanisms.py`), all of
-which is weighed. Whatever is named is wrong, though it may be nearly the same curve.
+which is compared. Whatever is named is wrong, though it may be nearly the same curve.
 {_COLUMNS}"""
 
 

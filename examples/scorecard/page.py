@@ -244,7 +244,7 @@ def write_page(table: pd.DataFrame, path: Path, source: str, pictures: list[Path
 
 ```
 {lines}
-python -m examples.scorecard --from-csv {source} --page docs/{path.name}
+python -m examples.scorecard --from-csv {source} --page docs/evidence/{path.name}
 ```
 
 {shown}

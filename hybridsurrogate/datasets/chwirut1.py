@@ -37,6 +37,7 @@ def load_nist_chwirut1() -> Bunch:
         simulator : Simulator
             Parameters: ``amplitude``, ``absorption``.
         DESCR : str
+            A description.
 
     Notes
     -----

@@ -89,6 +89,7 @@ def fetch_covid19_italy(
             Parameters: ``contact_rate`` and ``recovery_rate`` per day. It starts from the first
             day's infected.
         DESCR : str
+            A description.
 
     Raises
     ------

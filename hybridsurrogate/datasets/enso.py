@@ -39,6 +39,7 @@ def load_nist_enso() -> Bunch:
         simulator : Simulator
             Parameters: ``mean``, ``cosine`` and ``sine`` in hPa.
         DESCR : str
+            A description.
 
     Notes
     -----

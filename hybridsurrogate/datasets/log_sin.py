@@ -53,13 +53,17 @@ def make_log_sin(
     -------
     sklearn.utils.Bunch
         simulator : Simulator
+            The simulation.
         simulation : SimulationData
+            Its runs.
         X, y : ndarray of shape (n_measured, 1) and (n_measured,)
+            Measured inputs and outputs.
         X_in, mu_in, y_in : ndarray
             Test inputs, uniform over ``train_range``; the true output without and with noise.
         X_out, mu_out, y_out : ndarray
             The same for inputs from 100 to 200.
         DESCR : str
+            A description.
 
     References
     ----------

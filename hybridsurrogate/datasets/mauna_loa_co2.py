@@ -38,6 +38,7 @@ def load_mauna_loa_co2() -> Bunch:
         simulator : Simulator
             Parameters: ``preindustrial`` and ``excess_1958`` in ppm, ``growth_rate`` per year.
         DESCR : str
+            A description.
 
     Notes
     -----

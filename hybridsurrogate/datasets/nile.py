@@ -34,6 +34,7 @@ def load_nile() -> Bunch:
         simulator : Simulator
             Parameter: ``mean_flow`` in 1e8 cubic metres a year.
         DESCR : str
+            A description.
 
     Notes
     -----

@@ -148,18 +148,22 @@ def make_sir(
     -------
     sklearn.utils.Bunch
         simulator : Simulator
+            The simulation.
         simulation : SimulationData
-            The recovery rate is assumed to be 0.55, and varies over the runs: a diagnosis can find
-            out that it is wrong.
+            Its runs. The recovery rate is assumed to be 0.55, and varies over the runs: a
+            diagnosis can find out that it is wrong.
         simulator_fixed : Simulator
+            The simulation as published.
         simulation_fixed : SimulationData
             The recovery rate is 0.55 in all runs, as published. The simulator does not round.
         X, y : ndarray of shape (n_measured, 1) and (n_measured,)
+            Measured inputs and outputs.
         X_in, mu_in, y_in : ndarray
             Test times, uniform over ``train_range``; the true output without and with noise.
         X_out, mu_out, y_out : ndarray
             The same for times from 7.5 to 14.
         DESCR : str
+            A description.
 
     Notes
     -----

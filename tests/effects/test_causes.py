@@ -220,9 +220,9 @@ def test_a_picture_of_every_kind(name):
 
 
 def test_air_drag_of_the_documentation():
-    """The cause in docs/causes.md works as it stands."""
-    page = (Path(__file__).parents[2] / "docs" / "causes.md").read_text()
-    (source,) = (b for b in re.findall(r"```python\n(.*?)```", page, re.S) if "AirDrag" in b)
+    """The cause in docs/how-to/own_cause.md works as it stands."""
+    page = (Path(__file__).parents[2] / "docs" / "how-to" / "own_cause.md").read_text()
+    (source,) = (b for b in re.findall(r"```python\n(.*?)```", page, re.S) if "class AirDrag" in b)
     names = {}
     exec(source, names)
     fall = hs.Simulator(

@@ -28,7 +28,7 @@ from hybridsurrogate.effects.registry import (
     table_of_causes,
 )
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "add_a_cause.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "how-to" / "add_to_the_catalogue.md"
 
 
 @pytest.mark.parametrize("name", classes())

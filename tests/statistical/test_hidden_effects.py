@@ -56,7 +56,7 @@ def test_the_extended_model_predicts_out_of_range(found):
 
 
 def test_false_alarms():
-    # at 5 % more than two of ten has probability 0.012; docs/scorecard.md has more
+    # at 5 % more than two of ten has probability 0.012; docs/evidence/scorecard.md has more
     alarms = sum(
         diagnose(make_case("none", 0.0, seed), seed)["verdict"] != "adequate"
         for seed in range(900, 910)

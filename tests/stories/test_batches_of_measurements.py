@@ -1,8 +1,5 @@
 """Measurements of several batches, and a parameter that is not the same in all of them."""
 
-import re
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -12,13 +9,6 @@ from shared_files import shared_path
 
 import hybridsurrogate as hs
 from hybridsurrogate.command_line.main import main as command_line
-
-
-def test_the_page_runs_as_it_stands(capsys):
-    page = Path(__file__).resolve().parents[2] / "docs" / "experiments.md"
-    blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
-    exec(compile("\n".join(blocks), str(page), "exec"), {"__name__": "page"})
-    assert "named parameter-by-experiment rate" in capsys.readouterr().out
 
 
 def diagnosed(X, y, simulation=DECAY, cv=None, **options):

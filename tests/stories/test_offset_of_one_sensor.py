@@ -72,7 +72,7 @@ def test_levels_share_the_prior_of_one_form():
     whole = odds[-1]
     assert odds[1] == pytest.approx(whole / 2)
     np.testing.assert_allclose(odds[2:-1], whole / 8)
-    # half is on none, 2 % are kept for what has no name (docs/index.md)
+    # half is on none, 2 % are kept for what has no name (docs/explanation/how_a_diagnosis_works.md)
     assert odds.sum() == pytest.approx(0.98)
 
 

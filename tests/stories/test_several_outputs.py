@@ -1,7 +1,6 @@
-"""A scientist with two instruments: the page of the documentation, and the command line."""
+"""A scientist with two instruments: the command line."""
 
 import json
-import re
 from pathlib import Path
 
 import numpy as np
@@ -10,18 +9,6 @@ import pytest
 
 import hybridsurrogate as hs
 from hybridsurrogate.command_line.main import main
-
-
-@pytest.mark.slow
-def test_the_page_runs_as_it_stands(capsys):
-    page = Path(__file__).resolve().parents[2] / "docs" / "several_outputs.md"
-    names: dict = {}
-    for block in re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL):
-        exec(block, names)
-    said = capsys.readouterr().out
-    assert "named trend outflow: t" in said
-    assert "By output" in said
-    assert "'output':" in said
 
 
 @pytest.mark.slow
