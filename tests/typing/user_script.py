@@ -153,6 +153,7 @@ of_data: list[likelihoods.Likelihood] = [
     hs.CustomLikelihood(laplace),
     hs.LogNormal(),
     hs.NegativeBinomial(),
+    hs.BetaBinomial(trials=10),
     hs.Normal(),
     hs.Poisson(),
     hs.StudentT(df=5.0),
@@ -242,7 +243,12 @@ def diagnosed(X: Array, y: Array) -> hs.DiscrepancyDiagnosis:
         print(f"{best.kind} {name}: {mean} ({low} to {high}), {best.probability:.0%}")
     print(diagnosis.verdict_, diagnosis.p_value_, diagnosis.gain_on(X, y).elpd_difference)
     print(diagnosis.next_runs(3), diagnosis.next_measurements(2), diagnosis.beta_scan())
-    diagnosis.report().save("report.html")
+    diagnosis.report(units={"minutes": "min"}).save("report.html")
+    top, below = diagnosis.plot()
+    source: str | None = diagnosis.to_python()
+    hs.save(diagnosis.cross_validate(cv=3), "diagnosis.hs")
+    again: hs.DiscrepancyDiagnosis = hs.load("diagnosis.hs")
+    print(top, below, source, again.verdict_)
     plotting.plot_monitor(diagnosis.update(X, y).table, 0.05)
     return diagnosis
 
@@ -270,6 +276,7 @@ kinds_of_warning: list[type[hs.HybridSurrogateWarning]] = [
     hs.PriorWarning,
     hs.RowByRowWarning,
     hs.SamplingWarning,
+    hs.EmulationWarning,
     hs.SolverWarning,
 ]
 with warnings.catch_warnings():

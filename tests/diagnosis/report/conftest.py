@@ -17,8 +17,8 @@ def decay(t, level, rate):
 
 
 def fragile(t, level, rate):
-    """Fail where the rate is below what the data ask for, as a cause may need it."""
-    return np.where(rate > 0.22, decay(t, level, rate), np.nan)
+    """Fail where the rate is large."""
+    return np.where(rate < 0.35, decay(t, level, rate), np.nan)
 
 
 def simulator(function=decay):

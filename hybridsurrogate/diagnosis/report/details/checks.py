@@ -44,7 +44,7 @@ def emulator(view: View) -> list[str]:
         " the noise, which is part of every comparison.",
         f"The surrogate, trained on the runs alone, differs from them by {_times(check.missed)} "
         "the noise there. The comparisons do without it, and the predictions rest on it"
-        + (f": {advice(d.estimator_.surrogate)}." if check.missed > MOST_MISSED else "."),
+        + (f": {advice(d.estimator_.surrogate_)}." if check.missed > MOST_MISSED else "."),
     ]
     if check.beyond:
         where = ", ".join(f"{rows} along {name}" for name, rows in check.beyond.items())
