@@ -47,7 +47,7 @@ class DiagnosisWarning(HybridSurrogateWarning):
 
 
 class ConfoundingWarning(DiagnosisWarning):
-    """The data cannot tell a cause from a parameter of the simulation."""
+    """The data cannot distinguish a cause from a parameter of the simulation."""
 
 
 def did_you_mean(name: object, known: Iterable[object]) -> str:

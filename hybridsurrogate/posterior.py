@@ -50,7 +50,7 @@ class Diagnostics:
         Whether the ensemble ran long enough for its stopping rule.
     log_evidence, log_evidence_error : float
         Log of the integral of prior times likelihoods of step 1, each to its power, and its Monte
-        Carlo standard error (NaN for emcee, which does not tell it).
+        Carlo standard error (NaN for emcee, which does not estimate it).
     """
 
     sampler: str

@@ -54,7 +54,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         """
 
     def _learned(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
-        """Return `_mixture` without effects that measured rows tell nothing of."""
+        """Return `_mixture` without effects that are drawn from their priors alone."""
         return self._mixture(X)
 
     @property
@@ -68,8 +68,8 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
     ) -> FloatArray | tuple[FloatArray, FloatArray]:
         """Return the posterior predictive mean of y.
 
-        Effects that measured rows tell nothing of, such as a `Remainder`, widen intervals and have
-        no direction: the mean is that of all else.
+        Effects that are drawn from their priors alone, such as a `Remainder`, have mean zero. They
+        widen intervals and leave this mean unchanged.
 
         Parameters
         ----------
@@ -274,7 +274,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         """Return the leave-one-out score: the density of each measured row given the others.
 
         Pareto-smoothed importance sampling with the weights that belong to a power-scaled
-        posterior; rows for which it fails are left out in a fit of their own.
+        posterior. Each row for which it fails is left out in a separate fit.
 
         Parameters
         ----------

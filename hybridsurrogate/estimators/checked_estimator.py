@@ -226,7 +226,7 @@ class CheckedEstimator(BaseEstimator):
         return weights
 
     def _further_tables(self) -> Sequence[Any]:
-        """Return measured rows beside those in ``fit``, as tables."""
+        """Return measured rows in addition to those in ``fit``, as tables."""
         return ()
 
     def _checked(

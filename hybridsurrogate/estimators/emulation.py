@@ -1,7 +1,7 @@
 """A slow simulation that a fit replaces by an emulator: runs over the priors, then where data lead.
 
 The first runs fill the ranges of the priors. Further ones are at draws of the posterior that are
-furthest from all runs, until what the emulator leaves open is small beside the noise.
+furthest from all runs, until the emulator's error is small compared with the noise.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.simulation.variables import priors_of
 from hybridsurrogate.surrogates.base import Surrogate
 
-# priors are told apart by their quantiles at these shares
+# priors are distinguished by their quantiles at these shares
 _SHARES = np.linspace(0.01, 0.99, 9)
 
 
@@ -196,7 +196,7 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
         return [complete_table(X, labels=self.experiment) for X, _ in further]
 
     def _all_rows(self, data: CheckedData, likelihood: Likelihood) -> MeasuredRows:
-        """Return the rows of all measured sets, weighed relative to the largest power."""
+        """Return the rows of all measured sets, with weights relative to the largest power."""
         # measured rows that count nowhere in step 1 still carry step 2
         rows, top = data.rows, self._largest_power()
         own = self.power / top if top else 1.0

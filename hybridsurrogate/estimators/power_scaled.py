@@ -62,10 +62,10 @@ class PowerScaledSurrogate(SurrogateEstimator):
         The measured column that says which experiment a row is of: a batch, a subject, a sensor.
         In a DataFrame it may hold names. It is never an axis.
     by_experiment : mapping of parameter to {"shared", "own", "spread"} or None, default=None
-        Parameters of the simulation that differ between experiments: each has its "own" value, of
-        which the others tell nothing, or values "spread" normally around their mean, the spread
-        inferred (`ParameterByExperiment`). An experiment that was not measured is another one of
-        the same kind.
+        Parameters of the simulation that differ between experiments. "own": values that are
+        independent of each other. "spread": values normally distributed around their mean, with
+        the spread inferred (`ParameterByExperiment`). Predictions for an experiment that was not
+        measured draw its value from the same distribution.
     sampler : {"auto", "importance", "emcee"} or EnsembleSampler, default="auto"
         "auto": importance sampling, emcee where its k-hat exceeds 0.7 or there are several modes.
     n_draws : int, default=1000
@@ -194,12 +194,12 @@ class PowerScaledSurrogate(SurrogateEstimator):
         return self
 
     def with_unlearned(self, effects: Sequence[Cause]) -> PowerScaledSurrogate:
-        """Return the fitted estimator with further effects that measured rows tell nothing of.
+        """Return the fitted estimator with further effects, drawn from their priors alone.
 
         Parameters
         ----------
         effects : sequence of Cause
-            Such as `Remainder`: of a cause that rows do tell of another fit is needed.
+            Such as `Remainder`. A cause that measured rows inform needs another fit.
         """
         check_is_fitted(self)
         problem, _ = self._fitted
@@ -230,7 +230,7 @@ class PowerScaledSurrogate(SurrogateEstimator):
         )
 
     def _learned_effects(self, data: CheckedData) -> tuple[Cause, ...]:
-        """Return the effects that rows tell of: the user's, then what differs by experiment."""
+        """Return the effects that rows inform: the user's, then what differs by experiment."""
         learned = tuple(effect for effect in as_causes(self.effects) if effect.is_learned)
         return learned if data.experiments is None else (*learned, *data.experiments.effects())
 

@@ -33,10 +33,10 @@ def sobol_indices(
 ) -> pd.DataFrame:
     """Return how much of the output's variance is due to each parameter, at rows of inputs.
 
-    Of the simulation as the fitted surrogate tells it, causes and noise left out. The first-order
-    index of a parameter is the share of the variance that would go if it were known, the total
-    index the share that would be left if all others were (Saltelli and others 2010, Computer
-    Physics Communications 181:259, as `scipy.stats.sobol_indices`).
+    The output is that of the fitted surrogate, without causes and noise. The first-order index of
+    a parameter is the share of the variance that would go if it were known. The total index is the
+    share that would remain if all others were known (Saltelli and others 2010, Computer Physics
+    Communications 181:259, as `scipy.stats.sobol_indices`).
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ class PointwiseLoo(NamedTuple):
     khat : ndarray of shape (n,)
         Pareto k-hat.
     failed : ndarray of shape (n,)
-        Rows whose k-hat is above what so many draws can bear: they need a fit of their own.
+        Rows whose k-hat is above the limit for so many draws: each needs a separate fit.
     """
 
     log_density: FloatArray

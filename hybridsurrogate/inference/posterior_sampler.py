@@ -112,7 +112,9 @@ def evidence_around(
 def _modes(target: Target, starts: FloatArray) -> list[Gaussian]:
     steps = target.step_share, target.model.least_step
     modes = find_modes(target.search_density, starts, *steps)
-    if target.n_dimensions > 2:  # with one unknown beside sigma the starts were all there are
+    if (
+        target.n_dimensions > 2
+    ):  # with one unknown in addition to sigma the starts were all there are
         further = further_points(target, modes[0].mean)
         if len(further):
             modes += find_modes(target.search_density, further, *steps)

@@ -23,9 +23,9 @@ _KERNEL = 0.8
 class Likelihood(ABC):
     """How a measured value scatters around what the surrogate says.
 
-    A likelihood needs ``log_density`` alone. Without a ``sample`` of its own it is drawn from and
-    averaged over on nodes of y; counts need one, as their density lies on whole numbers. Mean,
-    variance and Fisher information are averages over samples where no formula is given.
+    A subclass needs ``log_density`` alone. Without a ``sample`` method, draws and averages use
+    nodes of y. Counts need ``sample``, as their density lies on whole numbers. Mean, variance and
+    Fisher information are averages over samples where no formula is given.
 
     ``eta``, the surrogate's output, and ``sigma``, the second parameter, broadcast against each
     other; by convention draws come first and rows last, so ``eta`` has shape (n_draws, n) and
@@ -147,7 +147,7 @@ class Likelihood(ABC):
 
     @property
     def has_sampler(self) -> bool:
-        """Whether it has a way to draw y of its own."""
+        """Whether it overrides `sample`."""
         return type(self).sample is not Likelihood.sample
 
     def noise_prior(self, scale: float) -> Prior:

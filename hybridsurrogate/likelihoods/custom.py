@@ -16,7 +16,7 @@ from hybridsurrogate.priors import FloatArray
 
 @dataclass(frozen=True)
 class CustomLikelihood(Likelihood):
-    """A likelihood of your own: a log density, and where you know them mean and sample.
+    """A user-defined likelihood: a log density, and optionally its mean and a sampler.
 
     Parameters
     ----------
@@ -58,8 +58,8 @@ class CustomLikelihood(Likelihood):
     def check_training(self, y: FloatArray, source: str = "measured") -> None:
         """Raise ValueError where y has no logarithm that is asked for, or no density is finite.
 
-        The density is tried at the data themselves, with sigma = 1: a function that gives the wrong
-        shape, NaN or minus infinity everywhere is told so before anything is fitted.
+        The density is evaluated at the data themselves, with sigma = 1. A function that returns the
+        wrong shape, or NaN or minus infinity everywhere, raises an error before anything is fitted.
         """
         check_callable(self.log_density_function, "log_density_function", "def f(y, eta, sigma)")
         for name in ("mean_function", "sample_function"):

@@ -65,8 +65,8 @@ _MANY, _FEW = _Draws(8, 50, 400), _Draws(4, 40, 400)
 class Loo:
     """Leave-one-out score of a fitted estimator.
 
-    Of equal rows one is left out at a time. A row of weight two counts like two equal rows here
-    too: what is left out of it has weight one.
+    Of equal rows one is left out at a time. A row of weight two counts like two equal rows: weight
+    one is left out at a time.
 
     Attributes
     ----------

@@ -61,7 +61,7 @@ class Experiments:
 def experiments_of(
     tables: Sequence[Any], column: str | None, by: Mapping[str, str] | None
 ) -> Experiments | None:
-    """Return what the measured tables of a fit tell of experiments; None without a column."""
+    """Return the experiments in the measured tables of a fit; None without a column."""
     if column is None:
         return None
     differing = {name: how for name, how in (by or {}).items() if how != "shared"}
@@ -119,8 +119,8 @@ def check_column(
         )
     if experiments.by and len(np.unique(values[:, list(columns).index(name)])) < 2:
         raise ValueError(
-            f"All rows are of one experiment, {name!r} is always the same: nothing can be told of "
-            "what differs between experiments. Leave out by_experiment."
+            f"All rows are of one experiment, {name!r} is always the same: differences between "
+            "experiments cannot be estimated. Leave out by_experiment."
         )
 
 

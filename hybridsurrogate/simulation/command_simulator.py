@@ -1,4 +1,4 @@
-"""A simulation that is a program of its own: started once for each run."""
+"""A simulation that is an external program, started once for each run."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ _TAIL = 300
 class CommandSimulator(Simulator):
     """A simulation that is an external program.
 
-    Each run has an empty folder of its own, in which the input files are written and the command
-    is started, without a shell. ``{name}`` in the command or in an input file is the value of an
+    Each run has a new, empty folder. The input files are written there, and the command is started
+    there without a shell. ``{name}`` in the command or in an input file is the value of an
     input, a parameter or an assumed constant; ``{{`` and ``}}`` are braces.
 
     Parameters

@@ -77,7 +77,7 @@ class SimulationData:
     simulator : Simulator, optional
         The simulation that made the runs, if it can be called again.
     run : array-like of shape (n_rows,) or None, default=None
-        The run that each row is of; None: each row is a run of its own.
+        The run that each row is of; None: each row is a separate run.
 
     Attributes
     ----------
@@ -210,7 +210,7 @@ class SimulationData:
     ) -> SimulationData:
         """Take runs that are curves: one run, one value of each parameter, outputs along one input.
 
-        Runs may have places of their own, and missing outputs as NaN.
+        Places may differ between runs; missing outputs are NaN.
 
         Parameters
         ----------

@@ -174,7 +174,7 @@ class Simulator:
 
     @property
     def remembers(self) -> bool:
-        """Whether there is a right-hand side that can be told what states were: no."""
+        """Whether there is a right-hand side that can use earlier states: no."""
         return False
 
     def held(self, X: FloatArray) -> FloatArray:
@@ -319,10 +319,11 @@ class Simulator:
         progress : bool
             Show a progress bar if the function does one run at a time.
         ends : float
-            Share of the runs, from 0 to 0.1, that are moved to each end of the range of each input:
-            at a steep end, a source or a start, the runs beside it do not tell. A quarter of all at
-            the most; fewer than 25 runs have none there, and an end where the simulation fails, or
-            is further beyond all other runs than these are apart, has none either.
+            Share of the runs, from 0 to 0.1, that are moved to each end of the range of each input.
+            Runs near a steep end, such as a source or a start, do not determine the output there.
+            At most a quarter of all runs are moved, and none of fewer than 25. None is moved to an
+            end where the simulation fails, or is further beyond all other runs than these are
+            apart.
         along : int, array-like of shape (n_places,) or None, default=None
             Each run is a curve along the first input: so many values over its range, or these.
             None: each run has one output, but 100 values where the function returns a curve.
@@ -550,7 +551,7 @@ class Simulator:
 
 
 def _is_matrix(values: ArrayLike | None, n_columns: int) -> TypeGuard[FloatArray]:
-    """Tell whether values are a plain array of doubles with so many columns."""
+    """Return whether values are a plain array of doubles with so many columns."""
     return (
         type(values) is np.ndarray
         and values.dtype == np.float64
@@ -561,7 +562,7 @@ def _is_matrix(values: ArrayLike | None, n_columns: int) -> TypeGuard[FloatArray
 def _check_arguments(function: Callable[..., Any], title: str, names: tuple[str, ...]) -> None:
     try:
         arguments = inspect.signature(function).parameters.values()
-    except ValueError:  # some compiled functions do not tell
+    except ValueError:  # some compiled functions have no signature
         return
     by_name = [a for a in arguments if a.kind in (a.POSITIONAL_OR_KEYWORD, a.KEYWORD_ONLY)]
     unknown = set(names) - {a.name for a in by_name}

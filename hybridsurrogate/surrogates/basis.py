@@ -126,7 +126,7 @@ class Basis(ABC):
     holds_runs = False
     # whether the known part is the simulation itself, which may fail for some parameters
     is_simulation = False
-    # whether it is told by runs that leave something open between them: `error`
+    # whether it is estimated from runs, with an error between them: `error`
     leaves_open = False
 
     def of_runs(self, X: FloatArray) -> FloatArray:

@@ -34,13 +34,13 @@ class Kriging(Surrogate):
 
     Outputs are as alike as the terms make them, plus a Matern 5/2 process over inputs and
     parameters: polynomial-chaos Kriging (Schoebi, Sudret and Wiart 2015, International Journal for
-    Uncertainty Quantification 5:171). How much of each, the lengths, and how each axis is stretched
-    are learned from the runs, once and by likelihood; so it follows simulations that a polynomial
-    misses, and where a polynomial is right it is one. Where runs that are left out are foreseen
-    better without the terms, to a hundredth of the outputs' spread, there are none. Its features
-    are the covariances with up to 200 of the runs and 100 places between them, each chosen where
-    the others tell least (pivoted Cholesky), whitened: a linear surrogate, trained with any
-    ``beta`` and in both steps like the others.
+    Uncertainty Quantification 5:171). The share of each, the lengths, and how each axis is
+    stretched are estimated from the runs, once and by likelihood. So it follows simulations that a
+    polynomial misses, and where a polynomial is right it is one. The terms are dropped where the
+    process alone predicts left-out runs better, to a hundredth of the outputs' spread. The
+    features are whitened covariances with up to 200 of the runs and 100 places between them. Each
+    is chosen where the others leave the largest variance (pivoted Cholesky). This is a linear
+    surrogate, trained with any ``beta`` and in both steps like the others.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ Function = Callable[[FloatArray, FloatArray, dict[str, FloatArray]], Any]
 
 
 class ParametricSurrogate(Surrogate):
-    """A surrogate of your own: any function of inputs, parameters and unknown constants.
+    """A user-defined surrogate: any function of inputs, parameters and unknown constants.
 
     Parameters
     ----------

@@ -78,7 +78,7 @@ class _One:
 
 @dataclass(frozen=True)
 class StackedBasis(Basis):
-    """A basis for each of several outputs, with coefficients of its own.
+    """A basis for each of several outputs, with separate coefficients.
 
     Attributes
     ----------

@@ -42,7 +42,7 @@ WORDS = {
     r"\bdriven away\b": "diverged",
     r"\bsettled\b": "converged, decided, fixed",
     r"_prove\b|\bprove[ds]?\b|\bproofs?\b": "cross-validate",
-    r"\bDESIGN\b|\bbrief\b|\bissue \d+": "a paper or a page of docs: readers have nothing else",
+    r"(?-i:\bDESIGN\b)|\bthe brief\b|\bissue \d+": "a paper, or a page of docs",
 }
 REFUSED = [
     (re.compile(word.replace(" ", r"\s+"), re.IGNORECASE), instead)

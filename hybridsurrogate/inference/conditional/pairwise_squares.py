@@ -94,7 +94,7 @@ class MeasuredGiven:
         return self._factored.of_draws(values)[:, : self.c.shape[1]]
 
     def columns(self, values: FloatArray) -> FloatArray:
-        """Return the causes' columns in units of their prior sd beside `features_and_rest`.
+        """Return the causes' columns in units of their prior sd, which `features_and_rest` lacks.
 
         For draws of the unknowns, (J, m, q).
         """

@@ -1,7 +1,8 @@
-"""Step 1 with the Gaussian coefficients integrated out (DESIGN section 6).
+"""Step 1 with the Gaussian coefficients integrated out.
 
-What is left are a few unknowns ``u = [z_omega, z_theta, z_hyper, log sigma]``. Given them the
-coefficients of surrogate and causes are Gaussian, so their draws are exact and independent.
+A few unknowns ``u = [z_omega, z_theta, z_hyper, log sigma]`` remain. Given them the coefficients of
+surrogate and causes are Gaussian, so their draws are exact and independent (Rasmussen and Williams
+2006, section 2.7).
 """
 
 from __future__ import annotations

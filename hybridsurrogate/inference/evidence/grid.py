@@ -151,9 +151,10 @@ def _log_mass(model: MeasuredModel, grid: Grid, edges: FloatArray) -> FloatArray
 
 
 def refine(model: MeasuredModel, grid: Grid, log_evidence: FloatArray) -> Grid:
-    """Split the cells that carry the evidence, three ways along every axis; leave hopeless ones.
+    """Split the cells that carry the evidence, three ways along every axis; keep all others.
 
-    What is left out keeps its prior mass: the evidence is an average over all of the prior.
+    Cells that are not split keep their prior mass: the evidence is an average over all of the
+    prior.
 
     Parameters
     ----------

@@ -1,10 +1,10 @@
-"""Many starts at once: descents for causes inside the dynamics, and constants seen from afar.
+"""Descents from many starts at once: for causes inside the dynamics, and constants far away.
 
-Where a location or a width acts inside the simulation, the parameters that are best for one node of
-a grid say little about the next one, and moving them together ends where it began. A
-solution of an ODE is smooth in all of them, so that they can be followed. Here every start has its
-own parameters, the enumerated ones too, and all starts are followed by Levenberg-Marquardt steps
-in one call of the simulation. Only the better half goes on every few steps.
+Where a location or a width acts inside the simulation, the best parameters of one node of a grid
+are poor starts for the next one. Moving node and parameters together ends where it began. But a
+solution of an ODE is smooth in all of them, so descents can follow it. Here every start has
+separate parameters, the enumerated ones too. All starts take Levenberg-Marquardt steps in one call
+of the simulation, and every few steps only the better half goes on.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from hybridsurrogate.inference.model.disjoint_moves import disjoint_moves, singl
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray, to_normal
 
-# places seen from afar: along a size, how far these reach in standard deviations of the prior, and
+# places far away: along a size, how far these reach in standard deviations of the prior, and
 # besides; how many are followed, how much better (minus twice the log posterior) one has to be
 _ON_LINE, _REACH, _WIDE, _FOLLOWED, _WORTH_FOLLOWING = 49, 2.4, 400, 16, 2.0
 
@@ -132,7 +132,7 @@ def best_from_afar(
 
 def _spread(model: MeasuredModel, grid: Grid, base: FloatArray, n: int) -> FloatArray:
     """Return places (n, n_unknowns) of parameters, size and nodes, those of earlier causes held."""
-    # a fixed spread, as the search has no randomness of its own
+    # a fixed spread, as the search is deterministic
     random = np.random.RandomState(0)
     z = np.tile(base, (n, 1))
     place = [*np.arange(model.n_parameters), *grid.sizes]

@@ -23,7 +23,7 @@ class SearchSettings:
         much else happens to single rows (`GrossError`). Of 60 rows with a wild last one the kinds
         that jump there shared the probability in four.
     beside_noise : int
-        Causes weighed beside correlated noise: those that explain most alone.
+        Causes compared given correlated noise: those that explain most alone.
     lengths_with_process : int
         Groups of neighbouring lengths of a process, each of one evidence, where it is compared
         with another process in addition: 24 of 94 change its evidence by 0.02.
@@ -33,8 +33,8 @@ class SearchSettings:
     exact_fit : float
         A fit this many times closer than without the cause is as good as exact.
     driven_away : float
-        What is wrong may drive parameters so far (in prior standard deviations) from where they
-        belong that an optimisation from there does not find back.
+        A fault may move the parameters this far from their true values, in prior standard
+        deviations. An optimisation from there does not converge to them.
     looked_between, looks : int
         Nodes of a coarse grid between which a cause may fit much better, and rounds of looking:
         needed for noise below a hundredth of the output (tests of precise data).
@@ -42,7 +42,7 @@ class SearchSettings:
         A fit with less than this share of the noise that it was made with is made again: 0.7 nats
         at effects of eight times the noise.
     settled_noise : float
-        Noise that a further optimisation lowers by less than this share has settled.
+        Noise that a further optimisation lowers by less than this share has converged.
     max_refinements, fruitless_refinements, same_evidence : int, int, float
         Refinements of a grid at most, and how many in a row may gain no more than the last number:
         a wave in measurements that are precise to a millionth needs all of them.
@@ -57,23 +57,24 @@ class SearchSettings:
         What the screening may be off by where causes are scored by importance sampling, and causes
         scored at most.
     looked_ahead : int
-        First causes whose best companions are looked for.
+        First causes for which the best second causes are searched.
     beyond_doubt : float
-        A cause of this probability that leaves nothing is not compared with others again.
+        A cause of this probability without residual structure is not compared with others again.
     pair_hopeless, companion_behind, most_companions : float, float, int
-        What is further behind the best pair, or the best companion, is not placed jointly; and
-        companions that are. Joint refits name both of 77 instead of 69 % of pairs (48 of size 2,
-        80 rows).
+        A pair further behind the best pair, or a second cause further behind the best one, gets no
+        joint refit; and how many second causes get one. Joint refits name both of 77 instead of
+        69 % of pairs (48 of size 2, 80 rows).
     turns, worth_a_turn : int, float
         Turns in which each of two causes is placed once, and the gain that is worth another.
     backfitting_rounds : int
-        Rounds in which each of several causes may give way to a better one. How probable each is
-        beside the others makes 37 of these 48 pairs "named" instead of 12, 89 and 92 % rightly.
+        Rounds in which each of several causes may give way to a better one. With the probability
+        of each conditional on the others, 37 instead of 12 of these 48 pairs are "named", 89 and
+        92 % rightly.
     same_mode : int
         Cells to either side of the best node that belong to the same mode.
     set_mass, named : float
-        Probability of the set of kinds that is told, and from which one cause is named: three times
-        as probable as all its rivals together.
+        Probability of the reported set of kinds, and from which one cause is named: three times
+        as probable as all alternatives together.
     furthest_place, size_start, longest_step : float
         Of unknowns when a cause is optimised, in prior standard deviations: the furthest place, how
         far a size that changes something is moved at the start, to either side, and the longest
@@ -95,7 +96,7 @@ class SearchSettings:
     outlier_least_curvature, outlier_longest_step : float
         In the log of the noise: the curvature that a row has at least, and the longest step.
     emulator_share : float
-        Errors of an emulator below this share of the noise are left out beside outliers.
+        With outliers, errors of an emulator below this share of the noise are left out.
     """
 
     prior_none: float = 0.5

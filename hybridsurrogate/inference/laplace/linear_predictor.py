@@ -26,7 +26,7 @@ class Rows:
 
 @dataclass(frozen=True)
 class Runs(Rows):
-    """Simulation runs: inputs (n, n_inputs) and parameters (n, n_parameters) beside the values."""
+    """Simulation runs: inputs (n, n_inputs), parameters (n, n_parameters) and values."""
 
     X: FloatArray
     omega: FloatArray

@@ -25,7 +25,7 @@ _LENGTHS, _NUGGETS, _SHARES, _MOST_BENT = (0.05, 50.0), (1e-7, 10.0), (1e-3, 1e5
 # logarithms of nugget and share to start from: smooth with some of the terms, rough with most
 _STARTS = ((-9.0, -2.0), (-4.0, 2.0), (-9.0, 6.0))
 _ROOT = np.sqrt(5.0)
-# of the outputs' spread, to which runs are foreseen
+# of the outputs' spread, to which runs are predicted
 _DIGITS = 0.01
 # a smaller bend is as good as none
 _STRAIGHT = 1e-6
@@ -247,11 +247,11 @@ def _covariance(z: FloatArray, share: float) -> Covariance:
 def _foresight(
     z: FloatArray, points: FloatArray, gram: FloatArray, residual: FloatArray, counts: FloatArray
 ) -> float:
-    """Return the log density of runs that are each foreseen from the others, to some digits.
+    """Return the leave-one-out log predictive density of the runs, with a scatter added.
 
-    Likelihoods are won where a simulation is smooth, by digits that no measurement has; beside a
-    scatter of a hundredth of the outputs' spread, those runs decide that are hard to foresee
-    (Rasmussen and Williams 2006, section 5.4.2).
+    A likelihood is dominated by runs where a simulation is smooth, by digits that no measurement
+    has. With a scatter of a hundredth of the outputs' spread, those runs dominate that are hard to
+    predict (Rasmussen and Williams 2006, section 5.4.2).
     """
     n, d = points.shape
     halves = Apart.of(bent(points, z[d + 2 :]) / np.exp(z[:d]))

@@ -1,6 +1,6 @@
 """Runs that are curves, emulated: a Gaussian process for the coefficients of their components.
 
-All coefficients share one correlation of the parameters and each has a variance of its own, so that
+All coefficients share one correlation of the parameters and each has a separate variance, so that
 R runs of T places cost R^3 + R^2 T and not (R T)^3 (Higdon, Gattiker, Williams and Rightley 2008,
 Journal of the American Statistical Association 103:570; one correlation for all: Conti and O'Hagan
 2010, Journal of Statistical Planning and Inference 140:640). What the components leave out is part
@@ -26,9 +26,9 @@ from hybridsurrogate.surrogates.emulation.process import (
     process_through,
 )
 
-# what is left of a variance when its factor has enough columns, in shares of the largest
+# the residual of a variance when its factor has enough columns, in shares of the largest
 _NEGLIGIBLE = 1e-6
-# columns at most of the error of interpolation; what is left of it shares one
+# columns at most of the error of interpolation; the residual shares one
 _MOST_BETWEEN = 500
 
 
@@ -74,7 +74,7 @@ class CurveEmulator:
     ) -> FloatArray:
         """As `output`, of rows of ``shape``: nodes, short moves of which the first is none, rows.
 
-        Where every row has parameters of its own, coefficients follow their slopes along moves.
+        Where parameters differ between rows, coefficients follow their slopes along moves.
         """
         points, group = self._points(X, omega)
         if len(points) < len(X) // 2:

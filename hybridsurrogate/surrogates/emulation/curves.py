@@ -107,7 +107,7 @@ class Components:
 
 
 def curves_of(X: FloatArray, omega: FloatArray, eta: FloatArray) -> Curves | None:
-    """Return runs as curves, None where each row is a run of its own.
+    """Return runs as curves, None where each row is a separate run.
 
     Rows with the same parameters and the same inputs but one are a run along that one.
 

@@ -1,4 +1,4 @@
-"""The process of kriging: how alike outputs are, as the runs tell it, and what they make of it."""
+"""The process of kriging: a covariance estimated from the runs, and predictions given them."""
 
 from __future__ import annotations
 
@@ -216,8 +216,8 @@ class Conditioned(NamedTuple):
     sd : ndarray of shape (k,)
         Of the process.
     misses : ndarray of shape (n,)
-        Squared errors at runs foreseen from all others, in units of their variance; of several
-        outputs the sums of both.
+        Squared leave-one-out errors of the runs, in units of their variance; of several outputs
+        the sums of both.
     """
 
     weights: FloatArray
