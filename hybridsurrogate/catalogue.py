@@ -1,4 +1,4 @@
-"""Every cause that a diagnosis weighs, for one simulation and one set of measured columns."""
+"""Every cause that a diagnosis compares, for one simulation and one set of measured columns."""
 
 from __future__ import annotations
 

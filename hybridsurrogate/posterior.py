@@ -1,4 +1,4 @@
-"""Draws of a fitted surrogate, what they say, and how far they can be trusted."""
+"""Draws of a fitted surrogate, their summaries, and how reliable they are."""
 
 from __future__ import annotations
 

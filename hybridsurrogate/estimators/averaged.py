@@ -33,13 +33,13 @@ class AveragedSurrogate(SurrogateEstimator):
     """Mixture of several extensions of one model, with fixed weights.
 
     With the probabilities of the explanations as weights this is Bayesian model averaging (Hoeting,
-    Madigan, Raftery and Volinsky 1999, Statistical Science 14:382): where explanations differ, as
-    they do beyond the data, the predictions say so.
+    Madigan, Raftery and Volinsky 1999, Statistical Science 14:382). Predictions are wider where
+    explanations differ, as they do beyond the data.
 
     Parameters
     ----------
     estimators : sequence of PowerScaledSurrogate
-        Of the same simulation and likelihood; with other effects, say.
+        Of the same simulation and likelihood, for example with different effects.
     weights : sequence of float
         One for each; they are scaled to sum to one.
     random_state : int, RandomState or None, default=None

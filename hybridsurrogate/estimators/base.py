@@ -306,11 +306,11 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         pandas.DataFrame
             Indexed by name; a parameter that differs between experiments has a row for each, such
             as ``rate[b1]``. Columns: "experiment" and "cause" (empty where there is none), "mean",
-            "sd", "q5" and "q95" (5 % and 95 % quantiles of the posterior), "ess" (independent draws
-            that step 1 is worth, at most those that are kept), "khat" (largest Pareto k-hat of
-            both steps; above 0.7 the draws are doubtful), and "source": "prior" of a cause that the
-            rows say nothing about. Of several posteriors that are mixed also "model" and "weight".
-            Where the fit emulated a simulation that is slow to run, "simulation" says so.
+            "sd", "q5" and "q95" (5 % and 95 % quantiles of the posterior), "ess" (effective sample
+            size of step 1, at most the number of draws kept), "khat" (largest Pareto k-hat of both
+            steps; above 0.7 the draws are doubtful), and "source": "prior" for a cause that is
+            drawn from its prior alone. A mixture of posteriors also has "model" and "weight". Where
+            the fit emulated a slow simulation, "simulation" has the number of runs.
 
         Examples
         --------
@@ -336,8 +336,8 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         """Return posterior, prior, log likelihood, log prior, predictions and data for ArviZ.
 
         ``arviz.loo`` of it is wrong where the measured likelihood has a power other than one, and
-        where draws are of two surrogates: use `loo`. ``log_prior`` is that of step 2, in which
-        measured rows and original priors speak: how sensitive its results are, `arviz.psens` says.
+        where draws are of two surrogates: use `loo`. ``log_prior`` is that of step 2, which has
+        the measured rows and the original priors. `arviz.psens` estimates how sensitive it is.
 
         Returns
         -------

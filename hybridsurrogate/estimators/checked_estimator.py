@@ -159,7 +159,7 @@ class CheckedEstimator(BaseEstimator):
             raise ValueError("beta must lie between 0 and 1, got NaN.")
 
     def _beta_at(self, beta_of: Callable[[FloatArray], ArrayLike], X: FloatArray) -> FloatArray:
-        """Return what a callable beta says at rows X, (n,): it sees the simulation's inputs."""
+        """Return the values (n,) of a callable beta at rows X; it gets the simulation's inputs."""
         inputs = X if self.simulation is None else X[:, : len(self.simulation.input_names)]
         beta = np.asarray(beta_of(inputs), dtype=float)
         if beta.shape != (len(inputs),):

@@ -1,4 +1,4 @@
-"""A slow simulation that a fit replaces by an emulator: runs over the priors, then where data lead.
+"""A slow simulation replaced by an emulator: runs over the priors, then near the posterior.
 
 The first runs fill the ranges of the priors. Further ones are at draws of the posterior that are
 furthest from all runs, until the emulator's error is small compared with the noise.
@@ -222,7 +222,7 @@ def left_open(posterior: Posterior, X: FloatArray, weights: FloatArray) -> float
 
 
 def posterior_of_simulation(estimator: SurrogateEstimator) -> Posterior:
-    """Return the posterior that rests on the simulation, without what rows say nothing of."""
+    """Return the posterior based on the simulation, without effects drawn from priors alone."""
     if hasattr(estimator, "simulation_posterior_"):
         found: Posterior = estimator.simulation_posterior_
         return found

@@ -73,11 +73,11 @@ class Source:
 class MultiSourceSurrogate(PowerScaledSurrogate):
     """Power scaling with any number of simulations and measured sets.
 
-    The likelihood of each source is raised to its own power; simulations share the surrogate, so
-    they must have the same inputs, priors and assumed values (a coarse and a fine one, say). One
+    The likelihood of each source is raised to its power. Simulations share the surrogate, so they
+    must have the same inputs, priors and assumed values, as a coarse and a fine one have. One
     simulation with power alpha_S and the measured data with power alpha_R are
-    `PowerScaledSurrogate` with the beta that belongs to these. Step 2 weighs measured sets by their
-    powers relative to the largest.
+    `PowerScaledSurrogate` with the beta that belongs to these. In step 2 the weights of measured
+    sets are their powers relative to the largest.
 
     Parameters
     ----------

@@ -247,8 +247,8 @@ def log_evidence_of(target: Target, sampled: ImportanceDraws) -> float:
 def _of_ensemble(run: EnsembleDraws, n_modes: int, doubt: float = np.nan) -> Diagnostics:
     """Return what an estimator reports of an ensemble.
 
-    Walkers hardly cross between modes: of several, the shares are those that importance draws
-    found, and as much in doubt as their k-hat, ``doubt``, says.
+    Walkers hardly cross between modes. The shares of several modes are those of importance draws,
+    as reliable as their k-hat, ``doubt``.
     """
     return Diagnostics(
         "emcee",

@@ -21,7 +21,7 @@ _KERNEL = 0.8
 
 
 class Likelihood(ABC):
-    """How a measured value scatters around what the surrogate says.
+    """How a measured value scatters around the surrogate's output.
 
     A subclass needs ``log_density`` alone. Without a ``sample`` method, draws and averages use
     nodes of y. Counts need ``sample``, as their density lies on whole numbers. Mean, variance and

@@ -44,7 +44,7 @@ class Variable:
 
 
 def variables_of(posterior: Posterior, noise_prior: Prior) -> list[Variable]:
-    """Return all unknowns of which the measured rows say something.
+    """Return all unknowns that the measured rows inform.
 
     A parameter with a value for each experiment has these values and no other; one that is spread
     has its mean and the standard deviation between experiments before them, as ``p_mean`` and

@@ -97,8 +97,8 @@ def check_experiments(
             )
         if column is None:
             raise ValueError(
-                "by_experiment needs experiment, the name of the measured column that says which "
-                "experiment a row is of."
+                "by_experiment needs experiment, the name of the measured column that holds each "
+                "row's experiment."
             )
 
 

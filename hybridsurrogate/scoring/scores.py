@@ -203,7 +203,7 @@ def pit(draws: ArrayLike, y: ArrayLike, random_state: Any = None) -> FloatArray:
     If the predictions are right the values are uniform on (0, 1), whatever the number of draws and
     for counts as well: y has a rank among its draws, drawn at random where they are equal
     (as in [1]_), and a place drawn uniformly within that rank's share. A histogram shaped like a
-    bowl says that predictions are too sure, one like a hill that they are not sure enough.
+    bowl shows that predictions are too narrow, one like a hill that they are too wide.
 
     Parameters
     ----------

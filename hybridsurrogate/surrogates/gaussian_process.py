@@ -62,8 +62,8 @@ class GaussianProcess(Surrogate):
 
     Notes
     -----
-    Inputs farther outside the simulated range
-    than 15 % of its half-width are held there: the process says no more about them.
+    Inputs farther outside the simulated range than 15 % of its half-width are fixed there: the
+    process does not extrapolate further.
 
     Examples
     --------

@@ -50,10 +50,10 @@ class Kriging(Surrogate):
     Notes
     -----
     Where runs are curves, with at least five rows along one input for equal parameters, and no
-    trend is given, each run is one run: the process is that of the curves' principal components, a
-    function of the parameters, without terms, which gained nothing in ten simulations. All runs
-    train it, and the coefficients are what it leaves open. The measured data then train these, and
-    ``beta`` weighs them alone.
+    trend is given, the process is that of the curves' principal components, a function of the
+    parameters. It has no terms, which gained nothing in ten simulations. All runs train it, and the
+    coefficients describe its remaining error. The measured data then train these, and ``beta``
+    sets the weight of the measured data alone.
 
     `GaussianProcess` infers its length scales together with everything else, which takes many times
     as long from four dimensions on. Here they are held at their most likely values.

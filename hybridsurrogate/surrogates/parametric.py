@@ -33,7 +33,7 @@ class ParametricSurrogate(Surrogate):
     -----
     The constants are sampled together with the simulation's parameters: up to about twenty.
     A surrogate that is linear in its unknowns is faster as a subclass of `Surrogate`. A function
-    that uses omega says nothing of measured data alone: for predictive weighting override
+    that uses omega has no surrogate of measured data alone: for predictive weighting override
     ``of_measured_data`` in a subclass.
 
     Examples

@@ -1,7 +1,7 @@
 """The words of the field: texts that a user reads have none of a dialect of this project.
 
 Texts are docstrings and string literals of the package, its pages, and the newest release of the
-changelog. "Says" is not refused: "the message says what came" is plain English.
+changelog. "Says" is refused where data are the subject; "the message says what came" is English.
 """
 
 from __future__ import annotations
@@ -21,6 +21,8 @@ DOCS = PROJECT / "docs"
 # what is refused -> what to write; a space matches a line break too
 WORDS = {
     r"\btold\b|\btells?\b|\btelling\b": "estimate, report, predict, depend on, distinguish",
+    r"\bsays? (?:nothing|something|little|much|more) (?:of|about)\b": "inform, show, estimate",
+    r"\b(?:data|rows|runs|draws) say\b": "given the data: estimate, show, determine",
     r"\b(?:un)?foreseen\b|\bforesees?\b": "predicted, or: does not extrapolate",
     r"\bbeside\b": "given, conditional on, in addition to, next to",
     r"\bweighed\b": "compared (causes), evaluated (evidence), weighted (means)",
@@ -107,7 +109,9 @@ def test_a_page_speaks_the_field_s_language(page):
 DIALECT = [
     "The data told it.",
     "A column tells of the state.",
-    "It cannot\ntell them apart.",
+    "It cannot tell them apart.",
+    "It says nothing of them.",
+    "What the data say.",
     "The value is foreseen.",
     "It foresees nothing.",
     "A cause Beside another.",

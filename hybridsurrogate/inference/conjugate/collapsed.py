@@ -185,7 +185,7 @@ class CollapsedPosterior:
 
     @cached_property
     def _before(self) -> FixedRows:
-        """The coefficients before the measured rows: their prior, and what the runs say."""
+        """The coefficients before the measured rows: their prior, and the runs' likelihood."""
         mean, precision = self._prior
         return fixed_rows(self._runs, mean, precision**-0.5, 0.0)
 

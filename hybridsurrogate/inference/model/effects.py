@@ -235,7 +235,7 @@ class CausesOnRows:
     def likelihood_of(self, likelihood: Likelihood, values: FloatArray) -> Likelihood:
         """Return the likelihood of measured rows for draws of `values`.
 
-        Some rows are outliers, or counts scatter more, where a cause says so.
+        A cause may make some rows outliers, or increase the scatter of counts.
         """
         wider = self._overdispersed(likelihood, values)
         if wider is not None:

@@ -197,8 +197,8 @@ class MeasuredModel(CausesOnRows):
     ) -> FloatArray:
         """Return the slope (J, n) of the output over an input, a parameter or a constant.
 
-        A difference over a small share of a usual change. Without coefficients ``c`` (p,) it is
-        that of what the runs say.
+        A difference over a small share of a usual change. Without coefficients ``c`` (p,) the
+        output is that of the reference, estimated from the runs.
         """
         step, model = self.step * usual, self
         if not step > 0:
@@ -258,7 +258,7 @@ class MeasuredModel(CausesOnRows):
     ) -> tuple[FloatArray, FloatArray]:
         """Return known and features of what causes make of the simulated output.
 
-        To first order around what the reference says, where there are features.
+        To first order around the output of the reference, where there are features.
         """
         shape, of_features = known.shape, features.shape[2]
         output = known + features @ self._reference if of_features else known

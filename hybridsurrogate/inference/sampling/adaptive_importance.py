@@ -89,7 +89,7 @@ def importance_draws(
     Scandinavian Journal of Statistics 39:798).
 
     Where there are several ``modes``, the weights near each of them have a separate k-hat, and the
-    largest counts: good draws at one mode say nothing about the mass of another.
+    largest counts: good draws at one mode do not show the mass of another.
     """
     rounds: list[_Round] = []
     scale, target = 1.0, np.empty(0)

@@ -1,4 +1,4 @@
-"""Pareto-smoothed importance weights, and k-hat, which says whether to trust them."""
+"""Pareto-smoothed importance weights, and k-hat, which shows whether they are reliable."""
 
 from __future__ import annotations
 

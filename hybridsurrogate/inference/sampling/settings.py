@@ -14,7 +14,7 @@ class SamplingSettings:
     Attributes
     ----------
     oversampling, min_proposals : int
-        Proposals for each draw that is kept, and at least: fewer say nothing of k-hat.
+        Proposals for each draw that is kept, and at least: fewer do not estimate k-hat.
     large_batch : int
         At least so many where draws are tried once more: far fewer than an ensemble's steps.
     enough_effective : float
