@@ -32,13 +32,13 @@ class Diagnostics:
         "importance" or "emcee".
     khat : float
         Pareto shape of the importance weights in step 1, of several modes the largest; above 0.7
-        they are not trustworthy (NaN for emcee, unless the modes' shares are in doubt).
+        they are unreliable (NaN for emcee, unless the modes' shares are uncertain).
     effective_draws : float
-        Independent draws that the result is worth in step 1.
+        Effective sample size of step 1.
     autocorrelation_time : float
         Of the ensemble, in steps (NaN for importance sampling).
     n_modes : int
-        Modes found.
+        Modes detected.
     second_step : str
         "grid", "importance", "moves" or "none" (nothing was left to infer).
     second_khat, second_effective_draws : float

@@ -56,8 +56,8 @@ class AveragedSurrogate(SurrogateEstimator):
     Warns
     -----
     SamplingWarning
-        Where draws are doubtful for more than a tenth of the weight; what is wrong with those of
-        less stands in the ``diagnostics_`` of each estimator.
+        Where draws are unreliable for more than a tenth of the weight. The ``diagnostics_`` of each
+        estimator have the problems at any weight.
 
     Examples
     --------

@@ -111,7 +111,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         return self._back(mean), self._back(np.sqrt(variance[0]))
 
     def predict_interval(self, X: ArrayLike, level: float = 0.9) -> tuple[FloatArray, FloatArray]:
-        """Return a central interval that holds a new y with the given probability.
+        """Return a central interval that covers a new y with the given probability.
 
         Quantiles of the mixture over draws, exact up to the draws. Under a
         likelihood that is not normal, quantiles of 20000 draws of y.
@@ -133,7 +133,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
     def interval_holds(
         self, X: ArrayLike, y: ArrayLike, levels: Sequence[float] = (0.9,)
     ) -> list[FloatArray]:
-        """Return whether the central interval of each level holds each row of y, as 0 and 1.
+        """Return whether the central interval of each level covers each row of y, as 0 and 1.
 
         Exact for the mixture over draws, without its quantiles.
 

@@ -53,7 +53,7 @@ E = TypeVar("E", bound=SurrogateEstimator)
 
 @dataclass(frozen=True)
 class Emulation:
-    """What a fit made of a simulation that is slow to run.
+    """The emulator by which a fit replaced a slow simulation.
 
     Attributes
     ----------
@@ -62,8 +62,8 @@ class Emulation:
     seconds : float
         That the simulation takes for one set of parameters at the measured rows.
     left_open : float
-        What the runs leave open at these rows: root mean square over them and the posterior, in
-        standard deviations of the noise.
+        Standard deviation of the emulator at these rows: root mean square over them and the
+        posterior, in standard deviations of the noise.
     """
 
     runs: SimulationData
@@ -84,7 +84,7 @@ class Emulation:
 
     def __str__(self) -> str:
         return (
-            f"{self.origin} At the measured rows these leave it open by "
+            f"{self.origin} The emulator's standard deviation at the measured rows is "
             f"{number(self.left_open, 2)} times the noise."
         )
 
@@ -159,7 +159,7 @@ def emulated(
 
 
 def take(estimator: E, fitted: E) -> E:
-    """Return an estimator with what another one of its kind found in its fit."""
+    """Return an estimator with the fitted attributes of another one of its class."""
     parameters = estimator.get_params(deep=False)
     for name in set(vars(estimator)) - set(parameters):
         delattr(estimator, name)
@@ -198,7 +198,7 @@ def seconds_a_set(simulator: Simulator, X: FloatArray) -> float:
 
 
 def left_open(posterior: Posterior, X: FloatArray, weights: FloatArray) -> float:
-    """Return what the runs of an emulator leave open at measured rows, in units of the noise.
+    """Return the standard deviation of an emulator at measured rows, in units of the noise.
 
     Parameters
     ----------

@@ -183,7 +183,7 @@ class PowerScaledSurrogate(SurrogateEstimator):
     def _keep(
         self, data: CheckedData, rows: MeasuredRows, problem: Problem, fit: Fit
     ) -> PowerScaledSurrogate:
-        """Store what a fit found."""
+        """Store the results of a fit."""
         self._store(data, rows)
         self._fitted = problem, fit
         self.surrogate_, self.likelihood_ = self._check_parameters()

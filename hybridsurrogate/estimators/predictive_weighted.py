@@ -49,7 +49,7 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
     noise_prior : frozen scipy.stats distribution or None, default=None
     experiment, by_experiment
         As in `PowerScaledSurrogate`, for the surrogate of the simulation. That of the measured data
-        knows no parameters, and is the same for all experiments.
+        has no parameters of the simulation, and is the same for all experiments.
     sampler : {"auto", "importance", "emcee"} or EnsembleSampler, default="auto"
     n_draws : int, default=1000
         Draws from each of the two posteriors.
@@ -62,7 +62,7 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
     simulation_posterior_, measured_posterior_ : Posterior
         Draws of the two surrogates; the first is None without a simulation.
     beta_ : float or callable
-        The weight used: ``beta``, or what stacking found.
+        The weight used: ``beta``, or the result of stacking.
     diagnostics_ : dict of str to Diagnostics
         For "simulation" and "measured".
 

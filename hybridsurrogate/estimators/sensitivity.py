@@ -48,7 +48,7 @@ def sobol_indices(
         Parameters are drawn from the marginals of their posterior, as if these were independent,
         and not from their priors.
     n : int, default=1024
-        Draws, a power of two; the simulation is asked for n (n_parameters + 2) outputs a row.
+        Draws, a power of two; the simulation is evaluated n (n_parameters + 2) times a row.
     random_state : int, RandomState or None, default=None
 
     Returns

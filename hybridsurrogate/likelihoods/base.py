@@ -1,4 +1,4 @@
-"""What an estimator asks of a likelihood."""
+"""What an estimator needs of a likelihood."""
 
 from __future__ import annotations
 

@@ -263,7 +263,7 @@ def make_problem(
         there = [*columns, *model.parameters, *model.constants]
         name = error.args[0] if error.args else ""
         raise ValueError(
-            f"A cause asks for {error}; there are {there}.{did_you_mean(name, there)}"
+            f"A cause needs {error}; there are {there}.{did_you_mean(name, there)}"
         ) from error
     if any(effect.has_outliers for effect in effects):
         _check_outliers(likelihood)
@@ -298,7 +298,7 @@ def make_problem(
 def _working(likelihood: Likelihood, y: FloatArray) -> tuple[FloatArray, ValueError | None]:
     """Return simulated outputs on the scale of eta, and why they cannot be draws of y.
 
-    An emulator that interpolates them asks for no likelihood of them.
+    An emulator that interpolates them needs no likelihood of them.
     """
     try:
         likelihood.check_training(y, "simulated")

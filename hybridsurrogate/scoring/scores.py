@@ -120,13 +120,13 @@ def interval_score(
     """Return the interval score of each row: smaller is better.
 
     The width of a central interval, and 2 / (1 - level) for every unit by which y lies outside
-    (equation 43 of [1]_): a narrow interval pays off only if it still holds y often enough.
+    (equation 43 of [1]_): a narrow interval pays off only if it still covers y often enough.
 
     Parameters
     ----------
     y, lower, upper : array-like of shape (n,)
     level : float, default=0.9
-        Probability that the intervals are meant to hold.
+        Nominal coverage of the intervals.
 
     Returns
     -------

@@ -186,7 +186,7 @@ class Simulator:
         modifications: Sequence[Modification],
         parameters: Mapping[str, Prior] | None = None,
     ) -> Simulator:
-        """Return the simulator with changed dynamics; only an `OdeSimulator` knows its own."""
+        """Return the simulator with changed dynamics; only an `OdeSimulator` has any."""
         raise ValueError(
             f"{self.name!r} shows no right-hand side to change: only an OdeSimulator does."
         )

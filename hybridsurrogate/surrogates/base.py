@@ -1,4 +1,4 @@
-"""What an estimator asks of a surrogate: to turn the domain of a simulation into a basis."""
+"""What an estimator needs of a surrogate: to turn the domain of a simulation into a basis."""
 
 from __future__ import annotations
 

@@ -120,8 +120,8 @@ def _stands(
 
     ``spread`` is the variance of the outputs in units of the process's.
 
-    Features that stand on the runs alone know no variance between them (Quinonero-Candela and
-    Rasmussen 2005, Journal of Machine Learning Research 6:1939, section 5): others are added there.
+    Features at the runs alone have no variance between them (Quinonero-Candela and Rasmussen 2005,
+    Journal of Machine Learning Research 6:1939, section 5): others are added there.
     """
     factor, chosen = pivoted_cholesky(
         np.diagonal(matrix), lambda k: matrix[k], _RUNS_KNOWN * spread, _RUN_FEATURES
@@ -184,7 +184,7 @@ class KrigingBasis(Basis):
 
 @dataclass(frozen=True)
 class CurveBasis(Basis):
-    """The most probable curves given the runs, and features for what these leave open.
+    """The most probable curves given the runs, and features for their error.
 
     Attributes
     ----------
@@ -201,7 +201,7 @@ class CurveBasis(Basis):
         return self.emulator.output(X, omega)
 
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return the standard deviations of what is open, each along its component."""
+        """Return the standard deviations of the error, each along its component."""
         return self.emulator.spread(X, omega)
 
     def known_and_features(

@@ -330,7 +330,7 @@ class Nothing(Surrogate):
 @pytest.mark.parametrize(
     ("parameters", "error", "match"),
     [
-        ({"effects": [Asking()]}, ValueError, r"asks for 'depth'; there are \['t', 'gravity'\]"),
+        ({"effects": [Asking()]}, ValueError, r"needs 'depth'; there are \['t', 'gravity'\]"),
         ({"effects": [Unfrozen()]}, TypeError, "prior of 'width of the cause faulty' must be"),
         ({"surrogate": Nothing()}, TypeError, "Nothing.build must return a Basis, got None"),
     ],

@@ -74,9 +74,9 @@ class Grid:
 
 
 def make_grid(model: MeasuredModel) -> Grid:
-    """Return the grid for the last cause of a model; earlier causes count as known shapes.
+    """Return the grid for the last cause of a model; earlier causes count as fixed shapes.
 
-    What was enumerated for an earlier cause is held where it was found.
+    Enumerated unknowns of an earlier cause are fixed at their estimates.
     """
     last = len(model.effects) - 1
     grids = [effect.grid() for effect in model.effects]

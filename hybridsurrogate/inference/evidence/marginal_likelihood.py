@@ -1,4 +1,4 @@
-"""How well the measured rows speak for a cause at every node of its grid.
+"""The evidence of a cause at every node of its grid, given the measured rows.
 
 Given the nodes of what is not a size (a period, a location) the linearised model has an evidence
 in closed form, for any number of responses at once.

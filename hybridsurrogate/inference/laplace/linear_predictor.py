@@ -36,8 +36,8 @@ class Runs(Rows):
 class Part:
     """``eta = known + design @ v`` for some rows; a design that all draws share is (n, p).
 
-    ``likelihood`` is that of its rows, for as many draws. ``width`` (J, n) is how far eta is open;
-    None: not known yet, or not asked for.
+    ``likelihood`` is that of its rows, for as many draws. ``width`` (J, n) is the standard
+    deviation of eta; None: not computed.
     """
 
     rows: Rows

@@ -178,7 +178,7 @@ class MeasuredModel(CausesOnRows):
     def slopes(
         self, X: FloatArray, values: FloatArray, c: FloatArray | None, output: FloatArray
     ) -> list[FloatArray | None]:
-        """Return for each cause the slope (J, n) of the output (J, n) that its noise asks for."""
+        """Return for each cause the slope (J, n) of the output (J, n) that its noise needs."""
         return [
             None
             if effect.follows_slope is None
@@ -274,11 +274,11 @@ class MeasuredModel(CausesOnRows):
         return any(effect.responds for effect in self.effects)
 
     def places(self, X: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return inputs and parameters (J n, ...) at which the simulation is asked for."""
+        """Return inputs and parameters (J n, ...) at which the simulation is evaluated."""
         return self._places(*self.rows(X, values))
 
     def emulator_error(self, X: FloatArray, values: FloatArray, factor: FloatArray) -> FloatArray:
-        """Return U (n, r): what the emulator leaves open at one draw has covariance U U'.
+        """Return U (n, r): the emulator's error at one draw has covariance U U'.
 
         ``factor`` (p, p) is that of the covariance of its coefficients.
         """

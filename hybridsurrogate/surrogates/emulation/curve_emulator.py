@@ -34,7 +34,7 @@ _MOST_BETWEEN = 500
 
 @dataclass(frozen=True, eq=False)
 class CurveEmulator:
-    """The most probable simulation given its runs, and what they leave open.
+    """The most probable simulation given its runs, and its error.
 
     Attributes
     ----------
@@ -94,7 +94,7 @@ class CurveEmulator:
         return output, np.column_stack([left[group, None] * curves * self.sd, rest])
 
     def spread(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return S (n, k + 1): what is open has covariance S S' among rows of equal parameters.
+        """Return S (n, k + 1): the error has covariance S S' among rows of equal parameters.
 
         But for interpolation, of which the last column has the size: `error` has its correlations.
         """
@@ -131,7 +131,7 @@ class CurveEmulator:
         return out
 
     def _given_runs(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return `_coefficients` and what is open of them, (n,) in units of the process's sd."""
+        """Return `_coefficients` and their standard deviation, (n,) in units of the process's."""
         coefficients, left = np.empty((len(points), len(self.sd))), np.empty(len(points))
         for some in blocks(len(points), len(self.weights)):
             places = self._places(points[some])
@@ -143,7 +143,7 @@ class CurveEmulator:
         return coefficients, left
 
     def error(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return F (n, r): the covariance of what is open at all these rows is F F'."""
+        """Return F (n, r): the covariance of the error at all these rows is F F'."""
         points, group = self._points(X, omega)
         places = self._places(points)
         _, curves, missed = self.components.at(X[:, self.along])
@@ -185,7 +185,7 @@ class CurveEmulator:
         return factor, np.sqrt(missed**2 + left)
 
     def covariance(self, points: FloatArray) -> FloatArray:
-        """Return the covariance (m, m) of what is open at runs (m, d), in units of the process's.
+        """Return the covariance (m, m) of the error at runs (m, d), in units of the process's.
 
         A run is its further inputs and its parameters.
         """
