@@ -215,9 +215,9 @@ class Posterior:
 
     def estimates(self, effect: int) -> dict[str, FloatArray]:
         """Return the draws that one cause reports, in the user's units."""
-        told = self.model.effects[effect].estimates(*self.draws_of(effect))
+        estimates = self.model.effects[effect].estimates(*self.draws_of(effect))
         # what is known, as a row that is left out, is the same in every draw
-        return {name: np.broadcast_to(values, self.n_draws) for name, values in told.items()}
+        return {name: np.broadcast_to(values, self.n_draws) for name, values in estimates.items()}
 
 
 def _names_of(model: MeasuredModel) -> list[str]:

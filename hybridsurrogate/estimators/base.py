@@ -58,7 +58,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         return self._mixture(X)
 
     @property
-    def _has_unlearned(self) -> bool:
+    def _has_prior_only(self) -> bool:
         """Whether there are such effects, so that `_learned` is another mixture."""
         pairs = zip(self._learned(), self._mixture(), strict=True)
         return any(learned is not whole for (_, learned), (_, whole) in pairs)
@@ -97,7 +97,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         check_flag(return_std, "return_std")
         X = self.checked_rows(X)
         cuts = row_blocks(self._mixture, X)
-        once = return_std and not self._has_unlearned
+        once = return_std and not self._has_prior_only
         pieces = [moments(self._learned(X[some]), X[some], with_variance=once) for some in cuts]
         mean, carried, *variance = (np.concatenate(piece) for piece in zip(*pieces, strict=True))
         warn_of_carried(carried)
@@ -224,9 +224,9 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         rows = self._known_columns(rows)
         long, values = self.stacking_.rows(rows), self.stacking_.values(output)
         there = np.isfinite(values)
-        told = self._log_density(long[there], values[there])
-        told = told - self.stacking_.log_scale(long[there])
-        return _spread_out(told, there).reshape(output.shape)
+        density = self._log_density(long[there], values[there])
+        density = density - self.stacking_.log_scale(long[there])
+        return _spread_out(density, there).reshape(output.shape)
 
     def _log_density_with_gaps(self, X: Any, y: Any) -> FloatArray:
         """Return the log predictive density of rows of one output, NaN where y is, (n,)."""

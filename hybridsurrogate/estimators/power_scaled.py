@@ -24,9 +24,9 @@ from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.prediction.leave_one_out import loo_of_fit
 from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.problem.prior_only import with_prior_only
 from hybridsurrogate.problem.problem import Problem, make_problem
 from hybridsurrogate.problem.rows import MeasuredRows
-from hybridsurrogate.problem.unlearned import with_unlearned
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
 
@@ -187,13 +187,13 @@ class PowerScaledSurrogate(SurrogateEstimator):
         self._store(data, rows)
         self._fitted = problem, fit
         self.surrogate_, self.likelihood_ = self._check_parameters()
-        unlearned = [effect for effect in as_causes(self.effects) if not effect.is_learned]
-        self.posterior_ = with_unlearned(fit.second, problem, unlearned)
+        prior_only = [effect for effect in as_causes(self.effects) if not effect.is_learned]
+        self.posterior_ = with_prior_only(fit.second, problem, prior_only)
         self.first_step_ = fit.first
         self.diagnostics_ = fit.diagnostics
         return self
 
-    def with_unlearned(self, effects: Sequence[Cause]) -> PowerScaledSurrogate:
+    def with_prior_only(self, effects: Sequence[Cause]) -> PowerScaledSurrogate:
         """Return the fitted estimator with further effects, drawn from their priors alone.
 
         Parameters
@@ -205,7 +205,7 @@ class PowerScaledSurrogate(SurrogateEstimator):
         problem, _ = self._fitted
         out = copy.copy(self)
         out.effects = (*as_causes(self.effects), *effects)
-        out.posterior_ = with_unlearned(self.posterior_, problem, effects)
+        out.posterior_ = with_prior_only(self.posterior_, problem, effects)
         return out
 
     def _problem(

@@ -125,15 +125,15 @@ def _by_experiment(posterior: Posterior, k: int, mean: FloatArray) -> list[Varia
     assert isinstance(effect, ParameterByExperiment)
     assert effect.prior is not None
     name, prior, column = effect.parameter, effect.prior, effect.column
-    told = posterior.estimates(k)
-    each = np.column_stack([told[own] for own in told if own != "spread"])
-    labels = tuple(own.removeprefix(f"{column} = ") for own in told if own != "spread")
+    estimates = posterior.estimates(k)
+    each = np.column_stack([estimates[own] for own in estimates if own != "spread"])
+    labels = tuple(own.removeprefix(f"{column} = ") for own in estimates if own != "spread")
     if effect.how == "own":
         log_prior = np.asarray(prior.logpdf(each))
         return [
             Variable(name, each, log_prior, lambda u, _: np.asarray(prior.ppf(u)), column, labels)
         ]
-    spread: FloatArray = told["spread"]
+    spread: FloatArray = estimates["spread"]
     low, high = prior.support()
     out = [_single(f"{name}_mean", mean, prior)]
     if "spread" in effect.parameters:

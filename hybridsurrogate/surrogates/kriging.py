@@ -136,7 +136,7 @@ def _stands(
         return between_runs.alike(between_runs.of(slice(k, k + 1)))[:, 0] - white @ white[k]
 
     _, more = pivoted_cholesky(left, column, _KNOWN * spread, _MORE_FEATURES)
-    return stands.beside(between_runs.of(more))
+    return stands.joined(between_runs.of(more))
 
 
 @dataclass(frozen=True)
@@ -172,7 +172,7 @@ class KrigingBasis(Basis):
         for some in blocks(len(c), n * (1 + self.stands.terms.shape[1])):
             rows = slice(some.start * n, some.stop * n)
             places = self.process.places(X[rows], omega[rows])
-            added[rows] = places.weighed_in_turn(self.stands, weights[some])
+            added[rows] = places.weighted_in_turn(self.stands, weights[some])
         return self.known(X, omega) + added
 
     def along(self, directions: FloatArray) -> KrigingBasis:

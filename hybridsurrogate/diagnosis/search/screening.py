@@ -22,7 +22,7 @@ from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPoste
 from hybridsurrogate.inference.conjugate.noise_marginal import LogMarginal
 from hybridsurrogate.inference.evidence.grid import Grid, make_grid, refine, with_cells
 from hybridsurrogate.inference.evidence.levenberg_marquardt import (
-    best_from_afar,
+    best_of_global_starts,
     best_of_many,
     is_followed,
 )
@@ -79,7 +79,7 @@ def best_modes(
         # ended is nearly it, and what had a chance there has a finer grid already
         margins = Margins(SETTINGS.behind, np.inf)
         if nearby is not None:
-            margins = Margins(SETTINGS.behind_nearby, SETTINGS.hopeless_nearby)
+            margins = Margins(SETTINGS.behind_nearby, SETTINGS.pruned_nearby)
         behind = _far_behind(problem, emulator, noise, [null, *fits], log_prior, margins)
         for k in map(int, np.flatnonzero(np.isnan(behind))):
             model, grid, mode, sigma = fits[k]
@@ -139,7 +139,7 @@ def _once(
         mode = optimise(model, problem.X, problem.y, emulator, grid, starts[0], sigma, size)
         return Fitted(model, grid, mode, sigma)
     mode = highest(problem, emulator, model, grid, starts, sigma)
-    afar = best_from_afar(*args, grid, null.mode.z, mode.z, SETTINGS.exact_fit * null.sigma)
+    afar = best_of_global_starts(*args, grid, null.mode.z, mode.z, SETTINGS.exact_fit * null.sigma)
     if afar is not None:
         mode = highest(problem, emulator, model, grid, [afar], sigma)
     for _ in range(SETTINGS.looks):
@@ -208,7 +208,7 @@ def _starts(model: MeasuredModel, grid: Grid, null: Fitted) -> list[FloatArray]:
     """Return starting points: the fit without the cause and, far from it, the prior's centre."""
     start = grid.neutral.copy()
     start[: len(null.mode.z)] = null.mode.z
-    if np.linalg.norm(null.mode.z[: model.n_parameters]) <= SETTINGS.driven_away:
+    if np.linalg.norm(null.mode.z[: model.n_parameters]) <= SETTINGS.displaced:
         return [start]
     # the simulation's parameters start anew, accepted causes stay where they are
     anew = start.copy()

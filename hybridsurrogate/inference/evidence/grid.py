@@ -180,7 +180,7 @@ def refine(model: MeasuredModel, grid: Grid, log_evidence: FloatArray) -> Grid:
         pieces[:, k, 0], pieces[:, k, 1] = borders[:, :-1].ravel(), borders[:, 1:].ravel()
     of_pieces = _log_mass(model, grid, pieces).reshape(len(weight), -1)
     of_pieces += (weight - np.logaddexp.reduce(of_pieces, axis=1))[:, None]
-    kept = ~split & (density > density.max() - SETTINGS.cell_hopeless)
+    kept = ~split & (density > density.max() - SETTINGS.cell_pruned)
     return with_cells(
         grid,
         np.concatenate([grid.edges[kept], pieces]),

@@ -75,7 +75,7 @@ def best_of_spread(
     return best, float(np.sqrt(residual.variance(residual(best[None]))[0]))
 
 
-def best_from_afar(
+def best_of_global_starts(
     model: MeasuredModel,
     X: FloatArray,
     y: FloatArray,
@@ -112,17 +112,17 @@ def best_from_afar(
 
     along = deviance(line)
     inner = (along[1:-1] < along[:-2]) & (along[1:-1] <= along[2:])
-    is_rugged = np.count_nonzero(inner) > 1
-    if len(grid.nodes) and not is_rugged:
+    is_rough = np.count_nonzero(inner) > 1
+    if len(grid.nodes) and not is_rough:
         return None  # nodes are enumerated, and sizes are followed from each
-    wide, most = _WIDE if is_rugged else _ON_LINE, _FOLLOWED
-    if is_rugged and model.basis.is_quick:
+    wide, most = _WIDE if is_rough else _ON_LINE, _FOLLOWED
+    if is_rough and model.basis.is_quick:
         wide = int(np.clip(SETTINGS.population_rows // len(y), _WIDE, SETTINGS.widest_population))
         most = SETTINGS.followed_of_many
     spread = _spread(model, grid, line[0], wide)
     z = np.vstack([known, line, spread])
     value = np.concatenate([deviance(known[None]), along, deviance(spread)])
-    if is_rugged:
+    if is_rough:
         followed = z[np.argsort(value)[:most]]
         end = _descend(residual, followed, np.concatenate([grid.fixed, grid.sizes, grid.nodes]))
         z, value = np.vstack([z, end]), np.append(value, deviance(end[None]))
@@ -238,7 +238,7 @@ def _descend(residual: _Residual, z: FloatArray, place: NDArray[np.intp]) -> Flo
         trial_badness = residual.deviance(trial_rest, trial)
         better = trial_badness < deviance
         best = int(np.argmin(np.minimum(deviance, trial_badness)))
-        settled = better[best] and deviance[best] - trial_badness[best] < SETTINGS.gain_settled
+        converged = better[best] and deviance[best] - trial_badness[best] < SETTINGS.gain_converged
         z[better], rest[better], slopes[better] = (
             trial[better],
             trial_rest[better],
@@ -246,7 +246,7 @@ def _descend(residual: _Residual, z: FloatArray, place: NDArray[np.intp]) -> Flo
         )
         deviance = np.minimum(deviance, trial_badness)
         damping = np.where(better, 0.2, 6.0) * damping
-        if settled or damping[best] > SETTINGS.stuck:
+        if converged or damping[best] > SETTINGS.stuck:
             break
         if step % SETTINGS.steps_a_round == SETTINGS.steps_a_round - 1 and len(z) > 2:
             kept = np.argsort(deviance)[: (len(z) + 1) // 2]

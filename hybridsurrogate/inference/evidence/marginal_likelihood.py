@@ -241,7 +241,7 @@ def optimise(
         elif best is None or here.objective < best.objective - 1e-4:
             gain = np.inf if best is None else best.objective - here.objective
             best, point, target, step = here, proposal, move, 1.0
-            if gain < SETTINGS.gain_settled:
+            if gain < SETTINGS.gain_converged:
                 break
         else:
             step *= 0.3

@@ -22,17 +22,17 @@ class SearchSettings:
         A shape at a place where less than so many rows carry it is a mechanism with these odds, as
         much else happens to single rows (`GrossError`). Of 60 rows with a wild last one the kinds
         that jump there shared the probability in four.
-    beside_noise : int
+    given_noise : int
         Causes compared given correlated noise: those that explain most alone.
     lengths_with_process : int
         Groups of neighbouring lengths of a process, each of one evidence, where it is compared
         with another process in addition: 24 of 94 change its evidence by 0.02.
-    behind, behind_nearby, hopeless_nearby : float
+    behind, behind_nearby, pruned_nearby : float
         A cause so far behind the best one, prior odds included, is not refined: after a first
         optimisation, or from where that in other rows ended; and where nothing is looked at again.
     exact_fit : float
         A fit this many times closer than without the cause is as good as exact.
-    driven_away : float
+    displaced : float
         A fault may move the parameters this far from their true values, in prior standard
         deviations. An optimisation from there does not converge to them.
     looked_between, looks : int
@@ -41,15 +41,15 @@ class SearchSettings:
     much_closer : float
         A fit with less than this share of the noise that it was made with is made again: 0.7 nats
         at effects of eight times the noise.
-    settled_noise : float
+    converged_noise : float
         Noise that a further optimisation lowers by less than this share has converged.
     max_refinements, fruitless_refinements, same_evidence : int, int, float
         Refinements of a grid at most, and how many in a row may gain no more than the last number:
         a wave in measurements that are precise to a millionth needs all of them.
-    nodes_enough, cell_hopeless, most_split : int, float, int
+    nodes_enough, cell_pruned, most_split : int, float, int
         A grid is fine enough with so many nodes an axis within two nats of the best; cells so far
         behind are never split; cells split at a time.
-    max_steps, gain_settled : int, float
+    max_steps, gain_converged : int, float
         Gauss-Newton steps, and the gain (minus twice the log density) below which they end.
     nodes_followed : int
         Nodes that are followed where each needs runs of the simulation.
@@ -60,7 +60,7 @@ class SearchSettings:
         First causes for which the best second causes are searched.
     beyond_doubt : float
         A cause of this probability without residual structure is not compared with others again.
-    pair_hopeless, companion_behind, most_companions : float, float, int
+    pair_pruned, second_cause_behind, most_second_causes : float, float, int
         A pair further behind the best pair, or a second cause further behind the best one, gets no
         joint refit; and how many second causes get one. Joint refits name both of 77 instead of
         69 % of pairs (48 of size 2, 80 rows).
@@ -88,7 +88,7 @@ class SearchSettings:
         followed where a run is quick and rows are few.
     failed_residual : float
         Residual of a place where the simulation fails, in scales of the output.
-    outlier_steps, outlier_steps_in_batch, outlier_settled : int, int, float
+    outlier_steps, outlier_steps_in_batch, outlier_converged : int, int, float
         Steps of EM to the mode with outliers, for one response and for many, and the relative move
         of the noise at which it has arrived.
     outlier_newton : float
@@ -107,33 +107,33 @@ class SearchSettings:
     n_sizes: int = 10
     few_rows: float = 2.05
     few_rows_odds: float = 0.01
-    beside_noise: int = 8
+    given_noise: int = 8
     lengths_with_process: int = 24
     behind: float = 12.0
     behind_nearby: float = 4.0
-    hopeless_nearby: float = 30.0
+    pruned_nearby: float = 30.0
     exact_fit: float = 1e-3
-    driven_away: float = 2.0
+    displaced: float = 2.0
     looked_between: int = 8
     looks: int = 5
     much_closer: float = 0.5
-    settled_noise: float = 0.1
+    converged_noise: float = 0.1
     max_refinements: int = 12
     fruitless_refinements: int = 4
     same_evidence: float = 1e-3
     nodes_enough: int = 4
-    cell_hopeless: float = 100.0
+    cell_pruned: float = 100.0
     most_split: int = 40
     max_steps: int = 12
-    gain_settled: float = 0.01
+    gain_converged: float = 0.01
     nodes_followed: int = 16
     within_reach: float = 8.0
     most_scored: int = 12
     looked_ahead: int = 4
     beyond_doubt: float = 0.9
-    pair_hopeless: float = 12.0
-    companion_behind: float = 8.0
-    most_companions: int = 6
+    pair_pruned: float = 12.0
+    second_cause_behind: float = 8.0
+    most_second_causes: int = 6
     turns: int = 3
     worth_a_turn: float = 0.3
     backfitting_rounds: int = 2
@@ -152,7 +152,7 @@ class SearchSettings:
     failed_residual: float = 1e6
     outlier_steps: int = 25
     outlier_steps_in_batch: int = 6
-    outlier_settled: float = 3e-3
+    outlier_converged: float = 3e-3
     outlier_newton: float = 1.0
     outlier_least_curvature: float = 0.3
     outlier_longest_step: float = 0.5

@@ -168,7 +168,7 @@ class MeasuredModel(CausesOnRows):
         """Return known and features of the simulated output with what causes make of it."""
         touched = any(effect.touches_simulation for effect in self.effects)
         if not touched and not self.basis.known_depends_on_hyper:
-            return self._unmoved(X, values, c)
+            return self._unchanged(X, values, c)
         rows, omega, theta = self.rows(X, values)
         known, features = self._moved(X, values, c, rows, omega, theta, moves)
         if self._responds:
@@ -217,7 +217,7 @@ class MeasuredModel(CausesOnRows):
             known = known + features @ self._reference
         return (known - output) / step
 
-    def _unmoved(
+    def _unchanged(
         self, X: FloatArray, values: FloatArray, c: FloatArray | None
     ) -> tuple[FloatArray, FloatArray]:
         """Return known and features of all rows at the parameters of each draw."""
@@ -239,7 +239,7 @@ class MeasuredModel(CausesOnRows):
         """Return known and features at the inputs and parameters that causes may have moved."""
         J, n, by_row = len(values), len(X), self.basis.known_depends_on_hyper
         if not by_row and not any(effect.moves_inputs for effect in self.effects):
-            return self._unmoved(X, values, c)
+            return self._unchanged(X, values, c)
         inputs, points = self._places(rows, omega, theta)
         if c is not None and not by_row:
             if c.ndim == 2:

@@ -54,7 +54,7 @@ class SamplingSettings:
         Between two points whose log densities differ by more, none far below the best, is a third.
     followed_nodes, following_steps : int
         Nodes from which the other unknowns are followed first, and steps uphill in them.
-    max_starts, noise_refits, settled_noise : int, int, float
+    max_starts, noise_refits, converged_noise : int, int, float
         Starts of a search for modes; fits repeated with their estimated noise; and the change, as a
         share, at which it has converged.
     mode_steps, mode_rounding : int, float
@@ -135,7 +135,7 @@ class SamplingSettings:
     following_steps: int = 4
     max_starts: int = 5
     noise_refits: int = 5
-    settled_noise: float = 0.7
+    converged_noise: float = 0.7
     mode_steps: int = 40
     mode_rounding: float = 1e-2
     max_transforms: int = 6

@@ -80,7 +80,7 @@ class CurveEmulator:
         if len(points) < len(X) // 2:
             return self.output(X, omega)
         places = self._places(points[group])
-        coefficients = places.weighed(self.runs, self.weights, shape)
+        coefficients = places.weighted(self.runs, self.weights, shape)
         mean, curves, _ = self.components.at(X[:, self.along])
         return mean + np.einsum("nk,nk->n", curves, coefficients)
 

@@ -15,7 +15,7 @@ from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.problem import Problem
 
 
-def with_unlearned(posterior: Posterior, problem: Problem, effects: Sequence[Cause]) -> Posterior:
+def with_prior_only(posterior: Posterior, problem: Problem, effects: Sequence[Cause]) -> Posterior:
     """Return a posterior with further effects that nothing was learned about.
 
     Parameters
