@@ -34,7 +34,7 @@ from hybridsurrogate.inference.evidence.marginal_likelihood import (
     scan,
     scan_with_process,
 )
-from hybridsurrogate.inference.evidence.outliers import with_normal_rows
+from hybridsurrogate.inference.evidence.outliers import settled
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray
@@ -300,7 +300,7 @@ def _with_process(result: Search, w: Candidate, bases: FloatArray) -> float:
     beyond_node = 0.0
     if parts.noise_differs:
         # every node would need its own factorisation: the best one tells what a curve adds
-        parts = with_normal_rows(parts, problem.y, w.sigma)
+        parts = settled(parts, problem.y, w.sigma)
         plain = scan(parts, problem.y[None], w.sigma, noise, sizes)[0]
         beyond_node = float(special.logsumexp(nodes)) - float(plain[0])
     terms = scan_with_process(parts, problem.y, w.sigma, noise, sizes, bases, sizes[::2])

@@ -253,7 +253,7 @@ def _look_ahead(
         alone = log_prior[k] + first.log_evidence
         # where nothing is left to explain, there is nothing to place beside the first
         left = in_doubt or second.probability[0] < 0.5
-        within = max(values.values(), default=-np.inf) - SETTINGS.pair_pruned
+        within = max(values.values(), default=-np.inf) - SETTINGS.pair_hopeless
         if left and alone + _companions(second) > within:
             second = placed_together(result, first, second)
         made[k], values[k] = second, alone + _companions(second)

@@ -38,12 +38,12 @@ def placed_together(result: Search, first: Candidate, given_others: Search) -> S
     """
     evidence = np.array([w.log_evidence for w in given_others.candidates])
     able = [k for k, w in enumerate(given_others.candidates) if w.cause and movable(w.cause)]
-    able = sorted(able, key=lambda k: -evidence[k])[: SETTINGS.most_second_causes]
+    able = sorted(able, key=lambda k: -evidence[k])[: SETTINGS.most_companions]
     if first.cause is None or not movable(first.cause) or not able:
         return given_others
     candidates = list(given_others.candidates)
     for k in able:
-        if evidence[k] > evidence[able[0]] - SETTINGS.second_cause_behind:
+        if evidence[k] > evidence[able[0]] - SETTINGS.companion_behind:
             candidates[k] = _together(result, first, given_others, candidates[k])
     return given_others.reweighed(candidates)
 

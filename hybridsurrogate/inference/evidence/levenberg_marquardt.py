@@ -75,7 +75,7 @@ def best_of_spread(
     return best, float(np.sqrt(residual.variance(residual(best[None]))[0]))
 
 
-def best_of_global_starts(
+def best_from_afar(
     model: MeasuredModel,
     X: FloatArray,
     y: FloatArray,

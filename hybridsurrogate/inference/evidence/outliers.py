@@ -153,7 +153,7 @@ def log_evidence(
     return mode.log_joint + left + 0.5 * np.log(2 * np.pi) - 0.5 * log_det
 
 
-def with_normal_rows(parts: Linearised, y: FloatArray, sigma: float) -> Linearised:
+def settled(parts: Linearised, y: FloatArray, sigma: float) -> Linearised:
     """Return the model at its first node, where rows are normal and each has a separate scale.
 
     With outliers the residual of a row gives its scale. The evidence of a further curve then has a
