@@ -43,7 +43,7 @@ WORDS = {
     r"\bafar\b": "global start, far away",
     r"\bdriven away\b": "diverged",
     r"\bsettled\b": "converged, decided, fixed",
-    r"_prove\b|\bprove[ds]?\b|\bproofs?\b": "cross-validate",
+    r"_prove\b|\bprove[ds]?\b|(?<!\bno )\bproofs?\b": "cross-validate",
     r"(?-i:\bDESIGN\b)|\bthe brief\b|\bissue \d+": "a paper, or a page of docs",
 }
 REFUSED = [
@@ -161,6 +161,7 @@ def test_every_pattern_is_tried(pattern):
         "The message says what came; rows are held out; the interval holds the truth.",
         "A weight of 2 weighs a row twice; the weighted mean.",
         "A leading zero, an arrival, a stranger, the retold and the improved.",
+        "A name is no proof.",
     ],
 )
 def test_plain_words_pass(text):
