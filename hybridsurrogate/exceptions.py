@@ -23,7 +23,7 @@ class RowByRowWarning(HybridSurrogateWarning):
 
 
 class EmulationWarning(HybridSurrogateWarning):
-    """A simulation is slow to run: a fit made runs of it, and rests on an emulator of them."""
+    """A simulation is slow to run: a fit made runs of it, and uses an emulator of them."""
 
 
 class ExtrapolationWarning(HybridSurrogateWarning):
@@ -31,7 +31,7 @@ class ExtrapolationWarning(HybridSurrogateWarning):
 
 
 class SamplingWarning(HybridSurrogateWarning):
-    """The draws from a posterior are not trustworthy."""
+    """The draws from a posterior are unreliable."""
 
 
 class SolverWarning(HybridSurrogateWarning):
@@ -43,7 +43,7 @@ class PriorWarning(HybridSurrogateWarning):
 
 
 class DiagnosisWarning(HybridSurrogateWarning):
-    """A diagnosis rests on too little, or something was left out of it."""
+    """A diagnosis is based on too little, or something was left out of it."""
 
 
 class ConfoundingWarning(DiagnosisWarning):

@@ -91,7 +91,7 @@ class Diagnostics:
         return found
 
     def warn(self) -> None:
-        """Warn when the draws are not trustworthy."""
+        """Warn when the draws are unreliable."""
         problems = self.problems()
         if problems:
             ways = [] if self.sampler == "emcee" else ["sampler='emcee'"]

@@ -137,7 +137,7 @@ class AveragedSurrogate(SurrogateEstimator):
     ) -> AveragedSurrogate:
         """Return the average over estimators that are fitted, to the same rows.
 
-        Doubtful draws are not warned of again.
+        Draws that are unreliable cause no second warning.
 
         Parameters
         ----------
@@ -182,7 +182,7 @@ class AveragedSurrogate(SurrogateEstimator):
 
     @property
     def diagnostics_(self) -> Diagnostics:
-        """How the draws of the first estimator came about."""
+        """Diagnostics of the draws of the first estimator."""
         return self._fitted_first().diagnostics_
 
     @property

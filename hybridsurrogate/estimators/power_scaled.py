@@ -44,12 +44,12 @@ class PowerScaledSurrogate(SurrogateEstimator):
     simulation : SimulationData, Simulator or None, default=None
         Runs of the simulation, or the simulation itself. None: train on measured data alone.
     surrogate : Surrogate or None, default=None
-        None: ``PolynomialChaos()`` of runs. The simulation itself is run where that takes less than
-        a millisecond for one set of parameters, else ``fit`` makes runs of it, and takes
-        ``Kriging()``; `ExactSurrogate` runs it in any case.
+        None: ``PolynomialChaos()`` of runs. A simulation is called directly where it takes less
+        than a millisecond for one set of parameters. Otherwise ``fit`` makes runs of it for
+        ``Kriging()``. `ExactSurrogate` calls it in any case.
     beta : float or callable, default=0.5
         Weight of the simulation: 0 = measured data only, 1 = simulation only. A callable
-        ``beta(X) -> (n,)`` of the simulation's inputs trusts it more here than there.
+        ``beta(X) -> (n,)`` of the simulation's inputs varies the weight between them.
     likelihood : {"normal", "lognormal", "student-t", "negative-binomial", "poisson"} or Likelihood
         Default "normal".
     noise_prior : frozen scipy.stats distribution or None, default=None
@@ -59,8 +59,8 @@ class PowerScaledSurrogate(SurrogateEstimator):
     effects : sequence of Cause, default=()
         Causes by which measured rows differ from the simulation.
     experiment : str or None, default=None
-        The measured column that says which experiment a row is of: a batch, a subject, a sensor.
-        In a DataFrame it may hold names. It is never an axis.
+        The measured column that holds each row's experiment: a batch, a subject, a sensor. In a
+        DataFrame it may hold names. It is never an axis.
     by_experiment : mapping of parameter to {"shared", "own", "spread"} or None, default=None
         Parameters of the simulation that differ between experiments. "own": values that are
         independent of each other. "spread": values normally distributed around their mean, with
@@ -85,9 +85,9 @@ class PowerScaledSurrogate(SurrogateEstimator):
     diagnostics_ : Diagnostics
         Sampler used, k-hat, effective draws, autocorrelation time.
     emulation_ : Emulation or None
-        What ``fit`` made of a simulation that is slow to run: ``runs``, ``seconds`` that one set of
-        parameters takes, and what the runs have ``left_open``, in standard deviations of the noise.
-        None where the simulation is run itself, or runs were given.
+        The emulator of a slow simulation: the ``runs`` that ``fit`` made, ``seconds`` that one set
+        of parameters takes, and ``left_open``, the emulator's standard deviation in standard
+        deviations of the noise. None where the simulation is called directly, or runs were given.
     n_features_in_, feature_names_in_
         As everywhere in scikit-learn.
 
@@ -99,7 +99,7 @@ class PowerScaledSurrogate(SurrogateEstimator):
     Warns
     -----
     SamplingWarning
-        When the draws are doubtful.
+        When the draws are unreliable.
     ExtrapolationWarning
         When measured inputs lie outside the simulated range.
     EmulationWarning

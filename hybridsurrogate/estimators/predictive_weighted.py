@@ -41,9 +41,9 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         Family of both surrogates (the second is a `PolynomialChaos` where the first is exact).
         None: as in `PowerScaledSurrogate`.
     beta : float, callable or "stacking", default=0.5
-        Weight of the simulation. A callable ``beta(X) -> (n,)`` of the simulation's inputs trusts
-        it more here than there. "stacking": the weight that would have predicted each measured row
-        best from the others (Yao, Vehtari, Simpson and Gelman 2018, Bayesian Analysis 13:917).
+        Weight of the simulation. A callable ``beta(X) -> (n,)`` of the simulation's inputs varies
+        the weight between them. "stacking": the weight with the best leave-one-out predictions of
+        the measured rows (Yao, Vehtari, Simpson and Gelman 2018, Bayesian Analysis 13:917).
     likelihood : {"normal", "lognormal", "student-t", "negative-binomial", "poisson"} or Likelihood
         Default "normal".
     noise_prior : frozen scipy.stats distribution or None, default=None

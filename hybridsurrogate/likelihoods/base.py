@@ -40,8 +40,8 @@ class Likelihood(ABC):
     has_scale : bool
         Whether there is a second parameter.
     scales_noise : bool
-        Whether the second parameter is the scale of the noise on that of eta, which is never less
-        than what rounding leaves.
+        Whether the second parameter is the noise's standard deviation on the scale of eta, which is
+        at least the rounding error.
     rough : bool
         Whether the density may have kinks in eta, so that derivatives at a point mislead.
     gaussian : bool
@@ -81,7 +81,7 @@ class Likelihood(ABC):
     def check(self, y: FloatArray, source: str = "measured") -> None:
         """Raise ValueError when y cannot come from this likelihood; name its source.
 
-        By default where a logarithm is asked for and y has none.
+        By default where y needs a logarithm and has none.
         """
         if self.log_scale and not (y >= 0).all():
             raise ValueError(

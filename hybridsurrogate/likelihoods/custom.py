@@ -56,7 +56,7 @@ class CustomLikelihood(Likelihood):
     rough = True
 
     def check_training(self, y: FloatArray, source: str = "measured") -> None:
-        """Raise ValueError where y has no logarithm that is asked for, or no density is finite.
+        """Raise ValueError where y needs a logarithm and has none, or no density is finite.
 
         The density is evaluated at the data themselves, with sigma = 1. A function that returns the
         wrong shape, or NaN or minus infinity everywhere, raises an error before anything is fitted.
@@ -112,7 +112,7 @@ class CustomLikelihood(Likelihood):
     def sample(
         self, eta: FloatArray, sigma: FloatArray, random_state: np.random.RandomState
     ) -> FloatArray:
-        """Return the user's samples, or what is drawn from the density."""
+        """Return the user's samples, or draws from the density."""
         if self.sample_function is None:
             return super().sample(eta, sigma, random_state)
         return np.asarray(self.sample_function(eta, sigma, random_state), dtype=float)

@@ -66,7 +66,7 @@ class Simulator:
     inputs : dict of name to (low, high)
         The inputs that are known for every measurement, and the range to simulate.
     parameters : dict of name to scipy.stats frozen distribution, optional
-        The inputs that are unknown, and what is known about them.
+        The inputs that are unknown, and their priors.
     assumed : dict of name to Assumed, optional
         The constants that the modeller fixed.
     output : str or sequence of str
@@ -178,7 +178,7 @@ class Simulator:
         return False
 
     def held(self, X: FloatArray) -> FloatArray:
-        """Return inputs (n, n_inputs) before which nothing happens moved to where it begins."""
+        """Return inputs (n, n_inputs), with those before the start moved to the start."""
         return X
 
     def modified(
@@ -260,8 +260,7 @@ class Simulator:
     def evaluate(self, X: FloatArray, omega: FloatArray | None) -> FloatArray:
         """As calling it; points that hold NaN or infinity are passed on as they are.
 
-        Samplers go where parameters have no numbers any more: what the simulation gives there is
-        impossible, and no error.
+        Samplers propose parameters that overflow. Their outputs are impossible, which is no error.
 
         Parameters
         ----------
@@ -333,9 +332,9 @@ class Simulator:
             with their error and not tried again. A function that has changed needs a new folder:
             runs go by the function's name, inputs and parameters.
         timeout : float or None, default=None
-            Seconds that one run may take. A Python function is stopped when it next comes back to
-            Python; that takes signals and the main thread of a process, else the runs fail and say
-            so. `CommandSimulator` stops its program at once, anywhere.
+            Seconds that one run may take. A Python function is stopped when it next returns to
+            Python. This needs signals and the main thread of a process; elsewhere the runs fail
+            with this reason. `CommandSimulator` stops its program at once, anywhere.
 
         Returns
         -------
@@ -344,7 +343,7 @@ class Simulator:
         Raises
         ------
         ValueError, TypeError
-            For a number of runs, a design or a share that is none.
+            For a number of runs, a design or a share that is not valid.
 
         Warns
         -----

@@ -32,7 +32,7 @@ _CANDIDATES = 1024
 class Kriging(Surrogate):
     """Gaussian process through the runs, on the terms of another surrogate.
 
-    Outputs are as alike as the terms make them, plus a Matern 5/2 process over inputs and
+    The covariance of outputs is that of the terms plus a Matern 5/2 process over inputs and
     parameters: polynomial-chaos Kriging (Schoebi, Sudret and Wiart 2015, International Journal for
     Uncertainty Quantification 5:171). The share of each, the lengths, and how each axis is
     stretched are estimated from the runs, once and by likelihood. So it follows simulations that a
@@ -56,10 +56,10 @@ class Kriging(Surrogate):
     sets the weight of the measured data alone.
 
     `GaussianProcess` infers its length scales together with everything else, which takes many times
-    as long from four dimensions on. Here they are held at their most likely values.
-    Inputs and parameters beyond the runs are held at the ends, for the process. The covariance is
-    learned from 200 runs and features stand on some of 500, drawn at random where there are more;
-    all runs train the coefficients. Under likelihoods that are not normal or log-normal hundreds of
+    as long from four dimensions on. Here they are fixed at their most likely values. The process
+    takes inputs and parameters beyond the runs as those at the ends of the range. The covariance is
+    estimated from 200 runs, and features are chosen from 500, drawn at random where there are more.
+    All runs train the coefficients. Under likelihoods that are not normal or log-normal hundreds of
     features take minutes to fit: a polynomial has fewer.
 
     Raises

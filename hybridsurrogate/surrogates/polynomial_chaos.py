@@ -31,7 +31,7 @@ class PolynomialChaos(Surrogate):
     The polynomials are orthonormal on [-1, 1] with respect to dx (phi_0 = 1 / sqrt 2), products of
     them span the terms, and the intercept multiplies 1: the conventions of Reiser, Buerkner and
     Guthke (arXiv 2412.11875, section 3). Inputs and parameters are scaled to [-1, 1] from their
-    simulated ranges; parameters beyond these are held at the ends, where the runs stop.
+    simulated ranges; parameters beyond these are fixed at the ends, where the runs stop.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class PolynomialChaos(Surrogate):
     coefficient_prior : frozen scipy.stats distribution or None, default=None
         Prior of each coefficient; its mean and standard deviation are used, as a Gaussian.
         None: mean zero and five standard deviations of the output as sd; the mean of the output
-        is then added as a known part, so the intercept is the difference from it.
+        is then added as a fixed mean, so the intercept is the difference from it.
     sparse : bool, default=False
         Keep the terms that predict the runs best. Candidates have sum(powers^0.75) up to
         degree^0.75, in the order of least-angle regression. As many are kept as have the least

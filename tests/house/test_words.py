@@ -43,7 +43,7 @@ WORDS = {
     r"\bafar\b": "global start, far away",
     r"\bdriven away\b": "diverged",
     r"\bsettled\b": "converged, decided, fixed",
-    r"_prove\b|\bprove[ds]?\b|(?<!\bno )\bproofs?\b": "cross-validate",
+    r"_prove\b|\bprove[ds]?\b|(?<!\bno\s)\bproofs?\b": "cross-validate",
     r"(?-i:\bDESIGN\b)|\bthe brief\b|\bissue \d+": "a paper, or a page of docs",
 }
 REFUSED = [

@@ -56,9 +56,8 @@ class EnsembleDraws:
 class EnsembleSampler(BaseEstimator):
     """Ensemble MCMC backend (emcee) with a stopping rule.
 
-    Pass it as ``sampler=`` of an estimator to have it used whatever the importance sampler could
-    do. The run stops when it is longer than ``tol`` autocorrelation times; the first five of them
-    are dropped.
+    Pass it as ``sampler=`` of an estimator to use it instead of importance sampling. The run stops
+    when it is longer than ``tol`` autocorrelation times; the first five of them are dropped.
 
     Parameters
     ----------
