@@ -261,7 +261,7 @@ class CheckedEstimator(BaseEstimator):
     ) -> tuple[Stacking, SimulationData | Simulator | None]:
         """Return how several outputs are laid out, and the simulation with one output a row."""
         if OUTPUT in columns:
-            raise ValueError(f"{OUTPUT!r} is a name of the package's own: rename the column.")
+            raise ValueError(f"{OUTPUT!r} is a name that the package uses: rename the column.")
         inputs = columns if self.simulation is None else self.simulation.input_names
         names = self._output_names(output)
         scaled = likelihood.scales_noise and not likelihood.log_scale

@@ -87,7 +87,7 @@ def sobol_indices(
     posterior = estimator.posterior_
     model, names = posterior.model, list(posterior.model.parameters)
     if not names:
-        raise ValueError("The simulation has no parameters: nothing can be said of them.")
+        raise ValueError("The simulation has no parameters: indices need at least one.")
     if model.basis.known_depends_on_hyper:
         raise ValueError(
             f"{type(estimator.surrogate_).__name__} is not linear in its constants: take another "

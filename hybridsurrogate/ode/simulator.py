@@ -171,8 +171,8 @@ class OdeSimulator(Simulator):
             change.check(rates, states)
             if change.looks_back and method != "rk4":
                 raise ValueError(
-                    f'{type(change).__name__} needs method="rk4", which remembers what states '
-                    f"were; the simulator has {method!r}."
+                    f'{type(change).__name__} needs method="rk4", which stores earlier states; '
+                    f"the simulator has {method!r}."
                 )
         function = OdeFunction(
             rhs,

@@ -101,7 +101,7 @@ def check_reach(
         if len(far):
             raise ValueError(
                 f"{len(far)} of {len(values)} rows have {name!r} so far outside the simulated "
-                f"range [{low:g}, {high:g}] that a surrogate has no numbers there, the first "
+                f"range [{low:g}, {high:g}] that a surrogate overflows there, the first "
                 f"{values[far[0]]:g} in row {far[0] + 1}. Check the units, or leave out such rows."
             )
 

@@ -80,7 +80,7 @@ def check_experiments(
         return
     if not isinstance(by, Mapping):
         raise TypeError(
-            "by_experiment must say of parameters how they differ, such as {'rate': 'spread'}, "
+            "by_experiment must map parameters to how they differ, such as {'rate': 'spread'}, "
             f"got {by!r}."
         )
     parameters = () if simulation is None else simulation.parameter_names

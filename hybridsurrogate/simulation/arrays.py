@@ -216,8 +216,8 @@ def check_size(values: FloatArray, word: str) -> None:
     size = np.max(np.abs(values), initial=0.0, where=np.isfinite(values))
     if size > _LARGEST:
         raise ValueError(
-            f"{word} has values as large as {size:g}: above {_LARGEST:g} their squares are no "
-            "numbers any more. Leave out what has diverged, or choose another unit."
+            f"{word} has values as large as {size:g}: above {_LARGEST:g} their squares "
+            "overflow. Leave out what has diverged, or choose another unit."
         )
 
 
