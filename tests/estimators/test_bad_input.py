@@ -29,7 +29,7 @@ def power_scaled(simulation, **parameters):
         (
             {"likelihood": "gamma"},
             ValueError,
-            r"one of \['binomial', 'lognormal', 'neg",
+            r"one of \['beta-binomial', 'binomial', 'lognormal', 'neg",
         ),
         ({"noise_prior": 0.5}, TypeError, "prior of 'noise_prior' must be a frozen"),
         ({"surrogate": "pce"}, TypeError, "must be a surrogate object such as Polynomial"),
