@@ -1,4 +1,4 @@
-"""Warnings about doubtful results and inputs, and what an error says of a misspelt name."""
+"""Warnings about doubtful results and inputs, and suggestions for misspelt names."""
 
 from __future__ import annotations
 

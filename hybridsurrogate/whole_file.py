@@ -22,7 +22,7 @@ def check_writable(path: str | os.PathLike[str]) -> None:
     Raises
     ------
     TypeError, ValueError
-        For what is no path, and for an address.
+        For an argument that is not a path, and for an address.
     """
     target = local_path(path)
     folder = Path(os.path.realpath(target)).parent

@@ -19,7 +19,7 @@ from hybridsurrogate.priors import FloatArray
 
 
 class PointwiseLoo(NamedTuple):
-    """Log predictive density of each row given the others, (n,), and whether to trust it.
+    """Log predictive density of each row given the others, (n,), and whether it is reliable.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Draws of step 1: importance sampling around the modes, an ensemble where it is not trusted."""
+"""Draws of step 1: importance sampling around the modes, an ensemble where it is unreliable."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from hybridsurrogate.priors import FloatArray
 class FirstStep:
     """Draws of step 1: u (S, d), coefficients c (S, p) and a (S, q), and how good they are.
 
-    ``proposals`` are what importance draws were chosen from, None where these were not trusted.
+    Importance draws were chosen from ``proposals``, None where these draws were unreliable.
     """
 
     u: FloatArray
@@ -97,7 +97,7 @@ def evidence_around(
 ) -> float:
     """Return the log evidence of a density whose modes are near starts u (k, d), by importance.
 
-    NaN where no start is possible. Nothing is said here of how far the weights can be trusted.
+    NaN where no start is possible. The reliability of the weights is not checked here.
     """
     value = target.search_density(starts)
     if not np.isfinite(value).any():

@@ -48,7 +48,7 @@ def variables_of(posterior: Posterior, noise_prior: Prior) -> list[Variable]:
 
     A parameter with a value for each experiment has these values and no other; one that is spread
     has its mean and the standard deviation between experiments before them, as ``p_mean`` and
-    ``p_spread``. Left out is what is drawn from its prior alone.
+    ``p_spread``. Unknowns that are drawn from their priors alone are left out.
 
     Parameters
     ----------

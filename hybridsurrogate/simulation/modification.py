@@ -16,7 +16,7 @@ Numbers = Mapping[str, FloatArray]  # a modification's own numbers, (m,) each
 class Modification(ABC):
     """A change of the right-hand side with further parameters, and no effect at neutral ones.
 
-    Subclasses say which numbers there are and what they concern, and override `factors`, `drives`,
+    Subclasses define these parameters and what they change. They override `factors`, `drives`,
     `terms` or `lags`.
     """
 

@@ -274,7 +274,7 @@ class Simulator:
         return self._evaluate(*self._check_points(X, omega))[0]
 
     def cached(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        """Run the simulation where a search does: of rows that were run before, what they gave.
+        """Run the simulation in a search; outputs of rows that were run before are cached.
 
         Parameters
         ----------

@@ -78,7 +78,7 @@ class MeasuredGiven:
 
     @cached_property
     def features_and_rest(self) -> tuple[FloatArray, FloatArray] | None:
-        """The inputs' part of the features (m, p) and y less what is known (m,), or None.
+        """The inputs' part of the features (m, p) and y minus the fixed mean (m,), or None.
 
         Times the roots of the weights; None where features do not factorise. Where columns of
         causes do too, the m rows are few, and have the squares of all n measured ones.

@@ -68,9 +68,9 @@ class Products(NamedTuple):
     log_det : ndarray of shape (M,)
         Of the covariance of the rows and of the precision of the parameters.
     along : ndarray of shape (T, R, q)
-        Products of the columns with what the parameters leave.
+        Products of the columns with the residuals of a fit of the parameters.
     inner : ndarray of shape (T, q, q)
-        Products of the columns with each other, what the parameters draw as well taken out.
+        Products of the columns with each other, after the projection on the parameters' slopes.
     squared : ndarray of shape (T,)
         Squares of the columns before that.
     """

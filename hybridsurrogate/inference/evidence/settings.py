@@ -1,4 +1,4 @@
-"""What a search over causes is tuned by: one place, each number with what rests on it."""
+"""The settings of a search over causes: one place, each number with its meaning or figure."""
 
 from __future__ import annotations
 

@@ -40,13 +40,13 @@ class Proposals:
 
 @dataclass(frozen=True)
 class ImportanceDraws:
-    """Resampled draws and how far they can be trusted.
+    """Resampled draws and how reliable they are.
 
     Attributes
     ----------
     draws : ndarray of shape (n_draws, d)
     khat : float
-        Shape of the Pareto tail of the weights; above 0.7 the draws are not trustworthy.
+        Shape of the Pareto tail of the weights; above 0.7 the draws are unreliable.
     effective_draws : float
         1 / sum of squared normalised weights.
     log_evidence : float

@@ -1,4 +1,4 @@
-"""What the sampling of posteriors is tuned by: one place, each number with what rests on it."""
+"""The settings of posterior sampling: one place, each number with its meaning or figure."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ class Components:
     ends : ndarray of shape (2,)
         Of the places.
     spline : BSpline
-        Mean, components, and the error of what they leave, k + 2 curves.
+        Mean, components, and the standard deviation of the residual, k + 2 curves.
     between : BetweenPlaces
         Error of interpolation along them.
     """
