@@ -80,8 +80,10 @@ def prose(path: Path) -> str:
 
 
 def faults(path: Path, texts: list[tuple[int, str]]) -> list[str]:
+    # the package may be installed elsewhere
+    root = PACKAGE.parent if path.suffix == ".py" else PROJECT
     return [
-        f"{path.relative_to(PROJECT)}:{start + line}: {word!r}; write: {instead}"
+        f"{path.relative_to(root)}:{start + line}: {word!r}; write: {instead}"
         for start, text in texts
         for line, word, instead in refused(text)
     ]
