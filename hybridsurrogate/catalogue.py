@@ -1,4 +1,4 @@
-"""Every cause that a diagnosis weighs, for one simulation and one set of measured columns."""
+"""Every cause that a diagnosis compares, for one simulation and one set of measured columns."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _TIMES_IN_TIME, _TIMES = 8, 3
 
 @dataclass(frozen=True)
 class Skipped:
-    """A cause that could not be weighed, and why."""
+    """A cause that could not be compared, and why."""
 
     kind: str
     target: str | None
@@ -36,12 +36,12 @@ def catalogue(
     ----------
     context : Context
     extra : sequence of Cause
-        The user's own mechanisms; one replaces the built-in cause of its form and target.
+        User-defined causes; one replaces the built-in cause of its form and target.
     excluded : collection of str
-        Kinds of which no built-in cause is weighed.
+        Kinds of which no built-in cause is compared.
     alone : bool, default=True
-        One cause has to explain everything. Otherwise an offset beside a missing input is a cause
-        of its own.
+        One cause has to explain everything. Otherwise an offset in addition to a missing input is
+        a separate cause.
     """
     if context.outputs:
         return _of_outputs(context, extra, excluded, alone)
@@ -85,7 +85,7 @@ def _of_outputs(
         for cause in own:
             if cause.has_outliers or cause.concerns == "data":
                 what = "outliers" if cause.has_outliers else "single rows"
-                reason = f"{what} are not weighed in one of several outputs"
+                reason = f"{what} are not compared in one of several outputs"
                 missing.append(Skipped(cause.kind, cause.target, reason))
             elif cause.overdisperses:
                 reason = "overdispersion is not compared in one of several outputs"

@@ -1,4 +1,4 @@
-"""Cholesky factors: of many matrices at once, and cut short where few columns say all."""
+"""Cholesky factors: of many matrices at once, and cut short where few columns are enough."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def plus_minus(value: float, error: float, sign: bool = False) -> str:
 
 
 def score(value: float, error: float) -> str:
-    """Return a score with the digits of the standard error beside it."""
+    """Return a score, rounded to the digits of its standard error."""
     return fixed(value, _decimals(error))
 
 

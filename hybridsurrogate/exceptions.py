@@ -1,4 +1,4 @@
-"""Warnings about doubtful results and inputs, and what an error says of a misspelt name."""
+"""Warnings about doubtful results and inputs, and suggestions for misspelt names."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class RowByRowWarning(HybridSurrogateWarning):
 
 
 class EmulationWarning(HybridSurrogateWarning):
-    """A simulation is slow to run: a fit made runs of it, and rests on an emulator of them."""
+    """A simulation is slow to run: a fit made runs of it, and uses an emulator of them."""
 
 
 class ExtrapolationWarning(HybridSurrogateWarning):
@@ -31,7 +31,7 @@ class ExtrapolationWarning(HybridSurrogateWarning):
 
 
 class SamplingWarning(HybridSurrogateWarning):
-    """The draws from a posterior are not trustworthy."""
+    """The draws from a posterior are unreliable."""
 
 
 class SolverWarning(HybridSurrogateWarning):
@@ -43,11 +43,11 @@ class PriorWarning(HybridSurrogateWarning):
 
 
 class DiagnosisWarning(HybridSurrogateWarning):
-    """A diagnosis rests on too little, or something was left out of it."""
+    """A diagnosis is based on too little, or something was left out of it."""
 
 
 class ConfoundingWarning(DiagnosisWarning):
-    """The data cannot tell a cause from a parameter of the simulation."""
+    """The data cannot distinguish a cause from a parameter of the simulation."""
 
 
 def did_you_mean(name: object, known: Iterable[object]) -> str:

@@ -1,4 +1,4 @@
-"""Draws of a fitted surrogate, what they say, and how far they can be trusted."""
+"""Draws of a fitted surrogate, their summaries, and how reliable they are."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ class Diagnostics:
         "importance" or "emcee".
     khat : float
         Pareto shape of the importance weights in step 1, of several modes the largest; above 0.7
-        they are not trustworthy (NaN for emcee, unless the modes' shares are in doubt).
+        they are unreliable (NaN for emcee, unless the modes' shares are uncertain).
     effective_draws : float
-        Independent draws that the result is worth in step 1.
+        Effective sample size of step 1.
     autocorrelation_time : float
         Of the ensemble, in steps (NaN for importance sampling).
     n_modes : int
-        Modes found.
+        Modes detected.
     second_step : str
         "grid", "importance", "moves" or "none" (nothing was left to infer).
     second_khat, second_effective_draws : float
@@ -50,7 +50,7 @@ class Diagnostics:
         Whether the ensemble ran long enough for its stopping rule.
     log_evidence, log_evidence_error : float
         Log of the integral of prior times likelihoods of step 1, each to its power, and its Monte
-        Carlo standard error (NaN for emcee, which does not tell it).
+        Carlo standard error (NaN for emcee, which does not estimate it).
     """
 
     sampler: str
@@ -91,7 +91,7 @@ class Diagnostics:
         return found
 
     def warn(self) -> None:
-        """Warn when the draws are not trustworthy."""
+        """Warn when the draws are unreliable."""
         problems = self.problems()
         if problems:
             ways = [] if self.sampler == "emcee" else ["sampler='emcee'"]
@@ -215,9 +215,9 @@ class Posterior:
 
     def estimates(self, effect: int) -> dict[str, FloatArray]:
         """Return the draws that one cause reports, in the user's units."""
-        told = self.model.effects[effect].estimates(*self.draws_of(effect))
+        estimates = self.model.effects[effect].estimates(*self.draws_of(effect))
         # what is known, as a row that is left out, is the same in every draw
-        return {name: np.broadcast_to(values, self.n_draws) for name, values in told.items()}
+        return {name: np.broadcast_to(values, self.n_draws) for name, values in estimates.items()}
 
 
 def _names_of(model: MeasuredModel) -> list[str]:

@@ -46,7 +46,7 @@ def truncated_normal(mean: float, sd: float, low: float, high: float) -> Prior:
         For NaN; if ``sd`` is not positive, ``low`` is not below ``high``, or both lie more than
         8 ``sd`` to one side of ``mean``.
     TypeError
-        For what is no number.
+        For an argument that is not a number.
 
     Examples
     --------

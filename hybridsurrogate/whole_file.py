@@ -22,7 +22,7 @@ def check_writable(path: str | os.PathLike[str]) -> None:
     Raises
     ------
     TypeError, ValueError
-        For what is no path, and for an address.
+        For an argument that is not a path, and for an address.
     """
     target = local_path(path)
     folder = Path(os.path.realpath(target)).parent
@@ -33,7 +33,7 @@ def check_writable(path: str | os.PathLike[str]) -> None:
             f"{str(target)!r} cannot be written: the folder {str(folder)!r} does not exist. "
             "Make it first, or name another file."
         )
-    # a device or a pipe is written to as it is, without a file beside it
+    # a device or a pipe is written to as it is, without a second file
     needed = [target] if _is_special(target) else [folder, *([target] if target.exists() else [])]
     if not all(os.access(place, os.W_OK) for place in needed):
         raise PermissionError(

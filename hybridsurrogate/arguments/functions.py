@@ -77,7 +77,7 @@ def state_to_pickle(state: Mapping[str, Any], owner: str) -> dict[str, Any]:
 
 
 def _takes_any_function(caller: types.FrameType) -> bool:
-    """Return whether a frame copies, or is of a pickler that has a way of its own for functions."""
+    """Return whether a frame copies, or is of a pickler that can store functions."""
     if caller.f_globals.get("__name__") == "copy":
         return True
     pickler = caller.f_locals.get("self")

@@ -34,7 +34,8 @@ def local_path(path: Any, name: str = "path", cure: str = "") -> Path:
     Raises
     ------
     TypeError, ValueError
-        For what is no text or path; for an address, an empty text or one with a null character.
+        For an argument that is neither text nor a path; for an address, an empty text or one with a
+        null character.
     """
     try:
         text = os.fspath(path)

@@ -33,13 +33,13 @@ class AveragedSurrogate(SurrogateEstimator):
     """Mixture of several extensions of one model, with fixed weights.
 
     With the probabilities of the explanations as weights this is Bayesian model averaging (Hoeting,
-    Madigan, Raftery and Volinsky 1999, Statistical Science 14:382): where explanations differ, as
-    they do beyond the data, the predictions say so.
+    Madigan, Raftery and Volinsky 1999, Statistical Science 14:382). Predictions are wider where
+    explanations differ, as they do beyond the data.
 
     Parameters
     ----------
     estimators : sequence of PowerScaledSurrogate
-        Of the same simulation and likelihood; with other effects, say.
+        Of the same simulation and likelihood, for example with different effects.
     weights : sequence of float
         One for each; they are scaled to sum to one.
     random_state : int, RandomState or None, default=None
@@ -56,8 +56,8 @@ class AveragedSurrogate(SurrogateEstimator):
     Warns
     -----
     SamplingWarning
-        Where draws are doubtful for more than a tenth of the weight; what is wrong with those of
-        less stands in the ``diagnostics_`` of each estimator.
+        Where draws are unreliable for more than a tenth of the weight. The ``diagnostics_`` of each
+        estimator have the problems at any weight.
 
     Examples
     --------
@@ -137,7 +137,7 @@ class AveragedSurrogate(SurrogateEstimator):
     ) -> AveragedSurrogate:
         """Return the average over estimators that are fitted, to the same rows.
 
-        Doubtful draws are not warned of again.
+        Draws that are unreliable cause no second warning.
 
         Parameters
         ----------
@@ -182,7 +182,7 @@ class AveragedSurrogate(SurrogateEstimator):
 
     @property
     def diagnostics_(self) -> Diagnostics:
-        """How the draws of the first estimator came about."""
+        """Diagnostics of the draws of the first estimator."""
         return self._fitted_first().diagnostics_
 
     @property

@@ -54,11 +54,11 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         """
 
     def _learned(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
-        """Return `_mixture` without effects that measured rows tell nothing of."""
+        """Return `_mixture` without effects that are drawn from their priors alone."""
         return self._mixture(X)
 
     @property
-    def _has_unlearned(self) -> bool:
+    def _has_prior_only(self) -> bool:
         """Whether there are such effects, so that `_learned` is another mixture."""
         pairs = zip(self._learned(), self._mixture(), strict=True)
         return any(learned is not whole for (_, learned), (_, whole) in pairs)
@@ -68,8 +68,8 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
     ) -> FloatArray | tuple[FloatArray, FloatArray]:
         """Return the posterior predictive mean of y.
 
-        Effects that measured rows tell nothing of, such as a `Remainder`, widen intervals and have
-        no direction: the mean is that of all else.
+        Effects that are drawn from their priors alone, such as a `Remainder`, have mean zero. They
+        widen intervals and leave this mean unchanged.
 
         Parameters
         ----------
@@ -97,7 +97,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         check_flag(return_std, "return_std")
         X = self.checked_rows(X)
         cuts = row_blocks(self._mixture, X)
-        once = return_std and not self._has_unlearned
+        once = return_std and not self._has_prior_only
         pieces = [moments(self._learned(X[some]), X[some], with_variance=once) for some in cuts]
         mean, carried, *variance = (np.concatenate(piece) for piece in zip(*pieces, strict=True))
         warn_of_carried(carried)
@@ -111,7 +111,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         return self._back(mean), self._back(np.sqrt(variance[0]))
 
     def predict_interval(self, X: ArrayLike, level: float = 0.9) -> tuple[FloatArray, FloatArray]:
-        """Return a central interval that holds a new y with the given probability.
+        """Return a central interval that covers a new y with the given probability.
 
         Quantiles of the mixture over draws, exact up to the draws. Under a
         likelihood that is not normal, quantiles of 20000 draws of y.
@@ -133,7 +133,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
     def interval_holds(
         self, X: ArrayLike, y: ArrayLike, levels: Sequence[float] = (0.9,)
     ) -> list[FloatArray]:
-        """Return whether the central interval of each level holds each row of y, as 0 and 1.
+        """Return whether the central interval of each level covers each row of y, as 0 and 1.
 
         Exact for the mixture over draws, without its quantiles.
 
@@ -224,9 +224,9 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         rows = self._known_columns(rows)
         long, values = self.stacking_.rows(rows), self.stacking_.values(output)
         there = np.isfinite(values)
-        told = self._log_density(long[there], values[there])
-        told = told - self.stacking_.log_scale(long[there])
-        return _spread_out(told, there).reshape(output.shape)
+        density = self._log_density(long[there], values[there])
+        density = density - self.stacking_.log_scale(long[there])
+        return _spread_out(density, there).reshape(output.shape)
 
     def _log_density_with_gaps(self, X: Any, y: Any) -> FloatArray:
         """Return the log predictive density of rows of one output, NaN where y is, (n,)."""
@@ -274,7 +274,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         """Return the leave-one-out score: the density of each measured row given the others.
 
         Pareto-smoothed importance sampling with the weights that belong to a power-scaled
-        posterior; rows for which it fails are left out in a fit of their own.
+        posterior. Each row for which it fails is left out in a separate fit.
 
         Parameters
         ----------
@@ -306,11 +306,11 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         pandas.DataFrame
             Indexed by name; a parameter that differs between experiments has a row for each, such
             as ``rate[b1]``. Columns: "experiment" and "cause" (empty where there is none), "mean",
-            "sd", "q5" and "q95" (5 % and 95 % quantiles of the posterior), "ess" (independent draws
-            that step 1 is worth, at most those that are kept), "khat" (largest Pareto k-hat of
-            both steps; above 0.7 the draws are doubtful), and "source": "prior" of a cause that the
-            rows say nothing about. Of several posteriors that are mixed also "model" and "weight".
-            Where the fit emulated a simulation that is slow to run, "simulation" says so.
+            "sd", "q5" and "q95" (5 % and 95 % quantiles of the posterior), "ess" (effective sample
+            size of step 1, at most the number of draws kept), "khat" (largest Pareto k-hat of both
+            steps; above 0.7 the draws are doubtful), and "source": "prior" for a cause that is
+            drawn from its prior alone. A mixture of posteriors also has "model" and "weight". Where
+            the fit emulated a slow simulation, "simulation" has the number of runs.
 
         Examples
         --------
@@ -336,8 +336,8 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         """Return posterior, prior, log likelihood, log prior, predictions and data for ArviZ.
 
         ``arviz.loo`` of it is wrong where the measured likelihood has a power other than one, and
-        where draws are of two surrogates: use `loo`. ``log_prior`` is that of step 2, in which
-        measured rows and original priors speak: how sensitive its results are, `arviz.psens` says.
+        where draws are of two surrogates: use `loo`. ``log_prior`` is that of step 2, which has
+        the measured rows and the original priors. `arviz.psens` estimates how sensitive it is.
 
         Returns
         -------

@@ -121,8 +121,8 @@ def choose_beta(
         path = beta_path(model, _safe_indexing(X, train), outputs[train], list(grid))
         n_refits += path.n_refits
         rows = _safe_indexing(X, test)
-        told = np.array([m.log_predictive_density(rows, outputs[test]) for m in path.estimators])
-        held_out.append(told[:, np.isfinite(outputs[test])])
+        density = np.array([m.log_predictive_density(rows, outputs[test]) for m in path.estimators])
+        held_out.append(density[:, np.isfinite(outputs[test])])
     pointwise = np.concatenate(held_out, axis=1)
     mean = pointwise.mean(axis=1)
     best = int(np.argmax(mean))

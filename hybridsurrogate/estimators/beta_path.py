@@ -37,7 +37,7 @@ class BetaPath:
     betas : ndarray of shape (n_betas,)
     estimators : list of n_betas fitted estimators
     refitted : ndarray of bool, shape (n_betas,)
-        Where a fit of its own was needed, the first one included.
+        Where a new fit was needed; the first is always one.
     khat : ndarray of shape (n_betas,)
         Pareto k-hat of the draws that were carried over; NaN where refitted.
 

@@ -159,7 +159,7 @@ class CheckedEstimator(BaseEstimator):
             raise ValueError("beta must lie between 0 and 1, got NaN.")
 
     def _beta_at(self, beta_of: Callable[[FloatArray], ArrayLike], X: FloatArray) -> FloatArray:
-        """Return what a callable beta says at rows X, (n,): it sees the simulation's inputs."""
+        """Return the values (n,) of a callable beta at rows X; it gets the simulation's inputs."""
         inputs = X if self.simulation is None else X[:, : len(self.simulation.input_names)]
         beta = np.asarray(beta_of(inputs), dtype=float)
         if beta.shape != (len(inputs),):
@@ -226,7 +226,7 @@ class CheckedEstimator(BaseEstimator):
         return weights
 
     def _further_tables(self) -> Sequence[Any]:
-        """Return measured rows beside those in ``fit``, as tables."""
+        """Return measured rows in addition to those in ``fit``, as tables."""
         return ()
 
     def _checked(
@@ -261,7 +261,7 @@ class CheckedEstimator(BaseEstimator):
     ) -> tuple[Stacking, SimulationData | Simulator | None]:
         """Return how several outputs are laid out, and the simulation with one output a row."""
         if OUTPUT in columns:
-            raise ValueError(f"{OUTPUT!r} is a name of the package's own: rename the column.")
+            raise ValueError(f"{OUTPUT!r} is a name that the package uses: rename the column.")
         inputs = columns if self.simulation is None else self.simulation.input_names
         names = self._output_names(output)
         scaled = likelihood.scales_noise and not likelihood.log_scale

@@ -1,7 +1,7 @@
-"""A slow simulation that a fit replaces by an emulator: runs over the priors, then where data lead.
+"""A slow simulation replaced by an emulator: runs over the priors, then near the posterior.
 
 The first runs fill the ranges of the priors. Further ones are at draws of the posterior that are
-furthest from all runs, until what the emulator leaves open is small beside the noise.
+furthest from all runs, until the emulator's error is small compared with the noise.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ E = TypeVar("E", bound=SurrogateEstimator)
 
 @dataclass(frozen=True)
 class Emulation:
-    """What a fit made of a simulation that is slow to run.
+    """The emulator by which a fit replaced a slow simulation.
 
     Attributes
     ----------
@@ -62,8 +62,8 @@ class Emulation:
     seconds : float
         That the simulation takes for one set of parameters at the measured rows.
     left_open : float
-        What the runs leave open at these rows: root mean square over them and the posterior, in
-        standard deviations of the noise.
+        Standard deviation of the emulator at these rows: root mean square over them and the
+        posterior, in standard deviations of the noise.
     """
 
     runs: SimulationData
@@ -84,7 +84,7 @@ class Emulation:
 
     def __str__(self) -> str:
         return (
-            f"{self.origin} At the measured rows these leave it open by "
+            f"{self.origin} The emulator's standard deviation at the measured rows is "
             f"{number(self.left_open, 2)} times the noise."
         )
 
@@ -159,7 +159,7 @@ def emulated(
 
 
 def take(estimator: E, fitted: E) -> E:
-    """Return an estimator with what another one of its kind found in its fit."""
+    """Return an estimator with the fitted attributes of another one of its class."""
     parameters = estimator.get_params(deep=False)
     for name in set(vars(estimator)) - set(parameters):
         delattr(estimator, name)
@@ -198,7 +198,7 @@ def seconds_a_set(simulator: Simulator, X: FloatArray) -> float:
 
 
 def left_open(posterior: Posterior, X: FloatArray, weights: FloatArray) -> float:
-    """Return what the runs of an emulator leave open at measured rows, in units of the noise.
+    """Return the standard deviation of an emulator at measured rows, in units of the noise.
 
     Parameters
     ----------
@@ -222,7 +222,7 @@ def left_open(posterior: Posterior, X: FloatArray, weights: FloatArray) -> float
 
 
 def posterior_of_simulation(estimator: SurrogateEstimator) -> Posterior:
-    """Return the posterior that rests on the simulation, without what rows say nothing of."""
+    """Return the posterior based on the simulation, without effects drawn from priors alone."""
     if hasattr(estimator, "simulation_posterior_"):
         found: Posterior = estimator.simulation_posterior_
         return found

@@ -78,7 +78,7 @@ class KennedyOHaganSurrogate(PowerScaledSurrogate):
         self.n_draws = n_draws
         self.random_state = random_state
 
-    # what the parent takes as parameters is settled here
+    # what the parent takes as parameters is fixed here
     beta = 1.0
 
     @property

@@ -39,7 +39,7 @@ from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.simulation.variables import priors_of
 from hybridsurrogate.surrogates.base import Surrogate
 
-# priors are told apart by their quantiles at these shares
+# priors are distinguished by their quantiles at these shares
 _SHARES = np.linspace(0.01, 0.99, 9)
 
 
@@ -73,11 +73,11 @@ class Source:
 class MultiSourceSurrogate(PowerScaledSurrogate):
     """Power scaling with any number of simulations and measured sets.
 
-    The likelihood of each source is raised to its own power; simulations share the surrogate, so
-    they must have the same inputs, priors and assumed values (a coarse and a fine one, say). One
+    The likelihood of each source is raised to its power. Simulations share the surrogate, so they
+    must have the same inputs, priors and assumed values, as a coarse and a fine one have. One
     simulation with power alpha_S and the measured data with power alpha_R are
-    `PowerScaledSurrogate` with the beta that belongs to these. Step 2 weighs measured sets by their
-    powers relative to the largest.
+    `PowerScaledSurrogate` with the beta that belongs to these. In step 2 the weights of measured
+    sets are their powers relative to the largest.
 
     Parameters
     ----------
@@ -196,7 +196,7 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
         return [complete_table(X, labels=self.experiment) for X, _ in further]
 
     def _all_rows(self, data: CheckedData, likelihood: Likelihood) -> MeasuredRows:
-        """Return the rows of all measured sets, weighed relative to the largest power."""
+        """Return the rows of all measured sets, with weights relative to the largest power."""
         # measured rows that count nowhere in step 1 still carry step 2
         rows, top = data.rows, self._largest_power()
         own = self.power / top if top else 1.0

@@ -24,9 +24,9 @@ from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.prediction.leave_one_out import loo_of_fit
 from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.problem.prior_only import with_prior_only
 from hybridsurrogate.problem.problem import Problem, make_problem
 from hybridsurrogate.problem.rows import MeasuredRows
-from hybridsurrogate.problem.unlearned import with_unlearned
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
 
@@ -44,12 +44,12 @@ class PowerScaledSurrogate(SurrogateEstimator):
     simulation : SimulationData, Simulator or None, default=None
         Runs of the simulation, or the simulation itself. None: train on measured data alone.
     surrogate : Surrogate or None, default=None
-        None: ``PolynomialChaos()`` of runs. The simulation itself is run where that takes less than
-        a millisecond for one set of parameters, else ``fit`` makes runs of it, and takes
-        ``Kriging()``; `ExactSurrogate` runs it in any case.
+        None: ``PolynomialChaos()`` of runs. A simulation is called directly where it takes less
+        than a millisecond for one set of parameters. Otherwise ``fit`` makes runs of it for
+        ``Kriging()``. `ExactSurrogate` calls it in any case.
     beta : float or callable, default=0.5
         Weight of the simulation: 0 = measured data only, 1 = simulation only. A callable
-        ``beta(X) -> (n,)`` of the simulation's inputs trusts it more here than there.
+        ``beta(X) -> (n,)`` of the simulation's inputs varies the weight between them.
     likelihood : {"normal", "lognormal", "student-t", "negative-binomial", "poisson"} or Likelihood
         Default "normal".
     noise_prior : frozen scipy.stats distribution or None, default=None
@@ -59,13 +59,13 @@ class PowerScaledSurrogate(SurrogateEstimator):
     effects : sequence of Cause, default=()
         Causes by which measured rows differ from the simulation.
     experiment : str or None, default=None
-        The measured column that says which experiment a row is of: a batch, a subject, a sensor.
-        In a DataFrame it may hold names. It is never an axis.
+        The measured column that holds each row's experiment: a batch, a subject, a sensor. In a
+        DataFrame it may hold names. It is never an axis.
     by_experiment : mapping of parameter to {"shared", "own", "spread"} or None, default=None
-        Parameters of the simulation that differ between experiments: each has its "own" value, of
-        which the others tell nothing, or values "spread" normally around their mean, the spread
-        inferred (`ParameterByExperiment`). An experiment that was not measured is another one of
-        the same kind.
+        Parameters of the simulation that differ between experiments. "own": values that are
+        independent of each other. "spread": values normally distributed around their mean, with
+        the spread inferred (`ParameterByExperiment`). Predictions for an experiment that was not
+        measured draw its value from the same distribution.
     sampler : {"auto", "importance", "emcee"} or EnsembleSampler, default="auto"
         "auto": importance sampling, emcee where its k-hat exceeds 0.7 or there are several modes.
     n_draws : int, default=1000
@@ -85,9 +85,9 @@ class PowerScaledSurrogate(SurrogateEstimator):
     diagnostics_ : Diagnostics
         Sampler used, k-hat, effective draws, autocorrelation time.
     emulation_ : Emulation or None
-        What ``fit`` made of a simulation that is slow to run: ``runs``, ``seconds`` that one set of
-        parameters takes, and what the runs have ``left_open``, in standard deviations of the noise.
-        None where the simulation is run itself, or runs were given.
+        The emulator of a slow simulation: the ``runs`` that ``fit`` made, ``seconds`` that one set
+        of parameters takes, and ``left_open``, the emulator's standard deviation in standard
+        deviations of the noise. None where the simulation is called directly, or runs were given.
     n_features_in_, feature_names_in_
         As everywhere in scikit-learn.
 
@@ -99,7 +99,7 @@ class PowerScaledSurrogate(SurrogateEstimator):
     Warns
     -----
     SamplingWarning
-        When the draws are doubtful.
+        When the draws are unreliable.
     ExtrapolationWarning
         When measured inputs lie outside the simulated range.
     EmulationWarning
@@ -183,29 +183,29 @@ class PowerScaledSurrogate(SurrogateEstimator):
     def _keep(
         self, data: CheckedData, rows: MeasuredRows, problem: Problem, fit: Fit
     ) -> PowerScaledSurrogate:
-        """Store what a fit found."""
+        """Store the results of a fit."""
         self._store(data, rows)
         self._fitted = problem, fit
         self.surrogate_, self.likelihood_ = self._check_parameters()
-        unlearned = [effect for effect in as_causes(self.effects) if not effect.is_learned]
-        self.posterior_ = with_unlearned(fit.second, problem, unlearned)
+        prior_only = [effect for effect in as_causes(self.effects) if not effect.is_learned]
+        self.posterior_ = with_prior_only(fit.second, problem, prior_only)
         self.first_step_ = fit.first
         self.diagnostics_ = fit.diagnostics
         return self
 
-    def with_unlearned(self, effects: Sequence[Cause]) -> PowerScaledSurrogate:
-        """Return the fitted estimator with further effects that measured rows tell nothing of.
+    def with_prior_only(self, effects: Sequence[Cause]) -> PowerScaledSurrogate:
+        """Return the fitted estimator with further effects, drawn from their priors alone.
 
         Parameters
         ----------
         effects : sequence of Cause
-            Such as `Remainder`: of a cause that rows do tell of another fit is needed.
+            Such as `Remainder`. A cause that measured rows inform needs another fit.
         """
         check_is_fitted(self)
         problem, _ = self._fitted
         out = copy.copy(self)
         out.effects = (*as_causes(self.effects), *effects)
-        out.posterior_ = with_unlearned(self.posterior_, problem, effects)
+        out.posterior_ = with_prior_only(self.posterior_, problem, effects)
         return out
 
     def _problem(
@@ -230,7 +230,7 @@ class PowerScaledSurrogate(SurrogateEstimator):
         )
 
     def _learned_effects(self, data: CheckedData) -> tuple[Cause, ...]:
-        """Return the effects that rows tell of: the user's, then what differs by experiment."""
+        """Return the effects that rows inform: the user's, then what differs by experiment."""
         learned = tuple(effect for effect in as_causes(self.effects) if effect.is_learned)
         return learned if data.experiments is None else (*learned, *data.experiments.effects())
 

@@ -41,15 +41,15 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         Family of both surrogates (the second is a `PolynomialChaos` where the first is exact).
         None: as in `PowerScaledSurrogate`.
     beta : float, callable or "stacking", default=0.5
-        Weight of the simulation. A callable ``beta(X) -> (n,)`` of the simulation's inputs trusts
-        it more here than there. "stacking": the weight that would have predicted each measured row
-        best from the others (Yao, Vehtari, Simpson and Gelman 2018, Bayesian Analysis 13:917).
+        Weight of the simulation. A callable ``beta(X) -> (n,)`` of the simulation's inputs varies
+        the weight between them. "stacking": the weight with the best leave-one-out predictions of
+        the measured rows (Yao, Vehtari, Simpson and Gelman 2018, Bayesian Analysis 13:917).
     likelihood : {"normal", "lognormal", "student-t", "negative-binomial", "poisson"} or Likelihood
         Default "normal".
     noise_prior : frozen scipy.stats distribution or None, default=None
     experiment, by_experiment
         As in `PowerScaledSurrogate`, for the surrogate of the simulation. That of the measured data
-        knows no parameters, and is the same for all experiments.
+        has no parameters of the simulation, and is the same for all experiments.
     sampler : {"auto", "importance", "emcee"} or EnsembleSampler, default="auto"
     n_draws : int, default=1000
         Draws from each of the two posteriors.
@@ -62,7 +62,7 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
     simulation_posterior_, measured_posterior_ : Posterior
         Draws of the two surrogates; the first is None without a simulation.
     beta_ : float or callable
-        The weight used: ``beta``, or what stacking found.
+        The weight used: ``beta``, or the result of stacking.
     diagnostics_ : dict of str to Diagnostics
         For "simulation" and "measured".
 

@@ -33,10 +33,10 @@ def sobol_indices(
 ) -> pd.DataFrame:
     """Return how much of the output's variance is due to each parameter, at rows of inputs.
 
-    Of the simulation as the fitted surrogate tells it, causes and noise left out. The first-order
-    index of a parameter is the share of the variance that would go if it were known, the total
-    index the share that would be left if all others were (Saltelli and others 2010, Computer
-    Physics Communications 181:259, as `scipy.stats.sobol_indices`).
+    The output is that of the fitted surrogate, without causes and noise. The first-order index of
+    a parameter is the share of the variance that would go if it were known. The total index is the
+    share that would remain if all others were known (Saltelli and others 2010, Computer Physics
+    Communications 181:259, as `scipy.stats.sobol_indices`).
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def sobol_indices(
         Parameters are drawn from the marginals of their posterior, as if these were independent,
         and not from their priors.
     n : int, default=1024
-        Draws, a power of two; the simulation is asked for n (n_parameters + 2) outputs a row.
+        Draws, a power of two; the simulation is evaluated n (n_parameters + 2) times a row.
     random_state : int, RandomState or None, default=None
 
     Returns
@@ -87,7 +87,7 @@ def sobol_indices(
     posterior = estimator.posterior_
     model, names = posterior.model, list(posterior.model.parameters)
     if not names:
-        raise ValueError("The simulation has no parameters: nothing can be said of them.")
+        raise ValueError("The simulation has no parameters: indices need at least one.")
     if model.basis.known_depends_on_hyper:
         raise ValueError(
             f"{type(estimator.surrogate_).__name__} is not linear in its constants: take another "

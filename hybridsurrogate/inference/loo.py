@@ -19,7 +19,7 @@ from hybridsurrogate.priors import FloatArray
 
 
 class PointwiseLoo(NamedTuple):
-    """Log predictive density of each row given the others, (n,), and whether to trust it.
+    """Log predictive density of each row given the others, (n,), and whether it is reliable.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class PointwiseLoo(NamedTuple):
     khat : ndarray of shape (n,)
         Pareto k-hat.
     failed : ndarray of shape (n,)
-        Rows whose k-hat is above what so many draws can bear: they need a fit of their own.
+        Rows whose k-hat is above the limit for so many draws: each needs a separate fit.
     """
 
     log_density: FloatArray

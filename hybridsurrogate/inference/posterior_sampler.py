@@ -1,4 +1,4 @@
-"""Draws of step 1: importance sampling around the modes, an ensemble where it is not trusted."""
+"""Draws of step 1: importance sampling around the modes, an ensemble where it is unreliable."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from hybridsurrogate.priors import FloatArray
 class FirstStep:
     """Draws of step 1: u (S, d), coefficients c (S, p) and a (S, q), and how good they are.
 
-    ``proposals`` are what importance draws were chosen from, None where these were not trusted.
+    Importance draws were chosen from ``proposals``, None where these draws were unreliable.
     """
 
     u: FloatArray
@@ -97,7 +97,7 @@ def evidence_around(
 ) -> float:
     """Return the log evidence of a density whose modes are near starts u (k, d), by importance.
 
-    NaN where no start is possible. Nothing is said here of how far the weights can be trusted.
+    NaN where no start is possible. The reliability of the weights is not checked here.
     """
     value = target.search_density(starts)
     if not np.isfinite(value).any():
@@ -112,7 +112,9 @@ def evidence_around(
 def _modes(target: Target, starts: FloatArray) -> list[Gaussian]:
     steps = target.step_share, target.model.least_step
     modes = find_modes(target.search_density, starts, *steps)
-    if target.n_dimensions > 2:  # with one unknown beside sigma the starts were all there are
+    if (
+        target.n_dimensions > 2
+    ):  # with one unknown in addition to sigma the starts were all there are
         further = further_points(target, modes[0].mean)
         if len(further):
             modes += find_modes(target.search_density, further, *steps)
@@ -245,8 +247,8 @@ def log_evidence_of(target: Target, sampled: ImportanceDraws) -> float:
 def _of_ensemble(run: EnsembleDraws, n_modes: int, doubt: float = np.nan) -> Diagnostics:
     """Return what an estimator reports of an ensemble.
 
-    Walkers hardly cross between modes: of several, the shares are those that importance draws
-    found, and as much in doubt as their k-hat, ``doubt``, says.
+    Walkers hardly cross between modes. The shares of several modes are those of importance draws,
+    as reliable as their k-hat, ``doubt``.
     """
     return Diagnostics(
         "emcee",

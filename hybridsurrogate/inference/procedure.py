@@ -164,9 +164,10 @@ def measured_draws(
     random_state: np.random.RandomState,
     effort: Effort | None = None,
 ) -> MeasuredDraws:
-    """Draw what measured rows say given each coefficient draw: by grid, proposals or moves.
+    """Draw the unknowns of the measured rows given each coefficient draw.
 
-    With an ``effort`` by moves, from u and a that are draws of the answer or of one near to it.
+    By grid, proposals or moves. With an ``effort`` by moves, from u and a that are draws of this
+    posterior or of one near to it.
     """
     if not problem.collapses:
         return conditional_draws(

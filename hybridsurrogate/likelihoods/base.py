@@ -1,4 +1,4 @@
-"""What an estimator asks of a likelihood."""
+"""What an estimator needs of a likelihood."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ _KERNEL = 0.8
 
 
 class Likelihood(ABC):
-    """How a measured value scatters around what the surrogate says.
+    """How a measured value scatters around the surrogate's output.
 
-    A likelihood needs ``log_density`` alone. Without a ``sample`` of its own it is drawn from and
-    averaged over on nodes of y; counts need one, as their density lies on whole numbers. Mean,
-    variance and Fisher information are averages over samples where no formula is given.
+    A subclass needs ``log_density`` alone. Without a ``sample`` method, draws and averages use
+    nodes of y. Counts need ``sample``, as their density lies on whole numbers. Mean, variance and
+    Fisher information are averages over samples where no formula is given.
 
     ``eta``, the surrogate's output, and ``sigma``, the second parameter, broadcast against each
     other; by convention draws come first and rows last, so ``eta`` has shape (n_draws, n) and
@@ -40,8 +40,8 @@ class Likelihood(ABC):
     has_scale : bool
         Whether there is a second parameter.
     scales_noise : bool
-        Whether the second parameter is the scale of the noise on that of eta, which is never less
-        than what rounding leaves.
+        Whether the second parameter is the noise's standard deviation on the scale of eta, which is
+        at least the rounding error.
     rough : bool
         Whether the density may have kinks in eta, so that derivatives at a point mislead.
     gaussian : bool
@@ -81,7 +81,7 @@ class Likelihood(ABC):
     def check(self, y: FloatArray, source: str = "measured") -> None:
         """Raise ValueError when y cannot come from this likelihood; name its source.
 
-        By default where a logarithm is asked for and y has none.
+        By default where y needs a logarithm and has none.
         """
         if self.log_scale and not (y >= 0).all():
             raise ValueError(
@@ -147,7 +147,7 @@ class Likelihood(ABC):
 
     @property
     def has_sampler(self) -> bool:
-        """Whether it has a way to draw y of its own."""
+        """Whether it overrides `sample`."""
         return type(self).sample is not Likelihood.sample
 
     def noise_prior(self, scale: float) -> Prior:

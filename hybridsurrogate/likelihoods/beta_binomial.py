@@ -49,8 +49,8 @@ class BetaBinomial(Binomial):
         self.check(y, source)
         if self.trials == 1:
             raise ValueError(
-                "The beta-binomial likelihood needs two or more trials a row, as a single one says "
-                "nothing of their scatter: set BetaBinomial(trials=...), or use 'binomial'."
+                "The beta-binomial likelihood needs two or more trials a row, as a single one does "
+                "not show their scatter: set BetaBinomial(trials=...), or use 'binomial'."
             )
 
     def log_density(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
@@ -78,7 +78,7 @@ class BetaBinomial(Binomial):
     def information(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the mean square of the score, a sum over the possible y.
 
-        Of many trials over some of them; never less than what mean and variance say.
+        Of many trials over some of them; never less than the bound by mean and variance.
         """
         mass, square = 0.0, 0.0
         for y, weight in zip(*self._nodes(), strict=True):

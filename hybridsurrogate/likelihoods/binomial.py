@@ -57,7 +57,7 @@ class Binomial(Likelihood):
         if bad.size:
             raise ValueError(
                 f"The {self.name} likelihood needs successes 0 to {self.trials}, but {bad.size} of "
-                f"{y.size} {source} values are none (first at row {bad[0]}: {y[bad[0]]:g}). Set "
+                f"{y.size} {source} values are not (first at row {bad[0]}: {y[bad[0]]:g}). Set "
                 f"{type(self).__name__}(trials=...), and give numbers of successes, not shares."
             )
 

@@ -16,7 +16,7 @@ from hybridsurrogate.priors import FloatArray
 
 @dataclass(frozen=True)
 class CustomLikelihood(Likelihood):
-    """A likelihood of your own: a log density, and where you know them mean and sample.
+    """A user-defined likelihood: a log density, and optionally its mean and a sampler.
 
     Parameters
     ----------
@@ -56,10 +56,10 @@ class CustomLikelihood(Likelihood):
     rough = True
 
     def check_training(self, y: FloatArray, source: str = "measured") -> None:
-        """Raise ValueError where y has no logarithm that is asked for, or no density is finite.
+        """Raise ValueError where y needs a logarithm and has none, or no density is finite.
 
-        The density is tried at the data themselves, with sigma = 1: a function that gives the wrong
-        shape, NaN or minus infinity everywhere is told so before anything is fitted.
+        The density is evaluated at the data themselves, with sigma = 1. A function that returns the
+        wrong shape, or NaN or minus infinity everywhere, raises an error before anything is fitted.
         """
         check_callable(self.log_density_function, "log_density_function", "def f(y, eta, sigma)")
         for name in ("mean_function", "sample_function"):
@@ -112,7 +112,7 @@ class CustomLikelihood(Likelihood):
     def sample(
         self, eta: FloatArray, sigma: FloatArray, random_state: np.random.RandomState
     ) -> FloatArray:
-        """Return the user's samples, or what is drawn from the density."""
+        """Return the user's samples, or draws from the density."""
         if self.sample_function is None:
             return super().sample(eta, sigma, random_state)
         return np.asarray(self.sample_function(eta, sigma, random_state), dtype=float)

@@ -10,8 +10,8 @@ from scipy.integrate import cumulative_trapezoid, trapezoid
 from hybridsurrogate.priors import FloatArray
 
 _NOTHING = (
-    "There is no density of y around what the simulation gives, so nothing can be drawn from it. A "
-    "likelihood of whole numbers, or of values far from there, needs a sample of its own."
+    "The density of y is zero around the simulation's output, so nothing can be drawn from it. A "
+    "likelihood of whole numbers, or of values far from there, needs its own sample function."
 )
 
 

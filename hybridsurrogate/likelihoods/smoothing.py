@@ -1,4 +1,4 @@
-"""Log densities averaged over a normal kernel: what kinks and heavy tails look like from afar.
+"""Log densities averaged over a normal kernel, which smooths kinks and heavy tails.
 
 A Gaussian approximation of a posterior is best where log density and derivatives are averaged over
 the approximation itself (Opper and Archambeau 2009, Neural Computation 21:786).

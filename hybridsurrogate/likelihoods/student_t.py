@@ -45,8 +45,8 @@ class StudentT(HeavyTailed):
         double = np.finfo(float)
         if self.df < -2 * np.log(double.eps) / np.log(double.max):
             raise ValueError(
-                f"StudentT({self.df!r}) has tails so heavy that squares of its draws are no "
-                "numbers. Most data have a df of 2 to 30."
+                f"StudentT({self.df!r}) has tails so heavy that squares of its draws overflow. "
+                "Most data have a df of 2 to 30."
             )
 
     def log_density(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:

@@ -23,7 +23,7 @@ def accepted_names(
         return ()
     try:
         arguments = list(inspect.signature(function).parameters.values())
-    except ValueError:  # some compiled functions do not tell
+    except ValueError:  # some compiled functions have no signature
         return names
     named = [
         a for a in arguments[n_positional:] if a.kind in (a.POSITIONAL_OR_KEYWORD, a.KEYWORD_ONLY)

@@ -197,7 +197,7 @@ class MissingTerm(Modification):
         return {self.state: numbers["rate"] * term}
 
 
-# beside the sizes
+# in addition to the sizes
 _FURTHER_NUMBERS = {
     "seasonal": {"period": 1.0},
     "power": {"exponent": 1.0},

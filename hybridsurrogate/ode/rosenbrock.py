@@ -1,4 +1,4 @@
-"""Stiff equations: a Rosenbrock method for many solutions at once, each with steps of its own."""
+"""Stiff equations: a Rosenbrock method for many solutions at once, each with adaptive steps."""
 
 from __future__ import annotations
 

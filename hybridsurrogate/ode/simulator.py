@@ -40,7 +40,7 @@ class OdeSimulator(Simulator):
     """A simulation that solves an ordinary differential equation.
 
     A `Simulator` whose right-hand side is known, so that causes inside the dynamics
-    (`DynamicDrift`, `DynamicTerm`, `DynamicDelay`) can be weighed beside those outside.
+    (`DynamicDrift`, `DynamicTerm`, `DynamicDelay`) can be compared with those outside.
 
     Parameters
     ----------
@@ -63,8 +63,8 @@ class OdeSimulator(Simulator):
     method : str, default="auto"
         "rk4": Runge-Kutta of fourth order with a fixed step, for all solutions at once.
         "rosenbrock": RODAS (Hairer and Wanner 1996, section IV.7), for stiff equations, for all
-        solutions at once, each with steps of its own. "auto": the first, or the second where 1,600
-        steps do not do for the first; the attribute is the one that was chosen. Or a method of
+        solutions at once, each with adaptive steps. "auto": the first, or the second where 1,600
+        steps are not enough for the first; the attribute is the one that was chosen. Or a method of
         `scipy.integrate.solve_ivp`, such as "LSODA" or "Radau", one solution after another.
     max_step : float, optional
         The step of "rk4", by default the longest that leaves solutions as they are when it is
@@ -171,8 +171,8 @@ class OdeSimulator(Simulator):
             change.check(rates, states)
             if change.looks_back and method != "rk4":
                 raise ValueError(
-                    f'{type(change).__name__} needs method="rk4", which remembers what states '
-                    f"were; the simulator has {method!r}."
+                    f'{type(change).__name__} needs method="rk4", which stores earlier states; '
+                    f"the simulator has {method!r}."
                 )
         function = OdeFunction(
             rhs,
@@ -301,7 +301,7 @@ class OdeSimulator(Simulator):
 
     @property
     def remembers(self) -> bool:
-        """Whether the right-hand side can be told what states were: by "rk4" alone."""
+        """Whether the right-hand side can use earlier states: with "rk4" alone."""
         return self.method == "rk4"
 
     def held(self, X: FloatArray) -> FloatArray:
@@ -395,7 +395,7 @@ class ObserveOne:
     ----------
     observe : callable
     names : sequence of str
-        What it is passed beside the states.
+        What it is passed in addition to the states.
     outputs : sequence of str
     scale : ndarray of shape (n_outputs,)
         By which outputs are divided.

@@ -171,7 +171,7 @@ def _times(function: OdeFunction, columns: Columns) -> int:
 
 
 def _known(solutions: FloatArray) -> NDArray[np.bool_]:
-    """Tell which solutions (n_states, n_solutions, n_times) are finite."""
+    """Return which solutions (n_states, n_solutions, n_times) are finite."""
     return np.asarray(np.isfinite(solutions).all(axis=(0, 2)))
 
 

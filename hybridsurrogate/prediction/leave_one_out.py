@@ -67,8 +67,8 @@ _SQUARED, _LEAST, _MOST = 4e5, 50, 1000
 class Loo:
     """Leave-one-out score of a fitted estimator.
 
-    Of equal rows one is left out at a time. A row of weight two counts like two equal rows here
-    too: what is left out of it has weight one.
+    Of equal rows one is left out at a time. A row of weight two counts like two equal rows: weight
+    one is left out at a time.
 
     Attributes
     ----------

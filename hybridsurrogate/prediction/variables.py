@@ -44,11 +44,11 @@ class Variable:
 
 
 def variables_of(posterior: Posterior, noise_prior: Prior) -> list[Variable]:
-    """Return all unknowns of which the measured rows say something.
+    """Return all unknowns that the measured rows inform.
 
     A parameter with a value for each experiment has these values and no other; one that is spread
     has its mean and the standard deviation between experiments before them, as ``p_mean`` and
-    ``p_spread``. Left out is what is drawn from its prior alone.
+    ``p_spread``. Unknowns that are drawn from their priors alone are left out.
 
     Parameters
     ----------
@@ -125,15 +125,15 @@ def _by_experiment(posterior: Posterior, k: int, mean: FloatArray) -> list[Varia
     assert isinstance(effect, ParameterByExperiment)
     assert effect.prior is not None
     name, prior, column = effect.parameter, effect.prior, effect.column
-    told = posterior.estimates(k)
-    each = np.column_stack([told[own] for own in told if own != "spread"])
-    labels = tuple(own.removeprefix(f"{column} = ") for own in told if own != "spread")
+    estimates = posterior.estimates(k)
+    each = np.column_stack([estimates[own] for own in estimates if own != "spread"])
+    labels = tuple(own.removeprefix(f"{column} = ") for own in estimates if own != "spread")
     if effect.how == "own":
         log_prior = np.asarray(prior.logpdf(each))
         return [
             Variable(name, each, log_prior, lambda u, _: np.asarray(prior.ppf(u)), column, labels)
         ]
-    spread: FloatArray = told["spread"]
+    spread: FloatArray = estimates["spread"]
     low, high = prior.support()
     out = [_single(f"{name}_mean", mean, prior)]
     if "spread" in effect.parameters:

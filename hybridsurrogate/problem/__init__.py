@@ -2,7 +2,7 @@
 
 columns                 measured columns by name, and rows outside the simulated range
 rows                    measured rows and their weights
-context                 what a cause may know before it is fitted
+context                 what a cause may use before it is fitted
 problem                 surrogate, causes, likelihood and priors wired up
 transformed_simulation  the simulation on the scale of eta
 """

@@ -86,10 +86,10 @@ def _warn_elsewhere(y: FloatArray, simulated: FloatArray) -> None:
 def check_reach(
     columns: tuple[str, ...], X: FloatArray, simulation: SimulationData | Simulator | None
 ) -> None:
-    """Raise ValueError for inputs beside which all runs are one point, to the digits of doubles.
+    """Raise ValueError for inputs so far outside that doubles do not distinguish the runs.
 
-    Powers of such inputs, scaled to the runs, are no numbers. A simulation that is run itself
-    needs none.
+    Powers of such inputs, scaled to the runs, overflow. A simulation that can be called needs no
+    powers.
     """
     if not isinstance(simulation, SimulationData):
         return
@@ -101,7 +101,7 @@ def check_reach(
         if len(far):
             raise ValueError(
                 f"{len(far)} of {len(values)} rows have {name!r} so far outside the simulated "
-                f"range [{low:g}, {high:g}] that a surrogate has no numbers there, the first "
+                f"range [{low:g}, {high:g}] that a surrogate overflows there, the first "
                 f"{values[far[0]]:g} in row {far[0] + 1}. Check the units, or leave out such rows."
             )
 

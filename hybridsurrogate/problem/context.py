@@ -1,4 +1,4 @@
-"""What causes may know of the simulation and the measured rows, gathered before they are fitted."""
+"""What causes may use of the simulation and the measured rows, gathered before they are fitted."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def make_context(
     outputs: Mapping[str, OfOutput] | None = None,
     experiments: Experiments | None = None,
 ) -> Context:
-    """Return what causes may know about the measured rows."""
+    """Return what causes may use of the measured rows."""
     far = far or Mismatch()
     simulator = simulation.simulator if simulation is not None else None
     starts = simulator.starts if simulator else ()
@@ -78,7 +78,7 @@ def of_each_output(
     stacking: Stacking | None,
     likelihood: Likelihood,
 ) -> dict[str, OfOutput]:
-    """Return what causes may know of each of several outputs; nothing of a single one."""
+    """Return what causes may use of each of several outputs; nothing of a single one."""
     out: dict[str, OfOutput] = {}
     for k, name in enumerate(() if stacking is None else stacking.names):
         assert stacking is not None

@@ -61,7 +61,7 @@ class Experiments:
 def experiments_of(
     tables: Sequence[Any], column: str | None, by: Mapping[str, str] | None
 ) -> Experiments | None:
-    """Return what the measured tables of a fit tell of experiments; None without a column."""
+    """Return the experiments in the measured tables of a fit; None without a column."""
     if column is None:
         return None
     differing = {name: how for name, how in (by or {}).items() if how != "shared"}
@@ -80,7 +80,7 @@ def check_experiments(
         return
     if not isinstance(by, Mapping):
         raise TypeError(
-            "by_experiment must say of parameters how they differ, such as {'rate': 'spread'}, "
+            "by_experiment must map parameters to how they differ, such as {'rate': 'spread'}, "
             f"got {by!r}."
         )
     parameters = () if simulation is None else simulation.parameter_names
@@ -97,8 +97,8 @@ def check_experiments(
             )
         if column is None:
             raise ValueError(
-                "by_experiment needs experiment, the name of the measured column that says which "
-                "experiment a row is of."
+                "by_experiment needs experiment, the name of the measured column that holds each "
+                "row's experiment."
             )
 
 
@@ -119,8 +119,8 @@ def check_column(
         )
     if experiments.by and len(np.unique(values[:, list(columns).index(name)])) < 2:
         raise ValueError(
-            f"All rows are of one experiment, {name!r} is always the same: nothing can be told of "
-            "what differs between experiments. Leave out by_experiment."
+            f"All rows are of one experiment, {name!r} is always the same: differences between "
+            "experiments cannot be estimated. Leave out by_experiment."
         )
 
 

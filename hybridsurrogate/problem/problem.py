@@ -186,7 +186,7 @@ def make_problem(
 
     With ``measured_only`` the simulation lends its input ranges and nothing else. Weights are
     powers of the likelihoods of single rows and runs. Of several outputs the rows are stacked, and
-    the noise of each is a part of the model. ``experiments`` tells which column has their labels.
+    the noise of each is a part of the model. ``experiments`` names the column of their labels.
     """
     weights = np.ones(len(y)) if weights is None else weights
     eta = likelihood.working(y)
@@ -246,15 +246,15 @@ def make_problem(
     if stacking is not None and likelihood.scales_noise:
         effects = (*effects, OutputNoise(stacking.names))
     if effects:
-        told = _reference(basis, domain, run_weights)
+        reference = _reference(basis, domain, run_weights)
         location = float(np.average(eta, weights=weights))
-        far = mismatch(plain, X, told, eta, weights)
-        each = of_each_output(plain, X, told, eta, weights, stacking, likelihood)
+        far = mismatch(plain, X, reference, eta, weights)
+        each = of_each_output(plain, X, reference, eta, weights, stacking, likelihood)
         context = make_context(
             world, columns, n_inputs, X, scale, likelihood, basis, location, far, each, experiments
         )
         if stacking is None:
-            context = with_slopes(context, plain, X, told, at_medians(plain))
+            context = with_slopes(context, plain, X, reference, at_medians(plain))
         effects = tuple(prepared_for(effect, context) for effect in effects)
     model = plain.with_effects(effects)
     try:
@@ -263,7 +263,7 @@ def make_problem(
         there = [*columns, *model.parameters, *model.constants]
         name = error.args[0] if error.args else ""
         raise ValueError(
-            f"A cause asks for {error}; there are {there}.{did_you_mean(name, there)}"
+            f"A cause needs {error}; there are {there}.{did_you_mean(name, there)}"
         ) from error
     if any(effect.has_outliers for effect in effects):
         _check_outliers(likelihood)
@@ -298,7 +298,7 @@ def make_problem(
 def _working(likelihood: Likelihood, y: FloatArray) -> tuple[FloatArray, ValueError | None]:
     """Return simulated outputs on the scale of eta, and why they cannot be draws of y.
 
-    An emulator that interpolates them asks for no likelihood of them.
+    An emulator that interpolates them needs no likelihood of them.
     """
     try:
         likelihood.check_training(y, "simulated")
@@ -314,13 +314,13 @@ def _working(likelihood: Likelihood, y: FloatArray) -> tuple[FloatArray, ValueEr
 def _check_outliers(likelihood: Likelihood) -> None:
     if not likelihood.gaussian:
         raise ValueError(
-            "Outliers are a share of rows beside a normal or log-normal likelihood, not beside a "
+            "Outliers need a normal or log-normal likelihood for the other rows, not a "
             f"{likelihood.name} one."
         )
 
 
 def _reference(basis: Basis, domain: Domain, weights: FloatArray | None) -> FloatArray:
-    """Return coefficients (p,) as the rows that train the surrogate tell them, at full power."""
+    """Return coefficients (p,) estimated from the rows that train the surrogate, at full power."""
     if not len(basis.coefficient_mean):
         return basis.coefficient_mean
     hyper = np.array([prior.median() for prior in basis.hyperpriors.values()])
@@ -328,9 +328,9 @@ def _reference(basis: Basis, domain: Domain, weights: FloatArray | None) -> Floa
     centred = domain.eta - given.known(domain.X, domain.omega)
     features = given.features(domain.X, domain.omega)
     weights = weights if weights is not None and len(weights) == len(centred) else None
-    told = emulator_posterior(given, statistics(features, centred, domain.scale, weights)).mean
+    mean = emulator_posterior(given, statistics(features, centred, domain.scale, weights)).mean
     factor = basis.factor(hyper[None]) if len(hyper) else None
-    return told if factor is None else basis.coefficient_mean + factor[0] @ told
+    return mean if factor is None else basis.coefficient_mean + factor[0] @ mean
 
 
 def _built(surrogate: Surrogate, domain: Domain, stacking: Stacking | None = None) -> Basis:
@@ -404,5 +404,5 @@ def _check_overdispersed(likelihood: Likelihood) -> None:
     if likelihood.overdispersed(np.zeros((1, 1))) is None:
         raise ValueError(
             "Overdispersion is a scatter beyond that of a Poisson likelihood; a "
-            f"{likelihood.name} one has a scale of its own, or no such form."
+            f"{likelihood.name} one already has a scale, or no such form."
         )

@@ -19,9 +19,9 @@ from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_size
 class MeasuredRows(NamedTuple):
     """Distinct measured rows.
 
-    Column names, rows (n, n_columns), outputs (n,) and weights (n,); ``origin`` tells for each row
-    that was given which of these it is (-1: none, it had no weight), and ``given`` what weight it
-    had itself.
+    Column names, rows (n, n_columns), outputs (n,) and weights (n,). For each row that was given,
+    ``origin`` is the index of its distinct row (-1: none, it had no weight), and ``given`` is its
+    weight.
     """
 
     columns: tuple[str, ...]

@@ -13,7 +13,7 @@ from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.arrays import as_numbers, check_size
 
-# values of an output from which its noise can be told
+# values of an output from which its noise can be estimated
 _LEAST = 2
 
 

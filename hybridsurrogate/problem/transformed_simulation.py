@@ -1,4 +1,4 @@
-"""The simulation on the scale of eta, which remembers what it ran last."""
+"""The simulation on the scale of eta, with a cache of its last runs."""
 
 from __future__ import annotations
 

@@ -120,13 +120,13 @@ def interval_score(
     """Return the interval score of each row: smaller is better.
 
     The width of a central interval, and 2 / (1 - level) for every unit by which y lies outside
-    (equation 43 of [1]_): a narrow interval pays off only if it still holds y often enough.
+    (equation 43 of [1]_): a narrow interval pays off only if it still covers y often enough.
 
     Parameters
     ----------
     y, lower, upper : array-like of shape (n,)
     level : float, default=0.9
-        Probability that the intervals are meant to hold.
+        Nominal coverage of the intervals.
 
     Returns
     -------
@@ -203,7 +203,7 @@ def pit(draws: ArrayLike, y: ArrayLike, random_state: Any = None) -> FloatArray:
     If the predictions are right the values are uniform on (0, 1), whatever the number of draws and
     for counts as well: y has a rank among its draws, drawn at random where they are equal
     (as in [1]_), and a place drawn uniformly within that rank's share. A histogram shaped like a
-    bowl says that predictions are too sure, one like a hill that they are not sure enough.
+    bowl shows that predictions are too narrow, one like a hill that they are too wide.
 
     Parameters
     ----------

@@ -140,7 +140,7 @@ def as_numbers(values: Any, word: str) -> FloatArray:
     try:
         return np.array(array, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:
-        # scikit-learn tells an object that is no number from a text by the class
+        # scikit-learn distinguishes an object that is no number from a text by the class
         raise (TypeError if isinstance(error, TypeError) else ValueError)(
             f"{word} must hold numbers: {error}."
         ) from error
@@ -162,7 +162,7 @@ def check_columns(frame: pd.DataFrame) -> None:
         raise ValueError(
             f"The columns {wrong} hold no numbers. Number levels such as a batch, "
             "X[name].map({'A': 0, 'B': 1}); of dates written as text make dates, whose weekday and "
-            "month are weighed, pandas.to_datetime(X[name]), or an axis, "
+            "month are compared too, pandas.to_datetime(X[name]), or an axis, "
             "(dates - pandas.Timestamp('2020-01-01')) / pandas.Timedelta('1D'); or leave them out."
         )
 
@@ -216,8 +216,8 @@ def check_size(values: FloatArray, word: str) -> None:
     size = np.max(np.abs(values), initial=0.0, where=np.isfinite(values))
     if size > _LARGEST:
         raise ValueError(
-            f"{word} has values as large as {size:g}: above {_LARGEST:g} their squares are no "
-            "numbers any more. Leave out what has diverged, or choose another unit."
+            f"{word} has values as large as {size:g}: above {_LARGEST:g} their squares "
+            "overflow. Leave out what has diverged, or choose another unit."
         )
 
 

@@ -34,15 +34,15 @@ def with_calendar(table: pd.DataFrame, dates: list[str]) -> pd.DataFrame:
     for name in dates:
         days = table[name].dt
         weekday = (days.day_of_week + 1).astype(float)
-        told = {
+        labels = {
             WEEKDAY + name: weekday,
             WEEKEND + name: (weekday >= _SATURDAY).astype(float),
             MONTH + name: days.month.astype(float),
         }
-        table = table.drop(columns=name).assign(**told)
+        table = table.drop(columns=name).assign(**labels)
     return table
 
 
 def is_of_calendar(name: str) -> bool:
-    """Tell whether a column's name says that it holds weekdays or months: labels, not an axis."""
+    """Return whether a column, by its name, holds weekdays or months: labels, not an axis."""
     return name.startswith((WEEKDAY, MONTH))

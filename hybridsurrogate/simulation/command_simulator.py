@@ -1,4 +1,4 @@
-"""A simulation that is a program of its own: started once for each run."""
+"""A simulation that is an external program, started once for each run."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ _TAIL = 300
 class CommandSimulator(Simulator):
     """A simulation that is an external program.
 
-    Each run has an empty folder of its own, in which the input files are written and the command
-    is started, without a shell. ``{name}`` in the command or in an input file is the value of an
+    Each run has a new, empty folder. The input files are written there, and the command is started
+    there without a shell. ``{name}`` in the command or in an input file is the value of an
     input, a parameter or an assumed constant; ``{{`` and ``}}`` are braces.
 
     Parameters
@@ -59,7 +59,7 @@ class CommandSimulator(Simulator):
     Raises
     ------
     ValueError
-        For a program that does not exist, or a template that asks for something unknown.
+        For a program that does not exist, or a template with an unknown name.
 
     Examples
     --------
@@ -139,7 +139,7 @@ class Command:
         self.__name__ = Path(words[0]).name
 
     def check(self, names: Sequence[str]) -> None:
-        """Raise ValueError where a template asks for what is none of the names, or none asks."""
+        """Raise ValueError where a template uses an unknown name, or a name is in no template."""
         asked = set()
         for title, text in [("command", " ".join(self.words)), *self.files.items()]:
             try:
@@ -152,7 +152,7 @@ class Command:
             unknown = sorted(fields - set(names))
             if unknown:
                 raise ValueError(
-                    f"The template of {title!r} asks for {unknown}; there are {list(names)}."
+                    f"The template of {title!r} uses {unknown}; there are {list(names)}."
                     f"{did_you_mean(unknown, names)}"
                 )
             asked |= fields
@@ -228,7 +228,7 @@ class Command:
         if places[0] < own.min() - slack or places[-1] > own.max() + slack:
             raise ValueError(
                 f"{path.name} goes from {own.min():g} to {own.max():g} in {self.along!r}, and "
-                f"{places[0]:g} to {places[-1]:g} is asked for"
+                f"{places[0]:g} to {places[-1]:g} is needed"
             )
         found = [np.interp(places, own[order], column[order]) for column in columns.T]
         return found[0] if len(found) == 1 else np.column_stack(found)

@@ -149,7 +149,7 @@ def _warn_of_unnamed(
     if varied:
         warnings.warn(
             f"The columns {varied} differ between runs and are not among inputs, parameters and "
-            "assumed: what they do to the output is taken for an error of the surrogate. Name "
+            "assumed: their effect on the output counts as an error of the surrogate. Name "
             "them, unless they do nothing.",
             DiagnosisWarning,
             stacklevel=5,

@@ -70,10 +70,10 @@ def run_with_ends(
     """Run points of which a share is moved to each end of each of the first ranges.
 
     A space-filling design has none at the ends, where functions are steepest and nothing is known
-    beyond. Other points go to each end, the last ones first, a quarter of all at the most. Those
-    stay where they were that have no output at the end, or one further beyond all others than these
-    are apart: a source has any level at a distance of zero, and tells nothing there of what it is
-    elsewhere.
+    beyond. Other points go to each end, the last ones first, a quarter of all at the most. A point
+    stays where it was if its output at the end is missing, or further beyond all others than these
+    are apart. For example, a source has an unbounded level at a distance of zero, which does not
+    inform a surrogate elsewhere.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def run_with_ends(
     if last == n:
         return points, y, error
     try:
-        # what fails at an end is told by its output, not by numpy's warnings
+        # a failure at an end shows in its output, not in numpy's warnings
         with np.errstate(all="ignore"):
             at_ends, _ = outputs(moved[last:])
     except Exception:  # of a function of arrays, that some ends make fail for all

@@ -14,13 +14,13 @@ Numbers = Mapping[str, FloatArray]  # a modification's own numbers, (m,) each
 
 @dataclass(frozen=True)
 class Modification(ABC):
-    """A change of the right-hand side that has numbers of its own, and does nothing at neutral.
+    """A change of the right-hand side with further parameters, and no effect at neutral ones.
 
-    Subclasses say which numbers there are and what they concern, and override `factors`, `drives`,
+    Subclasses define these parameters and what they change. They override `factors`, `drives`,
     `terms` or `lags`.
     """
 
-    # whether solutions are asked for what they were: only "rk4" can tell
+    # whether earlier states of solutions are needed: only "rk4" has them
     looks_back: ClassVar[bool] = False
 
     @property

@@ -1,7 +1,7 @@
 """Several outputs of a simulation: their names, what a function returned of them, rows of one each.
 
-Everything that is fitted sees one output a row. Of several, rows say in one more input which of
-them they are of.
+Everything that is fitted has one output a row. Of several outputs, one more input of a row holds
+which one it is.
 """
 
 from __future__ import annotations

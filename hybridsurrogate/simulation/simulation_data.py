@@ -77,7 +77,7 @@ class SimulationData:
     simulator : Simulator, optional
         The simulation that made the runs, if it can be called again.
     run : array-like of shape (n_rows,) or None, default=None
-        The run that each row is of; None: each row is a run of its own.
+        The run that each row is of; None: each row is a separate run.
 
     Attributes
     ----------
@@ -210,7 +210,7 @@ class SimulationData:
     ) -> SimulationData:
         """Take runs that are curves: one run, one value of each parameter, outputs along one input.
 
-        Runs may have places of their own, and missing outputs as NaN.
+        Places may differ between runs; missing outputs are NaN.
 
         Parameters
         ----------
@@ -223,7 +223,7 @@ class SimulationData:
             long one has a column "run" and those of ``along`` and the outputs. Where omega is None
             either has the columns of all else, too.
         along : dict of name to array of shape (n_places,) or (n_runs, n_places), or str
-            The input along which a run is a curve, and its values where Y does not say them.
+            The input along which a run is a curve, and its values where Y does not have them.
         parameters, assumed
             As in SimulationData.
         inputs : dict of name to (low, high), or list of names, default=()
@@ -294,7 +294,7 @@ class SimulationData:
     ) -> SimulationData:
         """Take the runs from the named columns of a DataFrame.
 
-        A column "run" says which rows are one run.
+        A column "run" holds the run of each row.
 
         Parameters
         ----------
@@ -361,8 +361,8 @@ class SimulationData:
         Parameters
         ----------
         frame : DataFrame
-            The columns of `to_frame`, such as `Simulator.run_at` returns. Where runs are curves a
-            column "run" says which rows are one.
+            The columns of `to_frame`, such as `Simulator.run_at` returns. Where runs are curves, a
+            column "run" holds the run of each row.
 
         Returns
         -------
@@ -381,7 +381,9 @@ class SimulationData:
         run = None
         if self.run is not None:
             if RUN not in table.columns:
-                raise ValueError(f"Runs are curves: a column {RUN!r} must say which rows are one.")
+                raise ValueError(
+                    f"Runs are curves: a column {RUN!r} must hold the run of each row."
+                )
             _, labels = np.unique(table[RUN], return_inverse=True)
             run = np.concatenate([self.run, labels.ravel() + int(np.max(self.run)) + 1])
         whole = pd.concat([self.to_frame()[names], more], ignore_index=True)
@@ -507,8 +509,8 @@ def read_simulation(
     path : str or path
         A csv file with one output a line below a line of column names; the rest of a line after
         ``#`` is ignored. Or .parquet (with pyarrow), or .nc (NetCDF, with xarray): a dataset whose
-        output stands over the runs and one input. A column "run" says which rows are one run. Or
-        a wide table, one run a row.
+        output has the dimensions of the runs and one input. A column "run" holds the run of each
+        row. Or a wide table, one run a row.
     inputs, parameters, output, assumed
         As in ``SimulationData.from_frame``.
     allow_urls : bool, default=False

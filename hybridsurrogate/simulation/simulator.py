@@ -66,7 +66,7 @@ class Simulator:
     inputs : dict of name to (low, high)
         The inputs that are known for every measurement, and the range to simulate.
     parameters : dict of name to scipy.stats frozen distribution, optional
-        The inputs that are unknown, and what is known about them.
+        The inputs that are unknown, and their priors.
     assumed : dict of name to Assumed, optional
         The constants that the modeller fixed.
     output : str or sequence of str
@@ -174,11 +174,11 @@ class Simulator:
 
     @property
     def remembers(self) -> bool:
-        """Whether there is a right-hand side that can be told what states were: no."""
+        """Whether there is a right-hand side that can use earlier states: no."""
         return False
 
     def held(self, X: FloatArray) -> FloatArray:
-        """Return inputs (n, n_inputs) before which nothing happens moved to where it begins."""
+        """Return inputs (n, n_inputs), with those before the start moved to the start."""
         return X
 
     def modified(
@@ -186,7 +186,7 @@ class Simulator:
         modifications: Sequence[Modification],
         parameters: Mapping[str, Prior] | None = None,
     ) -> Simulator:
-        """Return the simulator with changed dynamics; only an `OdeSimulator` knows its own."""
+        """Return the simulator with changed dynamics; only an `OdeSimulator` has any."""
         raise ValueError(
             f"{self.name!r} shows no right-hand side to change: only an OdeSimulator does."
         )
@@ -260,8 +260,7 @@ class Simulator:
     def evaluate(self, X: FloatArray, omega: FloatArray | None) -> FloatArray:
         """As calling it; points that hold NaN or infinity are passed on as they are.
 
-        Samplers go where parameters have no numbers any more: what the simulation gives there is
-        impossible, and no error.
+        Samplers propose parameters that overflow. Their outputs are impossible, which is no error.
 
         Parameters
         ----------
@@ -275,7 +274,7 @@ class Simulator:
         return self._evaluate(*self._check_points(X, omega))[0]
 
     def cached(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        """Run the simulation where a search does: of rows that were run before, what they gave.
+        """Run the simulation in a search; outputs of rows that were run before are cached.
 
         Parameters
         ----------
@@ -319,10 +318,11 @@ class Simulator:
         progress : bool
             Show a progress bar if the function does one run at a time.
         ends : float
-            Share of the runs, from 0 to 0.1, that are moved to each end of the range of each input:
-            at a steep end, a source or a start, the runs beside it do not tell. A quarter of all at
-            the most; fewer than 25 runs have none there, and an end where the simulation fails, or
-            is further beyond all other runs than these are apart, has none either.
+            Share of the runs, from 0 to 0.1, that are moved to each end of the range of each input.
+            Runs near a steep end, such as a source or a start, do not determine the output there.
+            At most a quarter of all runs are moved, and none of fewer than 25. None is moved to an
+            end where the simulation fails, or is further beyond all other runs than these are
+            apart.
         along : int, array-like of shape (n_places,) or None, default=None
             Each run is a curve along the first input: so many values over its range, or these.
             None: each run has one output, but 100 values where the function returns a curve.
@@ -332,9 +332,9 @@ class Simulator:
             with their error and not tried again. A function that has changed needs a new folder:
             runs go by the function's name, inputs and parameters.
         timeout : float or None, default=None
-            Seconds that one run may take. A Python function is stopped when it next comes back to
-            Python; that takes signals and the main thread of a process, else the runs fail and say
-            so. `CommandSimulator` stops its program at once, anywhere.
+            Seconds that one run may take. A Python function is stopped when it next returns to
+            Python. This needs signals and the main thread of a process; elsewhere the runs fail
+            with this reason. `CommandSimulator` stops its program at once, anywhere.
 
         Returns
         -------
@@ -343,7 +343,7 @@ class Simulator:
         Raises
         ------
         ValueError, TypeError
-            For a number of runs, a design or a share that is none.
+            For a number of runs, a design or a share that is not valid.
 
         Warns
         -----
@@ -550,7 +550,7 @@ class Simulator:
 
 
 def _is_matrix(values: ArrayLike | None, n_columns: int) -> TypeGuard[FloatArray]:
-    """Tell whether values are a plain array of doubles with so many columns."""
+    """Return whether values are a plain array of doubles with so many columns."""
     return (
         type(values) is np.ndarray
         and values.dtype == np.float64
@@ -561,7 +561,7 @@ def _is_matrix(values: ArrayLike | None, n_columns: int) -> TypeGuard[FloatArray
 def _check_arguments(function: Callable[..., Any], title: str, names: tuple[str, ...]) -> None:
     try:
         arguments = inspect.signature(function).parameters.values()
-    except ValueError:  # some compiled functions do not tell
+    except ValueError:  # some compiled functions have no signature
         return
     by_name = [a for a in arguments if a.kind in (a.POSITIONAL_OR_KEYWORD, a.KEYWORD_ONLY)]
     unknown = set(names) - {a.name for a in by_name}

@@ -147,7 +147,7 @@ def with_uniform_priors(
         taken = f"{', '.join(map(repr, ends))}: they are taken as uniform over the runs, {texts}"
     if ends:
         warnings.warn(
-            f"No prior was given for {taken}. Give what is known: parameters={{name: "
+            f"No prior was given for {taken}. Give one: parameters={{name: "
             "scipy.stats.norm(mean, sd)}, on the command line --prior NAME=MEAN,SD.",
             PriorWarning,
             stacklevel=3,

@@ -1,4 +1,4 @@
-"""What an estimator asks of a surrogate: to turn the domain of a simulation into a basis."""
+"""What an estimator needs of a surrogate: to turn the domain of a simulation into a basis."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hybridsurrogate.surrogates.domain import Domain
 class Surrogate(BaseEstimator, ABC):
     """Base of the surrogates: constructor parameters only, no state.
 
-    A surrogate of your own implements ``build`` and returns a `Basis`.
+    A user-defined surrogate implements ``build`` and returns a `Basis`.
 
     Examples
     --------
@@ -42,7 +42,7 @@ class Surrogate(BaseEstimator, ABC):
         """Return the basis on a domain."""
 
     def of_measured_data(self) -> Surrogate:
-        """Return the surrogate of measured data alone that predictive weighting puts beside it.
+        """Return the surrogate of measured data alone with which predictive weighting mixes it.
 
         It is built where omega has no columns: a surrogate that needs parameters returns another.
         """

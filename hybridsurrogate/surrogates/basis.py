@@ -110,9 +110,9 @@ class Basis(ABC):
         return self.known(X, omega, hyper), self.features(X, omega)
 
     def error(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return F (n, r): what the basis misses of the simulation has covariance F F'.
+        """Return F (n, r): the error of the basis against the simulation has covariance F F'.
 
-        By default nothing is missed but what the coefficients leave open.
+        By default there is none in addition to the uncertainty of the coefficients.
         """
         return np.empty((len(X), 0))
 
@@ -126,7 +126,7 @@ class Basis(ABC):
     holds_runs = False
     # whether the known part is the simulation itself, which may fail for some parameters
     is_simulation = False
-    # whether it is told by runs that leave something open between them: `error`
+    # whether it is estimated from runs, with an error between them: `error`
     leaves_open = False
 
     def of_runs(self, X: FloatArray) -> FloatArray:
@@ -134,7 +134,7 @@ class Basis(ABC):
         return X
 
     def open_at(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return the covariance (m, m) of what is open at m runs, inputs as from `of_runs`."""
+        """Return the covariance (m, m) of the error at m runs, inputs as from `of_runs`."""
         return np.zeros((len(X), len(X)))
 
     def between(self, X: FloatArray) -> FloatArray:
@@ -146,7 +146,7 @@ class Basis(ABC):
 
     @property
     def with_features(self) -> Basis | None:
-        """The same with what is open in a few coefficients; None where these would be many."""
+        """The same with the error in a few coefficients; None where these would be many."""
         return self if self.is_simulation else None
 
     @property
@@ -160,8 +160,8 @@ class Basis(ABC):
         Their numbers follow the assumed constants in omega.
         """
         raise ValueError(
-            "Causes inside the dynamics need surrogate=ExactSurrogate(): what was trained on runs "
-            "knows no right-hand side."
+            "Causes inside the dynamics need surrogate=ExactSurrogate(): a surrogate that was "
+            "trained on runs has no right-hand side."
         )
 
     def factors(self, X: FloatArray, omega: FloatArray) -> Factors | None:

@@ -12,7 +12,7 @@ from hybridsurrogate.priors import FloatArray
 
 @dataclass(frozen=True)
 class Domain:
-    """Where the surrogate lives, and the rows that it is trained on.
+    """The ranges on which a surrogate is defined, and the rows that it is trained on.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Domain:
     def scaled(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Map inputs and parameters to [-1, 1], (n, n_inputs + n_parameters).
 
-        Parameters beyond the runs are held at the ends: there the runs stop.
+        Parameters beyond the runs are fixed at the ends, where the runs stop.
         """
         low, high = self.parameter_ranges[:, 0], self.parameter_ranges[:, 1]
         points = np.hstack([X, np.clip(omega, low, high)])

@@ -52,7 +52,7 @@ class GaussianProcess(Surrogate):
         Of the standard deviation of the process. None: half-normal with the spread of the outputs
         as scale (the paper: half-normal(1), for outputs with a spread of one).
     mean : float or None, default=None
-        Known mean of the process on the scale of eta. None: the mean of the outputs.
+        Fixed mean of the process on the scale of eta. None: the mean of the outputs.
     degree : int or None, default=None
         Total degree of the polynomials. None: 30 in one dimension (inputs and parameters
         together), 10 in two, 7 in three, 5 beyond: enough for length scales from 0.5 on in two
@@ -62,8 +62,8 @@ class GaussianProcess(Surrogate):
 
     Notes
     -----
-    Inputs farther outside the simulated range
-    than 15 % of its half-width are held there: the process says no more about them.
+    Inputs farther outside the simulated range than 15 % of its half-width are fixed there: the
+    process does not extrapolate further.
 
     Examples
     --------

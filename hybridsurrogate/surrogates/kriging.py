@@ -32,15 +32,15 @@ _CANDIDATES = 1024
 class Kriging(Surrogate):
     """Gaussian process through the runs, on the terms of another surrogate.
 
-    Outputs are as alike as the terms make them, plus a Matern 5/2 process over inputs and
+    The covariance of outputs is that of the terms plus a Matern 5/2 process over inputs and
     parameters: polynomial-chaos Kriging (Schoebi, Sudret and Wiart 2015, International Journal for
-    Uncertainty Quantification 5:171). How much of each, the lengths, and how each axis is stretched
-    are learned from the runs, once and by likelihood; so it follows simulations that a polynomial
-    misses, and where a polynomial is right it is one. Where runs that are left out are foreseen
-    better without the terms, to a hundredth of the outputs' spread, there are none. Its features
-    are the covariances with up to 200 of the runs and 100 places between them, each chosen where
-    the others tell least (pivoted Cholesky), whitened: a linear surrogate, trained with any
-    ``beta`` and in both steps like the others.
+    Uncertainty Quantification 5:171). The share of each, the lengths, and how each axis is
+    stretched are estimated from the runs, once and by likelihood. So it follows simulations that a
+    polynomial misses, and where a polynomial is right it is one. The terms are dropped where the
+    process alone predicts left-out runs better, to a hundredth of the outputs' spread. The
+    features are whitened covariances with up to 200 of the runs and 100 places between them. Each
+    is chosen where the others leave the largest variance (pivoted Cholesky). This is a linear
+    surrogate, trained with any ``beta`` and in both steps like the others.
 
     Parameters
     ----------
@@ -50,16 +50,16 @@ class Kriging(Surrogate):
     Notes
     -----
     Where runs are curves, with at least five rows along one input for equal parameters, and no
-    trend is given, each run is one run: the process is that of the curves' principal components, a
-    function of the parameters, without terms, which gained nothing in ten simulations. All runs
-    train it, and the coefficients are what it leaves open. The measured data then train these, and
-    ``beta`` weighs them alone.
+    trend is given, the process is that of the curves' principal components, a function of the
+    parameters. It has no terms, which gained nothing in ten simulations. All runs train it, and the
+    coefficients describe its remaining error. The measured data then train these, and ``beta``
+    sets the weight of the measured data alone.
 
     `GaussianProcess` infers its length scales together with everything else, which takes many times
-    as long from four dimensions on. Here they are held at their most likely values.
-    Inputs and parameters beyond the runs are held at the ends, for the process. The covariance is
-    learned from 200 runs and features stand on some of 500, drawn at random where there are more;
-    all runs train the coefficients. Under likelihoods that are not normal or log-normal hundreds of
+    as long from four dimensions on. Here they are fixed at their most likely values. The process
+    takes inputs and parameters beyond the runs as those at the ends of the range. The covariance is
+    estimated from 200 runs, and features are chosen from 500, drawn at random where there are more.
+    All runs train the coefficients. Under likelihoods that are not normal or log-normal hundreds of
     features take minutes to fit: a polynomial has fewer.
 
     Raises
@@ -120,8 +120,8 @@ def _stands(
 
     ``spread`` is the variance of the outputs in units of the process's.
 
-    Features that stand on the runs alone know no variance between them (Quinonero-Candela and
-    Rasmussen 2005, Journal of Machine Learning Research 6:1939, section 5): others are added there.
+    Features at the runs alone have no variance between them (Quinonero-Candela and Rasmussen 2005,
+    Journal of Machine Learning Research 6:1939, section 5): others are added there.
     """
     factor, chosen = pivoted_cholesky(
         np.diagonal(matrix), lambda k: matrix[k], _RUNS_KNOWN * spread, _RUN_FEATURES
@@ -136,7 +136,7 @@ def _stands(
         return between_runs.alike(between_runs.of(slice(k, k + 1)))[:, 0] - white @ white[k]
 
     _, more = pivoted_cholesky(left, column, _KNOWN * spread, _MORE_FEATURES)
-    return stands.beside(between_runs.of(more))
+    return stands.joined(between_runs.of(more))
 
 
 @dataclass(frozen=True)
@@ -172,7 +172,7 @@ class KrigingBasis(Basis):
         for some in blocks(len(c), n * (1 + self.stands.terms.shape[1])):
             rows = slice(some.start * n, some.stop * n)
             places = self.process.places(X[rows], omega[rows])
-            added[rows] = places.weighed_in_turn(self.stands, weights[some])
+            added[rows] = places.weighted_in_turn(self.stands, weights[some])
         return self.known(X, omega) + added
 
     def along(self, directions: FloatArray) -> KrigingBasis:
@@ -184,7 +184,7 @@ class KrigingBasis(Basis):
 
 @dataclass(frozen=True)
 class CurveBasis(Basis):
-    """The most probable curves given the runs, and features for what these leave open.
+    """The most probable curves given the runs, and features for their error.
 
     Attributes
     ----------
@@ -201,7 +201,7 @@ class CurveBasis(Basis):
         return self.emulator.output(X, omega)
 
     def features(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return the standard deviations of what is open, each along its component."""
+        """Return the standard deviations of the error, each along its component."""
         return self.emulator.spread(X, omega)
 
     def known_and_features(

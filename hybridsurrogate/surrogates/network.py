@@ -32,7 +32,7 @@ class NetworkSurrogate(Surrogate):
 
     The hidden layers are fixed after training, so everything stays conditionally linear: the
     weights of the last layer, and with them the uncertainty, are inferred from both data sources.
-    It bends where polynomials ring: kinks, plateaus, thresholds.
+    It fits kinks, plateaus and thresholds, where polynomials oscillate.
 
     Parameters
     ----------

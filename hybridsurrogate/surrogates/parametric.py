@@ -18,7 +18,7 @@ Function = Callable[[FloatArray, FloatArray, dict[str, FloatArray]], Any]
 
 
 class ParametricSurrogate(Surrogate):
-    """A surrogate of your own: any function of inputs, parameters and unknown constants.
+    """A user-defined surrogate: any function of inputs, parameters and unknown constants.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class ParametricSurrogate(Surrogate):
     -----
     The constants are sampled together with the simulation's parameters: up to about twenty.
     A surrogate that is linear in its unknowns is faster as a subclass of `Surrogate`. A function
-    that uses omega says nothing of measured data alone: for predictive weighting override
+    that uses omega has no surrogate of measured data alone: for predictive weighting override
     ``of_measured_data`` in a subclass.
 
     Examples

@@ -31,7 +31,7 @@ class PolynomialChaos(Surrogate):
     The polynomials are orthonormal on [-1, 1] with respect to dx (phi_0 = 1 / sqrt 2), products of
     them span the terms, and the intercept multiplies 1: the conventions of Reiser, Buerkner and
     Guthke (arXiv 2412.11875, section 3). Inputs and parameters are scaled to [-1, 1] from their
-    simulated ranges; parameters beyond these are held at the ends, where the runs stop.
+    simulated ranges; parameters beyond these are fixed at the ends, where the runs stop.
 
     Parameters
     ----------
@@ -40,12 +40,12 @@ class PolynomialChaos(Surrogate):
     coefficient_prior : frozen scipy.stats distribution or None, default=None
         Prior of each coefficient; its mean and standard deviation are used, as a Gaussian.
         None: mean zero and five standard deviations of the output as sd; the mean of the output
-        is then added as a known part, so the intercept is the difference from it.
+        is then added as a fixed mean, so the intercept is the difference from it.
     sparse : bool, default=False
-        Keep the terms that foresee the runs best: of all with sum(powers^0.75) up to
-        degree^0.75, in the order of least-angle regression, as many as have the least leave-one-out
-        error (Blatman and Sudret 2011, Journal of Computational Physics 230:2345). For many inputs
-        and higher degrees, of which few terms matter.
+        Keep the terms that predict the runs best. Candidates have sum(powers^0.75) up to
+        degree^0.75, in the order of least-angle regression. As many are kept as have the least
+        leave-one-out error (Blatman and Sudret 2011, Journal of Computational Physics 230:2345).
+        For many inputs and higher degrees, of which few terms matter.
 
     Examples
     --------
@@ -95,7 +95,7 @@ class PolynomialChaos(Surrogate):
 def _few_terms(
     powers: NDArray[np.int_], degree: int, domain: Domain, ranges: FloatArray
 ) -> NDArray[np.int_]:
-    """Return the powers (k, d) of the terms that foresee the rows best, the intercept first."""
+    """Return the powers (k, d) of the terms that predict the rows best, the intercept first."""
     kept = np.sum(powers**_NORM, axis=1) <= degree**_NORM + 1e-9
     powers = powers[kept]
     n_inputs = len(domain.input_ranges)
@@ -112,7 +112,7 @@ def _few_terms(
 
 
 def _least_left_out(terms: FloatArray, y: FloatArray) -> int:
-    """Return how many of the first terms (n, p), beside an intercept, foresee left-out rows best.
+    """Return how many of the first terms (n, p), with an intercept, predict left-out rows best.
 
     The leave-one-out error of least squares is in closed form, e / (1 - h), and enlarged by
     n / (n - k) (1 + tr((F'F)^-1)) for k terms, as few rows make it too small (Chapelle, Vapnik and
@@ -160,8 +160,8 @@ class _ChaosBasis(Basis):
         table[row.ravel()[1:], column.ravel()[1:]] = c[1:]
         of_inputs = _products(X, self.ranges[: self.n_inputs], inputs)
         of_parameters = _products(self._held(omega), self.ranges[self.n_inputs :], parameters)
-        told = np.einsum("nk,nk->n", of_inputs @ table, of_parameters)
-        return told + c[0] + self.location
+        interaction = np.einsum("nk,nk->n", of_inputs @ table, of_parameters)
+        return interaction + c[0] + self.location
 
     def factors(self, X: FloatArray, omega: FloatArray) -> Factors:
         of_inputs, of_parameters = self._terms_of_inputs(X), self._terms_of_parameters(omega)

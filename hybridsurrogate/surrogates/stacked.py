@@ -78,7 +78,7 @@ class _One:
 
 @dataclass(frozen=True)
 class StackedBasis(Basis):
-    """A basis for each of several outputs, with coefficients of its own.
+    """A basis for each of several outputs, with separate coefficients.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class StackedBasis(Basis):
         return self.bases[0].of_runs(np.delete(X, self.at, axis=1))
 
     def open_at(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return the covariance of what is open at runs, all outputs together."""
+        """Return the covariance of the error at runs, all outputs together."""
         return np.sum([one.open_at(X, omega) for one in self.bases], axis=0)
 
     def between(self, X: FloatArray) -> FloatArray:

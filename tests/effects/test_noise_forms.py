@@ -223,7 +223,7 @@ def test_predictions_with_outliers():
 
 def test_outliers_need_a_normal_likelihood():
     t = np.linspace(0, 10, 20)
-    with pytest.raises(ValueError, match="not beside a Student-t one"):
+    with pytest.raises(ValueError, match="not a Student-t one"):
         fitted(hs.Outliers(), t[:, None], 1 + 2 * t, likelihood="student-t")
 
 

@@ -86,7 +86,7 @@ def test_a_fit_to_further_rows_moves_the_range(both):
 
 def test_it_is_part_of_a_fitted_estimator_that_is_copied_and_stored(both):
     bare, kept = both
-    added = bare.with_unlearned([hs.Remainder(1.5)])
+    added = bare.with_prior_only([hs.Remainder(1.5)])
     X = np.array([[15.0]])
     np.testing.assert_array_equal(added.predict(X), kept.predict(X))
     assert len(bare.effects) == 1

@@ -29,7 +29,7 @@ def power_scaled(simulation, **parameters):
         (
             {"likelihood": "gamma"},
             ValueError,
-            r"one of \['binomial', 'lognormal', 'neg",
+            r"one of \['beta-binomial', 'binomial', 'lognormal', 'neg",
         ),
         ({"noise_prior": 0.5}, TypeError, "prior of 'noise_prior' must be a frozen"),
         ({"surrogate": "pce"}, TypeError, "must be a surrogate object such as Polynomial"),
@@ -330,7 +330,7 @@ class Nothing(Surrogate):
 @pytest.mark.parametrize(
     ("parameters", "error", "match"),
     [
-        ({"effects": [Asking()]}, ValueError, r"asks for 'depth'; there are \['t', 'gravity'\]"),
+        ({"effects": [Asking()]}, ValueError, r"needs 'depth'; there are \['t', 'gravity'\]"),
         ({"effects": [Unfrozen()]}, TypeError, "prior of 'width of the cause faulty' must be"),
         ({"surrogate": Nothing()}, TypeError, "Nothing.build must return a Basis, got None"),
     ],

@@ -138,7 +138,7 @@ def test_left_out_batches_are_predicted_as_others():
         ({"experiment": None, "by_experiment": {"rate": "own"}}, "needs experiment"),
         ({"by_experiment": {"speed": "own"}}, "not a parameter"),
         ({"by_experiment": {"rate": "free"}}, "must be one of"),
-        ({"by_experiment": ["rate"]}, "must say of parameters"),
+        ({"by_experiment": ["rate"]}, "must map parameters to how"),
     ],
 )
 def test_settings_that_mean_nothing(settings, word):

@@ -279,7 +279,7 @@ def test_counts_of_several_outputs_have_no_noise_to_infer():
         (lambda X, Y: (X, pd.DataFrame(Y, columns=["h", "flow"])), r"y lacks the outputs \['q'\]"),
         (
             lambda X, Y: (pd.DataFrame({"t": X[:, 0], "output_of_row": 0.0}), Y),
-            "a name of the package's own",
+            "a name that the package uses",
         ),
     ],
 )

@@ -181,7 +181,7 @@ def test_whole_numbers_need_a_sample():
     counts = CustomLikelihood(
         lambda y, eta, sigma: stats.poisson.logpmf(y, np.exp(eta)), log_scale=True, has_scale=False
     )
-    with pytest.raises(ValueError, match=r"whole numbers.*needs a sample of its own"):
+    with pytest.raises(ValueError, match=r"whole numbers.*needs its own sample function"):
         counts.check_training(np.array([3.0, 5.0, 8.0]))
     with_sample = CustomLikelihood(
         lambda y, eta, sigma: stats.poisson.logpmf(y, np.exp(eta)),

@@ -94,7 +94,7 @@ def test_a_file_that_was_not_written():
     [
         ("no-such-solver {rate} {t}", {}, r"There is no program 'no-such-solver'"),
         ("", {}, r"There is no program ''"),
-        ([sys.executable, "{rate}", "{depth}"], {}, r"asks for \['depth'\]; there are"),
+        ([sys.executable, "{rate}", "{depth}"], {}, r"uses \['depth'\]; there are"),
         ([sys.executable, "{rate}"], {}, r"a place for \['t'\]: write \{t\}"),
         ([sys.executable, "{rate}"], {"in.txt": "{t} {"}, r"template of 'in.txt' is broken"),
     ],

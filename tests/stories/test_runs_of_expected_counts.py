@@ -50,7 +50,7 @@ def test_measured_values_are_whole_numbers_still():
     ("likelihood", "worst", "match"),
     [
         ("poisson", -0.5, r"needs expected counts of zero or more, .* simulated .* is negative"),
-        (Binomial(6), 6.5, r"needs successes 0 to 6, .* simulated values are none"),
+        (Binomial(6), 6.5, r"needs successes 0 to 6, .* simulated values are not"),
     ],
 )
 def test_means_that_there_are_not(likelihood, worst, match):

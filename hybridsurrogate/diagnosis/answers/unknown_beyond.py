@@ -19,7 +19,7 @@ def with_remainder(
     before, after : PowerScaledSurrogate
         Fitted to the same rows; after has causes as effects.
     """
-    return after.with_unlearned(_remainders(before, after))
+    return after.with_prior_only(_remainders(before, after))
 
 
 def _remainders(before: PowerScaledSurrogate, after: PowerScaledSurrogate) -> tuple[Cause, ...]:

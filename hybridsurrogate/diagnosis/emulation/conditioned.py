@@ -93,7 +93,7 @@ class KrigedBasis(Basis):
     ) -> FloatArray:
         """Return the terms plus the process, that along its slopes."""
         process, runs = self._alone
-        added = process.places(X, omega).weighed(runs, self.weights[:, None], shape)
+        added = process.places(X, omega).weighted(runs, self.weights[:, None], shape)
         return self._terms(X, omega) + added[:, 0]
 
     def outer_output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:

@@ -259,7 +259,7 @@ def _beside_noise(result: Search) -> Search:
         if w.cause is not None and w.cause.changes_output and kind_of(w) not in _VERDICTS
     ]
     out = list(result.candidates)
-    for k in sorted(able, key=lambda k: -value[k])[: SETTINGS.beside_noise]:
+    for k in sorted(able, key=lambda k: -value[k])[: SETTINGS.given_noise]:
         evidence = _with_process(result, out[k], bases)
         out[k] = out[k]._replace(log_evidence_with_noise=evidence)
     return result.reweighed(out)

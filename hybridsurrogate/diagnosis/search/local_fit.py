@@ -142,7 +142,7 @@ def settled(
     fruitless = 0
     for round_ in range(SETTINGS.max_refinements):
         before, sigma = sigma, sigma_of(problem, mode, sigma)
-        steady = round_ > 0 and sigma > (1 - SETTINGS.settled_noise) * before
+        steady = round_ > 0 and sigma > (1 - SETTINGS.converged_noise) * before
         finer = grid
         if len(grid.nodes):
             here = Fitted(model, grid, mode, sigma)

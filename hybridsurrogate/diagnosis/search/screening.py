@@ -79,7 +79,7 @@ def best_modes(
         # ended is nearly it, and what had a chance there has a finer grid already
         margins = Margins(SETTINGS.behind, np.inf)
         if nearby is not None:
-            margins = Margins(SETTINGS.behind_nearby, SETTINGS.hopeless_nearby)
+            margins = Margins(SETTINGS.behind_nearby, SETTINGS.pruned_nearby)
         behind = _far_behind(problem, emulator, noise, [null, *fits], log_prior, margins)
         for k in map(int, np.flatnonzero(np.isnan(behind))):
             model, grid, mode, sigma = fits[k]
@@ -208,7 +208,7 @@ def _starts(model: MeasuredModel, grid: Grid, null: Fitted) -> list[FloatArray]:
     """Return starting points: the fit without the cause and, far from it, the prior's centre."""
     start = grid.neutral.copy()
     start[: len(null.mode.z)] = null.mode.z
-    if np.linalg.norm(null.mode.z[: model.n_parameters]) <= SETTINGS.driven_away:
+    if np.linalg.norm(null.mode.z[: model.n_parameters]) <= SETTINGS.displaced:
         return [start]
     # the simulation's parameters start anew, accepted causes stay where they are
     anew = start.copy()

@@ -41,21 +41,21 @@ def grid_draws(
     low, high = np.full(d, -SETTINGS.prior_reach), np.full(d, SETTINGS.prior_reach)
     noise = noise_grid(problem.noise_prior, problem.scale, problem.weights.sum())
 
-    def weighed(nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def evaluated(nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
         squares = _sums_of_squares(main_directions(problem, nodes, sigma), nodes)
         marginal = marginal_over_noise(squares, problem.weights.sum(), *noise)
         return squares, node_shares(marginal + prior_log_density(nodes)[:, None])
 
     nodes, width = _grid(low, high, GRID_NODES[d])
-    squares, share = weighed(nodes)
+    squares, share = evaluated(nodes)
     if d:
         low, high = _occupied(nodes, share.mean(axis=1), width)
         nodes, width = _grid(low, high, GRID_NODES[d])
-        squares, share = weighed(nodes)
-    # far from the simulation's guidance every draw has a narrow posterior at a place of its own
+        squares, share = evaluated(nodes)
+    # far from the simulation's guidance each draw has a narrow posterior at a different place
     if d and np.median(1 / np.sum(share**2, axis=0)) < _FEW_NODES[d]:
         nodes, width = _finer(nodes, share.mean(axis=1), width, _REFINEMENT[d])
-        squares, share = weighed(nodes)
+        squares, share = evaluated(nodes)
     pick = one_node_each(share, random_state)
     S = len(problem.c)
     z = nodes[pick] + width * (random_state.uniform(size=(S, d)) - 0.5)
@@ -96,7 +96,7 @@ def _holds_mass(share: FloatArray) -> NDArray[np.bool_]:
 def _finer(
     nodes: FloatArray, share: FloatArray, width: FloatArray, times: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Cut the cells of a grid that hold mass, and those beside them, so many times a side."""
+    """Cut the cells of a grid that hold mass, and their neighbours, so many times a side."""
     d = nodes.shape[1]
     side = round(len(nodes) ** (1 / d))
     neighbours = np.ones((3,) * d)

@@ -1,7 +1,7 @@
-"""Step 2 where each draw of the coefficients has a narrow posterior at a place of its own.
+"""Step 2 where each draw of the coefficients has a narrow posterior at a different place.
 
-Proposals that all draws share are too few there. Newton steps of all draws at once lead from a
-start to the likeliest place of each, and some proposals around it are weighed.
+Proposals that all draws share are too few there. Newton steps of all draws at once go from a start
+to the mode of each, and importance weights are given to some proposals around it.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def own_draws(
         value,
         SETTINGS.follow_share,
         SETTINGS.follow_steps,
-        rivals=False,
+        prune=False,
     )
     factor = PROPOSAL_SCALE * factors(hessian)
     scaled = standard_student_draws((SETTINGS.proposals_each, S, d), random_state)

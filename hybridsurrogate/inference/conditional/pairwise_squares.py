@@ -78,7 +78,7 @@ class MeasuredGiven:
 
     @cached_property
     def features_and_rest(self) -> tuple[FloatArray, FloatArray] | None:
-        """The inputs' part of the features (m, p) and y less what is known (m,), or None.
+        """The inputs' part of the features (m, p) and y minus the fixed mean (m,), or None.
 
         Times the roots of the weights; None where features do not factorise. Where columns of
         causes do too, the m rows are few, and have the squares of all n measured ones.
@@ -94,7 +94,7 @@ class MeasuredGiven:
         return self._factored.of_draws(values)[:, : self.c.shape[1]]
 
     def columns(self, values: FloatArray) -> FloatArray:
-        """Return the causes' columns in units of their prior sd beside `features_and_rest`.
+        """Return the causes' columns in units of their prior sd, which `features_and_rest` lacks.
 
         For draws of the unknowns, (J, m, q).
         """

@@ -14,8 +14,8 @@ from hybridsurrogate.priors import FloatArray
 def main_directions(problem: MeasuredGiven, z: FloatArray, sigma: float) -> MeasuredGiven:
     """Return the problem with only those directions of the coefficients that its rows notice.
 
-    At the measured inputs hundreds of features differ in some tens of ways: the principal
-    components of what all draws say at some of the nodes.
+    At the measured inputs hundreds of features span some tens of directions: the principal
+    components of the outputs of all draws at some of the nodes.
 
     Parameters
     ----------

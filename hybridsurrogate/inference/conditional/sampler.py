@@ -2,8 +2,8 @@
 
 For every coefficient draw c_s the unknowns (omega, theta, sigma) and the causes' coefficients a
 are inferred anew from their original priors and the full likelihood of the measured rows. One
-or two parameters go on a grid; beyond, proposals are weighed. Where the posteriors of the draws are
-too narrow for what all share, each draw has proposals of its own.
+or two parameters go on a grid; more are drawn by importance sampling. Where the posteriors of the
+draws are too narrow for shared proposals, each draw has separate ones.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def second_step(
     scale : float
         Spread of the output.
     first_step : ndarray of shape (S, d)
-        Draws of u from step 1, which tell where the proposals should lie.
+        Draws of u from step 1, around which the proposals should lie.
     random_state : RandomState
 
     Returns
@@ -111,7 +111,7 @@ def second_step(
         u, resolved = grid_draws(problem, _noise_of(first_step), random_state)
         if resolved:
             return _drawn(problem, u, -np.inf, np.nan, "grid", random_state)
-        # far from the simulation's guidance every draw has a narrow posterior of its own
+        # far from the simulation's guidance each draw has a narrow posterior elsewhere
         own = own_draws(problem, np.stack([u, first_step]), random_state)
         return _drawn(problem, *own, "importance", random_state)
     return _by_proposals(problem, first_step, random_state)
@@ -208,7 +208,7 @@ def _by_proposals(
         components = [moment_match(points, share.mean(axis=1), first), modes[0]]
     node = one_node_each(share, random_state)
     drawn = OwnDraws(u[node], khat, effective)
-    # proposals of its own for each draw take a Hessian each: in many dimensions only where shared
+    # separate proposals for each draw take a Hessian each: in many dimensions only where shared
     # ones are doubtful, and never in a hierarchy, whose ridges they do not follow
     doubtful = khat > KHAT_LIMIT or effective < SETTINGS.least_effective
     wanted = doubtful if first_step.shape[1] > SETTINGS.many_dimensions else not enough

@@ -1,7 +1,7 @@
 """Gaussian coefficients integrated out.
 
 sufficient_statistics  of the runs
-emulator_posterior     what the runs alone say of the coefficients
+emulator_posterior     the coefficients given the runs alone
 collapsed              the density of step 1, coefficients integrated out
 gram, factored_rows    its Gram matrices; rows that are products of parts
 woodbury               the same by the covariance of few rows

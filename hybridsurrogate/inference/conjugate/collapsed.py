@@ -1,7 +1,8 @@
-"""Step 1 with the Gaussian coefficients integrated out (DESIGN section 6).
+"""Step 1 with the Gaussian coefficients integrated out.
 
-What is left are a few unknowns ``u = [z_omega, z_theta, z_hyper, log sigma]``. Given them the
-coefficients of surrogate and causes are Gaussian, so their draws are exact and independent.
+A few unknowns ``u = [z_omega, z_theta, z_hyper, log sigma]`` remain. Given them the coefficients of
+surrogate and causes are Gaussian, so their draws are exact and independent (Rasmussen and Williams
+2006, section 2.7).
 """
 
 from __future__ import annotations
@@ -184,7 +185,7 @@ class CollapsedPosterior:
 
     @cached_property
     def _before(self) -> FixedRows:
-        """The coefficients before the measured rows: their prior, and what the runs say."""
+        """The coefficients before the measured rows: their prior, and the runs' likelihood."""
         mean, precision = self._prior
         return fixed_rows(self._runs, mean, precision**-0.5, 0.0)
 

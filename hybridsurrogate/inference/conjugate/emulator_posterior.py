@@ -1,4 +1,4 @@
-"""What the simulation alone says about a surrogate's coefficients."""
+"""The posterior of a surrogate's coefficients given the simulation alone."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class EmulatorPosterior(NamedTuple):
 def emulator_posterior(
     basis: Basis, simulation: Statistics | None, power: float = 1.0
 ) -> EmulatorPosterior:
-    """Return what the simulation alone says about the coefficients, its noise estimated."""
+    """Return the posterior of the coefficients given the simulation alone, its noise estimated."""
     precision = basis.coefficient_sd**-2.0
     mean = basis.coefficient_mean
     if simulation is None or not power or not simulation.n or not len(mean):

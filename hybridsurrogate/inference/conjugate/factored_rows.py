@@ -18,7 +18,7 @@ from hybridsurrogate.priors import FloatArray
 
 @dataclass(frozen=True)
 class FactoredRows:
-    """Rows [features, columns, y less what is known], each a product or formed for each draw.
+    """Rows [features, columns, y minus the fixed mean], each a product or formed for each draw.
 
     Attributes
     ----------
@@ -102,8 +102,8 @@ class FactoredRows:
 
 
 def are_products(model: MeasuredModel) -> NDArray[np.bool_]:
-    """Return which of [features, columns, y less what is known] are products, (p + q + 1,)."""
-    # noise of their own scales the rows of each draw differently
+    """Return which of [features, columns, y minus the fixed mean] are products, (p + q + 1,)."""
+    # noise that differs between rows scales those of each draw differently
     by_cause = [e.factorises and not model.touches_noise for e in model.effects]
     features = np.full(len(model.basis.coefficient_mean), model.factorises)
     return np.array([*features, *(by_cause[k] for k, _ in model.column_names), model.factorises])

@@ -13,10 +13,10 @@ from hybridsurrogate.priors import FloatArray
 class FixedRows:
     """Rows that do not depend on the unknowns, in coordinates in which they are independent.
 
-    With c = mean + axes @ v the prior of v is standard normal and the rows say v_k times root of
-    ``size_k`` is ``along_k`` with noise variance sigma^2: one spectral decomposition instead of a
-    Cholesky factor for every sigma. The axes may be fewer than the coefficients: in the directions
-    that are left, of which no row speaks, the prior stays.
+    With c = mean + axes @ v the prior of v is standard normal. The rows measure v_k times root of
+    ``size_k`` as ``along_k`` with noise variance sigma^2: one spectral decomposition instead of a
+    Cholesky factor for every sigma. The axes may be fewer than the coefficients: in the remaining
+    directions, which no row informs, the posterior is the prior.
     """
 
     mean: FloatArray

@@ -74,9 +74,9 @@ class Grid:
 
 
 def make_grid(model: MeasuredModel) -> Grid:
-    """Return the grid for the last cause of a model; earlier causes count as known shapes.
+    """Return the grid for the last cause of a model; earlier causes count as fixed shapes.
 
-    What was enumerated for an earlier cause is held where it was found.
+    Enumerated unknowns of an earlier cause are fixed at their estimates.
     """
     last = len(model.effects) - 1
     grids = [effect.grid() for effect in model.effects]
@@ -151,9 +151,10 @@ def _log_mass(model: MeasuredModel, grid: Grid, edges: FloatArray) -> FloatArray
 
 
 def refine(model: MeasuredModel, grid: Grid, log_evidence: FloatArray) -> Grid:
-    """Split the cells that carry the evidence, three ways along every axis; leave hopeless ones.
+    """Split the cells that carry the evidence, three ways along every axis; keep all others.
 
-    What is left out keeps its prior mass: the evidence is an average over all of the prior.
+    Cells that are not split keep their prior mass: the evidence is an average over all of the
+    prior.
 
     Parameters
     ----------
@@ -179,7 +180,7 @@ def refine(model: MeasuredModel, grid: Grid, log_evidence: FloatArray) -> Grid:
         pieces[:, k, 0], pieces[:, k, 1] = borders[:, :-1].ravel(), borders[:, 1:].ravel()
     of_pieces = _log_mass(model, grid, pieces).reshape(len(weight), -1)
     of_pieces += (weight - np.logaddexp.reduce(of_pieces, axis=1))[:, None]
-    kept = ~split & (density > density.max() - SETTINGS.cell_hopeless)
+    kept = ~split & (density > density.max() - SETTINGS.cell_pruned)
     return with_cells(
         grid,
         np.concatenate([grid.edges[kept], pieces]),

@@ -1,10 +1,10 @@
-"""Many starts at once: descents for causes inside the dynamics, and constants seen from afar.
+"""Descents from many starts at once: for causes inside the dynamics, and constants far away.
 
-Where a location or a width acts inside the simulation, the parameters that are best for one node of
-a grid say little about the next one, and moving them together ends where it began. A
-solution of an ODE is smooth in all of them, so that they can be followed. Here every start has its
-own parameters, the enumerated ones too, and all starts are followed by Levenberg-Marquardt steps
-in one call of the simulation. Only the better half goes on every few steps.
+Where a location or a width acts inside the simulation, the best parameters of one node of a grid
+are poor starts for the next one. Moving node and parameters together ends where it began. But a
+solution of an ODE is smooth in all of them, so descents can follow it. Here every start has
+separate parameters, the enumerated ones too. All starts take Levenberg-Marquardt steps in one call
+of the simulation, and every few steps only the better half goes on.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from hybridsurrogate.inference.model.disjoint_moves import disjoint_moves, singl
 from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.priors import FloatArray, to_normal
 
-# places seen from afar: along a size, how far these reach in standard deviations of the prior, and
+# places far away: along a size, how far these reach in standard deviations of the prior, and
 # besides; how many are followed, how much better (minus twice the log posterior) one has to be
 _ON_LINE, _REACH, _WIDE, _FOLLOWED, _WORTH_FOLLOWING = 49, 2.4, 400, 16, 2.0
 
@@ -112,17 +112,17 @@ def best_from_afar(
 
     along = deviance(line)
     inner = (along[1:-1] < along[:-2]) & (along[1:-1] <= along[2:])
-    is_rugged = np.count_nonzero(inner) > 1
-    if len(grid.nodes) and not is_rugged:
+    is_rough = np.count_nonzero(inner) > 1
+    if len(grid.nodes) and not is_rough:
         return None  # nodes are enumerated, and sizes are followed from each
-    wide, most = _WIDE if is_rugged else _ON_LINE, _FOLLOWED
-    if is_rugged and model.basis.is_quick:
+    wide, most = _WIDE if is_rough else _ON_LINE, _FOLLOWED
+    if is_rough and model.basis.is_quick:
         wide = int(np.clip(SETTINGS.population_rows // len(y), _WIDE, SETTINGS.widest_population))
         most = SETTINGS.followed_of_many
     spread = _spread(model, grid, line[0], wide)
     z = np.vstack([known, line, spread])
     value = np.concatenate([deviance(known[None]), along, deviance(spread)])
-    if is_rugged:
+    if is_rough:
         followed = z[np.argsort(value)[:most]]
         end = _descend(residual, followed, np.concatenate([grid.fixed, grid.sizes, grid.nodes]))
         z, value = np.vstack([z, end]), np.append(value, deviance(end[None]))
@@ -132,7 +132,7 @@ def best_from_afar(
 
 def _spread(model: MeasuredModel, grid: Grid, base: FloatArray, n: int) -> FloatArray:
     """Return places (n, n_unknowns) of parameters, size and nodes, those of earlier causes held."""
-    # a fixed spread, as the search has no randomness of its own
+    # a fixed spread, as the search is deterministic
     random = np.random.RandomState(0)
     z = np.tile(base, (n, 1))
     place = [*np.arange(model.n_parameters), *grid.sizes]
@@ -238,7 +238,7 @@ def _descend(residual: _Residual, z: FloatArray, place: NDArray[np.intp]) -> Flo
         trial_badness = residual.deviance(trial_rest, trial)
         better = trial_badness < deviance
         best = int(np.argmin(np.minimum(deviance, trial_badness)))
-        settled = better[best] and deviance[best] - trial_badness[best] < SETTINGS.gain_settled
+        converged = better[best] and deviance[best] - trial_badness[best] < SETTINGS.gain_converged
         z[better], rest[better], slopes[better] = (
             trial[better],
             trial_rest[better],
@@ -246,7 +246,7 @@ def _descend(residual: _Residual, z: FloatArray, place: NDArray[np.intp]) -> Flo
         )
         deviance = np.minimum(deviance, trial_badness)
         damping = np.where(better, 0.2, 6.0) * damping
-        if settled or damping[best] > SETTINGS.stuck:
+        if converged or damping[best] > SETTINGS.stuck:
             break
         if step % SETTINGS.steps_a_round == SETTINGS.steps_a_round - 1 and len(z) > 2:
             kept = np.argsort(deviance)[: (len(z) + 1) // 2]

@@ -25,7 +25,7 @@ from hybridsurrogate.priors import FloatArray
 # an emulator is smooth to rounding: a short step to one side is enough, at half the price
 _SHORT_STEP = 1e-4
 _ABSURD = 1e100
-# a size that is a parameter of its own keeps within its prior: z displaced by its prior sd at most
+# a size that is a separate parameter keeps within its prior: z displaced by its prior sd at most
 _SIZE_CAP = 1.0
 # of the largest curve: less is nothing
 _NOTHING = 1e-12
@@ -184,7 +184,7 @@ def columns_at_nodes(model: MeasuredModel, X: FloatArray, grid: Grid, z: FloatAr
 
     numbers = len(X) * len(model.effects[-1].coefficients) if model.effects else 0
     own, rms = in_blocks(scaled, values, numbers)
-    # a column next to nothing beside those of other nodes stays so
+    # a column that is tiny compared with those of other nodes stays so
     least = _NOTHING * float(np.max(rms, initial=0.0))
     low = rms < least
     own[low] *= (rms[low] / least)[:, None]

@@ -1,4 +1,4 @@
-"""How well the measured rows speak for a cause at every node of its grid.
+"""The evidence of a cause at every node of its grid, given the measured rows.
 
 Given the nodes of what is not a size (a period, a location) the linearised model has an evidence
 in closed form, for any number of responses at once.
@@ -58,7 +58,7 @@ def scan(
     parts : Linearised
     responses : ndarray of shape (R, n)
     sigma : float
-        Noise scale against which the priors of parameters and sizes are weighed.
+        Noise scale of the penalised fit, relative to the priors of parameters and sizes.
     log_marginal : callable
         Log integral over sigma as a function of the residual sum of squares; a `NoiseTable` where
         there are outliers.
@@ -127,7 +127,7 @@ def _of_products(
 ) -> FloatArray:
     """Return the log evidence (R, T) of n rows: sizes and noise integrated out as well."""
     # rounding is the affair of `log_marginal`, in shares of the spread of y: y itself may be far
-    # from zero, and a share of its own square would be more than the noise
+    # from zero, and a share of its square would be more than the noise
     least = np.finfo(float).tiny
     squares, log_base = products.squares, (parts.log_weight - products.log_det)[:, None]
     T, _, q = products.along.shape
@@ -213,7 +213,7 @@ def optimise(
     z : ndarray of shape (n_unknowns,)
         Starting point.
     sigma : float
-        Noise scale against which priors are weighed.
+        Noise scale of the penalised fit, relative to the priors.
     size : float
         Prior scale of the effect's size, in units of y; large means free.
     columns : Columns, optional
@@ -241,7 +241,7 @@ def optimise(
         elif best is None or here.objective < best.objective - 1e-4:
             gain = np.inf if best is None else best.objective - here.objective
             best, point, target, step = here, proposal, move, 1.0
-            if gain < SETTINGS.gain_settled:
+            if gain < SETTINGS.gain_converged:
                 break
         else:
             step *= 0.3

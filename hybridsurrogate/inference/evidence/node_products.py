@@ -68,9 +68,9 @@ class Products(NamedTuple):
     log_det : ndarray of shape (M,)
         Of the covariance of the rows and of the precision of the parameters.
     along : ndarray of shape (T, R, q)
-        Products of the columns with what the parameters leave.
+        Products of the columns with the residuals of a fit of the parameters.
     inner : ndarray of shape (T, q, q)
-        Products of the columns with each other, what the parameters draw as well taken out.
+        Products of the columns with each other, after the projection on the parameters' slopes.
     squared : ndarray of shape (T,)
         Squares of the columns before that.
     """
@@ -110,9 +110,9 @@ def node_products(
 class _Seen(NamedTuple):
     """Responses as they are at every node: ``shared_r - own_m' u_r``, and the slopes G.
 
-    A response minus the mean may be large and almost what the parameters draw, and squares of it
-    would lose all digits. So it is counted from a fit, the parameters at ``start_m @ u_r``: what is
-    left is of the size of the noise where a node is any good.
+    A response minus the mean may be large and almost in the span of the parameters. Its squares
+    would lose all digits. So it is counted from a fit, the parameters at ``start_m @ u_r``: the
+    residual of a good node is of the size of the noise.
 
     Attributes
     ----------
@@ -144,7 +144,7 @@ def _seen(parts: Linearised, responses: FloatArray, sigma: float) -> _Seen:
         shared, u = left - fit.T @ G[at], np.vstack([np.ones(len(left)), fit]).T
         own = np.concatenate([(mean - mean[at])[:, None], G - G[at]], axis=1)
         start = np.broadcast_to(np.eye(d, d + 1, 1), (M, d, d + 1))
-    # what the slopes of a node draw of its own part is taken out of it
+    # the projection of a node's part on its slopes is taken out
     move = _coefficients(G, sigma) @ (G @ np.swapaxes(own, 1, 2))  # (M, d, k)
     own = own - np.swapaxes(move, 1, 2) @ G
     return _Seen(shared, np.concatenate([own, G], axis=1), u, start - move)

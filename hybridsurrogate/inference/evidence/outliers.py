@@ -95,7 +95,7 @@ def find_mode(
             before = sigma
             z = rest / sigma[..., None]
             # EM is slow where rows may be outliers or not: Newton's step in log sigma, kept short.
-            # The prior of sigma is weak beside the rows, and left to the evidence
+            # The prior of sigma is weak compared with the rows, and left to the evidence
             squares = np.einsum("rtn,rtn->rt", weight, z**2)
             bend = squares + np.einsum("rtn,rtn->rt", shape.curvature(z), z**2)
             move = (squares - n) / np.maximum(bend, SETTINGS.outlier_least_curvature * n)
@@ -104,7 +104,7 @@ def find_mode(
             )
         sigma = np.maximum(sigma, 1e-300)
         weight = shape.precision(rest / sigma[..., None])
-        if step and np.max(np.abs(sigma / before - 1)) < SETTINGS.outlier_settled:
+        if step and np.max(np.abs(sigma / before - 1)) < SETTINGS.outlier_converged:
             break
     z = rest / sigma[..., None]
     log_noise = np.sum(np.log(noise), axis=-1)
@@ -154,10 +154,10 @@ def log_evidence(
 
 
 def settled(parts: Linearised, y: FloatArray, sigma: float) -> Linearised:
-    """Return the model at its first node, where rows are normal, each of a scale of its own.
+    """Return the model at its first node, where rows are normal and each has a separate scale.
 
-    With outliers it is what the residuals of the row say. What a further curve explains is weighed
-    on it in closed form.
+    With outliers the residual of a row gives its scale. The evidence of a further curve then has a
+    closed form.
     """
     parts = replace(parts.at(np.array([0])), log_weight=np.zeros(1))
     if parts.outliers is None:
@@ -173,7 +173,7 @@ def settled(parts: Linearised, y: FloatArray, sigma: float) -> Linearised:
 
 
 def emulator_directions(U: FloatArray, sigma: float) -> FloatArray:
-    """Return the directions (n, r) of the known covariance that are not small beside sigma."""
+    """Return the directions (n, r) of a fixed covariance that are not small against sigma."""
     if not U.size:
         return U.reshape(len(U), 0)
     Q, singular, _ = np.linalg.svd(U, full_matrices=False)

@@ -1,4 +1,4 @@
-"""What a search over causes is tuned by: one place, each number with what rests on it."""
+"""The settings of a search over causes: one place, each number with its meaning or figure."""
 
 from __future__ import annotations
 
@@ -22,34 +22,34 @@ class SearchSettings:
         A shape at a place where less than so many rows carry it is a mechanism with these odds, as
         much else happens to single rows (`GrossError`). Of 60 rows with a wild last one the kinds
         that jump there shared the probability in four.
-    beside_noise : int
-        Causes weighed beside correlated noise: those that explain most alone.
+    given_noise : int
+        Causes compared given correlated noise: those that explain most alone.
     lengths_with_process : int
         Groups of neighbouring lengths of a process, each of one evidence, where it is compared
         with another process in addition: 24 of 94 change its evidence by 0.02.
-    behind, behind_nearby, hopeless_nearby : float
+    behind, behind_nearby, pruned_nearby : float
         A cause so far behind the best one, prior odds included, is not refined: after a first
         optimisation, or from where that in other rows ended; and where nothing is looked at again.
     exact_fit : float
         A fit this many times closer than without the cause is as good as exact.
-    driven_away : float
-        What is wrong may drive parameters so far (in prior standard deviations) from where they
-        belong that an optimisation from there does not find back.
+    displaced : float
+        A fault may move the parameters this far from their true values, in prior standard
+        deviations. An optimisation from there does not converge to them.
     looked_between, looks : int
         Nodes of a coarse grid between which a cause may fit much better, and rounds of looking:
         needed for noise below a hundredth of the output (tests of precise data).
     much_closer : float
         A fit with less than this share of the noise that it was made with is made again: 0.7 nats
         at effects of eight times the noise.
-    settled_noise : float
-        Noise that a further optimisation lowers by less than this share has settled.
+    converged_noise : float
+        Noise that a further optimisation lowers by less than this share has converged.
     max_refinements, fruitless_refinements, same_evidence : int, int, float
         Refinements of a grid at most, and how many in a row may gain no more than the last number:
         a wave in measurements that are precise to a millionth needs all of them.
-    nodes_enough, cell_hopeless, most_split : int, float, int
+    nodes_enough, cell_pruned, most_split : int, float, int
         A grid is fine enough with so many nodes an axis within two nats of the best; cells so far
         behind are never split; cells split at a time.
-    max_steps, gain_settled : int, float
+    max_steps, gain_converged : int, float
         Gauss-Newton steps, and the gain (minus twice the log density) below which they end.
     nodes_followed : int
         Nodes that are followed where each needs runs of the simulation.
@@ -57,23 +57,24 @@ class SearchSettings:
         What the screening may be off by where causes are scored by importance sampling, and causes
         scored at most.
     looked_ahead : int
-        First causes whose best companions are looked for.
+        First causes for which the best second causes are searched.
     beyond_doubt : float
-        A cause of this probability that leaves nothing is not compared with others again.
+        A cause of this probability without residual structure is not compared with others again.
     pair_hopeless, companion_behind, most_companions : float, float, int
-        What is further behind the best pair, or the best companion, is not placed jointly; and
-        companions that are. Joint refits name both of 77 instead of 69 % of pairs (48 of size 2,
-        80 rows).
+        A pair further behind the best pair, or a second cause further behind the best one, gets no
+        joint refit; and how many second causes get one. Joint refits name both of 77 instead of
+        69 % of pairs (48 of size 2, 80 rows).
     turns, worth_a_turn : int, float
         Turns in which each of two causes is placed once, and the gain that is worth another.
     backfitting_rounds : int
-        Rounds in which each of several causes may give way to a better one. How probable each is
-        beside the others makes 37 of these 48 pairs "named" instead of 12, 89 and 92 % rightly.
+        Rounds in which each of several causes may give way to a better one. With the probability
+        of each conditional on the others, 37 instead of 12 of these 48 pairs are "named", 89 and
+        92 % rightly.
     same_mode : int
         Cells to either side of the best node that belong to the same mode.
     set_mass, named : float
-        Probability of the set of kinds that is told, and from which one cause is named: three times
-        as probable as all its rivals together.
+        Probability of the reported set of kinds, and from which one cause is named: three times
+        as probable as all alternatives together.
     furthest_place, size_start, longest_step : float
         Of unknowns when a cause is optimised, in prior standard deviations: the furthest place, how
         far a size that changes something is moved at the start, to either side, and the longest
@@ -87,7 +88,7 @@ class SearchSettings:
         followed where a run is quick and rows are few.
     failed_residual : float
         Residual of a place where the simulation fails, in scales of the output.
-    outlier_steps, outlier_steps_in_batch, outlier_settled : int, int, float
+    outlier_steps, outlier_steps_in_batch, outlier_converged : int, int, float
         Steps of EM to the mode with outliers, for one response and for many, and the relative move
         of the noise at which it has arrived.
     outlier_newton : float
@@ -95,7 +96,7 @@ class SearchSettings:
     outlier_least_curvature, outlier_longest_step : float
         In the log of the noise: the curvature that a row has at least, and the longest step.
     emulator_share : float
-        Errors of an emulator below this share of the noise are left out beside outliers.
+        With outliers, errors of an emulator below this share of the noise are left out.
     """
 
     prior_none: float = 0.5
@@ -106,25 +107,25 @@ class SearchSettings:
     n_sizes: int = 10
     few_rows: float = 2.05
     few_rows_odds: float = 0.01
-    beside_noise: int = 8
+    given_noise: int = 8
     lengths_with_process: int = 24
     behind: float = 12.0
     behind_nearby: float = 4.0
-    hopeless_nearby: float = 30.0
+    pruned_nearby: float = 30.0
     exact_fit: float = 1e-3
-    driven_away: float = 2.0
+    displaced: float = 2.0
     looked_between: int = 8
     looks: int = 5
     much_closer: float = 0.5
-    settled_noise: float = 0.1
+    converged_noise: float = 0.1
     max_refinements: int = 12
     fruitless_refinements: int = 4
     same_evidence: float = 1e-3
     nodes_enough: int = 4
-    cell_hopeless: float = 100.0
+    cell_pruned: float = 100.0
     most_split: int = 40
     max_steps: int = 12
-    gain_settled: float = 0.01
+    gain_converged: float = 0.01
     nodes_followed: int = 16
     within_reach: float = 8.0
     most_scored: int = 12
@@ -151,7 +152,7 @@ class SearchSettings:
     failed_residual: float = 1e6
     outlier_steps: int = 25
     outlier_steps_in_batch: int = 6
-    outlier_settled: float = 3e-3
+    outlier_converged: float = 3e-3
     outlier_newton: float = 1.0
     outlier_least_curvature: float = 0.3
     outlier_longest_step: float = 0.5

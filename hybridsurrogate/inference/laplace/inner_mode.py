@@ -48,9 +48,9 @@ class GaussianFit:
 def gaussian_fit(whole: Design, sigma: FloatArray, width_rounds: int) -> GaussianFit:
     """Return the approximation for noise scales sigma (J, 1).
 
-    Where the density is rough, log density and derivatives are averaged over what the
-    approximation itself leaves open of eta, found in so many rounds, which makes it the variational
-    one (Opper and Archambeau 2009, Neural Computation 21:786).
+    Where the density is rough, log density and derivatives are averaged over the distribution of
+    eta in the approximation itself, in so many rounds. This makes it the variational one (Opper and
+    Archambeau 2009, Neural Computation 21:786).
     """
     # inside, v holds the directions that are kept and nothing else
     design = Design(whole.parts, np.arange(len(whole.kept)))

@@ -26,7 +26,7 @@ class Rows:
 
 @dataclass(frozen=True)
 class Runs(Rows):
-    """Simulation runs: inputs (n, n_inputs) and parameters (n, n_parameters) beside the values."""
+    """Simulation runs: inputs (n, n_inputs), parameters (n, n_parameters) and values."""
 
     X: FloatArray
     omega: FloatArray
@@ -36,8 +36,8 @@ class Runs(Rows):
 class Part:
     """``eta = known + design @ v`` for some rows; a design that all draws share is (n, p).
 
-    ``likelihood`` is that of its rows, for as many draws. ``width`` (J, n) is how far eta is open;
-    None: not known yet, or not asked for.
+    ``likelihood`` is that of its rows, for as many draws. ``width`` (J, n) is the standard
+    deviation of eta; None: not computed.
     """
 
     rows: Rows

@@ -1,7 +1,7 @@
 """Which unknowns can be moved at the same time where slopes are taken.
 
 Two unknowns that change no row in common, such as deviations of two experiments, have their slopes
-from one run: each row shows that of its own (Curtis, Powell and Reid 1974).
+from one run: each row shows the slope of the unknown it depends on (Curtis, Powell and Reid 1974).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Moves(NamedTuple):
     group : ndarray of shape (d,)
         The move of each direction.
     touched : ndarray of shape (d, n) or None
-        Rows that a direction may change; None: each has a move of its own.
+        Rows that a direction may change; None: each direction has a separate move.
     """
 
     steps: FloatArray

@@ -20,7 +20,7 @@ _ROW_NOISE = "noise of the row"
 
 @dataclass(frozen=True)
 class CausesOnRows:
-    """Causes beside a simulation's inputs and parameters, before any data.
+    """Causes together with a simulation's inputs and parameters, before any data.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class CausesOnRows:
 
     @property
     def touches_noise(self) -> bool:
-        """Whether single rows have a noise of their own."""
+        """Whether the noise differs between rows."""
         return self.has_row_noise or any(effect.touches_noise for effect in self.effects)
 
     @property
@@ -235,7 +235,7 @@ class CausesOnRows:
     def likelihood_of(self, likelihood: Likelihood, values: FloatArray) -> Likelihood:
         """Return the likelihood of measured rows for draws of `values`.
 
-        Some rows are outliers, or counts scatter more, where a cause says so.
+        A cause may make some rows outliers, or increase the scatter of counts.
         """
         wider = self._overdispersed(likelihood, values)
         if wider is not None:

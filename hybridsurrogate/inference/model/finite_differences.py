@@ -1,8 +1,8 @@
 """How rough a simulation is: over which steps its slopes mean something.
 
-Rounded output, the loose tolerance of a solver, a table that is looked up or random numbers of its
-own make an output jump where parameters hardly change. A difference over a short step is then a
-jump divided by next to nothing, or zero between two jumps.
+An output jumps where parameters hardly change if it is rounded, random, read from a table, or from
+a solver with a loose tolerance. A difference over a short step is then a jump divided by next to
+nothing, or zero between two jumps.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def _disagreement(a: FloatArray, b: FloatArray) -> FloatArray:
 
 def _slopes(model: MeasuredModel, X: FloatArray, step: float) -> FloatArray:
     """Return slopes (places, d, n) at places of the priors, zero where the simulation fails."""
-    # a fixed spread, as the search has no randomness of its own
+    # a fixed spread, as the search is deterministic
     z = np.random.RandomState(0).standard_normal((_PLACES, model.n_parameters))
     ahead, behind = np.swapaxes(around(model, X, z, step), 0, 1)
     with np.errstate(invalid="ignore", over="ignore"):

@@ -168,7 +168,7 @@ class MeasuredModel(CausesOnRows):
         """Return known and features of the simulated output with what causes make of it."""
         touched = any(effect.touches_simulation for effect in self.effects)
         if not touched and not self.basis.known_depends_on_hyper:
-            return self._unmoved(X, values, c)
+            return self._unchanged(X, values, c)
         rows, omega, theta = self.rows(X, values)
         known, features = self._moved(X, values, c, rows, omega, theta, moves)
         if self._responds:
@@ -178,7 +178,7 @@ class MeasuredModel(CausesOnRows):
     def slopes(
         self, X: FloatArray, values: FloatArray, c: FloatArray | None, output: FloatArray
     ) -> list[FloatArray | None]:
-        """Return for each cause the slope (J, n) of the output (J, n) that its noise asks for."""
+        """Return for each cause the slope (J, n) of the output (J, n) that its noise needs."""
         return [
             None
             if effect.follows_slope is None
@@ -197,8 +197,8 @@ class MeasuredModel(CausesOnRows):
     ) -> FloatArray:
         """Return the slope (J, n) of the output over an input, a parameter or a constant.
 
-        A difference over a small share of a usual change. Without coefficients ``c`` (p,) it is
-        that of what the runs say.
+        A difference over a small share of a usual change. Without coefficients ``c`` (p,) the
+        output is that of the reference, estimated from the runs.
         """
         step, model = self.step * usual, self
         if not step > 0:
@@ -217,7 +217,7 @@ class MeasuredModel(CausesOnRows):
             known = known + features @ self._reference
         return (known - output) / step
 
-    def _unmoved(
+    def _unchanged(
         self, X: FloatArray, values: FloatArray, c: FloatArray | None
     ) -> tuple[FloatArray, FloatArray]:
         """Return known and features of all rows at the parameters of each draw."""
@@ -239,7 +239,7 @@ class MeasuredModel(CausesOnRows):
         """Return known and features at the inputs and parameters that causes may have moved."""
         J, n, by_row = len(values), len(X), self.basis.known_depends_on_hyper
         if not by_row and not any(effect.moves_inputs for effect in self.effects):
-            return self._unmoved(X, values, c)
+            return self._unchanged(X, values, c)
         inputs, points = self._places(rows, omega, theta)
         if c is not None and not by_row:
             if c.ndim == 2:
@@ -258,7 +258,7 @@ class MeasuredModel(CausesOnRows):
     ) -> tuple[FloatArray, FloatArray]:
         """Return known and features of what causes make of the simulated output.
 
-        To first order around what the reference says, where there are features.
+        To first order around the output of the reference, where there are features.
         """
         shape, of_features = known.shape, features.shape[2]
         output = known + features @ self._reference if of_features else known
@@ -274,11 +274,11 @@ class MeasuredModel(CausesOnRows):
         return any(effect.responds for effect in self.effects)
 
     def places(self, X: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return inputs and parameters (J n, ...) at which the simulation is asked for."""
+        """Return inputs and parameters (J n, ...) at which the simulation is evaluated."""
         return self._places(*self.rows(X, values))
 
     def emulator_error(self, X: FloatArray, values: FloatArray, factor: FloatArray) -> FloatArray:
-        """Return U (n, r): what the emulator leaves open at one draw has covariance U U'.
+        """Return U (n, r): the emulator's error at one draw has covariance U U'.
 
         ``factor`` (p, p) is that of the covariance of its coefficients.
         """

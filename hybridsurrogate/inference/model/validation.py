@@ -56,11 +56,11 @@ def _check_at(model: MeasuredModel, X: FloatArray, places: FloatArray) -> None:
 
 
 def _called(effect: Cause, method: str, *arguments: Rows) -> Any:
-    """Return what a method of a cause returns; an error of its own gets the cause's name."""
+    """Return what a method of a cause returns; an error raised there gets the cause's name."""
     try:
         return getattr(effect, method)(*arguments)
     except KeyError:
-        # it asks for a column that is not there, which is told elsewhere
+        # it uses a column that is not there, which is reported elsewhere
         raise
     except Exception as error:
         raise ValueError(

@@ -40,13 +40,13 @@ class Proposals:
 
 @dataclass(frozen=True)
 class ImportanceDraws:
-    """Resampled draws and how far they can be trusted.
+    """Resampled draws and how reliable they are.
 
     Attributes
     ----------
     draws : ndarray of shape (n_draws, d)
     khat : float
-        Shape of the Pareto tail of the weights; above 0.7 the draws are not trustworthy.
+        Shape of the Pareto tail of the weights; above 0.7 the draws are unreliable.
     effective_draws : float
         1 / sum of squared normalised weights.
     log_evidence : float
@@ -84,12 +84,12 @@ def importance_draws(
     Where fewer than a tenth of the proposals are effective, or the tail of the weights is bad, the
     next round has proposals at the weighted mean and covariance of each one's share of the draws
     (Cappe, Douc, Guillin, Marin and Robert 2008, Statistics and Computing 18:447), and of slices
-    of it along its longest axis, which follow a bend. The draws of all rounds are weighed together,
-    by the mixture of all their proposals, so that nothing is lost on the way (Cornuet, Marin, Mira
-    and Robert 2012, Scandinavian Journal of Statistics 39:798).
+    of it along its longest axis, which follow a bend. The draws of all rounds get their weights
+    from the mixture of all proposals, so that none is lost (Cornuet, Marin, Mira and Robert 2012,
+    Scandinavian Journal of Statistics 39:798).
 
-    Where there are several ``modes``, the weights near each of them have a k-hat of their own, and
-    the largest counts: draws that are good at one mode say nothing of how much lies at another.
+    Where there are several ``modes``, the weights near each of them have a separate k-hat, and the
+    largest counts: good draws at one mode do not show the mass of another.
     """
     rounds: list[_Round] = []
     scale, target = 1.0, np.empty(0)

@@ -220,7 +220,7 @@ def _followed(
 
 
 def _is_on(line: Line, mode: Gaussian) -> bool:
-    """Tell whether a mode differs from that of a line only along it."""
+    """Return whether a mode differs from that of a line only along it."""
     if line.position is None:
         return False
     mean = mode.mean.copy()

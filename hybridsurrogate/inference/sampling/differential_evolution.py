@@ -1,7 +1,7 @@
 """Step 2 by moves: one Markov chain for each coefficient draw, all moved at once.
 
-Where the measured world has no grid and no closed form. Chains start from a shared pool, weighed by
-each chain's own density, and then move by differences between chains of the other half
+For a measured world without a grid or a closed form. Chains start from a shared pool, drawn with
+weights by each chain's density. They move by differences between chains of the other half
 (differential evolution, Ter Braak 2006, Statistics and Computing 16:239). The halves take turns, so
 each update leaves the product of all conditional posteriors invariant.
 """

@@ -21,7 +21,7 @@ from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.notebook.bars import filled
 from hybridsurrogate.priors import FloatArray
 
-# differential evolution (Ter Braak 2006, Statistics and Computing 16:239) beside the stretch move,
+# differential evolution (Ter Braak 2006, Statistics and Computing 16:239) next to the stretch move,
 # and now and then jumps of full length between modes
 _MOVES = (
     (emcee.moves.DEMove(), 0.6),
@@ -56,9 +56,8 @@ class EnsembleDraws:
 class EnsembleSampler(BaseEstimator):
     """Ensemble MCMC backend (emcee) with a stopping rule.
 
-    Pass it as ``sampler=`` of an estimator to have it used whatever the importance sampler could
-    do. The run stops when it is longer than ``tol`` autocorrelation times; the first five of them
-    are dropped.
+    Pass it as ``sampler=`` of an estimator to use it instead of importance sampling. The run stops
+    when it is longer than ``tol`` autocorrelation times; the first five of them are dropped.
 
     Parameters
     ----------
@@ -75,7 +74,7 @@ class EnsembleSampler(BaseEstimator):
         Show a progress bar.
     file : path or None, default=None
         HDF5 file that keeps every step (needs h5py). A run that was stopped goes on from there and
-        ends with the result of an unbroken one. Each run has a group of its own, named after its
+        ends with the result of an unbroken one. Each run has a separate group, named after its
         starting points: the estimator must have an int ``random_state``.
 
     Examples
@@ -230,8 +229,9 @@ def _moves_about(approximation: Gaussian) -> list[tuple[Any, float]]:
 
     They keep a share of the distance from its mean and renew the rest: preconditioned
     Crank-Nicolson (Cotter, Roberts, Stuart and White 2013, Statistical Science 28:424), reversible
-    for the Gaussian, so that the acceptance tells only how the density differs from it. Where it is
-    near, draws are nearly independent in any dimension; where not, small steps are among them.
+    for the Gaussian, so that the acceptance depends only on how the density differs from it. Where
+    it is near, draws are nearly independent in any dimension; where not, small steps are among
+    them.
     """
     mean, factor = approximation.mean, approximation.factor
 

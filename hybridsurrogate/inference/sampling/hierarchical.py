@@ -1,11 +1,12 @@
 """Hierarchies in coordinates in which they are close to independent standard normal numbers.
 
 A parameter of experiment e is ``p_e = mean + spread u_e`` with u_e standard normal. Where the rows
-of each experiment tell p_e well, mean, spread and u_e lie on a bent ridge; where they tell little,
-mean, spread and p_e do (Papaspiliopoulos, Roberts and Skoeld 2007, Statistical Science 22:59). If
-the rows of e tell p_e as a normal number r_e with variance v_e would, then given mean and spread it
-is normal with variance ``V_e = 1 / (1 / spread^2 + 1 / v_e)`` and mean
-``V_e (mean / spread^2 + r_e / v_e)``: that standardised is the coordinate, at any spread.
+of each experiment determine p_e well, mean, spread and u_e lie on a bent ridge; where they
+determine it poorly, mean, spread and p_e do (Papaspiliopoulos, Roberts and Skoeld 2007, Statistical
+Science 22:59). Let the likelihood of the rows of e be normal in p_e, with mean r_e and variance
+v_e. Given mean and spread, p_e is then normal with variance
+``V_e = 1 / (1 / spread^2 + 1 / v_e)`` and mean ``V_e (mean / spread^2 + r_e / v_e)``. The
+coordinate is p_e standardised by these, at any spread.
 """
 
 from __future__ import annotations
@@ -29,24 +30,24 @@ _LEAST = 1e-9
 
 
 class Hierarchy(NamedTuple):
-    """Positions in z of a mean, a spread and the deviations, and what rows tell of each p_e.
+    """Positions in z of a mean, a spread and the deviations, and the likelihood of each p_e.
 
-    In units of the prior's standard deviation, from its median: ``told + slopes @ x`` with the
-    ``precision`` 1 / v_e, x being the other coordinates ``others`` as they are at the place where
-    this was looked at.
+    It is normal around ``location + slopes @ x`` with the ``precision`` 1 / v_e. The unit is the
+    prior's standard deviation, counted from its median; x are the other coordinates ``others`` at
+    the place of the expansion.
     """
 
     mean: int
     spread: int
     deviations: NDArray[np.intp]
-    told: FloatArray
+    location: FloatArray
     precision: FloatArray
     slopes: FloatArray
     others: NDArray[np.intp]
 
 
 def hierarchies(model: MeasuredModel) -> list[Hierarchy]:
-    """Return the hierarchies among the unknowns of a model, as if rows told nothing of them."""
+    """Return the hierarchies among the unknowns of a model, with flat likelihoods."""
     parameters = list(model.parameters)
     own = {name: model.n_parameters + i for i, name in enumerate(model.theta_names)}
     found = []
@@ -98,8 +99,8 @@ class Coordinates:
             return np.zeros_like(mean), np.ones_like(mean)
         # V / spread^2, which stays finite where the spread is next to nothing
         share = 1 / (1 + spread**2 * one.precision)
-        told = one.told + x[:, one.others] @ one.slopes.T
-        return share * mean + (1 - share) * told, spread * np.sqrt(share)
+        estimated = one.location + x[:, one.others] @ one.slopes.T
+        return share * mean + (1 - share) * estimated, spread * np.sqrt(share)
 
     def of(self, points: FloatArray) -> FloatArray:
         """Return the coordinates of plain points (J, d), or with more columns."""
@@ -136,8 +137,8 @@ def standardised(
 ) -> Coordinates | None:
     """Return coordinates that suit the hierarchies of a density; None where it has none.
 
-    What rows tell of each experiment is looked at where the spread is as wide as the parameter's
-    prior, so that they are all that tells of it.
+    The likelihood of each experiment is expanded where the spread is as wide as the parameter's
+    prior, so that its rows alone determine it.
 
     Parameters
     ----------
@@ -152,8 +153,8 @@ def standardised(
     found = hierarchies(model)
     if not found:
         return None
-    # if rows told everything, coordinates would be the p_e themselves
-    sure = [one._replace(precision=np.full(len(one.told), np.inf)) for one in found]
+    # if rows determined everything, coordinates would be the p_e themselves
+    sure = [one._replace(precision=np.full(len(one.location), np.inf)) for one in found]
     centred = Coordinates(model.priors, tuple(sure))
     wide = centred.of(starts)
     for one in found:
@@ -178,14 +179,14 @@ def standardised(
         rest = np.diag(covariance[np.ix_(a, a)] - slopes.T @ covariance[np.ix_(b, a)])
         out.append(
             one._replace(
-                told=mode.mean[a] - slopes.T @ mode.mean[b],
+                location=mode.mean[a] - slopes.T @ mode.mean[b],
                 # the prior of p_e had a precision of one
                 precision=np.maximum(1 / rest - 1.0, 0.0),
                 slopes=slopes.T,
                 others=np.array(given, dtype=np.intp),
             )
         )
-        # the next one is told given this one
+        # the next one is estimated given this one
         given = [*given, *one.deviations]
     return Coordinates(model.priors, tuple(out))
 

@@ -10,7 +10,10 @@ from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.inference.conjugate.sufficient_statistics import ROUNDING
 from hybridsurrogate.inference.evidence.grid import make_grid
-from hybridsurrogate.inference.evidence.levenberg_marquardt import best_from_afar, best_of_spread
+from hybridsurrogate.inference.evidence.levenberg_marquardt import (
+    best_from_afar,
+    best_of_spread,
+)
 from hybridsurrogate.inference.evidence.long_grid import shortened
 from hybridsurrogate.inference.evidence.marginal_likelihood import optimise
 from hybridsurrogate.inference.sampling.settings import SETTINGS
@@ -53,16 +56,16 @@ def starting_points(target: Target, random_state: np.random.RandomState) -> Floa
             if not round_:
                 floor = ROUNDING * target.scale
                 args = partial, target.X, target.y, emulator, grid
-                afar = best_from_afar(*args, before_it, z, floor)
-                if afar is not None:
-                    z = afar
+                best = best_from_afar(*args, before_it, z, floor)
+                if best is not None:
+                    z = best
                     continue
             if len(grid.nodes):
                 priors = [partial.priors[k] for k in grid.nodes]
                 z[grid.nodes] = to_normal(priors, grid.points[mode.node])
             before = sigma
             sigma = max(float(np.sqrt(mode.squares / len(target.y))), ROUNDING * target.scale)
-            if sigma > SETTINGS.settled_noise * before:
+            if sigma > SETTINGS.converged_noise * before:
                 break
     return np.array([[*z, *z_hyper, np.log(sigma * factor)] for factor in (1.0, 2.0)])
 
@@ -76,7 +79,7 @@ def further_points(target: Target, mode: FloatArray) -> FloatArray:
     """
     log_sigma = mode[-1] + np.log([0.3, 0.6, 1.0, 1.7, 3.0])
     out = [np.empty((0, len(mode)))]
-    is_rugged = False
+    is_rough = False
     for k in range(target.model.n_parameters):
         points = np.tile(mode, (len(_LINE), len(log_sigma), 1))
         points[:, :, k] = _LINE[:, None]
@@ -88,8 +91,8 @@ def further_points(target: Target, mode: FloatArray) -> FloatArray:
         # what lies next to the mode itself is known
         peaks = peaks[np.abs(_LINE[peaks] - mode[k]) > 2 * _SPACING]
         out.append(points[peaks, best[peaks]])
-        is_rugged |= len(peaks) > 1
-    if is_rugged and target.model.basis.is_simulation:
+        is_rough |= len(peaks) > 1
+    if is_rough and target.model.basis.is_simulation:
         model, floor = target.model, ROUNDING * target.scale
         emulator = emulator_posterior(model.basis, None)
         z, sigma = best_of_spread(model, target.X, target.y, emulator, floor)

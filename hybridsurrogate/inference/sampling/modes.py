@@ -85,19 +85,19 @@ def optimise(
     value: FloatArray,
     step_share: float,
     max_iter: int,
-    rivals: bool,
+    prune: bool,
     least_step: float = 0.0,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Climb from every start x (S, d) at once; return ends, their log densities and Hessians.
 
-    With ``rivals`` all starts climb the same density, and those that trail by far stay behind.
+    With ``prune`` all starts climb the same density, and those far below the best stop.
     """
     x, value = x.copy(), value.copy()
     step = np.full(x.shape, max(1e-4, least_step))
     damping = np.full(len(x), 1e-3)
     active = np.ones(len(x), dtype=bool)
     for iteration in range(max_iter):
-        if rivals and iteration >= 4:  # starts that trail by far will not matter
+        if prune and iteration >= 4:  # starts far below the best will not matter
             active &= value > value.max() - 25.0
         if not active.any():
             break

@@ -42,7 +42,7 @@ def matched_draws(
     Returns
     -------
     ImportanceDraws
-        Its k-hat says whether the draws can be trusted.
+        Its k-hat shows whether the draws are reliable.
     """
     d = proposals.points.shape[1] - n_noise
     log_weight = log_density(proposals.points) - proposals.log_density

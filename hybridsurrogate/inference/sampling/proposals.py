@@ -64,7 +64,7 @@ def mixture_points(
     """Draw n points from a mixture of Student-t proposals.
 
     Components weigh as much as their masses, but at least a twentieth (of many: half of an equal
-    share), so that a small mode far away gets enough points to be weighed itself.
+    share), so that a small mode far away gets enough points to estimate its mass.
     """
     cumulative = np.concatenate([[0.0], np.cumsum(_shares(components))])
     counts = np.diff(np.round(n * cumulative).astype(int))

@@ -1,4 +1,4 @@
-"""Pareto-smoothed importance weights, and k-hat, which says whether to trust them."""
+"""Pareto-smoothed importance weights, and k-hat, which shows whether they are reliable."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _MANY, _LEVEL = 1000, float(np.log(10.0))
 
 
 def khat_limit(n_draws: int) -> float:
-    """Return the k-hat above which so many draws do not tell.
+    """Return the k-hat above which estimates from so many draws are unreliable.
 
     ``min(1 - 1 / log10(n_draws), 0.7)`` (Vehtari et al. 2024): a heavy tail takes more of them.
 

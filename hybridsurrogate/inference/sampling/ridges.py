@@ -1,9 +1,10 @@
 """Ridges: thin, bent curves along which a density hardly falls, straightened by a shear.
 
-Precise data may tell two unknowns together, as an amplitude and a gain by their product, and only
-the priors tell them apart. The others then follow one of them on a curve m(s), a hundred thousand
-times as long as it is thick: a Gaussian leaves it after sqrt(thickness / curvature). With
-v = (s, others - m(s)), a map of unit Jacobian, it lies along an axis.
+Precise data may determine only a function of two unknowns, as the product of an amplitude and a
+gain. Only the priors distinguish them. The others then follow one of them on a curve m(s), a
+hundred thousand times as long as it is thick: a Gaussian leaves it after
+sqrt(thickness / curvature). With v = (s, others - m(s)), a map of unit Jacobian, it lies along an
+axis.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ class Ridge:
     approximation: Gaussian
 
     def is_on(self, u: FloatArray) -> bool:
-        """Tell whether a point u (d,) is on the curve, as far as the others scatter around it."""
+        """Return whether a point u (d,) is on the curve, within the scatter of the others."""
         v = 2 * u - self.points(u[None])[0]
         v[self.position] = self.approximation.mean[self.position]
         return len(distinct([self.approximation, replace(self.approximation, mean=v)])) == 1
@@ -64,8 +65,8 @@ def ridge_through(target: Target, mode: Gaussian) -> Ridge | None:
     """Return the ridge through a mode along the unknown of which least is known; None without one.
 
     It is followed to both sides at once: the next point is extrapolated, then optimised. Points are
-    further apart where extrapolation is good (predictor and corrector with steps of their own:
-    Allgower and Georg 1990, Numerical Continuation Methods, chapter 6).
+    further apart where extrapolation is good (predictor and corrector with adaptive steps: Allgower
+    and Georg 1990, Numerical Continuation Methods, chapter 6).
     """
     covariance = mode.factor @ mode.factor.T
     # log sigma, the last, is never exchanged for another unknown

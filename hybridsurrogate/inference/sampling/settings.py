@@ -1,4 +1,4 @@
-"""What the sampling of posteriors is tuned by: one place, each number with what rests on it."""
+"""The settings of posterior sampling: one place, each number with its meaning or figure."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class SamplingSettings:
     Attributes
     ----------
     oversampling, min_proposals : int
-        Proposals for each draw that is kept, and at least: fewer say nothing of k-hat.
+        Proposals for each draw that is kept, and at least: fewer do not estimate k-hat.
     large_batch : int
         At least so many where draws are tried once more: far fewer than an ensemble's steps.
     enough_effective : float
@@ -23,7 +23,7 @@ class SamplingSettings:
         Share of these that the priors have, of that of the wider ones.
     mode_share, proposal_share : float
         Share of the best mode's mass from which a further one makes a posterior multimodal, and
-        from which it has proposals of its own.
+        from which it has separate proposals.
     evidence_starts : int
         Starts from which the modes of an evidence are sought: 148 evidences of counts and heavy
         tails differ by less than 0.3 nats from those from four starts.
@@ -31,7 +31,7 @@ class SamplingSettings:
         Rounds of adaptation stop here. Around bends up to 6.5 % of draws lie beyond an end that
         should leave 5 % where they stop at 0.5, up to 5.7 % at 0.3.
     fewest_near, most_sliced, slices : int
-        Fewer points near a mode tell nothing of it; with more proposals none is sliced; slices.
+        Fewer points near a mode do not estimate it; with more proposals none is sliced; slices.
     least_share, least_proposed : float
         A proposal with less of the weight stays where it is; each has at least this share of the
         points.
@@ -54,11 +54,11 @@ class SamplingSettings:
         Between two points whose log densities differ by more, none far below the best, is a third.
     followed_nodes, following_steps : int
         Nodes from which the other unknowns are followed first, and steps uphill in them.
-    max_starts, noise_refits, settled_noise : int, int, float
-        Starts of a search for modes; fits repeated with their own noise, and the share by which it
-        has settled.
+    max_starts, noise_refits, converged_noise : int, int, float
+        Starts of a search for modes; fits repeated with their estimated noise; and the change, as a
+        share, at which it has converged.
     mode_steps, mode_rounding : int, float
-        Steps to a mode; log densities are told apart to this.
+        Steps to a mode; log densities that differ by less are equal.
     max_transforms, enough_matched : int, float
         Moment matching: transformations, and the effective share below which one is tried.
     ridge_elongation : float
@@ -91,8 +91,8 @@ class SamplingSettings:
     conditional_proposals, conditional_rounds : int
         Proposals of a parameter in each round, and rounds.
     many_dimensions : int
-        Beyond, coefficient draws have proposals of their own only where shared ones are doubtful:
-        with 13 unknowns they took 100 s, shared ones with a k-hat of 0.57 six.
+        Beyond, coefficient draws have separate proposals only where shared ones are doubtful: with
+        13 unknowns separate ones took 100 s, shared ones six, with a k-hat of 0.57.
     least_effective : float
         Step 2 is doubtful with fewer effective proposals, or accepted moves, a draw.
     newton_steps, newton_tolerance : int, float
@@ -135,7 +135,7 @@ class SamplingSettings:
     following_steps: int = 4
     max_starts: int = 5
     noise_refits: int = 5
-    settled_noise: float = 0.7
+    converged_noise: float = 0.7
     mode_steps: int = 40
     mode_rounding: float = 1e-2
     max_transforms: int = 6

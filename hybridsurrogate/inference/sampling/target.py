@@ -1,4 +1,4 @@
-"""What samplers ask of a density: one protocol, whatever integrates the coefficients out."""
+"""What samplers need of a density: one protocol, whatever integrates the coefficients out."""
 
 from __future__ import annotations
 

@@ -111,7 +111,7 @@ def _limited(seconds: float | None) -> Iterator[None]:
     if not hasattr(signal, "SIGALRM") or threading.current_thread() is not threading.main_thread():
         raise RuntimeError(
             "timeout needs signals and the main thread of a process: use processes (joblib's loky) "
-            "on Linux or macOS, or a CommandSimulator with a timeout of its own"
+            "on Linux or macOS, or a CommandSimulator with its timeout argument"
         )
 
     def stop(*_: Any) -> None:

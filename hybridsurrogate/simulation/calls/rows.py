@@ -76,7 +76,7 @@ def by_position(function: Callable[..., Any], names: Sequence[str]) -> Callable[
     kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
     try:
         own = [a.name for a in inspect.signature(function).parameters.values() if a.kind is kind]
-    except ValueError:  # some compiled functions do not tell
+    except ValueError:  # some compiled functions have no signature
         own = []
     if own[: len(names)] == list(names):
         return function

@@ -28,12 +28,12 @@ def numbers_of(column: pd.Series, file: str, finite: bool = True) -> pd.Series:
     wrong = np.flatnonzero(~np.isfinite(values) if finite else np.isnan(values))
     if len(wrong):
         row = int(wrong[0])
-        told = "empty or n/a" if pd.isna(column.iloc[row]) else repr(column.iloc[row])
+        value = "empty or n/a" if pd.isna(column.iloc[row]) else repr(column.iloc[row])
         another_form = _ANOTHER_DATE.fullmatch(str(column.iloc[row]).strip())
         cure = " Write dates as 2026-11-27." if another_form else ""
         raise ValueError(
             f"{file}: {len(wrong)} of {len(column)} values of {column.name!r} are no numbers, the "
-            f"first, {told}, in row {column.index[row] + 1} of the data. Correct it, or leave "
+            f"first, {value}, in row {column.index[row] + 1} of the data. Correct it, or leave "
             f"out the row or the column.{cure}"
         )
     return numbers
@@ -107,8 +107,8 @@ def with_levels(measured: pd.DataFrame) -> pd.DataFrame:
             continue
         codes = {level: code for code, level in enumerate(known)}
         out[name] = measured[name].astype(str).map(codes).astype(float)
-        told = ", ".join(f"{level} is {code}" for level, code in codes.items())
-        print(f"Levels of {name}: {told}.", flush=True)
+        levels = ", ".join(f"{level} is {code}" for level, code in codes.items())
+        print(f"Levels of {name}: {levels}.", flush=True)
     return out
 
 

@@ -32,7 +32,7 @@ class RunStore:
     folder : str or path
         Made where it does not exist.
     simulation : str
-        Its name, which tells stores apart.
+        Its name, by which stores are distinguished.
     names : sequence of str
         Inputs, parameters and constants, then the outputs.
     n_outputs : int, default=1

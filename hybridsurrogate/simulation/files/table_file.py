@@ -79,7 +79,7 @@ def _read_as(format_name: str, file: Path, read: Callable[[Path], pd.DataFrame])
         return read(file)
     except ImportError:
         raise
-    except Exception as error:  # each library, and each version of it, has classes of its own
+    except Exception as error:  # each library, and each version of it, has different classes
         reason = " ".join(str(error).split())[:_LONGEST]
         raise ValueError(
             f"{file} cannot be read as a {format_name} file: it is damaged, or none "
@@ -149,7 +149,7 @@ def read_csv(path: str | os.PathLike[str]) -> pd.DataFrame:
     """
     path = check_readable(path)
     try:
-        # the head first: rows with decimal commas break the reader before it can tell
+        # the head first: rows with decimal commas break the reader before it reports them
         head = pd.read_csv(path, comment="#", nrows=0).columns
         for separator, word in _OTHER_SEPARATORS.items():
             if len(head) == 1 and separator in head[0]:

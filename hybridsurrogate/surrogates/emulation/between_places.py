@@ -1,9 +1,9 @@
-"""What is open between the places of a curve: nothing where it was simulated.
+"""The error between the places of a curve: none where it was simulated.
 
 A place that is left out and interpolated from its neighbours shows how rough a curve is there. Over
 twice and four times the step such errors give the power of the distance with which they grow:
 1/2 of a path that is driven at random, 2 of a smooth curve met by lines, 4 of one met by cubics.
-Between two places that were simulated the error is that of a bridge, a path held at both ends.
+Between two places that were simulated the error is that of a bridge, a path fixed at both ends.
 """
 
 from __future__ import annotations

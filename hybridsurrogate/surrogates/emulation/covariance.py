@@ -25,7 +25,7 @@ _LENGTHS, _NUGGETS, _SHARES, _MOST_BENT = (0.05, 50.0), (1e-7, 10.0), (1e-3, 1e5
 # logarithms of nugget and share to start from: smooth with some of the terms, rough with most
 _STARTS = ((-9.0, -2.0), (-4.0, 2.0), (-9.0, 6.0))
 _ROOT = np.sqrt(5.0)
-# of the outputs' spread, to which runs are foreseen
+# of the outputs' spread, to which runs are predicted
 _DIGITS = 0.01
 # a smaller bend is as good as none
 _STRAIGHT = 1e-6
@@ -84,7 +84,7 @@ def alike(points: Apart, others: Apart) -> FloatArray:
     return out
 
 
-def weighed_in_turn(points: Apart, others: Apart, weights: FloatArray) -> FloatArray:
+def weighted_in_turn(points: Apart, others: Apart, weights: FloatArray) -> FloatArray:
     """Return sums (n,) of correlations times weights (J, m), the first for the first n / J."""
     each = len(points.left) // len(weights)
     out = np.empty(len(points.left))
@@ -94,7 +94,7 @@ def weighed_in_turn(points: Apart, others: Apart, weights: FloatArray) -> FloatA
     return out
 
 
-def weighed(points: Apart, others: Apart, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+def weighted(points: Apart, others: Apart, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return sums of correlations with m others times their weights (m, k), and slopes.
 
     Returns
@@ -229,13 +229,14 @@ def learned(
     alone = most_likely([place(*_STARTS[0], even), first], none)
     if terms.shape[1]:
         starts = [place(*start, even) for start in _STARTS]
-        beside = most_likely([*starts, alone], gram)
-        share = float(np.exp(beside[d + 1]))
+        together = most_likely([*starts, alone], gram)
+        share = float(np.exp(together[d + 1]))
         seen = [
-            _foresight(z, points, g, residual, counts) for z, g in ((beside, gram), (alone, none))
+            _left_out_density(z, points, g, residual, counts)
+            for z, g in ((together, gram), (alone, none))
         ]
         if share > 2 * _SHARES[0] and seen[0] > seen[1]:
-            return _covariance(beside, share)
+            return _covariance(together, share)
     return _covariance(alone, 0.0)
 
 
@@ -244,14 +245,14 @@ def _covariance(z: FloatArray, share: float) -> Covariance:
     return Covariance(np.exp(z[:d]), z[d + 2 :], float(np.exp(z[d])), share)
 
 
-def _foresight(
+def _left_out_density(
     z: FloatArray, points: FloatArray, gram: FloatArray, residual: FloatArray, counts: FloatArray
 ) -> float:
-    """Return the log density of runs that are each foreseen from the others, to some digits.
+    """Return the leave-one-out log predictive density of the runs, with a scatter added.
 
-    Likelihoods are won where a simulation is smooth, by digits that no measurement has; beside a
-    scatter of a hundredth of the outputs' spread, those runs decide that are hard to foresee
-    (Rasmussen and Williams 2006, section 5.4.2).
+    A likelihood is dominated by runs where a simulation is smooth, by digits that no measurement
+    has. With a scatter of a hundredth of the outputs' spread, those runs dominate that are hard to
+    predict (Rasmussen and Williams 2006, section 5.4.2).
     """
     n, d = points.shape
     halves = Apart.of(bent(points, z[d + 2 :]) / np.exp(z[:d]))

@@ -1,6 +1,6 @@
 """Runs that are curves, emulated: a Gaussian process for the coefficients of their components.
 
-All coefficients share one correlation of the parameters and each has a variance of its own, so that
+All coefficients share one correlation of the parameters and each has a separate variance, so that
 R runs of T places cost R^3 + R^2 T and not (R T)^3 (Higdon, Gattiker, Williams and Rightley 2008,
 Journal of the American Statistical Association 103:570; one correlation for all: Conti and O'Hagan
 2010, Journal of Statistical Planning and Inference 140:640). What the components leave out is part
@@ -26,15 +26,15 @@ from hybridsurrogate.surrogates.emulation.process import (
     process_through,
 )
 
-# what is left of a variance when its factor has enough columns, in shares of the largest
+# the residual of a variance when its factor has enough columns, in shares of the largest
 _NEGLIGIBLE = 1e-6
-# columns at most of the error of interpolation; what is left of it shares one
+# columns at most of the error of interpolation; the residual shares one
 _MOST_BETWEEN = 500
 
 
 @dataclass(frozen=True, eq=False)
 class CurveEmulator:
-    """The most probable simulation given its runs, and what they leave open.
+    """The most probable simulation given its runs, and its error.
 
     Attributes
     ----------
@@ -74,13 +74,13 @@ class CurveEmulator:
     ) -> FloatArray:
         """As `output`, of rows of ``shape``: nodes, short moves of which the first is none, rows.
 
-        Where every row has parameters of its own, coefficients follow their slopes along moves.
+        Where parameters differ between rows, coefficients follow their slopes along moves.
         """
         points, group = self._points(X, omega)
         if len(points) < len(X) // 2:
             return self.output(X, omega)
         places = self._places(points[group])
-        coefficients = places.weighed(self.runs, self.weights, shape)
+        coefficients = places.weighted(self.runs, self.weights, shape)
         mean, curves, _ = self.components.at(X[:, self.along])
         return mean + np.einsum("nk,nk->n", curves, coefficients)
 
@@ -94,7 +94,7 @@ class CurveEmulator:
         return output, np.column_stack([left[group, None] * curves * self.sd, rest])
 
     def spread(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return S (n, k + 1): what is open has covariance S S' among rows of equal parameters.
+        """Return S (n, k + 1): the error has covariance S S' among rows of equal parameters.
 
         But for interpolation, of which the last column has the size: `error` has its correlations.
         """
@@ -131,7 +131,7 @@ class CurveEmulator:
         return out
 
     def _given_runs(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return `_coefficients` and what is open of them, (n,) in units of the process's sd."""
+        """Return `_coefficients` and their standard deviation, (n,) in units of the process's."""
         coefficients, left = np.empty((len(points), len(self.sd))), np.empty(len(points))
         for some in blocks(len(points), len(self.weights)):
             places = self._places(points[some])
@@ -143,7 +143,7 @@ class CurveEmulator:
         return coefficients, left
 
     def error(self, X: FloatArray, omega: FloatArray) -> FloatArray:
-        """Return F (n, r): the covariance of what is open at all these rows is F F'."""
+        """Return F (n, r): the covariance of the error at all these rows is F F'."""
         points, group = self._points(X, omega)
         places = self._places(points)
         _, curves, missed = self.components.at(X[:, self.along])
@@ -185,7 +185,7 @@ class CurveEmulator:
         return factor, np.sqrt(missed**2 + left)
 
     def covariance(self, points: FloatArray) -> FloatArray:
-        """Return the covariance (m, m) of what is open at runs (m, d), in units of the process's.
+        """Return the covariance (m, m) of the error at runs (m, d), in units of the process's.
 
         A run is its further inputs and its parameters.
         """

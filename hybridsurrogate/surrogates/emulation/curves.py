@@ -87,7 +87,7 @@ class Components:
     ends : ndarray of shape (2,)
         Of the places.
     spline : BSpline
-        Mean, components, and the error of what they leave, k + 2 curves.
+        Mean, components, and the standard deviation of the residual, k + 2 curves.
     between : BetweenPlaces
         Error of interpolation along them.
     """
@@ -107,7 +107,7 @@ class Components:
 
 
 def curves_of(X: FloatArray, omega: FloatArray, eta: FloatArray) -> Curves | None:
-    """Return runs as curves, None where each row is a run of its own.
+    """Return runs as curves, None where each row is a separate run.
 
     Rows with the same parameters and the same inputs but one are a run along that one.
 

@@ -1,7 +1,7 @@
-"""Where the runs show that a process is surer of itself than it should be.
+"""Where the runs show that the variance of a process is too small.
 
-A stationary process is as sure where a simulation is steep as where it is flat. Errors at runs
-that are foreseen from all others tell the difference: near a steep end of a range they are several
+A stationary process has the same variance where a simulation is steep as where it is flat.
+Leave-one-out errors of the runs show the difference: near a steep end of a range they are several
 times what they should be.
 """
 
@@ -13,8 +13,8 @@ import numpy as np
 
 from hybridsurrogate.priors import FloatArray
 
-# the weight of a run falls by a factor e for so many runs that lie between; runs' worth of belief
-# that errors are as told
+# the weight of a run falls by a factor e for so many runs that lie between; the prior that errors
+# are as the process predicts, in runs
 _NEIGHBOURS, _BELIEF = 3.0, 2.0
 
 

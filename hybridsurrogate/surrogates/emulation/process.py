@@ -1,4 +1,4 @@
-"""The process of kriging: how alike outputs are, as the runs tell it, and what they make of it."""
+"""The process of kriging: a covariance estimated from the runs, and predictions given them."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from hybridsurrogate.surrogates.emulation.covariance import (
     bent,
     between,
     learned,
-    weighed,
-    weighed_in_turn,
+    weighted,
+    weighted_in_turn,
 )
 
 if TYPE_CHECKING:
@@ -54,14 +54,14 @@ class Places(NamedTuple):
             out += self.terms @ others.terms.T
         return out
 
-    def weighed_in_turn(self, others: Places, weights: FloatArray) -> FloatArray:
+    def weighted_in_turn(self, others: Places, weights: FloatArray) -> FloatArray:
         """Return sums (n,) of covariances times weights (J, m), the first for the first n / J."""
-        out = weighed_in_turn(self.halves, others.halves, weights)
+        out = weighted_in_turn(self.halves, others.halves, weights)
         if self.terms.shape[1]:
             out += in_turn(self.terms, weights @ others.terms)
         return out
 
-    def weighed(
+    def weighted(
         self, others: Places, weights: FloatArray, shape: tuple[int, int, int]
     ) -> FloatArray:
         """Return sums of covariances times weights (m, k), shape (n, k), terms left out.
@@ -71,7 +71,7 @@ class Places(NamedTuple):
         """
         points = self.points.reshape(*shape, -1)
         first = np.arange(len(self.terms)).reshape(shape)[:, 0].ravel()
-        value, slopes = weighed(self.of(first).halves, others.halves, weights)
+        value, slopes = weighted(self.of(first).halves, others.halves, weights)
         nodes, _, n = shape
         moved = points - points[:, :1]
         along = np.einsum("tmnd,tnkd->tmnk", moved, slopes.reshape(nodes, n, *slopes.shape[1:]))
@@ -91,7 +91,7 @@ class Places(NamedTuple):
         left, right = self.halves
         return Places(Apart(left[chosen], right[chosen]), self.terms[chosen])
 
-    def beside(self, others: Places) -> Places:
+    def joined(self, others: Places) -> Places:
         """Return both."""
         halves = (np.concatenate(pair) for pair in zip(self.halves, others.halves, strict=True))
         return Places(Apart(*halves), np.concatenate([self.terms, others.terms]))
@@ -216,8 +216,8 @@ class Conditioned(NamedTuple):
     sd : ndarray of shape (k,)
         Of the process.
     misses : ndarray of shape (n,)
-        Squared errors at runs foreseen from all others, in units of their variance; of several
-        outputs the sums of both.
+        Squared leave-one-out errors of the runs, in units of their variance; of several outputs
+        the sums of both.
     """
 
     weights: FloatArray

@@ -1,4 +1,4 @@
-"""Effects of which the measured rows tell nothing: their numbers are draws of their priors."""
+"""Effects that the measured rows do not inform: their values are drawn from their priors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.problem import Problem
 
 
-def with_unlearned(posterior: Posterior, problem: Problem, effects: Sequence[Cause]) -> Posterior:
+def with_prior_only(posterior: Posterior, problem: Problem, effects: Sequence[Cause]) -> Posterior:
     """Return a posterior with further effects that nothing was learned about.
 
     Parameters
@@ -32,7 +32,7 @@ def with_unlearned(posterior: Posterior, problem: Problem, effects: Sequence[Cau
     model = posterior.model
     whole = model.with_effects((*model.effects, *prepared))
     n, known = posterior.n_draws, model.n_unknowns
-    # a stream of its own: what was learned stays the same draws
+    # a separate stream: draws of all else stay the same
     random = np.random.RandomState(0)
     theta = [_shuffled(n, random, whole.priors[k].ppf) for k in range(known, len(whole.priors))]
     values = np.column_stack([posterior.values[:, :known], *theta, posterior.values[:, known:]])
