@@ -158,7 +158,7 @@ def row(data: DataSet, frame: Frame, fast: bool) -> list[str]:
     kinds = {cause.kind for cause in (*data.documented, *data.by_catalogue)}
     if right.startswith("no") and diagnosis.verdict_ in ("ambiguous", "nearest"):
         rival = kinds & set(diagnosis.indistinguishable_)
-        right = right.replace("no", "among rivals") if rival else right
+        right = right.replace("no", "among alternatives") if rival else right
     estimates = ", ".join(
         f"{name} {mean:.4g} ({low:.4g} to {high:.4g})"
         for name, (mean, low, high) in best.estimates.items()
@@ -240,10 +240,10 @@ def page(sets: tuple[DataSet, ...], folder: Path, fast: bool, kept: Path | None)
     words = [right for _, right, _ in outcomes]
     alone = [right if other == "-" else other.partition(": ")[2] for _, right, other in outcomes]
     yes, alone_yes = (sum(w.startswith("yes") for w in given) for given in (words, alone))
-    rivals, alone_rivals = (sum(w.startswith("among") for w in given) for given in (words, alone))
-    rest = f"{rivals} more with the documented kind among the rivals"
+    others, alone_others = (sum(w.startswith("among") for w in given) for given in (words, alone))
+    rest = f"{others} more with the documented kind among the alternatives"
     print(f"\n{yes} of {len(words)} as documented, {rest}. ", end="")
-    print(f"Without own causes {alone_yes} as documented, {alone_rivals} among the rivals.")
+    print(f"Without own causes {alone_yes} as documented, {alone_others} among the alternatives.")
     told = [(cells[1], cells[12], cells[13]) for cells in (known[d.name] for d, *_ in outcomes)]
     print(beyond_in_words(told))
     print(within_in_words([known[data.name][14] for data, *_ in outcomes]))
@@ -286,7 +286,7 @@ named, then with the documented cause in its place; INDEX is the same with the d
 fitted by least squares. "Right" says whether the most probable cause is the documented one,
 whatever the verdict is. One of another name counts where its curve is less than 5 % of what the
 simulation misses apart from that of the documented cause, on the training rows and on those held
-out (both shares are given); "among rivals": it is not right, but the documented kind is among those
+out (both shares are given); "among alternatives": it is not right, but the documented kind is among those
 that cannot be separated, or among those of which the nearest comes first. A probability in brackets
 counts causes that the catalogue does not hold as well (`probability_right_`). The score is the mean
 log density of a held-out row, of the plain simulation, of the most probable cause alone and of the

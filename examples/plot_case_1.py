@@ -107,7 +107,7 @@ diagnosis = hs.DiscrepancyDiagnosis(
     model, cv=None, n_replicates=49 if FAST else 200, random_state=0
 ).fit(case.X, case.y)
 print(diagnosis.verdict_, diagnosis.best_cause_.formula)
-print("not told apart:", ", ".join(diagnosis.indistinguishable_))
+print("not distinguished:", ", ".join(diagnosis.indistinguishable_))
 
 # %%
 # The extended model against the best beta of each scheme and Kennedy and O'Hagan's calibration, on

@@ -86,7 +86,7 @@ def of_extensions() -> list[Claim]:
         Claim(
             "2.1 whole",
             "with 30 counts over the whole epidemic: the wrong recovery rate is among the causes "
-            "not told apart",
+            "not distinguished",
             between("share of seeds", alone("2.1 whole", EXTENDED, "diagnosis", "rival"), 0.75, 1),
         ),
         Claim(

@@ -69,7 +69,7 @@ def extend(name: str, seed: int, n_draws: int = 1000, **settings: Any) -> pd.Dat
 
 
 def of_diagnosis(diagnosis: Any, cause: hs.Cause) -> Iterable[tuple[str, str, float]]:
-    """Yield whether a cause came first, and whether it is among those not told apart."""
+    """Yield whether a cause came first, and whether it is among those not distinguished."""
     first = diagnosis.best_cause_
     yield "diagnosis", "found", float((first.kind, first.target) == (cause.kind, cause.target))
     yield "diagnosis", "rival", float(cause.kind in diagnosis.indistinguishable_)

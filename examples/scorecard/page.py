@@ -16,7 +16,7 @@ _NAMES = {
     "kind": "hidden",
     "exact": "right kind first",
     "alike": "near copies counted",
-    "same": "not told apart counted",
+    "same": "not distinguished counted",
     "covered": "90 % set covers",
     "set_size": "kinds in a set",
     "ratio": "out-of-range error",
@@ -184,7 +184,7 @@ def _kinds_option(kinds: list[str]) -> list[str]:
 
 
 _HOW = """Effects are hidden in eight simulations and the diagnosis, which weighs its whole
-catalogue, has to find them. Size is the root mean square of what is left of the effect after the
+catalogue, has to find them. Size is the root mean square of what remains of the effect after the
 parameters have been fitted to the noise-free truth, in noise standard deviations. For `noise` the
 standard deviation at one end is 1 + size times that at the other; for its other forms, input errors
 and random parameters see
@@ -194,7 +194,7 @@ How often the name is right is counted three times, each time with more counted 
 
 1. Right kind first: the verdict names the kind that is hidden, whatever its form and target.
 2. Near copies counted: also another one of {{trend, ramp, saturation, decay}}.
-3. Not told apart counted: also a kind that draws the truth. All causes of the kind that was found
+3. Not distinguished counted: also a kind that draws the truth. All causes of the kind that was found
    are fitted, with the parameters, to the noise-free truth at the measured inputs. What the best of
    them misses, squared and summed in noise standard deviations, is a chi-square. Below 1 the data
    speak for the truth by less than half a nat on average: the best test of one against the other,
@@ -213,7 +213,7 @@ of which [only runs are known](scorecard_emulator.md) have a page of their own."
 _EMULATED = """The diagnosis does not run the
 simulations: it gets {runs:.0f} runs each{curves}, all parameters and inputs over their ranges,
 and the surrogate `Kriging()`. The cases are those of [the scorecard](scorecard.md)
-with the same seeds. "Runs leave open" is the median of what the runs do not tell of the simulation
+with the same seeds. "Runs leave open" is the median of how uncertain the runs leave the simulation
 at the measured rows, in noise standard deviations (`emulator_check_`): where it is above 1, effects
 of size 1 cannot be seen by anyone who has only the runs."""
 

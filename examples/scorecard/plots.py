@@ -15,7 +15,7 @@ from . import tables
 _STYLES = {
     "exact": ("right kind first", "-"),
     "alike": ("near copies counted", "--"),
-    "same": ("not told apart counted", ":"),
+    "same": ("not distinguished counted", ":"),
 }
 _FORMS = ("first kinds", "later forms")
 

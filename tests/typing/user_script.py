@@ -326,6 +326,7 @@ pictures: list[Axes] = [
     plotting.plot_information(on_axes(), x, np.abs(measured), 0.5),
     plotting.plot_mean_draws(x, draws, omega, scene=scene),
     plotting.plot_measured(on_axes(), x, measured),
+    *plotting.plot_overview(x, measured, plotting.Predicted(x, told, measured)),
     plotting.plot_prediction(on_axes(), x, told, plotting.AFTER, "after"),
     plotting.plot_predictive_bands(x, draws, scene=scene),
     plotting.plot_quantiles(on_axes(), measured, plotting.BEFORE, "o", "before"),

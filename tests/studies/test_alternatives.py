@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from alternatives import methods, symbolic
+from alternatives.__main__ import main
+from alternatives.calibration import Measurements, calibrate, with_term
+from alternatives.features import features
+from alternatives.judging import ask, draws_the_truth
+from alternatives.kernel_over import Over
+from alternatives.methods import METHODS
+from alternatives.run import Task, read, run_into, tasks
+from alternatives.table import counts, table
+from alternatives.toolbox import _log_p_value
 from hidden_effects.cases import make_case, rms
-from rivals import methods, symbolic
-from rivals.__main__ import main
-from rivals.calibration import Measurements, calibrate, with_term
-from rivals.features import features
-from rivals.judging import ask, draws_the_truth
-from rivals.kernel_over import Over
-from rivals.methods import METHODS
-from rivals.run import Task, read, run_into, tasks
-from rivals.table import counts, table
-from rivals.toolbox import _log_p_value
 from scipy import stats
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 
@@ -91,7 +91,7 @@ def test_a_sealed_case_is_sealed():
 
 def test_an_absent_library_is_a_reason(monkeypatch, tmp_path):
     monkeypatch.setattr(methods, "find_spec", lambda name: None)
-    path = tmp_path / "rivals.csv"
+    path = tmp_path / "alternatives.csv"
     assert list(run_into(path, ["pysindy", "gplearn"], tasks([2], 1, 1, 0))) == []
     lines = table([], ["pysindy", "gplearn"]).splitlines()
     assert "skipped: pysindy is not installed (extra `bench`)" in lines[2]
@@ -195,7 +195,7 @@ def ramp_target(seed):
 
 
 def test_the_same_command_goes_on(tmp_path, capsys):
-    path = tmp_path / "rivals.csv"
+    path = tmp_path / "alternatives.csv"
     given = ["--sizes", "--seeds", "0", "--nulls", "2", "--methods", "toolbox"]
     main([*given, "--out", str(path)])
     assert "Cases: 2 in which nothing is hidden." in capsys.readouterr().out

@@ -47,7 +47,7 @@ def _by_hand(measured: Measurements, seed: int) -> dict[str, Any]:
 
 METHODS = {
     "hybridsurrogate": Method("hybridsurrogate", KINDS, _package),
-    "hybridsurrogate-nine": Method("hybridsurrogate, told the nine kinds", KINDS, _package_of_nine),
+    "hybridsurrogate-nine": Method("hybridsurrogate, nine kinds only", KINDS, _package_of_nine),
     "by-hand": Method("least squares by hand, BIC", KINDS, _by_hand),
     "toolbox": Method("toolbox of tests", toolbox.WORDS, toolbox.diagnose),
     "structure": Method("Gaussian-process structure search", structure.WORDS, structure.diagnose),

@@ -1,4 +1,4 @@
-"""`python -m examples.rivals`: the diagnosis beside other tools on the same blind cases."""
+"""`python -m examples.alternatives`: the diagnosis next to other tools on the same blind cases."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from .table import counts, table
 
 def parser() -> argparse.ArgumentParser:
     """Return the options."""
-    made = argparse.ArgumentParser(prog="python -m examples.rivals", description=__doc__)
+    made = argparse.ArgumentParser(prog="python -m examples.alternatives", description=__doc__)
     made.add_argument("--sizes", type=float, nargs="*", default=[1, 2, 4])
     made.add_argument("--seeds", type=int, default=10, help="cases of every kind and size")
     made.add_argument("--nulls", type=int, default=100, help="cases in which nothing is hidden")
     made.add_argument("--first-seed", type=int, default=30_000)
     made.add_argument("--methods", nargs="+", default=list(METHODS), choices=list(METHODS))
-    made.add_argument("--out", type=Path, default=Path("rivals.csv"), help="is carried on")
+    made.add_argument("--out", type=Path, default=Path("alternatives.csv"), help="is carried on")
     made.add_argument("--from-csv", type=Path, help="only print the table of this file")
     return made
 
