@@ -1,4 +1,4 @@
-"""The simulation fitted by least squares: where every alternative begins, and where its term ends up."""
+"""The simulation fitted by least squares: where every alternative begins, and its term ends."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Blind: an effect is hidden in the data and has to be found; or nothing is, and nothing may be.
 
-A slice of what `python -m examples.scorecard` and `python -m examples.alternatives` count. The thresholds
-leave room for the binomial scatter of so few cases and for nothing else.
+A slice of what `python -m examples.scorecard` and `python -m examples.alternatives` count. The
+thresholds leave room for the binomial scatter of so few cases and for nothing else.
 """
 
 from __future__ import annotations
