@@ -196,10 +196,11 @@ How often the name is right is counted three times, each time with more counted 
 2. Near copies counted: also another one of {{trend, ramp, saturation, decay}}.
 3. Not distinguished counted: also a kind that draws the truth. All causes of the kind that was
    found are fitted, with the parameters, to the noise-free truth at the measured inputs. What the
-   best of them misses, squared and summed in noise standard deviations, is a chi-square. Below 1 the data
-   speak for the truth by less than half a nat on average: the best test of one against the other,
-   with all numbers known, still errs in 31 of 100 cases. Nothing found, a curve of any shape
-   (`unexplained`) and noise draw no truth, and no curve draws noise: such mistakes stay mistakes.
+   best of them misses, squared and summed in noise standard deviations, is a chi-square. Below 1
+   the data speak for the truth by less than half a nat on average: the best test of one against
+   the other, with all numbers known, still errs in 31 of 100 cases. Nothing found, a curve of any
+   shape (`unexplained`) and noise draw no truth, and no curve draws noise: such mistakes stay
+   mistakes.
 
 The 90 % set is `indistinguishable_`. The out-of-range error is the median of the extended model's
 root mean square error beyond the measured range against the plain simulation's. Seconds are the
