@@ -289,7 +289,8 @@ simulation misses apart from that of the documented cause, on the training rows 
 out (both shares are given); "among alternatives": it is not right, but the documented kind is
 among those that cannot be separated, or among those of which the nearest comes first. A
 probability in brackets counts causes that the catalogue does not hold as well
-(`probability_right_`). The score is the mean log density of a held-out row, of the plain simulation, of the most probable cause alone and of the
+(`probability_right_`). The score is the mean log density of a held-out row, of the plain
+simulation, of the most probable cause alone and of the
 extended model, which averages over the causes; then how many of these rows the 90 % interval of
 each holds. "Gain within": what the score gains on training rows held out in five folds, the search
 repeated in each, with its standard error.
