@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from numbers import Real
 from typing import Any
 
@@ -19,6 +19,7 @@ from hybridsurrogate.arguments.scalars import check_flag, check_number
 from hybridsurrogate.arviz_groups import arviz_of
 from hybridsurrogate.estimators.checked_estimator import CheckedEstimator
 from hybridsurrogate.estimators.shown import fitted_html
+from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.inference.loo import PointwiseLoo
 from hybridsurrogate.posterior import Diagnostics, Posterior
 from hybridsurrogate.prediction.intervals import central_interval, inside_intervals
@@ -298,8 +299,13 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
     def _pointwise_loo(self, progress: bool = False) -> PointwiseLoo:
         """Return leave-one-out densities of the rows given to ``fit``, NaN without weight."""
 
-    def summary(self) -> pd.DataFrame:
+    def summary(self, units: Mapping[str, str] | None = None) -> pd.DataFrame:
         """Return the estimates: parameters, noise, and what causes report.
+
+        Parameters
+        ----------
+        units : dict of str to str or None, default=None
+            Units of parameters and of the output, such as ``{"rate": "1/h"}``.
 
         Returns
         -------
@@ -310,7 +316,13 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
             size of step 1, at most the number of draws kept), "khat" (largest Pareto k-hat of both
             steps; above 0.7 the draws are doubtful), and "source": "prior" for a cause that is
             drawn from its prior alone. A mixture of posteriors also has "model" and "weight". Where
-            the fit emulated a slow simulation, "simulation" has the number of runs.
+            the fit emulated a slow simulation, "simulation" has the number of runs. With ``units``
+            also "unit", empty where none is given; the noise has that of the output.
+
+        Raises
+        ------
+        ValueError
+            For units of what is no parameter and no output.
 
         Examples
         --------
@@ -323,9 +335,25 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         """
         check_is_fitted(self)
         table = summary_of(self._parts())
+        if units is not None:
+            table.insert(0, "unit", self._units_of(list(table.index), units))
         if self.emulation_ is None:
             return table
         return table.assign(simulation=f"emulated, {self.emulation_.runs.n_runs} runs")
+
+    def _units_of(self, names: Sequence[str], units: Mapping[str, str]) -> list[str]:
+        """Return the unit of each row of a summary."""
+        outputs: tuple[str, ...] = getattr(getattr(self, "simulation_", None), "outputs", ())
+        plain = [name.partition("[")[0] for name in names]
+        unknown = [name for name in units if name not in (*plain, *outputs)]
+        if unknown:
+            raise ValueError(
+                f"units has {unknown}, which is no parameter or output: these are "
+                f"{list(dict.fromkeys([*plain, *outputs]))}.{did_you_mean(unknown, plain)}"
+            )
+        of_noise = units.get(outputs[0], "") if len(outputs) == 1 else ""
+        known = {"sigma": of_noise, **units}
+        return [known.get(name, "") for name in plain]
 
     def _parts(self) -> list[Part]:
         """Return the posteriors of `_mixture`, without rows, with what is known of them."""

@@ -120,6 +120,15 @@ def test_the_prior_of_a_spread_is_that_of_its_parts(spread):
     np.testing.assert_allclose(data["log_prior"]["rate"][0], expected, atol=1e-6)
 
 
+def test_units_have_a_column(line):
+    model, *_ = line
+    table = model.summary(units={"slope": "m/s", "y": "m"})
+    assert dict(table["unit"]) == {"slope": "m/s", "sigma": "m"}
+    assert "unit" not in model.summary()
+    with pytest.raises(ValueError, match=r"units has \['slop'\].*Did you mean 'slope'"):
+        model.summary(units={"slop": "m/s"})
+
+
 def test_arviz_says_how_sensitive_results_are(line, arviz):
     """A prior far tighter than the data moves the slope; one that is wide does not."""
     model, t, y = line
