@@ -232,7 +232,7 @@ METHOD = Option(
 NEW = Option(
     "new",
     "path",
-    "later measurements, in order: does the extended model still hold?",
+    "later measurements, in order: does the extended model still predict them?",
     metavar="FILE",
 )
 SEARCH = (

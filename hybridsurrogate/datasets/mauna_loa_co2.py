@@ -41,7 +41,7 @@ def load_mauna_loa_co2() -> Bunch:
 
     Notes
     -----
-    Public domain. The priors hold the 280 ppm that ice cores show for the time before 1800 [2]_,
+    Public domain. The priors contain the 280 ppm that ice cores show for the time before 1800 [2]_,
     the 315 ppm of 1958, and a growth of emissions by one to three per cent a year.
 
     References

@@ -1,4 +1,4 @@
-"""Measured data as they are handed out, beside the simulation of them."""
+"""Measured data with the simulation of them."""
 
 from __future__ import annotations
 

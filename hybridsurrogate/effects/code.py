@@ -67,7 +67,7 @@ class Code:
     does : str
         The expression "adds" to the output, is what the output becomes ("responds"), what a column
         or a parameter becomes ("moves"), or the noise ("scatters"); a number "replaces" a parameter
-        or constant. Of an ODE it "scales rate", "adds to slope", or says how long ago the state is
+        or constant. Of an ODE it "scales rate", "adds to slope", or is how long ago the state is
         seen ("delays"). "nothing": what it changes is not in the simulation.
     of : str
         The column, parameter or state concerned.
@@ -78,7 +78,7 @@ class Code:
     by_row : mapping of str to str
         Numbers of an ODE that differ between rows, as expressions.
     grids : mapping of str to (float, float, int)
-        Ends and number of places of grids on which ``tables`` hold a curve.
+        Ends and number of places of grids on which ``tables`` store a curve.
     tables : callable or None
         ``(theta, coefficients) -> {name: array}``; means over draws.
     arguments : mapping of str to str

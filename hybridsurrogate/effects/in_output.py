@@ -281,7 +281,7 @@ def of_output(context: Context, position: int) -> Context:
 
 
 def of_all_outputs(context: Context) -> Context:
-    """Return what a cause in all outputs may know: without the column that tells them apart."""
+    """Return the context of a cause in all outputs: without the column that numbers the outputs."""
     rows = {name: values for name, values in context.X.items() if name != OUTPUT}
     return replace(context, X=rows, n_inputs=context.n_inputs - 1, outputs=(), of_outputs=())
 

@@ -50,7 +50,7 @@ def plot_mean_draws(
         measured data in predictive weighting.
     ax : matplotlib Axes or None
     scene : Scene or None
-        What the draws are held against.
+        Measurements, true process and training range, drawn with them.
     norm : matplotlib Normalize or None
         Scale of the colours; None: the range of ``omega``.
 
@@ -161,7 +161,7 @@ def plot_predictive_bands(
         With noise, as from ``sample_posterior_predictive``.
     ax : matplotlib Axes or None
     scene : Scene or None
-        What the bands are held against.
+        Measurements, true process and training range, drawn with them.
     colour : matplotlib colour
 
     Returns

@@ -27,7 +27,7 @@ class Dynamic(Cause):
 
     @property
     def priors_of_change(self) -> Mapping[str, Prior]:
-        """The priors of the modification's numbers, by their own names."""
+        """The priors of the modification's numbers, by name, without a prefix."""
         return self.parameters
 
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:

@@ -42,7 +42,7 @@ class Friction(OverColumn):
 
     @property
     def variant(self) -> str:
-        """What tells it from a straight line."""
+        """The name of this form, which differs from a straight line."""
         return "friction"
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:

@@ -20,7 +20,7 @@ _MOST = 1e6
 
 
 class NoiseOfSlope(Cause):
-    """Noise from a quantity ``q`` of the simulation that is another one in every row.
+    """Noise from a quantity ``q`` of the simulation that differs between rows.
 
     To first order around the simulation's output (Fuller 1987, Measurement Error Models, section
     3.1), ``eta(q + s e) = eta(q) + s e d eta / d q`` with e standard normal, so that the variance
@@ -129,7 +129,7 @@ def slopes_of(cause: NoiseOfSlope, context: Context) -> FloatArray:
 
 
 def trouble(cause: Cause, context: Context) -> str | None:
-    """Return why such noise cannot be told from any other."""
+    """Return why such noise cannot be separated from any other."""
     assert isinstance(cause, NoiseOfSlope)
     try:
         size = np.abs(slopes_of(cause, context))

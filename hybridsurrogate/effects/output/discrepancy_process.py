@@ -153,7 +153,7 @@ class GaussianProcessDiscrepancy(Cause):
         return Code(" + ".join(curves), columns=x, grids=grids, tables=self._tables)
 
     def _ends(self, name: str) -> tuple[float, float]:
-        """Return the places of an input beyond which the curve is held."""
+        """Return the places of an input beyond which the curve is constant."""
         assert self.ranges is not None
         low, high = self.ranges[name]
         middle, reach = (low + high) / 2, _BOUNDARY * ((high - low) or 1.0) / 2

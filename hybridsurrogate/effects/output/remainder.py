@@ -1,4 +1,4 @@
-"""What a simulation may lack beyond the measured range, whatever was found within it."""
+"""What a simulation may lack beyond the measured range, in addition to the detected causes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Remainder(Cause):
     units of that range, and z standard normal: one for each end of each input, so that beyond an
     end all rows share it. A simulation that was found to lack something is likely to lack more
     where it was not measured, by as much: the amplitude is log-uniform from a hundredth of the size
-    of what was found to twice that. The data say nothing of it, so that it is drawn from its prior.
+    of what was found to twice that. The data do not inform it, so it is drawn from its prior.
 
     Parameters
     ----------
@@ -35,10 +35,10 @@ class Remainder(Cause):
     Notes
     -----
     The power and both ends are the round numbers near the best of a grid, by held-out log density;
-    powers from 1/5 to 1 do nearly as well. On new cases 90 % intervals beyond the range hold 96 %
+    powers from 1/5 to 1 do nearly as well. On new cases 90 % intervals beyond the range cover 96 %
     instead of 88 % at a cost of 0.03 in the mean log density of a row, and where the true cause had
     been taken out of the catalogue 79 % instead of 70 %, with 0.42 more. Of 18 measured data sets
-    15 are foreseen no worse than by the plain simulation instead of 13.
+    15 are predicted no worse than by the plain simulation instead of 13.
 
     Examples
     --------

@@ -72,8 +72,8 @@ class BuildUp(FromOrigin):
         values = context.column(self.column)
         if self.origin is None and not _begins_at_zero(context, self.column):
             raise ValueError(
-                f"{self.column!r} does not begin near zero: say where the build-up begins, as in "
-                f"BuildUp({self.column!r}, origin={values.min():.4g})."
+                f"{self.column!r} does not begin near zero: give the place where the "
+                f"build-up begins, as in BuildUp({self.column!r}, origin={values.min():.4g})."
             )
         span, spacing = span_and_spacing(values)
         return self.filled(
@@ -139,7 +139,7 @@ def _begins_at_zero(context: Context, column: str) -> bool:
 
 
 def _trouble(cause: Cause, context: Context) -> str | None:
-    # one of the user's own, of this kind, says itself where it begins
+    # a user-defined cause of this kind sets where it begins
     if not isinstance(cause, BuildUp) or cause.origin is not None:
         return None
     begins = _begins_at_zero(context, cause.column)
