@@ -1,4 +1,4 @@
-"""What each rival foresees at any rows: jointly normal values, one set for each of its nodes."""
+"""Predictions of each alternative at any rows: jointly normal values, a set for each node."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hybridsurrogate.inference.evidence.marginal_likelihood import scan
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.outputs import OUTPUT
 
-# rivals that matter to the answer, and nodes of each (a period, a location) that matter to it
+# alternatives that matter to the answer, and nodes of each (a period, a location) that matter to it
 _MOST_RIVALS, _LEAST_PROBABLE = 6, 0.003
 _MOST_NODES, _LEAST_NODE = 4, 0.05
 # Gauss and Legendre's three nodes of a remainder's amplitude, which is log-uniform
@@ -26,7 +26,7 @@ _AMPLITUDES = LEAST * (MOST / LEAST) ** ((_HEIGHTS + 1) / 2)
 
 
 class Component(NamedTuple):
-    """One rival at one node of its grid.
+    """One alternative at one node of its grid.
 
     ``size`` (n_outputs,) is the root mean square of what it changes at the measured rows: beyond
     them the simulation may lack as much again (`Remainder`).
@@ -78,10 +78,10 @@ class Foreseen(NamedTuple):
 
 
 def components_of(result: Search) -> list[Component]:
-    """Return the rivals that matter at the nodes that matter, most probable first."""
+    """Return the alternatives that matter at the nodes that matter, most probable first."""
     order = np.argsort(-result.probability, kind="stable")[:_MOST_RIVALS]
     matters = (np.arange(len(order)) < 2) | (result.probability[order] > _LEAST_PROBABLE)
-    # against overwhelming evidence a rival's probability is too small for a number
+    # against overwhelming evidence an alternative's probability is too small for a number
     matters &= result.probability[order] > 0
     order = order[matters]
     total = float(result.probability[order].sum())
@@ -122,7 +122,7 @@ def _nodes(result: Search, w: Candidate) -> list[tuple[int | None, float]]:
 
 
 def foreseen(result: Search, components: list[Component], grid: FloatArray) -> Foreseen:
-    """Return what the components foresee at rows, with a remainder beyond the measured range.
+    """Return the predictions of the components at rows, with a remainder beyond the measured range.
 
     Where a row lies beyond, each component becomes three, one for each amplitude.
 
@@ -166,6 +166,6 @@ def _beyond(result: Search, grid: FloatArray) -> FloatArray:
 
 
 def is_smooth(components: list[Component], rival: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Return which rivals are a curve of unknown shape, (C,)."""
+    """Return which alternatives are a curve of unknown shape, (C,)."""
     smooth = {c.rival for c in components if kind_of(c.candidate) == "unexplained"}
     return np.isin(rival, list(smooth))

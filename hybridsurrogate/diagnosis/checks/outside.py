@@ -1,10 +1,10 @@
-"""How probable the leading cause is, where causes that the catalogue does not hold count as well.
+"""How probable the most probable cause is, where causes outside the catalogue count as well.
 
 The probabilities of a search suppose that what is at fault is in the catalogue, and no test can see
 from the data what a curve that fits as well would be called. How often that misleads is counted on
-blind cases with their kind in the catalogue and with it taken out, alone and beside a further,
-smaller fault, each as frequent as among measured data sets. A logistic regression on them says how
-often the leading cause is the right one.
+blind cases with their kind in the catalogue and with it taken out, alone and together with a
+further, smaller fault, each as frequent as among measured data sets. A logistic regression on them
+predicts how often the most probable cause is the right one.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ import math
 # catalogue does not hold
 NOT_HELD, DOCUMENTED = 7, 16
 # cases of examples/sure_names.py that the regression describes, and its coefficients: of one, of
-# the log odds within the catalogue, and of leaving structure. In tenfold cross-validation structure
+# the log odds within the catalogue, and of residual structure. In tenfold cross-validation this
 # gains 0.014 (standard error 0.007) in the mean log score; the probability of a remainder gains
-# 0.006 (0.006) beside it, the residuals' p-value, the rows and the evidence against a smooth curve
-# no more than their standard error
+# 0.006 (0.006) more, the residuals' p-value, the rows and the evidence against a smooth curve no
+# more than their standard error
 N_CASES = 1088
 _ONE, _ODDS, _STRUCTURE = -0.781, 0.274, -0.942
 # log odds beyond it are all the same: no case was surer
@@ -26,7 +26,7 @@ _SUREST = 9.2
 
 
 def probability_right(share: float, leaves_structure: bool) -> float:
-    """Return the probability that the leading cause is right, given that something is wrong.
+    """Return the probability that the most probable cause is right, given that something is wrong.
 
     Parameters
     ----------

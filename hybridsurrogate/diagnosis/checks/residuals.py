@@ -34,7 +34,7 @@ _WAVES = 4
 
 @dataclass(frozen=True)
 class ResidualCheck:
-    """What replicated noise says of the residuals of a model.
+    """Residuals of a model compared with replicated noise.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class ResidualCheck:
 def check_residuals(result: Search, w: Candidate) -> ResidualCheck | None:
     """Return how probable it is that noise leaves residuals as strange as those of a cause.
 
-    None where the noise is not normal: beside outliers, and under other likelihoods.
+    None where the noise is not normal: with outliers, and under other likelihoods.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def check_residuals(result: Search, w: Candidate) -> ResidualCheck | None:
 
 
 def leaves_structure(step: SearchStep, check: ResidualCheck | None) -> bool:
-    """Tell whether a cause leaves more than noise: by its residuals, or beside a smooth curve."""
+    """Return whether residual structure remains: in the residuals, or given a smooth curve."""
     strange = check is not None and check.p_value <= STRANGE
     place = [w is step.chosen for w in step.given_others.candidates]
     remainder = float(step.given_others.remainder[place.index(True)]) if any(place) else 0.0
@@ -104,13 +104,13 @@ def _left(result: Search, w: Candidate) -> FloatArray:
     target = (result.problem.y - rows.offset) / rows.noise
     local = local_posterior(result, w, rows, size)
     for _ in range(_ROUNDS if is_path else 0):
-        # expectation and maximisation: the noise that is left beside a path of this size
+        # expectation and maximisation: the remaining noise given a path of this size
         squares = (target - design @ local.mean) ** 2
         squares = squares + np.sum(design @ local.covariance * design, axis=1)
         w = w._replace(sigma=float(np.sqrt(np.mean(squares))))
         local = local_posterior(result, w, rows, size)
     measured = target - design @ local.mean
-    # a fixed stream: a verdict has no randomness of its own
+    # a fixed stream: a verdict is reproducible
     random = np.random.RandomState(0)
     noise = random.standard_normal((_REPLICATES, len(measured)))
     if is_path:

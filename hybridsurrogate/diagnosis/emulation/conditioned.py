@@ -1,7 +1,7 @@
-"""The simulation as its runs tell it: the surrogate's terms and a process through what they miss.
+"""The simulation conditioned on its runs: the surrogate's terms and a process for what they miss.
 
 A polynomial that misses the simulation by a curve would otherwise have that curve blamed on the
-simulation, and one with more terms than runs says anything between them. So a search takes the
+simulation, and one with more terms than runs is arbitrary between them. So a search takes the
 surrogate's terms as the trend of a Gaussian process (`Kriging`), or the process itself where it is
 the surrogate. What is still unknown between the runs is part of the covariance of the measured
 rows.
@@ -32,7 +32,7 @@ from hybridsurrogate.surrogates.emulation.process import (
 from hybridsurrogate.surrogates.kriging import CurveBasis, KrigingBasis
 from hybridsurrogate.surrogates.stacked import StackedBasis, stacked
 
-# what is left of a variance when its factor has enough columns, in shares of the median
+# the rest of a variance when its factor has enough columns, in shares of the median
 _NEGLIGIBLE = 1e-4
 # rows whose whole covariance is sooner made than the columns that are asked for
 _FEW = 600
@@ -101,7 +101,7 @@ class KrigedBasis(Basis):
         rows, points = each_with_each(X, omega)
         told = self._through_runs(rows, points).reshape(len(omega), len(X))
         trend = self.process.trend
-        assert trend is not None  # curves have none, and a basis of their own
+        assert trend is not None  # curves have none, and a separate basis
         if len(self.c):
             return trend.outer_output(X, omega, self.c) + told
         return trend.known(rows, points).reshape(told.shape) + told
@@ -129,7 +129,7 @@ class KrigedBasis(Basis):
 
     def _terms(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         trend = self.process.trend
-        assert trend is not None  # curves have none, and a basis of their own
+        assert trend is not None  # curves have none, and a separate basis
         return trend.output(X, omega, self.c) if len(self.c) else trend.known(X, omega)
 
     @cached_property
@@ -214,7 +214,7 @@ def krige(
     run_eta: FloatArray,
     noise: float = 0.0,
 ) -> tuple[Basis, EmulatorPosterior]:
-    """Return the simulation as its runs tell it, and the posterior of its coefficients.
+    """Return the simulation conditioned on its runs, and the posterior of its coefficients.
 
     Parameters
     ----------
@@ -277,7 +277,7 @@ def _kriged(
             process = process_through(process.trend, ranges, X, omega, run_eta, noise)
     else:
         missed = run_eta - basis.output(X, omega, emulator.mean)
-        # exact to rounding; with as many terms as runs that says nothing
+        # exact to rounding; with as many terms as runs that means nothing
         exact = float(np.sqrt(np.mean(missed**2))) < 1e-6 * np.std(run_eta)
         if exact and len(run_eta) > len(basis.coefficient_mean):
             return basis, emulator

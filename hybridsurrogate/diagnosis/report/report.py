@@ -86,7 +86,7 @@ class Report:
         return html.page(self.first, self.sections)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything that the report says, ready for JSON.
+        """Return the content of the report, ready for JSON.
 
         Returns
         -------

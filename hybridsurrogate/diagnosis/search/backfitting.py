@@ -1,4 +1,4 @@
-"""Several causes: each one weighed again, beside all others that were found."""
+"""Several causes: each one compared again, given all others."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from hybridsurrogate.problem.problem import Problem
 def backfitted(
     steps: Sequence[SearchStep], problem: Problem, causes: Sequence[Cause]
 ) -> list[SearchStep]:
-    """Return the steps, each cause weighed again with all others part of the simulation.
+    """Return the steps, each cause compared again with all others part of the simulation.
 
     Alone the first cause also has to explain what the second one does, and a smooth curve may do
-    that better than either: how probable each is shows only beside the others. A cause that another
-    one beats there gives way to it. A smooth curve or outliers that were found last stay out, as
-    nothing is weighed beside them.
+    that better than either: how probable each is shows only given the others. A cause is replaced
+    where an alternative is more probable. A smooth curve or outliers that were accepted last stay
+    out, as nothing is compared given them.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def backfitted(
     problem : Problem
         Without effects.
     causes : sequence of Cause
-        All that were weighed in the first search.
+        All that were compared in the first search.
     """
     out = list(steps)
     named = [k for k, step in enumerate(out) if not ends_search(step.chosen)]
@@ -55,7 +55,7 @@ def backfitted(
 def _without(
     left_out: Candidate, joint: SearchStep, problem: Problem, causes: Sequence[Cause]
 ) -> Search:
-    """Search for one cause, all others held where they are in the joint fit of all of them."""
+    """Search for one cause, all others fixed where they are in the joint fit of all of them."""
     known = joint.given_others
     model, _, mode, sigma = fit = Fitted(*joint.chosen[1:5])
     others = [cause for cause in model.effects if cause is not left_out.cause]

@@ -1,7 +1,7 @@
-"""Two causes placed together: each anew beside the other, until they stay where they are.
+"""Two causes placed together: each anew given the other, until they converge.
 
-A cause that was placed alone also explains what it can of another one, and stands a little off its
-place. Held there it spoils the other: a period that is five per cent off leaves a wave.
+A cause that was placed alone also explains what it can of another cause, and stands a little off
+its place. Fixed there it biases the other: a period that is five per cent off leaves a wave.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from hybridsurrogate.problem.problem import Problem
 
 
 def placed_together(result: Search, first: Candidate, given_others: Search) -> Search:
-    """Return the search beside a first cause with its best companions placed together with it.
+    """Return the search given a first cause, with the best second causes placed together with it.
 
     Parameters
     ----------
     result : Search
-        In which ``first`` was weighed.
+        In which ``first`` was compared.
     first : Candidate
     given_others : Search
-        For a further cause, with ``first`` held where it was found.
+        For a further cause, with ``first`` fixed at its fit.
     """
     evidence = np.array([w.log_evidence for w in given_others.candidates])
     able = [k for k, w in enumerate(given_others.candidates) if w.cause and movable(w.cause)]
@@ -51,7 +51,7 @@ def placed_together(result: Search, first: Candidate, given_others: Search) -> S
 def movable(cause: Cause) -> bool:
     """Whether a cause is in the mean, and cheap enough to be placed again and again.
 
-    A curve of any shape is, too: a companion that is not placed would keep an advantage.
+    A curve of any shape is, too: a second cause that is not placed would keep an advantage.
     """
     return cause.changes_output and not is_followed(cause)
 
@@ -59,12 +59,12 @@ def movable(cause: Cause) -> bool:
 def _together(
     result: Search, first: Candidate, given_others: Search, second: Candidate
 ) -> Candidate:
-    """Return the second cause with the first at its best place beside it.
+    """Return the second cause with the first at its best place given it.
 
-    The evidence of two causes a and b that are placed at a*, b* is that of a with b held plus that
-    of b with a held, less that of both held: exact where one place does not depend on the other,
-    too small where it does. What the first explains alone is subtracted, so that the result stands
-    beside the evidence of "nothing further".
+    The evidence of two causes a and b that are placed at a*, b* is that of a with b fixed plus that
+    of b with a fixed, less that of both fixed: exact where one place does not depend on the other,
+    too small where it does. What the first explains alone is subtracted, so that the result
+    compares with the evidence of "nothing further".
     """
     problem, base = result.problem, given_others.candidates[0].log_evidence
     assert first.cause is not None
@@ -91,7 +91,7 @@ def _together(
 
 
 def _turned(result: Search, fit: Fitted, cells: Grid) -> Fitted:
-    """Return the last but one cause placed anew, the last one held where it was found."""
+    """Return the last but one cause placed anew, the last one fixed at its fit."""
     problem, model = result.problem, fit.model
     *before, one, other = model.effects
     turned = problem.model.with_effects((*before, other, one))

@@ -35,7 +35,7 @@ from hybridsurrogate.problem.problem import Problem
 
 
 class Margins(NamedTuple):
-    """How far (in nats, prior odds included) behind the best cause is far, and what is hopeless."""
+    """How far (in nats, prior odds included) behind the best is far, and what is pruned."""
 
     behind: float
     hopeless: float
@@ -111,7 +111,7 @@ def _unmoved(
 ) -> Fitted:
     """Return the fit to other rows as one to these, on the grid refined there, not optimised.
 
-    Causes that were accepted are held where they are in these rows.
+    Causes that were accepted are fixed where they are in these rows.
     """
     grid = with_cells(grid, other.grid.edges, other.grid.log_weight)
     if not np.isfinite(other.mode.objective):

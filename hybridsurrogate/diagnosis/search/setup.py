@@ -37,7 +37,7 @@ _TRIED = 200
 
 
 class Prepared(NamedTuple):
-    """The measured rows as a problem without effects, and the causes to weigh on it.
+    """The measured rows as a problem without effects, and the causes to compare on it.
 
     Attributes
     ----------
@@ -45,9 +45,9 @@ class Prepared(NamedTuple):
     causes : list of Cause
         Prepared.
     skipped : list of Skipped
-        What cannot be weighed, with reasons.
+        What cannot be compared, with reasons.
     unusable : list of Skipped
-        The user's own among them.
+        Those of the user.
     """
 
     problem: Problem
@@ -56,11 +56,11 @@ class Prepared(NamedTuple):
     unusable: list[Skipped]
 
     def warn(self) -> None:
-        """Warn of the user's own causes that cannot be weighed."""
+        """Warn of user-defined causes that cannot be compared."""
         for left in self.unusable:
             name = f"{left.kind}({left.target})" if left.target else left.kind
             warnings.warn(
-                f"Your cause {name!r} was not weighed: {left.reason}.",
+                f"Your cause {name!r} was not compared: {left.reason}.",
                 DiagnosisWarning,
                 stacklevel=3,
             )
@@ -72,7 +72,7 @@ def prepare(
     excluded: Collection[str] = (),
     max_causes: int = 1,
 ) -> Prepared:
-    """Return what a search over the catalogue and the user's own causes needs.
+    """Return what a search over the catalogue and user-defined causes needs.
 
     Parameters
     ----------
@@ -81,9 +81,9 @@ def prepare(
     own : sequence of Cause
         The user's.
     excluded : collection of str
-        Kinds of the catalogue that are left out.
+        Kinds of the catalogue that are excluded.
     max_causes : int, default=1
-        How many may be found beside each other.
+        How many may be accepted together.
 
     Raises
     ------
@@ -201,7 +201,7 @@ def _lacks(cause: Cause, context: Context, problem: Problem) -> str | None:
 def trained_emulator(
     problem: Problem, fitted: PowerScaledSurrogate
 ) -> tuple[Problem, EmulatorPosterior]:
-    """Return the problem with the simulation as the runs alone tell it."""
+    """Return the problem with the simulation conditioned on the runs alone."""
     basis = problem.model.basis
     emulator = emulator_posterior(basis, problem.simulation)
     runs = fitted.simulation_

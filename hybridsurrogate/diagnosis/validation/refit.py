@@ -59,7 +59,7 @@ class Refit:
         The model before, not fitted.
     own : sequence of Cause
     excluded : tuple of str
-        Kinds that are not weighed.
+        Kinds that are not compared.
     found : sequence of Search
         On all rows, the first one first: its emulator comes from the runs alone, which are the
         same in each fold, and optimisations start where theirs ended.
@@ -143,7 +143,7 @@ def quickly_fitted(
         quick = clone(estimator).set_params(sampler="importance").fit(X, y, weights)
     if quick.diagnostics_.khat <= KHAT_LIMIT:
         return quick
-    # an ensemble that has not converged by then says so
+    # an ensemble that has not converged by then warns
     ensemble = EnsembleSampler(max_steps=FOLD_STEPS)
     return clone(estimator).set_params(sampler=ensemble).fit(X, y, weights)
 

@@ -98,13 +98,13 @@ def judgement(gain: HeldOutGain) -> str:
 
 
 def is_better(gain: HeldOutGain) -> bool:
-    """Tell whether the model after predicts better, by more than two standard errors."""
+    """Return whether the model after predicts better, by more than two standard errors."""
     error = gain.standard_error
     return math.isfinite(error) and error > 0 and gain.elpd_difference > 2 * error
 
 
 def is_worse(gain: HeldOutGain) -> bool:
-    """Tell whether the model after predicts worse, by more than two standard errors."""
+    """Return whether the model after predicts worse, by more than two standard errors."""
     error = gain.standard_error
     return math.isfinite(error) and gain.elpd_difference < -2 * error
 

@@ -208,7 +208,7 @@ class View:
 
     @property
     def kinds(self) -> str:
-        """Every accepted kind, as folds tell what they chose."""
+        """Every accepted kind, in the form in which folds report their choices."""
         return in_one_word([cause.kind for cause in self.diagnosis.found_causes_])
 
     @cached_property
@@ -278,7 +278,7 @@ class View:
         return len(self.columns) == 1
 
     def as_given(self, X: FloatArray) -> Any:
-        """Return rows whose simulation inputs come first as the user's own columns."""
+        """Return rows whose simulation inputs come first as the user's columns."""
         estimator = self.diagnosis.estimator_
         rows = np.empty_like(X)
         rows[:, estimator.column_order_] = X
@@ -315,12 +315,12 @@ class View:
 
     @property
     def most_probable(self) -> list[tuple[Candidate, float]]:
-        """The first few of all causes that were weighed, with their probabilities."""
+        """The first few of all causes that were compared, with their probabilities."""
         return self.candidates[: SETTINGS.most_causes]
 
     @property
     def candidates(self) -> list[tuple[Candidate, float]]:
-        """All causes that were weighed, with their probabilities, most probable first."""
+        """All causes that were compared, with their probabilities, most probable first."""
         result = self.search
         order = np.argsort(-result.probability, kind="stable")
         return [(result.candidates[k], float(result.probability[k])) for k in order]
