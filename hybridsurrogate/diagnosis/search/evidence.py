@@ -1,8 +1,8 @@
 """How well each cause explains the measured rows: closed-form evidence, and probabilities.
 
 The surrogate's coefficients come from the simulation alone (beta = 1), so that a fault of the
-simulation is not absorbed by its emulator; the emulator's own uncertainty is part of the
-covariance (DESIGN section 6).
+simulation is not absorbed by its emulator; the emulator's uncertainty is part of the
+covariance (Kennedy and O'Hagan 2001, Journal of the Royal Statistical Society B 63:425).
 """
 
 from __future__ import annotations

@@ -57,7 +57,7 @@ def test_an_interrupted_search_keeps_the_causes_already_weighed():
     Stopped.calls = 0
     diagnosis = diagnosis_of(Stopped())
     with (
-        pytest.warns(hs.DiagnosisWarning, match="causes had been weighed, and causes_ holds them"),
+        pytest.warns(hs.DiagnosisWarning, match="causes had been compared, and causes_ lists them"),
         pytest.raises(KeyboardInterrupt),
     ):
         diagnosis.fit(T[:, None], Y)
@@ -169,7 +169,7 @@ class Windy(Own):
     ],
 )
 def test_a_cause_of_the_users_that_lacks_something_is_skipped_with_a_reason(cause, kind, reason):
-    with pytest.warns(hs.DiagnosisWarning, match="was not weighed"):
+    with pytest.warns(hs.DiagnosisWarning, match="was not compared"):
         diagnosis = diagnosis_of(cause).fit(T[:, None], Y)
     table = diagnosis.causes_
     notes = table[(table["kind"] == kind) & (table["log_evidence"].isna())]["note"]
