@@ -140,9 +140,9 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     undecided_by_ : {"runs", "rows", "prior"} or None
         What cannot decide, where the verdict is "undecided".
     smallest_detectable_ : float or None
-        Where no cause was found: the root mean square, on the scale of eta, of the smallest fault
-        that would have been detected in nine of ten data sets like these. Faults are steps and
-        straight lines over the inputs, of which the median is taken.
+        Where no cause was detected: the root mean square, on the scale of eta, of the smallest
+        fault that would have been detected in nine of ten data sets like these. Faults are steps
+        and straight lines over the inputs, of which the median is taken.
     probability_right_ : float or None
         That the most probable cause is the right one, where causes outside the catalogue count as
         well, as many as measured data sets have: what to bet on its name. None where no cause has
@@ -169,7 +169,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         What `beta_scan` tries at a few weights when it is first asked for.
     best_cause_ : CauseFinding
     found_causes_ : list of CauseFinding
-        Every accepted cause in the order in which it was found, ``best_cause_`` the first.
+        Every accepted cause in the order of acceptance, ``best_cause_`` the first.
     indistinguishable_ : list of str
         Kinds that together reach 90 % probability, given that something is wrong.
     discrepancy_ : Discrepancy
@@ -181,7 +181,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         Fitted; ``predict`` and ``score`` are its. The average over the causes, "none"
         included, that have 5 % of the probability or more, weighted by it (of several accepted
         causes each in turn is replaced by others); each extension keeps a `Remainder` beyond the
-        measured range. Its first estimator, ``estimators_[0]``, has the causes that were found, and
+        measured range. Its first estimator, ``estimators_[0]``, has the accepted causes, and
         ``posterior_`` is that one's. The estimator before where the verdict is "adequate".
     extended_simulator_ : Simulator or None
         The simulation with the cause in it; None when there are only runs, or nothing to add.
@@ -200,7 +200,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         `OdeSimulator`, none by which they come sorted.
     at_prior_end_ : list of AtPriorEnd
         Parameters of the extended model, and where the verdict is "undecided" of the one before,
-        that the data push against the end of their prior: what was found may stand for what the
+        that the data push against the end of their prior: the detected cause may stand for what the
         prior excludes.
     next_measurement_ : dict of str to float
         Inputs at which one more measurement would best separate the alternatives; of several
@@ -212,13 +212,13 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         misses of it, in standard deviations of the noise; a `DiagnosisWarning` reports more than
         1 and 2. None where the simulation itself is run.
     search_ : Search
-        All causes at their best in the first search, with nothing else found.
+        All causes at their best in the first search, given no other cause.
     result_ : DiagnosisResult
         All searches, and the settings of this fit, which `set_params` does not change.
 
     Notes
     -----
-    An interrupted ``fit`` (KeyboardInterrupt) keeps what it has: ``search_`` and ``causes_`` hold
+    An interrupted ``fit`` (KeyboardInterrupt) keeps what it has: ``search_`` and ``causes_`` list
     the causes that were compared by then, a `DiagnosisWarning` reports it, and the interrupt is
     raised. The diagnosis does not count as fitted, unless only the folds were left: then all is
     there but the gain.
@@ -393,7 +393,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         return out if verdict in ("named", "nearest") else [*out, *mirrored(problem)]
 
     def _forget(self) -> None:
-        """Drop what an earlier fit found: after an interrupt it would remain with the new."""
+        """Drop the results of an earlier fit: after an interrupt they would remain with the new."""
         for name in [name for name in vars(self) if name.endswith("_")]:
             delattr(self, name)
 
@@ -468,7 +468,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         return verdict
 
     def _of_mean(self) -> list[Posterior]:
-        """Return the posterior before and, where what was found is in the mean, that after."""
+        """Return the posterior before and, where the cause is in the mean, that after."""
         causes = accepted(self.result_.steps)
         of_any_shape = any(cause.is_process for cause in causes)
         after = [] if of_any_shape or not causes else [leading(self.extended_estimator_).posterior_]

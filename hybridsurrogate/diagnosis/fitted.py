@@ -416,7 +416,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         units : dict of str to str or None, default=None
             Units of columns, outputs and parameters, such as ``{"co2": "ppm"}``.
         full : bool, default=False
-            Whether the text holds the details too; HTML always has them, folded.
+            Whether the text has the details too; HTML always has them, folded.
 
         Returns
         -------

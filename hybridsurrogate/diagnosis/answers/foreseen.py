@@ -109,7 +109,7 @@ def _outputs(result: Search, X: FloatArray) -> NDArray[np.intp]:
 
 
 def _nodes(result: Search, w: Candidate) -> list[tuple[int | None, float]]:
-    """Return the nodes that hold most of the evidence for a cause, with their shares."""
+    """Return the nodes with most of the evidence for a cause, with their shares."""
     if not len(w.grid.nodes):
         return [(None, 1.0)]
     problem = result.problem

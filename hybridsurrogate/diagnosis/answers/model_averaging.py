@@ -27,7 +27,7 @@ def averaged_over(
     before: PowerScaledSurrogate,
     fitted: Callable[[Causes], PowerScaledSurrogate],
 ) -> AveragedSurrogate:
-    """Return the average over what may be missing, by probability, the causes found first.
+    """Return the average over possible causes, by probability, the accepted ones first.
 
     Each extension keeps a remainder beyond the measured range, as large as what it changes. A
     `DiagnosisWarning` lists what cannot be fitted together with the first.
@@ -72,9 +72,9 @@ def averaged_over(
 def explanations(steps: Sequence[SearchStep]) -> tuple[list[Causes], list[float]]:
     """Return the sets of causes that have at least 5 % of the probability, and their shares of it.
 
-    Those found come first, whatever they have; in each further one another cause, or none, stands
+    The accepted ones come first; in each further one another cause, or none, stands
     in place of one of them. The probability of the others is conditional on those that stay, which
-    gives their ratio to that of the causes found. Correlated noise stays with the causes
+    gives their ratio to that of the accepted causes. Correlated noise stays with the causes
     that were compared given it and need it.
 
     Parameters

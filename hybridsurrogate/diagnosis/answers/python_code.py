@@ -178,7 +178,7 @@ def _functions_of(simulator: Simulator | None) -> tuple[tuple[str, str], ...]:
 
 
 def python_source(model: ExtendedModel) -> str:
-    """Return the source of a module that holds the extended model."""
+    """Return the source of a module with the extended model."""
     parts = Parts(model)
     head = [docstring(model, parts), "import numpy as np"]
     written = [part for part in parts.coded if part.code.does != "delays"]

@@ -88,7 +88,7 @@ def check_columns(
 
 
 def _numbers(X: Any, simulation: SimulationData | Simulator) -> dict[str, FloatArray]:
-    """Return the columns that hold numbers, by name; none of what is no table of rows."""
+    """Return the numeric columns, by name; none of what is no table of rows."""
     if np.ndim(X) != 2 or not len(X):
         return {}
     names, order = matched_columns(column_names(X), np.shape(X)[1], simulation)
@@ -302,7 +302,7 @@ def _named_shift(simulated: FloatArray, y: FloatArray) -> str | None:
 def better_columns(result: Search, ranges: Ranges, chosen: Candidate) -> list[Caution]:
     """Return with which inputs exchanged, or in another unit, the simulation fits much better.
 
-    After a search that found something wrong: each way takes one fit of the simulation alone.
+    After a search that detected something wrong: each way takes one fit of the simulation alone.
 
     Parameters
     ----------

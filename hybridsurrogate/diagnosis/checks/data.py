@@ -88,8 +88,8 @@ def check_digits(problem: Problem) -> None:
     if np.ptp(problem.y) == 0:
         raise ValueError(
             f"All measured outputs are {problem.observed[0]:.12g}: there is no spread to diagnose. "
-            "If they did differ, double precision does not hold by how little: subtract a constant "
-            "from measurements and simulation alike, before their digits are lost."
+            "If they did differ, double precision does not resolve by how little: subtract a "
+            "constant from measurements and simulation alike, before their digits are lost."
         )
     names = ["measured outputs", *(f"values of {name!r}" for name in problem.model.columns)]
     for what, values in zip(names, [problem.y, *problem.X.T], strict=True):
@@ -97,7 +97,7 @@ def check_digits(problem: Problem) -> None:
         if np.ptp(values) > 0 and lost > FLOOR * sd:
             raise ValueError(
                 f"The {what} lie around {np.mean(values):g} with a standard deviation of {sd:g}, "
-                f"but double precision holds such numbers to {lost:g} only, too little for a "
+                f"but double precision represents such numbers to {lost:g} only, too little for a "
                 "diagnosis. Subtract a constant from measurements and simulation alike, before "
                 "their digits are lost."
             )

@@ -140,7 +140,7 @@ def search(
     Raises
     ------
     InterruptedSearch
-        On an interrupt: it holds the search over the causes that were fitted by then.
+        On an interrupt: it contains the search over the causes that were fitted by then.
     """
     problem = replace(problem, model=replace(problem.model, reference=emulator.mean))
     n = len(problem.y)

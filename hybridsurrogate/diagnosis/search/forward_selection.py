@@ -99,7 +99,7 @@ def forward_search(
     Raises
     ------
     InterruptedSearch
-        On an interrupt: it holds the first search, as far as it came.
+        On an interrupt: it contains the first search, as far as it came.
     """
     steps: list[SearchStep] = []
     result: Search | None = None

@@ -187,7 +187,7 @@ def evidence_bound(result: Search) -> float:
 
     The evidence of all causes together, over that of "nothing is wrong", has an expectation of one
     where that is true; by Markov's inequality a ratio of r or more has probability 1 / r at most.
-    Coarse, but it holds far from the null fit too, where a first order is useless: a cause that
+    Coarse, but valid far from the null fit too, where a first order is useless: a cause that
     shifts the phase of an oscillation is far from its tangent.
     """
     nothing = result.probability[0]

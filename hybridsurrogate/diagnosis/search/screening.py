@@ -54,7 +54,7 @@ def best_modes(
 
     ``log_prior`` is that of "nothing is wrong" and of every cause. ``nearby`` are the modes of the
     same causes in other rows of the same data: they stand for that first optimisation, and what is
-    promising is followed from there alone. An `InterruptedSearch` holds the fits of the first so
+    promising is followed from there alone. An `InterruptedSearch` contains the fits of the first so
     many causes.
 
     Returns
@@ -146,7 +146,7 @@ def _once(
         before, sigma = sigma, sigma_of(problem, mode, sigma)
         if not sigma < SETTINGS.much_closer * before:
             break
-        # held to the priors by the noise of a poor fit, an optimisation ends short of a good one
+        # kept at the priors by the noise of a poor fit, an optimisation ends short of a good one
         mode = highest(problem, emulator, model, grid, [mode.z], sigma)
     return Fitted(model, grid, mode, sigma)
 

@@ -166,7 +166,7 @@ def _best_draw(fitted: PowerScaledSurrogate, problem: Problem) -> FloatArray:
     with np.errstate(over="ignore", invalid="ignore"):
         squares = (problem.y - some.eta(problem.X)[0]) ** 2 @ problem.weights
     best = int(np.argmin(np.where(np.isfinite(squares), squares, np.inf)))
-    # what the problem holds at a known value is an unknown of the posterior
+    # what the problem fixes at a known value is an unknown of the posterior
     of_posterior = [*posterior.model.parameters, *posterior.model.theta_names]
     unknowns = [*problem.model.parameters, *problem.model.theta_names]
     there = [of_posterior.index(name) for name in unknowns]

@@ -168,7 +168,7 @@ def scan_beta(
     ]
     told = in_parallel(tasks, n_jobs, progress)
     n, tests = len(folds), np.concatenate([test for _, test in folds])
-    # the same tasks where nothing was found
+    # the same tasks where nothing was detected
     scores = {"before": told[:n], "after": told[-n:]}
     joined = {word: np.concatenate(parts, axis=1) for word, parts in scores.items()}
     each = np.ones(len(values)) if weights is None else weights

@@ -182,7 +182,7 @@ def extended(
 ) -> PowerScaledSurrogate | AveragedSurrogate:
     """Return the estimator extended by what may be missing, fitted; the one before for nothing.
 
-    The average over the probable causes, those found first and with all draws, each with a
+    The average over the probable causes, the accepted ones first and with all draws, each with a
     remainder beyond the measured range.
     """
     found = accepted(steps)

@@ -97,7 +97,7 @@ class DynamicTerm(Dynamic):
     - rate: Student-t with 3 degrees of freedom around zero, whose scale is one over the span of the
       measured times, times the typical size of the state where the form is constant or saturating,
       and over that of the other state of a product: over the measured rows the state gains about
-      as much as it holds, or much less or more. Four times that for a threshold, which acts on
+      as much as it contains, or much less or more. Four times that for a threshold, which acts on
       what is above the level only;
     - exponent: uniform from 1/4 to 3; half: log-uniform from a tenth to ten times the typical size;
       level: uniform from zero to twice that;

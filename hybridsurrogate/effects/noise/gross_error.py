@@ -53,14 +53,14 @@ class GrossError(Cause):
     probability 1 / n, or the pair of rows, each with 2 / (n (n - 1)); of many rows those that the
     simulation misses most. Where more than two rows are far off, see `Outliers`.
 
-    An estimator with the rows that were found leaves them out, wherever they stand in the data: it
+    An estimator with the detected rows leaves them out, wherever they stand in the data: it
     knows them by their inputs and output. It is no model of new measurements, which have no gross
     errors.
 
     Parameters
     ----------
     n_rows : {1, 2}, default=1
-        Rows concerned, to be found by a diagnosis.
+        Rows concerned, to be detected by a diagnosis.
     rows : tuple of GrossRow, default=()
         Those that are known. An estimator needs them.
     table : ndarray of shape (n, n_columns) or None, default=None

@@ -190,7 +190,7 @@ def _waves(x: FloatArray, limits: tuple[float, float], root: FloatArray) -> Floa
     """Return the basis over one input, (n, orders)."""
     low, high = limits
     scaled = (2 * x - low - high) / ((high - low) or 1.0)
-    # the basis is periodic beyond its boundary: hold the process at its edge there
+    # the basis is periodic beyond its boundary: fix the process at its edge there
     scaled = np.clip(scaled, -_BOUNDARY, _BOUNDARY)
     return np.asarray(np.sin(root * (scaled[:, None] + _BOUNDARY)) / np.sqrt(_BOUNDARY))
 

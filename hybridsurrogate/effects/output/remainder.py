@@ -12,7 +12,7 @@ from hybridsurrogate.priors import Prior, frozen
 
 # learned from 18 measured data sets and 160 generated cases, half of these with their cause left
 # out of the catalogue: how the standard deviation grows with the distance, and its ends in shares
-# of what was found
+# of what was detected
 GROWTH, LEAST, MOST = 0.25, 0.01, 2.0
 
 
@@ -21,9 +21,9 @@ class Remainder(Cause):
 
     ``simulation + amplitude z d^(1/4)`` with d the distance to the measured range of an input, in
     units of that range, and z standard normal: one for each end of each input, so that beyond an
-    end all rows share it. A simulation that was found to lack something is likely to lack more
+    end all rows share it. A simulation in which a lack was detected is likely to lack more
     where it was not measured, by as much: the amplitude is log-uniform from a hundredth of the size
-    of what was found to twice that. The data do not inform it, so it is drawn from its prior.
+    of what was detected to twice that. The data do not inform it, so it is drawn from its prior.
 
     Parameters
     ----------

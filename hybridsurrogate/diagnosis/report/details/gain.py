@@ -138,6 +138,6 @@ def _chosen(gain: HeldOutGain) -> str:
 
 def _not_measured() -> str:
     return (
-        "The gain was not measured by cross-validation. Fit with cv=5, or give rows held back: "
+        "The gain was not measured by cross-validation. Fit with cv=5, or give held-out rows: "
         "report(test=(X_test, y_test))."
     )
