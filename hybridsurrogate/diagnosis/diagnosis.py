@@ -420,7 +420,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             self.cautions_ += self.emulator_check_.cautions(self.estimator_.surrogate_)
         steps = backfitted(steps, self.search_.problem, prepared.causes)
         steps = with_correlated_noise(steps, prepared.causes, emulator)
-        found = steps[0].given_others
+        found = steps[0].conditional
         self.causes_ = cause_table(found, prepared.skipped)
         self.indistinguishable_ = credible_kinds(found)
         verdict = self._conclude(steps)
@@ -432,11 +432,11 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self.probability_right_ = self._probability_right(steps[0], verdict.share)
         self.cautions_ += doubts
         ranges = self.estimator_.simulation_.input_ranges
-        places = [next_measurement(step.given_others, ranges) for step in steps]
+        places = [next_measurement(step.conditional, ranges) for step in steps]
         most = max(range(len(steps)), key=lambda k: places[k].information)
         self.result_ = DiagnosisResult(
             tuple(steps),
-            steps[most].given_others,
+            steps[most].conditional,
             test,
             self.false_alarm_rate,
             int(self.n_replicates),
@@ -449,7 +449,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         last = [step for step in steps if step.is_accepted][-1:]
         self.residual_check_ = None
         for step in last:
-            self.residual_check_ = check_residuals(step.given_others, step.chosen)
+            self.residual_check_ = check_residuals(step.conditional, step.chosen)
         check, basis = self.emulator_check_, self.estimator_.posterior_.model.basis
         verdict = conclude(
             steps,
@@ -477,7 +477,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     def _probability_right(self, first: SearchStep, share: float) -> float | None:
         if self.verdict_ in ("adequate", "unexplained", "undecided"):
             return None
-        wrong = 1 - float(first.given_others.probability[0])
+        wrong = 1 - float(first.conditional.probability[0])
         return wrong * probability_right(share, self.verdict_ == "nearest")
 
     def _extend(

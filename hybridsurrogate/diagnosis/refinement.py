@@ -169,12 +169,12 @@ def _why_ended(check: EmulatorCheck, budget: int, spent: int, open_below: float)
 
 
 def _round_of(diagnosis: DiscrepancyDiagnosis, n_runs: int) -> dict[str, Any]:
-    check, leading = diagnosis.emulator_check_, diagnosis.causes_.iloc[0]
+    check, best = diagnosis.emulator_check_, diagnosis.causes_.iloc[0]
     return {
         "n_runs": n_runs,
         "left_open": 0.0 if check is None else check.left_open,
         "between": 0.0 if check is None else check.between,
         "verdict": diagnosis.verdict_,
-        "kind": leading["kind"],
-        "probability": leading["probability"],
+        "kind": best["kind"],
+        "probability": best["probability"],
     }

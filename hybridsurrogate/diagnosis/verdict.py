@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hybridsurrogate.diagnosis.checks.residuals import ResidualCheck, leaves_structure
+from hybridsurrogate.diagnosis.checks.residuals import ResidualCheck, has_residual_structure
 from hybridsurrogate.diagnosis.search.evidence import (
     Candidate,
     Search,
@@ -77,7 +77,7 @@ def conclude(
         Whether an emulated parameter is at an end of its prior.
     """
     first = steps[0]
-    word, found = verdict_on(first.chosen, first.given_others), first.given_others
+    word, found = verdict_on(first.chosen, first.conditional), first.conditional
     same: tuple[str, ...] = ()
     share = 0.0
     if first.is_accepted:
@@ -87,7 +87,7 @@ def conclude(
         if word == "ambiguous" and share >= SETTINGS.named:
             word = "named"
     last = [step for step in steps if step.is_accepted][-1:]
-    if word == "named" and any(leaves_structure(step, residual_check) for step in last):
+    if word == "named" and any(has_residual_structure(step, residual_check) for step in last):
         word = "nearest"
     cause = first.chosen.cause
     test = first.test

@@ -1,14 +1,16 @@
 """What a search reports to its user.
 
-result               the parts of a search that all others read
-table                the table of all causes
-failures             parameters for which the simulation fails
-discrepancy          where and how much the simulation is wrong
-finding              the detected causes, in numbers and formulas
-extension            the user's simulation with a cause in it
-python_code          the extended model as a Python module
-unknown_beyond       the remainder that an extension keeps beyond the measured range
-experimental_design  where one more measurement informs most
-next_runs            which further runs inform most
-model_averaging      predictions that do not bet on one name
+result                   the parts of a search that all others read
+table                    the table of all causes
+failures                 parameters for which the simulation fails
+discrepancy              where and how much the simulation is wrong
+finding                  the detected causes, in numbers and formulas
+extension                the user's simulation with a cause in it
+python_code              the extended model as a Python module
+alternative_predictions  what each alternative predicts
+unknown_beyond           the remainder that an extension keeps beyond the measured range
+experimental_design      where one more measurement informs most
+next_runs                which further runs inform most
+model_averaging          predictions that do not bet on one name
+monitor                  whether new measurements agree with the extension
 """

@@ -13,12 +13,12 @@ from scipy import special
 from scipy.stats import qmc
 
 from hybridsurrogate.blocks import LARGE_BLOCK, blocks
-from hybridsurrogate.diagnosis.answers.foreseen import (
+from hybridsurrogate.diagnosis.answers.alternative_predictions import (
     Component,
-    Foreseen,
+    Predictions,
     components_of,
-    foreseen,
     is_smooth,
+    predictions_at,
 )
 from hybridsurrogate.diagnosis.search.evidence import Search
 from hybridsurrogate.priors import FloatArray
@@ -89,7 +89,7 @@ def next_measurement(result: Search, ranges: Mapping[str, tuple[float, float]]) 
     place: dict[str, Any] = dict(zip(columns, point.tolist(), strict=False))
     if problem.stacking is not None:
         place["output"] = problem.stacking.names[int(place.pop(OUTPUT))]
-    weight = np.bincount([c.rival for c in components], [c.weight for c in components])
+    weight = np.bincount([c.alternative for c in components], [c.weight for c in components])
     return NextMeasurement(place, information, float(special.entr(weight).sum() / np.log(2)))
 
 
@@ -180,17 +180,17 @@ def batch(result: Search, places: FloatArray, n: int, cost: FloatArray) -> list[
         Of one measurement there.
     """
     components = components_of(result)
-    known = foreseen(result, components, places)
+    known = predictions_at(result, components, places)
     valid = np.isfinite(known.mean).all(axis=0) & np.isfinite(known.total_variance).all(axis=0)
     # a smooth curve does not extrapolate where measurements end: see information_at
-    blind = is_smooth(components, known.rival)[:, None] & ~_between_measured(result, places)
+    blind = is_smooth(components, known.alternative)[:, None] & ~_between_measured(result, places)
     random = np.random.RandomState(0)
     # batches are simulated under each component in proportion to its weight
     true = np.searchsorted(np.cumsum(known.weight), (np.arange(_BATCHES) + 0.5) / _BATCHES)
     true = np.minimum(true, len(known.weight) - 1)
     mean = np.repeat(known.mean[None], _BATCHES, axis=0)
     odds = np.repeat(np.log(known.weight)[None], _BATCHES, axis=0)
-    one_hot = known.rival[:, None] == np.unique(known.rival)
+    one_hot = known.alternative[:, None] == np.unique(known.alternative)
     chosen = []
     for _ in range(n):
         noise = random.standard_normal(_BATCHES)
@@ -226,14 +226,14 @@ def _seen(
 
 
 def _value(
-    known: Foreseen, mean: FloatArray, source: NDArray[np.intp], k: int, noise: FloatArray
+    known: Predictions, mean: FloatArray, source: NDArray[np.intp], k: int, noise: FloatArray
 ) -> FloatArray:
     sd = np.sqrt(known.at(np.array([k])).total_variance[:, 0])
     return np.asarray(mean[np.arange(len(source)), source, k] + sd[source] * noise)
 
 
 def _log_density(
-    known: Foreseen,
+    known: Predictions,
     mean: FloatArray,
     y: FloatArray,
     k: int,
@@ -251,8 +251,8 @@ def _log_density(
 
 
 def _conditioned(
-    known: Foreseen, mean: FloatArray, y: FloatArray, k: int, blind: NDArray[np.bool_]
-) -> tuple[Foreseen, FloatArray]:
+    known: Predictions, mean: FloatArray, y: FloatArray, k: int, blind: NDArray[np.bool_]
+) -> tuple[Predictions, FloatArray]:
     """Return the predictions once y (N,) was measured at place k: moments of a normal.
 
     The loadings become L (I - c v v'), with v those of place k, s their square and the variance
@@ -308,8 +308,8 @@ def _information(result: Search, components: list[Component], grid: FloatArray) 
 def _of_rows(
     result: Search, components: list[Component], grid: FloatArray, inside: bool
 ) -> FloatArray:
-    known = foreseen(result, components, grid)
-    smooth = is_smooth(components, known.rival)
+    known = predictions_at(result, components, grid)
+    smooth = is_smooth(components, known.alternative)
     share = 1.0
     if smooth.any() and not inside:
         if smooth.all():
@@ -323,7 +323,7 @@ def _of_rows(
     where = np.flatnonzero(valid)
     for some in blocks(len(where), len(known.weight) ** 2 * n_values, LARGE_BLOCK):
         rows = known.at(where[some])
-        bits = _mutual(rows.mean, rows.total_variance, rows.weight, rows.rival, n_values)
+        bits = _mutual(rows.mean, rows.total_variance, rows.weight, rows.alternative, n_values)
         out[where[some]] = share * bits
     return out
 
@@ -337,7 +337,7 @@ def _mutual(
     means: FloatArray,
     variances: FloatArray,
     weight: FloatArray,
-    rival: NDArray[np.intp],
+    alternative: NDArray[np.intp],
     n_values: int = _VALUES,
 ) -> FloatArray:
     """Return the mutual information of alternative and value, in bits, (m,).
@@ -353,7 +353,7 @@ def _mutual(
     log_density = -0.5 * z**2 - np.log(sd)[None, :, None]
     log_density += np.log(weight)[None, :, None, None]
     total = special.logsumexp(log_density, axis=1)
-    same = rival[:, None] == rival
+    same = alternative[:, None] == alternative
     own = special.logsumexp(log_density, axis=1, b=same[:, :, None, None].astype(float))
     prior = np.log(same @ weight)[:, None, None]
     gained = np.einsum("cqm,q->cm", own - prior - total, shares / 2)

@@ -86,7 +86,7 @@ def finding_of(
     same_curve : tuple of str
         Kinds that draw the same curve.
     """
-    chosen, found = step.chosen, step.given_others
+    chosen, found = step.chosen, step.conditional
     kinds = kind_of(chosen), *same_curve
     alike = [kind_of(w) in kinds for w in found.candidates]
     probability = min(float(found.probability[alike].sum()), 1.0)

@@ -85,7 +85,7 @@ def explanations(steps: Sequence[SearchStep]) -> tuple[list[Causes], list[float]
     found = tuple(step.chosen.cause for step in steps if step.chosen.cause is not None)
     sets, ratios = [found], [1.0]
     for k, step in enumerate(steps):
-        search = step.given_others
+        search = step.conditional
         held = [id(effect) for effect in search.problem.model.effects]
         free = [c for c in found if id(c) not in held and c is not found[k]]
         if not all(cause.is_correlated_noise for cause in free):

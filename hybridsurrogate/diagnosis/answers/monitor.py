@@ -118,8 +118,10 @@ def monitored(
     first, limit = 0, np.log(1 / false_alarm_rate)
     models, shares = _averaged(estimator)
     while True:
-        told, n_rows, shares = _deviations(models, shares, X[first : first + _MOST_ROWS], y[first:])
-        parts.append(told)
+        deviation, n_rows, shares = _deviations(
+            models, shares, X[first : first + _MOST_ROWS], y[first:]
+        )
+        parts.append(deviation)
         first += n_rows
         odds, began = log_odds(np.concatenate(parts))
         if first >= len(y) or np.any(odds >= limit):
@@ -171,9 +173,9 @@ def _deviations(
     there = np.flatnonzero(np.isfinite(values))
     likelihood, values = model.posterior_.likelihood, values[there]
     likelihood.check(values, "new")
-    told = [one.posterior_.eta(rows[there]) for one in models]
-    eta, sigma = (np.concatenate(parts) for parts in zip(*told, strict=True))
-    counts = [len(part) for part, _ in told]
+    draws = [one.posterior_.eta(rows[there]) for one in models]
+    eta, sigma = (np.concatenate(parts) for parts in zip(*draws, strict=True))
+    counts = [len(part) for part, _ in draws]
     log_density = likelihood.log_density(values, eta, sigma)
     # a value impossible under every draw does not change the weights
     log_density = np.maximum(log_density, _IMPOSSIBLE)

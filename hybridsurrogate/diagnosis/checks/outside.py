@@ -13,7 +13,7 @@ import math
 
 # of 16 measured data sets with a documented cause (docs/measured_data.md) 7 had one that the
 # catalogue does not contain
-NOT_HELD, DOCUMENTED = 7, 16
+NOT_LISTED, DOCUMENTED = 7, 16
 # cases of examples/sure_names.py that the regression describes, and its coefficients: of one, of
 # the log odds within the catalogue, and of residual structure. In tenfold cross-validation this
 # gains 0.014 (standard error 0.007) in the mean log score; the probability of a remainder gains
@@ -25,14 +25,14 @@ _ONE, _ODDS, _STRUCTURE = -0.781, 0.274, -0.942
 _SUREST = 9.2
 
 
-def probability_right(share: float, leaves_structure: bool) -> float:
+def probability_right(share: float, has_residual_structure: bool) -> float:
     """Return the probability that the most probable cause is right, given that something is wrong.
 
     Parameters
     ----------
     share : float
         Probability of its kind within the catalogue, given that something is wrong.
-    leaves_structure : bool
+    has_residual_structure : bool
         Whether the verdict is "nearest".
 
     Returns
@@ -48,5 +48,5 @@ def probability_right(share: float, leaves_structure: bool) -> float:
     """
     odds = math.log(share) - math.log1p(-share) if 0 < share < 1 else math.copysign(_SUREST, share)
     odds = min(max(odds, -_SUREST), _SUREST)
-    total = _ONE + _ODDS * odds + _STRUCTURE * leaves_structure
+    total = _ONE + _ODDS * odds + _STRUCTURE * has_residual_structure
     return min(share, 1 / (1 + math.exp(-total)))

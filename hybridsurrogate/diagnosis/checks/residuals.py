@@ -69,28 +69,28 @@ def check_residuals(result: Search, w: Candidate) -> ResidualCheck | None:
         return None
     left = _left(result, w)
     X, columns = result.problem.X, result.problem.model.columns
-    told: dict[str, FloatArray] = {}
+    found: dict[str, FloatArray] = {}
     for k, name in enumerate(columns):
         if name == OUTPUT or len(np.unique(X[:, k])) < 2 * _WAVES:
             continue
         order = _order(X, k, columns)
         for word, statistic in _OVER_COLUMN.items():
-            told[f"{word} over {name}"] = statistic(left[:, order])
-    told["tails"] = _kurtosis(left)
-    values = np.array(list(told.values()))
+            found[f"{word} over {name}"] = statistic(left[:, order])
+    found["tails"] = _kurtosis(left)
+    values = np.array(list(found.values()))
     # the share of all that are as extreme: of the measured rows, and of each replicate
     ranks = np.argsort(np.argsort(-values, axis=1), axis=1) + 1
     shares = ranks / values.shape[1]
     least = shares.min(axis=0)
     p_value = float(np.mean(least <= least[0]))
-    return ResidualCheck(p_value, dict(zip(told, shares[:, 0].tolist(), strict=True)))
+    return ResidualCheck(p_value, dict(zip(found, shares[:, 0].tolist(), strict=True)))
 
 
-def leaves_structure(step: SearchStep, check: ResidualCheck | None) -> bool:
+def has_residual_structure(step: SearchStep, check: ResidualCheck | None) -> bool:
     """Return whether residual structure remains: in the residuals, or given a smooth curve."""
     strange = check is not None and check.p_value <= STRANGE
-    place = [w is step.chosen for w in step.given_others.candidates]
-    remainder = float(step.given_others.remainder[place.index(True)]) if any(place) else 0.0
+    place = [w is step.chosen for w in step.conditional.candidates]
+    remainder = float(step.conditional.remainder[place.index(True)]) if any(place) else 0.0
     return strange or remainder > 0.5
 
 

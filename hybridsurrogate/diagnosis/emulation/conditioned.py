@@ -99,12 +99,12 @@ class KrigedBasis(Basis):
     def outer_output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
         """Return the output of all inputs for all parameters."""
         rows, points = each_with_each(X, omega)
-        told = self._through_runs(rows, points).reshape(len(omega), len(X))
+        missed = self._through_runs(rows, points).reshape(len(omega), len(X))
         trend = self.process.trend
         assert trend is not None  # curves have none, and a separate basis
         if len(self.c):
-            return trend.outer_output(X, omega, self.c) + told
-        return trend.known(rows, points).reshape(told.shape) + told
+            return trend.outer_output(X, omega, self.c) + missed
+        return trend.known(rows, points).reshape(missed.shape) + missed
 
     def error(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return F (n, r): the covariance of what is unknown of the simulation is F F'."""
@@ -245,12 +245,12 @@ def krige(
     parts: list[tuple[Basis, EmulatorPosterior]] = []
     for k, (one, own) in enumerate(zip(basis.bases, basis.coefficients_of, strict=True)):
         here = X[:, basis.at] == k
-        told = EmulatorPosterior(emulator.mean[own], emulator.factor[own, own])
+        posterior = EmulatorPosterior(emulator.mean[own], emulator.factor[own, own])
         rows = np.delete(X[here], basis.at, axis=1), omega[here], run_eta[here]
-        parts.append(_kriged(one, told, *rows, of_inputs, of_parameters, noise))
+        parts.append(_kriged(one, posterior, *rows, of_inputs, of_parameters, noise))
     posterior = EmulatorPosterior(
-        np.concatenate([told.mean for _, told in parts]),
-        block_diag(*(told.factor for _, told in parts)),
+        np.concatenate([posterior.mean for _, posterior in parts]),
+        block_diag(*(posterior.factor for _, posterior in parts)),
     )
     return stacked([one for one, _ in parts], basis.at, basis.names), posterior
 
@@ -287,16 +287,16 @@ def _kriged(
         process = process_through(basis, ranges, X, omega, run_eta, noise)
     runs = process.some(X, omega, run_eta)
     matrix = runs.places.alike(runs.places)
-    told = conditioned(matrix, process.covariance.nugget, runs.residual)
-    weights = told.weights[:, 0]
+    fitted = conditioned(matrix, process.covariance.nugget, runs.residual)
+    weights = fitted.weights[:, 0]
     assert process.trend is not None
     prior = process.trend.coefficient_mean
     used = slice(None if len(process.term_sd) or np.any(prior) else 0)
     c = prior[used].copy()
     if len(process.term_sd):
         c += process.term_sd * (runs.places.terms.T @ weights)
-    local = LocalError.of(runs.places.points, told.misses)
+    local = LocalError.of(runs.places.points, fitted.misses)
     kriged = KrigedBasis(
-        none, none, process, c, runs.places, weights, told.whiten, float(told.sd[0]), local
+        none, none, process, c, runs.places, weights, fitted.whiten, float(fitted.sd[0]), local
     )
     return kriged, nothing

@@ -48,7 +48,7 @@ def backfitted(
         if ends_search(best):
             best = next(w for w in found.candidates if w.cause is out[k].chosen.cause)
         stale = stale - {k} if best.cause is out[k].chosen.cause else set(named) - {k}
-        joint = out[k] = replace(out[k], chosen=best, given_others=found)
+        joint = out[k] = replace(out[k], chosen=best, conditional=found)
     return out
 
 
@@ -56,7 +56,7 @@ def _without(
     left_out: Candidate, joint: SearchStep, problem: Problem, causes: Sequence[Cause]
 ) -> Search:
     """Search for one cause, all others fixed where they are in the joint fit of all of them."""
-    known = joint.given_others
+    known = joint.conditional
     model, _, mode, sigma = fit = Fitted(*joint.chosen[1:5])
     others = [cause for cause in model.effects if cause is not left_out.cause]
     extended = replace(problem, model=problem.model.with_effects(others))
@@ -68,5 +68,5 @@ def _without(
     # all places are known: there is no grid to look at
     grid = make_grid(extended.model.with_effects([*others, Nothing()]))
     accepted = Candidate(None, extended.model, grid, mode._replace(z=z), sigma, 0.0, 0.0)
-    rivals = [cause for cause in causes if all(cause is not other for other in others)]
-    return search(extended, rivals, known.emulator, True, accepted)
+    alternatives = [cause for cause in causes if all(cause is not other for other in others)]
+    return search(extended, alternatives, known.emulator, True, accepted)

@@ -159,7 +159,7 @@ def search(
     try:
         fits, behind = best_modes(problem, causes, emulator, noise, null, np.log(odds), ends)
         known = np.append(np.nan, behind)
-        quick = _weigh(problem, causes, emulator, noise, [null, *fits], known)
+        quick = _compare(problem, causes, emulator, noise, [null, *fits], known)
         # given an accepted cause a quick search is for a second one, which may be noise itself
         if accepted is not None and not with_remainder:
             return quick
@@ -167,11 +167,11 @@ def search(
     except KeyboardInterrupt as stop:
         kept = [null, *(stop.kept if isinstance(stop, InterruptedSearch) else fits)]
         unknown = np.full(len(kept), np.nan)
-        candidates = _weigh(problem, causes, emulator, noise, kept, unknown)
+        candidates = _compare(problem, causes, emulator, noise, kept, unknown)
         raise InterruptedSearch(candidates) from stop
 
 
-def _weigh(
+def _compare(
     problem: Problem,
     causes: Sequence[Cause],
     emulator: EmulatorPosterior,
@@ -198,12 +198,12 @@ def with_processes(result: Search, with_remainder: bool = True) -> Search:
     That is noise that neighbouring rows share and, where it is asked for, a smooth discrepancy of
     unknown shape.
     """
-    return _beside_noise(_beside_curve(result) if with_remainder else result)
+    return _given_noise(_given_curve(result) if with_remainder else result)
 
 
 def total_evidence(candidates: Sequence[Candidate]) -> FloatArray:
     """Return the log evidence of each cause, alone or given a process, whichever is true."""
-    return np.asarray(special.logsumexp(_alone_and_beside(candidates), axis=1))
+    return np.asarray(special.logsumexp(_alone_and_given(candidates), axis=1))
 
 
 def _ends_of(
@@ -222,7 +222,7 @@ def _ends_of(
     return [Fitted(*w[1:5]) for w in known]
 
 
-def _beside_curve(result: Search) -> Search:
+def _given_curve(result: Search) -> Search:
     """Compare the winners given a smooth discrepancy of unknown shape."""
     quick = result.probability
     process, bases = _process(result, lambda w: kind_of(w) == "unexplained")
@@ -242,7 +242,7 @@ def _beside_curve(result: Search) -> Search:
     return result.reweighed(out)
 
 
-def _beside_noise(result: Search) -> Search:
+def _given_noise(result: Search) -> Search:
     """Compare the causes that explain most, given noise that neighbouring rows share.
 
     Such noise is no alternative to what a simulation lacks: both may be present, and alone it
@@ -351,26 +351,26 @@ def probabilities(
     candidates: Sequence[Candidate],
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the probability of each cause, of a remainder and of correlated noise given it."""
-    parts = _alone_and_beside(candidates)
+    parts = _alone_and_given(candidates)
     log_total = special.logsumexp(parts, axis=1)
     shares = np.exp(parts - log_total[:, None])
     log_total = log_total + np.log(prior_odds([w.cause for w in candidates]))
     return np.exp(log_total - special.logsumexp(log_total)), shares[:, 1], shares[:, 2]
 
 
-def _alone_and_beside(candidates: Sequence[Candidate]) -> FloatArray:
+def _alone_and_given(candidates: Sequence[Candidate]) -> FloatArray:
     """Return log evidence and prior of each cause alone, given a curve, given noise, (k, 3)."""
     alone = np.array([w.log_evidence for w in candidates])
-    beside = np.array(
+    given = np.array(
         [[w.log_evidence_with_remainder, w.log_evidence_with_noise] for w in candidates]
     )
     # "none" with a remainder is "unexplained", which is compared separately
     named = np.array([w.cause is not None for w in candidates])
-    splits = np.isfinite(beside) & named[:, None]
+    splits = np.isfinite(given) & named[:, None]
     prior = np.where(splits, [SETTINGS.prior_remainder, _prior_of_paths(candidates)], 0.0)
     with np.errstate(divide="ignore"):
-        log_beside = np.where(splits, beside, 0.0) + np.log(prior)
-    return np.column_stack([alone + np.log1p(-prior.sum(axis=1)), log_beside])
+        log_given = np.where(splits, given, 0.0) + np.log(prior)
+    return np.column_stack([alone + np.log1p(-prior.sum(axis=1)), log_given])
 
 
 def _prior_of_paths(candidates: Sequence[Candidate]) -> float:

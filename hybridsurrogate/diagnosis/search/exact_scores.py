@@ -73,8 +73,8 @@ def scored(result: Search) -> Search:
     screened = np.array([w.log_evidence for w in result.candidates])
     weight = screened + np.log(prior_odds([w.cause for w in result.candidates]))
     order = np.argsort(-weight)[: SETTINGS.most_scored]
-    leading = {0, *(int(k) for k in order if weight[k] > weight[order[0]] - SETTINGS.within_reach)}
-    exact = {k: _log_evidence(result, result.candidates[k]) for k in sorted(leading)}
+    probable = {0, *(int(k) for k in order if weight[k] > weight[order[0]] - SETTINGS.within_reach)}
+    exact = {k: _log_evidence(result, result.candidates[k]) for k in sorted(probable)}
     exact = {k: value for k, value in exact.items() if np.isfinite(value)}
     if 0 not in exact:
         return result

@@ -42,7 +42,7 @@ class SearchStep:
         None: probabilities alone decided.
     chosen : Candidate
         The first of ``search.candidates`` where nothing (further) is wrong.
-    given_others : Search
+    conditional : Search
         The search given all other accepted causes, the later ones too.
     tried : tuple of Search
         The searches for a second cause given this one and given others in its place.
@@ -51,7 +51,7 @@ class SearchStep:
     search: Search
     test: NullTest | None
     chosen: Candidate
-    given_others: Search
+    conditional: Search
     tried: tuple[Search, ...] = ()
 
     def __repr__(self) -> str:
@@ -105,7 +105,7 @@ def forward_search(
     result: Search | None = None
     thorough = n_replicates is not None
     try:
-        known = _beside_same(problem.model.effects, nearby)
+        known = _given_same(problem.model.effects, nearby)
         result = search(problem, causes, emulator, thorough, nearby=known)
         while True:
             test = None
@@ -124,16 +124,16 @@ def forward_search(
             by_chance = test is not None and test.p_value > false_alarm_rate
             if by_chance or result.probability[0] > 0.5:
                 return _alone(steps) or [SearchStep(result, test, result.candidates[0], result)]
-            chosen, given_others = _leading(result), None
+            chosen, conditional = _first_choice(result), None
             tried: tuple[Search, ...] = ()
             if len(steps) + 1 < max_causes:
-                chosen, given_others, tried = _look_ahead(
+                chosen, conditional, tried = _look_ahead(
                     problem, causes, emulator, result, chosen, thorough, nearby
                 )
             steps.append(SearchStep(result, test, chosen, result, tried))
-            if given_others is None:
+            if conditional is None:
                 return steps
-            problem, causes, result = given_others.problem, _others(causes, chosen), given_others
+            problem, causes, result = conditional.problem, _others(causes, chosen), conditional
     except KeyboardInterrupt as stop:
         kept = steps[0].search if steps else result or getattr(stop, "kept", None)
         raise InterruptedSearch(kept) from stop
@@ -154,13 +154,13 @@ def with_correlated_noise(
         All that were compared in the first search.
     emulator : EmulatorPosterior
     """
-    last, found = steps[-1].chosen, steps[-1].given_others
+    last, found = steps[-1].chosen, steps[-1].conditional
     place = next((k for k, w in enumerate(found.candidates) if w is last), None)
     if ends_search(last) or place is None or found.correlated[place] <= 0.5:
         return list(steps)
     paths = [cause for cause in causes if cause.is_correlated_noise]
-    beside = _search_beside(found.problem, paths, emulator, last)
-    return [*steps, SearchStep(beside, None, beside.candidates[leader(beside)], beside)]
+    given = _search_given(found.problem, paths, emulator, last)
+    return [*steps, SearchStep(given, None, given.candidates[leader(given)], given)]
 
 
 def searches(steps: Sequence[SearchStep]) -> list[Search]:
@@ -168,7 +168,7 @@ def searches(steps: Sequence[SearchStep]) -> list[Search]:
     return [steps[0].search, *(one for step in steps for one in step.tried)]
 
 
-def _beside_same(accepted: Sequence[Cause], nearby: Sequence[Search]) -> Search | None:
+def _given_same(accepted: Sequence[Cause], nearby: Sequence[Search]) -> Search | None:
     """Return the search given the same accepted causes, None without one."""
 
     def forms(causes: Sequence[Cause]) -> list[tuple[str, str]]:
@@ -178,7 +178,7 @@ def _beside_same(accepted: Sequence[Cause], nearby: Sequence[Search]) -> Search 
     return next(same, None)
 
 
-def _leading(result: Search) -> Candidate:
+def _first_choice(result: Search) -> Candidate:
     """Return the most probable cause; a prior that is too narrow before its like.
 
     A factor on the output, for example, may draw the same curve as a parameter beyond its prior.
@@ -198,10 +198,10 @@ def _alone(steps: list[SearchStep]) -> list[SearchStep]:
     if len(steps) != 1:
         return steps
     result = steps[0].search
-    return [replace(steps[0], chosen=_leading(result))]
+    return [replace(steps[0], chosen=_first_choice(result))]
 
 
-def _search_beside(
+def _search_given(
     problem: Problem,
     causes: Sequence[Cause],
     emulator: EmulatorPosterior,
@@ -211,7 +211,7 @@ def _search_beside(
     """Return the quick search for a cause given a first one, which is fixed at its fit."""
     effects = first.model.effects
     extended = replace(problem, model=problem.model.with_effects(effects))
-    return search(extended, causes, emulator, False, first, _beside_same(effects, nearby))
+    return search(extended, causes, emulator, False, first, _given_same(effects, nearby))
 
 
 def _look_ahead(
@@ -219,7 +219,7 @@ def _look_ahead(
     causes: Sequence[Cause],
     emulator: EmulatorPosterior,
     result: Search,
-    leading: Candidate,
+    first_choice: Candidate,
     thorough: bool,
     nearby: Sequence[Search],
 ) -> tuple[Candidate, Search | None, tuple[Search, ...]]:
@@ -229,7 +229,7 @@ def _look_ahead(
     a smooth discrepancy, or outliers.
     """
     log_prior = np.log(prior_odds([w.cause for w in result.candidates]))
-    at = next(k for k, w in enumerate(result.candidates) if w is leading)
+    at = next(k for k, w in enumerate(result.candidates) if w is first_choice)
     # the most probable, then what explains most without a process: the second may be one
     explained = log_prior + [w.log_evidence for w in result.candidates]
     order = [at, *(int(k) for k in np.argsort(-explained) if k != at)]
@@ -237,7 +237,7 @@ def _look_ahead(
     position = {id(result.candidates[k].cause): k for k in named}
     waiting = named[: SETTINGS.looked_ahead]
     if (
-        not ends_search(leading)
+        not ends_search(first_choice)
         and result.probability[at] > SETTINGS.beyond_doubt
         and result.remainder[at] < 0.5
         # such noise imitates a second cause
@@ -250,51 +250,51 @@ def _look_ahead(
     while waiting:
         k = waiting.pop(0)
         first = result.candidates[k]
-        second = _search_beside(problem, _others(causes, first), emulator, first, nearby)
+        second = _search_given(problem, _others(causes, first), emulator, first, nearby)
         alone = log_prior[k] + first.log_evidence
         # where all is explained, there is nothing to place in addition to the first
         left = in_doubt or second.probability[0] < 0.5
         within = max(values.values(), default=-np.inf) - SETTINGS.pair_hopeless
-        if left and alone + _companions(second) > within:
+        if left and alone + _evidence_of_others(second) > within:
             second = placed_together(result, first, second)
-        made[k], values[k] = second, alone + _companions(second)
+        made[k], values[k] = second, alone + _evidence_of_others(second)
         if not waiting:
             # the other half of the best pair has its turn as the first, until none is new
             best = max(values, key=lambda k: values[k])
-            other = position.get(id(_companion(made[best]).cause))
+            other = position.get(id(_second(made[best]).cause))
             waiting = [other] if other is not None and other not in made else []
     tried = tuple(made.values())
     if not values:
-        return leading, None, tried
+        return first_choice, None, tried
     best = max(values, key=lambda k: values[k])
-    if ends_search(leading) and log_prior[at] + leading.log_evidence > values[best]:
-        return leading, None, tried
+    if ends_search(first_choice) and log_prior[at] + first_choice.log_evidence > values[best]:
+        return first_choice, None, tried
     # of two that name each other, the one that explains more alone comes first
-    other = position.get(id(_companion(made[best]).cause))
-    if other in made and _companion(made[other]).cause is result.candidates[best].cause:
+    other = position.get(id(_second(made[best]).cause))
+    if other in made and _second(made[other]).cause is result.candidates[best].cause:
         best = max(best, other, key=lambda k: result.probability[k])
-    last = _companion(made[best])
+    last = _second(made[best])
     if last.cause is not None and ends_search(last) and best != at:
         # nothing is compared given a process: the first cause is the best of the table without it
         if at not in made:
-            return leading, None, tried
+            return first_choice, None, tried
         best = at
     chosen = made[best]
     return result.candidates[best], scored(with_processes(chosen, thorough)), tried
 
 
-def _companions(given_others: Search) -> float:
+def _evidence_of_others(conditional: Search) -> float:
     """Return the log of how much better a cause explains with whatever second, or none."""
-    evidence = np.array([w.log_evidence for w in given_others.candidates])
-    odds = prior_odds([w.cause for w in given_others.candidates])
+    evidence = np.array([w.log_evidence for w in conditional.candidates])
+    odds = prior_odds([w.cause for w in conditional.candidates])
     # two causes are the same two in either order, and each order has this prior
     odds[1:] *= 2
     return float(special.logsumexp(evidence - evidence[0] + np.log(odds)))
 
 
-def _companion(given_others: Search) -> Candidate:
+def _second(conditional: Search) -> Candidate:
     """Return the most probable second cause, "none" included."""
-    return given_others.candidates[int(np.argmax(given_others.probability))]
+    return conditional.candidates[int(np.argmax(conditional.probability))]
 
 
 def _others(causes: Sequence[Cause], chosen: Candidate) -> list[Cause]:

@@ -25,7 +25,7 @@ from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.problem.problem import Problem
 
 
-def placed_together(result: Search, first: Candidate, given_others: Search) -> Search:
+def placed_together(result: Search, first: Candidate, conditional: Search) -> Search:
     """Return the search given a first cause, with the best second causes placed together with it.
 
     Parameters
@@ -33,19 +33,19 @@ def placed_together(result: Search, first: Candidate, given_others: Search) -> S
     result : Search
         In which ``first`` was compared.
     first : Candidate
-    given_others : Search
+    conditional : Search
         For a further cause, with ``first`` fixed at its fit.
     """
-    evidence = np.array([w.log_evidence for w in given_others.candidates])
-    able = [k for k, w in enumerate(given_others.candidates) if w.cause and movable(w.cause)]
+    evidence = np.array([w.log_evidence for w in conditional.candidates])
+    able = [k for k, w in enumerate(conditional.candidates) if w.cause and movable(w.cause)]
     able = sorted(able, key=lambda k: -evidence[k])[: SETTINGS.most_companions]
     if first.cause is None or not movable(first.cause) or not able:
-        return given_others
-    candidates = list(given_others.candidates)
+        return conditional
+    candidates = list(conditional.candidates)
     for k in able:
         if evidence[k] > evidence[able[0]] - SETTINGS.companion_behind:
-            candidates[k] = _together(result, first, given_others, candidates[k])
-    return given_others.reweighed(candidates)
+            candidates[k] = _together(result, first, conditional, candidates[k])
+    return conditional.reweighed(candidates)
 
 
 def movable(cause: Cause) -> bool:
@@ -57,7 +57,7 @@ def movable(cause: Cause) -> bool:
 
 
 def _together(
-    result: Search, first: Candidate, given_others: Search, second: Candidate
+    result: Search, first: Candidate, conditional: Search, second: Candidate
 ) -> Candidate:
     """Return the second cause with the first at its best place given it.
 
@@ -66,7 +66,7 @@ def _together(
     too small where it does. What the first explains alone is subtracted, so that the result
     compares with the evidence of "nothing further".
     """
-    problem, base = result.problem, given_others.candidates[0].log_evidence
+    problem, base = result.problem, conditional.candidates[0].log_evidence
     assert first.cause is not None
     assert second.cause is not None
     best = second._replace(log_evidence=-np.inf)
@@ -78,9 +78,9 @@ def _together(
             break
         both = replace(problem, model=problem.model.with_effects(back.model.effects))
         neither = nothing_further(both, back, result.emulator, result.noise)
-        alone = _log_evidence(both, given_others, back)
+        alone = _log_evidence(both, conditional, back)
         pair = (
-            _log_evidence(both, result, turned) + alone - _log_evidence(both, given_others, neither)
+            _log_evidence(both, result, turned) + alone - _log_evidence(both, conditional, neither)
         )
         if (value := base + pair - first.log_evidence) > best.log_evidence:
             best = Candidate(second.cause, *back, value)

@@ -38,7 +38,7 @@ class Margins(NamedTuple):
     """How far (in nats, prior odds included) behind the best is far, and what is pruned."""
 
     behind: float
-    hopeless: float
+    pruned: float
 
 
 def best_modes(
@@ -74,7 +74,7 @@ def best_modes(
             elif nearby is None or model.effects[-1].is_correlated_noise:
                 fits.append(_once(problem, emulator, model, grid, null))
             else:
-                fits.append(_unmoved(problem, model, grid, nearby[k], null))
+                fits.append(_unchanged(problem, model, grid, nearby[k], null))
         # a first fit may have found a lower mode on too coarse a grid; where those in other rows
         # ended is nearly it, and what had a chance there has a finer grid already
         margins = Margins(SETTINGS.behind, np.inf)
@@ -106,7 +106,7 @@ def _followed(
     return settled(problem, emulator, noise, Fitted(model, plain, mode, sigma))
 
 
-def _unmoved(
+def _unchanged(
     problem: Problem, model: MeasuredModel, grid: Grid, other: Fitted, null: Fitted
 ) -> Fitted:
     """Return the fit to other rows as one to these, on the grid refined there, not optimised.
@@ -139,9 +139,9 @@ def _once(
         mode = optimise(model, problem.X, problem.y, emulator, grid, starts[0], sigma, size)
         return Fitted(model, grid, mode, sigma)
     mode = highest(problem, emulator, model, grid, starts, sigma)
-    afar = best_from_afar(*args, grid, null.mode.z, mode.z, SETTINGS.exact_fit * null.sigma)
-    if afar is not None:
-        mode = highest(problem, emulator, model, grid, [afar], sigma)
+    start = best_from_afar(*args, grid, null.mode.z, mode.z, SETTINGS.exact_fit * null.sigma)
+    if start is not None:
+        mode = highest(problem, emulator, model, grid, [start], sigma)
     for _ in range(SETTINGS.looks):
         before, sigma = sigma, sigma_of(problem, mode, sigma)
         if not sigma < SETTINGS.much_closer * before:
@@ -173,8 +173,8 @@ def _far_behind(
     weight = np.where(np.isfinite(reached), reached + log_prior, -np.inf)
     enough = np.max(weight[~np.array(of_any_shape)], initial=-np.inf) - margins.behind
     behind = weight < enough
-    hopeless = enough - margins.hopeless
-    for k in map(int, np.flatnonzero(behind & np.isfinite(reached) & (weight > hopeless))):
+    pruned = enough - margins.pruned
+    for k in map(int, np.flatnonzero(behind & np.isfinite(reached) & (weight > pruned))):
         if len(fits[k].grid.nodes):
             missed = _between_nodes(problem, emulator, noise, fits[k], scans[k], sizes)
             # what gains so much without an optimisation may gain as much again by one

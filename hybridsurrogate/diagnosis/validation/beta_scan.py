@@ -166,10 +166,10 @@ def scan_beta(
         for model in ([before] if after is before else models)
         for train, test in folds
     ]
-    told = in_parallel(tasks, n_jobs, progress)
+    scans = in_parallel(tasks, n_jobs, progress)
     n, tests = len(folds), np.concatenate([test for _, test in folds])
     # the same tasks where nothing was detected
-    scores = {"before": told[:n], "after": told[-n:]}
+    scores = {"before": scans[:n], "after": scans[-n:]}
     joined = {word: np.concatenate(parts, axis=1) for word, parts in scores.items()}
     each = np.ones(len(values)) if weights is None else weights
     there = np.isfinite(values[tests])

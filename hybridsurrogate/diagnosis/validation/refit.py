@@ -38,7 +38,7 @@ from hybridsurrogate.simulation.simulator import Simulator
 
 # enough for scores whose own standard error is that of a handful of rows, and for what has less
 # than half of the weight
-FOLD_DRAWS, RIVAL_DRAWS, FOLD_STEPS = 400, 200, 1000
+FOLD_DRAWS, ALTERNATIVE_DRAWS, FOLD_STEPS = 400, 200, 1000
 
 
 class Pair(NamedTuple):
@@ -161,7 +161,7 @@ def coarsely_fitted(
     from those of a long ensemble; those of an ensemble of 1000 steps, which takes 15 times as long,
     0.12.
     """
-    model = clone(estimator).set_params(n_draws=min(int(estimator.n_draws), RIVAL_DRAWS))
+    model = clone(estimator).set_params(n_draws=min(int(estimator.n_draws), ALTERNATIVE_DRAWS))
     if model.sampler == "auto":
         model.set_params(sampler="importance")
     known = fitted_near(model, X, y, near, weights) if near is not None else None

@@ -34,7 +34,7 @@ def with_rows(causes: Sequence[Cause], steps: Sequence[SearchStep]) -> tuple[Cau
 
 def _found(cause: GrossError, steps: Sequence[SearchStep]) -> Cause:
     for step in steps:
-        for search in (step.given_others, step.search):
+        for search in (step.conditional, step.search):
             for w in search.candidates:
                 if w.cause is cause:
                     return cause.filled(rows=rows_of(search, w))

@@ -9,7 +9,7 @@ import pandas as pd
 
 from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.answers.table import NOT_COMPARED, is_compared
-from hybridsurrogate.diagnosis.checks.outside import DOCUMENTED, N_CASES, NOT_HELD
+from hybridsurrogate.diagnosis.checks.outside import DOCUMENTED, N_CASES, NOT_LISTED
 from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.elements import tables
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
@@ -49,7 +49,7 @@ def probability_of_smooth_curve(view: View) -> float:
     d = view.diagnosis
     if d.verdict_ not in ("named", "nearest", "ambiguous") or not view.findings:
         return 0.0
-    cause, search = view.findings[-1][1], d.result_.steps[-1].given_others
+    cause, search = view.findings[-1][1], d.result_.steps[-1].conditional
     place = [w.cause is cause for w in search.candidates].index(True)
     share = float(search.remainder[place])
     return share if np.isfinite(share) else 0.0
@@ -57,7 +57,7 @@ def probability_of_smooth_curve(view: View) -> float:
 
 def _conditional(view: View) -> str:
     first = view.diagnosis.result_.steps[0]
-    if first.given_others is first.search:
+    if first.conditional is first.search:
         return (
             "The table is about the first cause. Each was compared with and without correlated "
             "noise, and its log evidence counts both."
@@ -118,7 +118,7 @@ def _outside(view: View) -> list[str]:
     if right is None:
         return []
     return [
-        f"Of {DOCUMENTED} measured data sets with a documented cause {NOT_HELD} had one that the "
+        f"Of {DOCUMENTED} measured data sets with a documented cause {NOT_LISTED} had one that the "
         "catalogue does not hold. With such causes counted, this one is right with a probability "
         f"of {digits.probability(right)}, by {N_CASES} blind cases with and without their kind in "
         "the catalogue."

@@ -195,7 +195,7 @@ class View:
     @property
     def search(self) -> Search:
         """The search for the first cause, conditional on all other accepted causes."""
-        return self.diagnosis.result_.steps[0].given_others
+        return self.diagnosis.result_.steps[0].conditional
 
     @property
     def findings(self) -> list[tuple[CauseFinding, Cause]]:

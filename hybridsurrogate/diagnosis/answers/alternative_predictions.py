@@ -18,7 +18,7 @@ from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.outputs import OUTPUT
 
 # alternatives that matter to the answer, and nodes of each (a period, a location) that matter to it
-_MOST_RIVALS, _LEAST_PROBABLE = 6, 0.003
+_MOST_ALTERNATIVES, _LEAST_PROBABLE = 6, 0.003
 _MOST_NODES, _LEAST_NODE = 4, 0.05
 # Gauss and Legendre's three nodes of a remainder's amplitude, which is log-uniform
 _HEIGHTS, _SHARES = np.polynomial.legendre.leggauss(3)
@@ -32,32 +32,32 @@ class Component(NamedTuple):
     them the simulation may lack as much again (`Remainder`).
     """
 
-    rival: int
+    alternative: int
     candidate: Candidate
     node: int | None
     weight: float
     size: FloatArray
 
 
-class Foreseen(NamedTuple):
+class Predictions(NamedTuple):
     """Values at m rows under C components: ``mean + loadings z + sd e``, z and e standard normal.
 
     ``mean`` (C, m), ``loadings`` (C, m, k), ``variance`` (C, m) of the noise alone, ``weight`` (C,)
-    and ``rival`` (C,) of each component.
+    and ``alternative`` (C,) of each component.
     """
 
     mean: FloatArray
     loadings: FloatArray
     variance: FloatArray
     weight: FloatArray
-    rival: NDArray[np.intp]
+    alternative: NDArray[np.intp]
 
     @property
     def total_variance(self) -> FloatArray:
         """Variance of a measured value, (C, m)."""
         return np.asarray(self.variance + np.sum(self.loadings**2, axis=2))
 
-    def at(self, rows: Any) -> Foreseen:
+    def at(self, rows: Any) -> Predictions:
         """Return some of the rows."""
         return self._replace(
             mean=self.mean[:, rows],
@@ -65,21 +65,21 @@ class Foreseen(NamedTuple):
             variance=self.variance[:, rows],
         )
 
-    def of(self, components: NDArray[np.bool_]) -> Foreseen:
+    def of(self, components: NDArray[np.bool_]) -> Predictions:
         """Return some of the components, their weights sharing all."""
         weight = self.weight[components]
-        return Foreseen(
+        return Predictions(
             self.mean[components],
             self.loadings[components],
             self.variance[components],
             weight / weight.sum(),
-            self.rival[components],
+            self.alternative[components],
         )
 
 
 def components_of(result: Search) -> list[Component]:
     """Return the alternatives that matter at the nodes that matter, most probable first."""
-    order = np.argsort(-result.probability, kind="stable")[:_MOST_RIVALS]
+    order = np.argsort(-result.probability, kind="stable")[:_MOST_ALTERNATIVES]
     matters = (np.arange(len(order)) < 2) | (result.probability[order] > _LEAST_PROBABLE)
     # against overwhelming evidence an alternative's probability is too small for a number
     matters &= result.probability[order] > 0
@@ -91,13 +91,13 @@ def components_of(result: Search) -> list[Component]:
     n_outputs = 1 if result.problem.stacking is None else len(result.problem.stacking.names)
     counts = np.bincount(which, minlength=n_outputs)
     out = []
-    for rival, k in enumerate(order):
+    for alternative, k in enumerate(order):
         w = result.candidates[k]
         change = predict_jointly(result, w, X)[0] - plain if w is not null else np.zeros(len(X))
         squares = np.bincount(which, change**2, n_outputs) / np.maximum(counts, 1)
         for node, share in _nodes(result, w):
             weight = share * float(result.probability[k]) / total
-            out.append(Component(rival, w, node, weight, np.sqrt(squares)))
+            out.append(Component(alternative, w, node, weight, np.sqrt(squares)))
     return out
 
 
@@ -121,7 +121,7 @@ def _nodes(result: Search, w: Candidate) -> list[tuple[int | None, float]]:
     return [(int(node), float(share[node] / share[order].sum())) for node in order]
 
 
-def foreseen(result: Search, components: list[Component], grid: FloatArray) -> Foreseen:
+def predictions_at(result: Search, components: list[Component], grid: FloatArray) -> Predictions:
     """Return the predictions of the components at rows, with a remainder beyond the measured range.
 
     Where a row lies beyond, each component becomes three, one for each amplitude.
@@ -143,10 +143,10 @@ def foreseen(result: Search, components: list[Component], grid: FloatArray) -> F
         own = beyond * c.size[of_output][:, None]
         some = zip(heights, shares, strict=True) if own.any() else [(0.0, 1.0)]
         parts += [
-            (mean, np.hstack([wide, height * own]), variance, c.weight * share, c.rival)
+            (mean, np.hstack([wide, height * own]), variance, c.weight * share, c.alternative)
             for height, share in some
         ]
-    return Foreseen(*map(np.array, zip(*parts, strict=True)))
+    return Predictions(*map(np.array, zip(*parts, strict=True)))
 
 
 def _beyond(result: Search, grid: FloatArray) -> FloatArray:
@@ -165,7 +165,7 @@ def _beyond(result: Search, grid: FloatArray) -> FloatArray:
     return np.asarray((which[:, :, None] * one[:, None, :]).reshape(len(grid), -1))
 
 
-def is_smooth(components: list[Component], rival: NDArray[np.intp]) -> NDArray[np.bool_]:
+def is_smooth(components: list[Component], alternative: NDArray[np.intp]) -> NDArray[np.bool_]:
     """Return which alternatives are a curve of unknown shape, (C,)."""
-    smooth = {c.rival for c in components if kind_of(c.candidate) == "unexplained"}
-    return np.isin(rival, list(smooth))
+    smooth = {c.alternative for c in components if kind_of(c.candidate) == "unexplained"}
+    return np.isin(alternative, list(smooth))
