@@ -104,11 +104,11 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     estimator : PowerScaledSurrogate
         The model before, with its simulation; without effects.
     causes : sequence of Cause, default=()
-        User-defined mechanisms, compared in addition to the catalogue; one replaces that of the
-        catalogue of the same form and target.
+        User-defined causes, compared in addition to the catalogue. Each replaces the catalogue's
+        cause of the same form and target.
     exclude : sequence of str, default=()
         Kinds of the catalogue that cannot be the cause, such as "delay" where the clock is right.
-        The others share their probability; ``causes_`` lists them as not compared.
+        Other kinds share their prior probability; ``causes_`` lists them as not compared.
     false_alarm_rate : float, default=0.05
         The verdict is "adequate" where the p-value of the whole search is more than this. Where
         it is at most this, and "none" has more than half of the probability, it is "undecided".
@@ -130,25 +130,25 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     estimator_ : PowerScaledSurrogate
         The model before, fitted.
     verdict_ : {"adequate", "named", "nearest", "ambiguous", "unexplained", "undecided"}
-        "undecided": the runs, the rows or a prior cannot decide; ``undecided_by_`` is which.
-        "nearest": a cause of the catalogue has most of the probability, but structure remains in
-        the residuals; the true cause may be a similar one outside the catalogue.
+        "undecided": runs, rows or a prior do not suffice for a verdict; see ``undecided_by_``.
+        "nearest": a cause of the catalogue has most of the probability, but the residuals have
+        structure. The true cause may be a similar one outside the catalogue.
     concerns_ : {"simulation", "noise", "inputs", "data", "prior"} or None
         What is at fault: the simulation's mean, how the measurements scatter, the measured inputs,
-        single measurements, or the prior of a parameter. None where nothing is, or the data cannot
-        decide.
+        single measurements, or the prior of a parameter. None where nothing is, or where the
+        verdict is "undecided".
     undecided_by_ : {"runs", "rows", "prior"} or None
-        What cannot decide, where the verdict is "undecided".
+        What does not suffice, where the verdict is "undecided".
     smallest_detectable_ : float or None
         Where no cause was detected: the root mean square, on the scale of eta, of the smallest
         fault that would have been detected in nine of ten data sets like these. Faults are steps
         and straight lines over the inputs, of which the median is taken.
     probability_right_ : float or None
-        That the most probable cause is the right one, where causes outside the catalogue count as
-        well, as many as measured data sets have: what to bet on its name. None where no cause has
-        a name. ``best_cause_.probability`` supposes that the catalogue contains the cause.
+        Probability that the most probable cause is the right one. Causes outside the catalogue
+        count too, at their frequency in measured data sets. None where no cause has a name.
+        ``best_cause_.probability`` supposes that the catalogue contains the cause.
     residual_check_ : ResidualCheck or None
-        Whether noise alone leaves residuals like those of the extended model: it does in 95 % of
+        Whether noise alone gives residuals like those of the extended model. It does in 95 % of
         the cases in which the cause is right. None where nothing was detected, and with noise that
         is not normal.
     cautions_ : list of Caution
@@ -158,13 +158,17 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         Of the whole search under "the simulation is right": the share of replicates in which the
         best cause looks as convincing or, where it is less, one over the ratio of the evidence.
     causes_ : pandas.DataFrame
-        Columns kind, target, form (which of the kind's forms, such as "parameter-drift: logistic
-        over t"), probability, log_evidence (against "none", of the cause alone or together
-        with what follows, whichever is true), smooth_curve (probability that a smooth curve is
-        needed in addition to the cause), correlated (probability that, given the cause, the noise
-        of neighbouring rows is correlated), note (why a cause was not compared, or how often the
-        simulation fails under it); most probable first. Where several causes were accepted: given
-        all but the first of them.
+        One row a cause, most probable first. Where several causes were accepted: given all but
+        the first of them. Columns:
+
+        - kind, target and form (such as "parameter-drift: logistic over t");
+        - probability;
+        - log_evidence, against "none": averaged over the cause alone, with a smooth curve and
+          with correlated noise;
+        - smooth_curve: probability that a smooth curve is needed in addition to the cause;
+        - correlated: probability that, given the cause, the noise of neighbouring rows is
+          correlated;
+        - note: why a cause was not compared, or how often the simulation fails under it.
     beta_scans_ : BetaScans
         What `beta_scan` tries at a few weights when it is first asked for.
     best_cause_ : CauseFinding
@@ -175,22 +179,23 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     discrepancy_ : Discrepancy
         Of several outputs that of the output which the first cause concerns.
     discrepancies_ : dict of output to Discrepancy
-        The parameters of the simulation were estimated together with each of them alone: where
-        another output is at fault they are off, and so is the curve.
+        The parameters of the simulation were estimated together with each of them alone. Where
+        another output is at fault these parameters are biased, and so is the curve.
     extended_estimator_ : AveragedSurrogate or PowerScaledSurrogate
-        Fitted; ``predict`` and ``score`` are its. The average over the causes, "none"
-        included, that have 5 % of the probability or more, weighted by it (of several accepted
-        causes each in turn is replaced by others); each extension keeps a `Remainder` beyond the
-        measured range. Its first estimator, ``estimators_[0]``, has the accepted causes, and
-        ``posterior_`` is that one's. The estimator before where the verdict is "adequate".
+        Fitted; ``predict`` and ``score`` of the diagnosis are those of this estimator. It is the
+        average, weighted by probability, over the causes with at least 5 %, "none" included. Of
+        several accepted causes, each in turn is replaced by its alternatives. Each extension keeps
+        a `Remainder` beyond the measured range. The first estimator, ``estimators_[0]``, has the
+        accepted causes, and ``posterior_`` is its posterior. Where the verdict is "adequate", this
+        is the estimator before.
     extended_simulator_ : Simulator or None
         The simulation with the cause in it; None when there are only runs, or nothing to add.
     confounded_ : pandas.DataFrame
         For each accepted cause and each parameter: the correlation of the cause's estimates with
-        the parameter, how far the parameter moved when the cause was added, how uncertain it is
-        then, and what share of the cause's curve it could absorb. A `ConfoundingWarning` reports
-        pairs in which the correlation is at least 0.9, the parameter at least half as uncertain as
-        its prior, and at least half of the curve could be its.
+        the parameter, the parameter's shift when the cause was added, its uncertainty then, and
+        the share of the cause's curve that it could absorb. A `ConfoundingWarning` reports pairs
+        with a correlation of at least 0.9, if the parameter is at least half as uncertain as
+        its prior and could absorb at least half of the curve.
     gain_ : HeldOutGain or None
         On held-out rows within the measured range, the search repeated in each fold. Its methods
         return the best weight of the simulation before and after.
@@ -200,17 +205,17 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         `OdeSimulator`, none by which they come sorted.
     at_prior_end_ : list of AtPriorEnd
         Parameters of the extended model, and where the verdict is "undecided" of the one before,
-        that the data push against the end of their prior: the detected cause may stand for what the
+        that the data push against the end of their prior. The detected cause may replace what the
         prior excludes.
     next_measurement_ : dict of str to float
-        Inputs at which one more measurement would best separate the alternatives; of several
-        causes, the alternatives to the one about which it informs most.
+        Inputs at which one more measurement would best separate the alternatives. Of several
+        causes, those of the cause about which it informs most.
     next_information_ : float
         Its expected information about which alternative is true, in bits.
     emulator_check_ : EmulatorCheck or None
-        What the runs leave open of the simulation at the measured rows, and what the surrogate
-        misses of it, in standard deviations of the noise; a `DiagnosisWarning` reports more than
-        1 and 2. None where the simulation itself is run.
+        Uncertainty of the emulator and error of the surrogate at the measured rows, in standard
+        deviations of the noise. A `DiagnosisWarning` reports more than 1 and 2, respectively.
+        None where the simulation itself is run.
     search_ : Search
         All causes at their best in the first search, given no other cause.
     result_ : DiagnosisResult
@@ -218,10 +223,10 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
 
     Notes
     -----
-    An interrupted ``fit`` (KeyboardInterrupt) keeps what it has: ``search_`` and ``causes_`` list
-    the causes that were compared by then, a `DiagnosisWarning` reports it, and the interrupt is
-    raised. The diagnosis does not count as fitted, unless only the folds were left: then all is
-    there but the gain.
+    An interrupted ``fit`` (KeyboardInterrupt) keeps its results: ``search_`` and ``causes_`` list
+    the causes that were compared by then. A `DiagnosisWarning` reports it, and the interrupt is
+    raised. The diagnosis does not count as fitted, unless only folds remained: then only the gain
+    is missing.
 
     Examples
     --------
@@ -268,7 +273,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         ----------
         X : array-like of shape (n, n_columns)
             May carry columns that the simulation ignores: by name (DataFrame) or after its inputs
-            (array). They are compared as missing inputs, and as inputs of other causes.
+            (array). They are compared as missing inputs, and other causes may act along them.
         y : array-like of shape (n,), or (n, n_outputs) of a simulation of several outputs
             With NaN for what was not measured: of one output such rows are excluded, with a
             warning.

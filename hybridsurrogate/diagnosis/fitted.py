@@ -141,10 +141,10 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
     ) -> pd.DataFrame:
         """Return where to take n further measurements together, to separate the alternatives.
 
-        Each in turn is the place that informs most, for its cost, about which alternative is true:
-        given those before it, on average over their possible values. Beyond the measured range
-        every alternative has a remainder as large as its effect (`Remainder`), so that its
-        predictions there count for less.
+        Each in turn is the place that informs most, for its cost, about which alternative is true.
+        Those before it are taken as measured, on average over their possible values. Beyond the
+        measured range every alternative has a remainder as large as its effect (`Remainder`), so
+        its predictions there count for less.
 
         Parameters
         ----------

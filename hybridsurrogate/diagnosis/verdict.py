@@ -56,7 +56,7 @@ def conclude(
     A name or "adequate" needs runs, rows and priors that can decide. They cannot where
 
     - the runs leave the simulation open by more than the noise, or of rounded counts by a third
-      of it (`EmulatorCheck.hidden`), and by more than the detected effect: in 52 blind
+      of it (`EmulatorCheck.hidden`), and by more than the detected effect. In 52 blind
       cases with 8 to 40 runs names were right in 5 of 5 whose effect was larger than this and in
       1 of 7 whose effect was smaller,
     - the test rejects that nothing is wrong, p <= ``false_alarm_rate``, and the evidence favours

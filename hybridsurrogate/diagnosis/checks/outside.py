@@ -1,10 +1,10 @@
 """How probable the most probable cause is, where causes outside the catalogue count as well.
 
-The probabilities of a search suppose that what is at fault is in the catalogue, and no test can see
-from the data what a curve that fits as well would be called. How often that misleads is counted on
+The probabilities of a search suppose that the true cause is in the catalogue. No test of the data
+can name a curve that fits as well. How often that misleads was counted on
 blind cases with their kind in the catalogue and with it taken out, alone and together with a
-further, smaller fault, each as frequent as among measured data sets. A logistic regression on them
-predicts how often the most probable cause is the right one.
+further, smaller fault. Each is as frequent as among measured data sets. A logistic regression on
+them predicts how often the most probable cause is the right one.
 """
 
 from __future__ import annotations

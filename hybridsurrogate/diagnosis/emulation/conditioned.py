@@ -1,7 +1,7 @@
 """The simulation conditioned on its runs: the surrogate's terms and a process for what they miss.
 
-A polynomial that misses the simulation by a curve would otherwise have that curve blamed on the
-simulation, and one with more terms than runs is arbitrary between them. So a search takes the
+A polynomial may miss the simulation by a curve, which would be blamed on the simulation. One with
+more terms than runs is arbitrary between them. So a search takes the
 surrogate's terms as the trend of a Gaussian process (`Kriging`), or the process itself where it is
 the surrogate. What is still unknown between the runs is part of the covariance of the measured
 rows.

@@ -30,12 +30,12 @@ class CurveByExperiment(OverColumn):
 
     ``simulation + u_e(x)`` with independent Gaussian processes u_e of one standard deviation
     ``amplitude`` and one ``length``: the errors of an experiment's measurements are alike (a
-    picture that is distorted, a sensor that was mounted anew), or experiments differ in what the
-    simulation does not know. `GaussianProcessDiscrepancy` over one input gives the curves: squared
-    exponential, by a Hilbert-space basis, constant beyond a quarter of the measured range outside
-    it. The curves are independent, and the mean of a few is not zero: what few experiments share
-    may be drawn by it. An experiment that was not measured has an unknown curve: its prediction is
-    the simulation's, with that much more spread.
+    picture that is distorted, a sensor that was mounted anew), or experiments differ in something
+    that the simulation ignores. `GaussianProcessDiscrepancy` over one input gives the curves:
+    squared exponential, by a Hilbert-space basis, constant beyond a quarter of the measured range
+    outside it. The curves are independent, and the mean of a few is not zero: what few experiments
+    share may be drawn by it. An experiment that was not measured has an unknown curve: its
+    prediction is the simulation's, with that much more spread.
 
     Parameters
     ----------
