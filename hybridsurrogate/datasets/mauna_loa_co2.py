@@ -24,7 +24,7 @@ def load_mauna_loa_co2() -> Bunch:
 
     The simulation is what one would write first: emissions grow exponentially and a fixed share of
     them stays in the air, so the concentration is ``preindustrial + excess_1958 * exp(growth_rate *
-    (year - 1958))``. It knows no seasons.
+    (year - 1958))``. It has no seasons.
 
     Returns
     -------

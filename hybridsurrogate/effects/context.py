@@ -1,4 +1,4 @@
-"""What a cause may know before it is fitted."""
+"""What a cause may use before it is fitted."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LEAST_WHOLE = 5
 
 
 class OfOutput(NamedTuple):
-    """What causes may know of one of several outputs: as in `Context`, and its unit."""
+    """What causes may use of one of several outputs: as in `Context`, and its unit."""
 
     location: float
     distance: float
@@ -36,7 +36,7 @@ class OfOutput(NamedTuple):
 
 @dataclass(frozen=True)
 class Context:
-    """What a cause may know before it is fitted: names, priors and the measured inputs, never y.
+    """What a cause may use before it is fitted: names, priors and the measured inputs, never y.
 
     Attributes
     ----------

@@ -33,11 +33,11 @@ def span_and_spacing(values: FloatArray) -> tuple[float, float]:
 def highest_frequency(values: FloatArray, most_cycles: int) -> float:
     """Return the highest frequency that rows resolve, in cycles a unit.
 
-    Where rows come evenly spaced, or at whole multiples of a distance, a wave is that of an alias
-    as well, and the highest frequency is half of the first at which all rows meet the same phase
-    (Eyer and Bartholdi 1999, Astronomy and Astrophysics Supplement 135:1). Irregular rows resolve
-    much faster waves: here up to five times what so many even rows would, as is usual for
-    periodograms (VanderPlas 2018, Astrophysical Journal Supplement 236:16, section 7.1).
+    Where rows come evenly spaced, or at whole multiples of a distance, every wave has an alias. The
+    highest frequency is half of the first at which all rows meet the same phase (Eyer and Bartholdi
+    1999, Astronomy and Astrophysics Supplement 135:1). Irregular rows resolve much faster waves:
+    here up to five times what as many even rows would, as is usual for periodograms (VanderPlas
+    2018, Astrophysical Journal Supplement 236:16, section 7.1).
 
     Parameters
     ----------

@@ -22,8 +22,8 @@ def next_runs(
 ) -> pd.DataFrame:
     """Return the n runs that reduce uncertainty most where the models ask for the simulation.
 
-    Each in turn is the one that takes most from the variance left open, on average over draws of
-    the posteriors and the best fits of the alternatives (Cohn 1996, Neural Networks 9:1071; as
+    Each in turn reduces the remaining variance most, on average over draws of the posteriors and
+    the best fits of the alternatives (Cohn 1996, Neural Networks 9:1071; as
     active learning of a Gaussian process: Gramacy 2020, Surrogates, section 6.2).
 
     Parameters

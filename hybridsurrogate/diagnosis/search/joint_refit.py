@@ -62,8 +62,8 @@ def _together(
     """Return the second cause with the first at its best place given it.
 
     The evidence of two causes a and b that are placed at a*, b* is that of a with b fixed plus that
-    of b with a fixed, less that of both fixed: exact where one place does not depend on the other,
-    too small where it does. What the first explains alone is subtracted, so that the result
+    of b with a fixed, less that of both fixed. This is exact where one place does not depend on the
+    other, too small where it does. What the first explains alone is subtracted, so that the result
     compares with the evidence of "nothing further".
     """
     problem, base = result.problem, conditional.candidates[0].log_evidence

@@ -11,7 +11,7 @@ from hybridsurrogate.simulation.modification import Modification
 
 NEEDS_ODE = (
     "{}: causes inside the dynamics need simulation=OdeSimulator(...), or runs of one, and "
-    "surrogate=ExactSurrogate(): an emulator knows no right-hand side."
+    "surrogate=ExactSurrogate(): an emulator has no right-hand side."
 )
 
 

@@ -58,7 +58,8 @@ class MissingInput(OverColumn):
         None: those of the measured rows, each with at least three of these; at most six, or twenty
         of a column that labels experiments.
     offset : bool, default=False
-        Nobody knows where the simulation is right; not with the quadratic shape or one level.
+        Whether the value at which the simulation is right is unknown, so that an offset is
+        estimated too; not with the quadratic shape or one level.
 
     Examples
     --------

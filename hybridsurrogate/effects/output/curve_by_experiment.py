@@ -33,9 +33,9 @@ class CurveByExperiment(OverColumn):
     picture that is distorted, a sensor that was mounted anew), or experiments differ in something
     that the simulation ignores. `GaussianProcessDiscrepancy` over one input gives the curves:
     squared exponential, by a Hilbert-space basis, constant beyond a quarter of the measured range
-    outside it. The curves are independent, and the mean of a few is not zero: what few experiments
-    share may be drawn by it. An experiment that was not measured has an unknown curve: its
-    prediction is the simulation's, with that much more spread.
+    outside it. The curves are independent, and the mean of a few is not zero: it may describe what
+    few experiments share. An experiment that was not measured has an unknown curve: its prediction
+    is the simulation's, with that much more spread.
 
     Parameters
     ----------

@@ -26,11 +26,11 @@ _WIDEST = 2.0
 class ParameterByExperiment(Cause):
     """A parameter that differs between experiments: batches, subjects, sensors, sites.
 
-    - ``how="spread"``: experiment e has ``parameter + spread u_e`` with u_e standard normal, so
-      that the parameter is the mean of all experiments that there might be and ``spread`` their
-      standard deviation, half-Cauchy a priori with the parameter's prior standard deviation as
-      scale (Gelman 2006, Bayesian Analysis 1:515, section 7.1). What is beyond the support of the
-      parameter's prior is set to its end;
+    - ``how="spread"``: experiment e has ``parameter + spread u_e`` with u_e standard normal. The
+      parameter is the population mean and ``spread`` the standard deviation between experiments.
+      A priori the spread is half-Cauchy, its scale the parameter's prior standard deviation
+      (Gelman 2006, Bayesian Analysis 1:515, section 7.1). Values beyond the support of the
+      parameter's prior are set to its end;
     - ``how="own"``: each experiment has a separate value with the parameter's prior,
       independent of the others.
 

@@ -106,10 +106,10 @@ class ParameterDrift(Cause):
     Slope, change and amplitude are in units of the parameter (the slope per unit of the column),
     location, width and period in those of the column. Sizes have a Cauchy prior (Student-t with one
     degree of freedom): over the measured rows the parameter changes by about its prior's standard
-    deviation, or by much less or more. The location is uniform over the measured rows, the width
+    deviation, or by much less or more. The location is uniform over the measured rows. The width is
     log-uniform from half the distance of neighbouring rows (at most a twentieth of the span) to a
-    quarter of the span, the period log-uniform from four distances of neighbouring rows (at least a
-    25th of the span) to twice their span.
+    quarter of the span. The period is log-uniform from four distances of neighbouring rows (at
+    least a 25th of the span) to twice their span.
 
     Parameters
     ----------
