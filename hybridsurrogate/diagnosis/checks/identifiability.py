@@ -86,11 +86,11 @@ def sentences(table: pd.DataFrame) -> Iterator[str]:
         name = row["parameter"]
         yield (
             f"The data cannot separate the cause {row['cause']} from the parameter {name}: the "
-            f"correlation of {row['estimate']} with {name} is {row['correlation']:.2f}, and given "
-            f"the cause {name} is uncertain by {100 * row['width']:.0f} % of its prior standard "
-            f"deviation. When the cause was added, {name} moved by {row['shift']:+.1f} posterior "
-            f"standard deviations; without it, {name} could absorb {100 * row['absorbed']:.0f} % "
-            "of the cause's curve (a sum of squares). How the two share it rests on their priors."
+            f"correlation of {row['estimate']} with {name} is {row['correlation']:.2f}. Given the "
+            f"cause, {name} is uncertain by {100 * row['width']:.0f} % of its prior standard "
+            f"deviation. Adding the cause moved {name} by {row['shift']:+.1f} posterior standard "
+            f"deviations. Without it, {name} could absorb {100 * row['absorbed']:.0f} % of the "
+            "cause's curve (a sum of squares). How the two share it depends on their priors."
         )
 
 
