@@ -40,7 +40,7 @@ class Cause(BaseEstimator):
     target : str or None
         The input, parameter, constant or column concerned.
     parameters : dict of name to frozen scipy.stats prior
-        The cause's own nonlinear parameters, ``theta``.
+        The cause's nonlinear parameters, ``theta``.
     coefficients : tuple of str
         Names of the columns' coefficients, which are linear and integrated out exactly.
     coefficient_sd : float or None
@@ -115,7 +115,7 @@ class Cause(BaseEstimator):
         return self
 
     def filled(self, **changes: Any) -> Self:
-        """Return a cause of the same class, a user's own subclass too, with other arguments."""
+        """Return a cause of the same class, a user-defined subclass too, with other arguments."""
         return type(self)(**{**self.get_params(deep=False), **changes})
 
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
@@ -124,7 +124,7 @@ class Cause(BaseEstimator):
         Parameters
         ----------
         X, omega, theta : dict of name to ndarray of shape (n,)
-            Measured columns; the simulation's parameters and constants; the cause's own.
+            Measured columns; the simulation's parameters and constants; the cause's parameters.
 
         Returns
         -------
@@ -134,7 +134,7 @@ class Cause(BaseEstimator):
         return X, omega
 
     def rows_of(self, X: Rows) -> dict[str, NDArray[np.bool_]]:
-        """Return the rows that the cause's own parameters change, of those that change not all.
+        """Return the rows that the cause's parameters change, of those that change not all.
 
         Parameters that have no row in common share a run where slopes are taken.
 

@@ -54,7 +54,7 @@ class Code:
     ----------
     expression : str
     numbers : mapping of str to str
-        Names of the numbers, as `Cause.estimates` or else the cause's own parameters have them,
+        Names of the numbers, as `Cause.estimates` or else the cause's parameters have them,
         and their units: ``{y}`` is that of the output on the scale on which causes act,
         ``{plain}`` that of the output itself; names of columns and states stand for theirs.
     columns : mapping of str to str

@@ -81,7 +81,7 @@ class InOutput(Cause):
 
     @property
     def target(self) -> str:  # type: ignore[override]
-        """The output and, where there is one, the cause's own target."""
+        """The output and, where there is one, the cause's target."""
         own = self.cause.target
         return f"{self.output}: {own}" if own else self.output
 

@@ -11,6 +11,6 @@ alternative_predictions  what each alternative predicts
 unknown_beyond           the remainder that an extension keeps beyond the measured range
 experimental_design      where one more measurement informs most
 next_runs                which further runs inform most
-model_averaging          predictions that do not bet on one name
+model_averaging          predictions averaged over causes
 monitor                  whether new measurements agree with the extension
 """

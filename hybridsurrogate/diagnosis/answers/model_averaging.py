@@ -1,4 +1,4 @@
-"""Predictions that do not bet on one name: averaged over what may be the cause."""
+"""Predictions averaged over what may be the cause."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 setup              from a fitted estimator to problem, causes and emulator
 working_rows       rows of any likelihood, normal to first order
-screening          one fit of every cause, and more in earnest where it looks promising
+screening          one fit of every cause, and more starts where it looks promising
 local_fit          a fit, its noise, a finer grid where the evidence is; interrupts
 noise_of_outputs   several outputs: each cause with the noise of each that suits it
 evidence           evidence of all causes, alone and given a curve or correlated noise

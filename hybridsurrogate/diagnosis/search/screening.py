@@ -1,4 +1,4 @@
-"""Where each cause fits best: one optimisation, and more in earnest where that looks promising."""
+"""Where each cause fits best: one optimisation, and more where that looks promising."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def best_modes(
     log_prior: FloatArray,
     nearby: Sequence[Fitted] | None = None,
 ) -> tuple[list[Fitted], FloatArray]:
-    """Fit every cause: from one start, and in earnest where that looks promising.
+    """Fit every cause: from one start, and from more where that looks promising.
 
     ``log_prior`` is that of "nothing is wrong" and of every cause. ``nearby`` are the modes of the
     same causes in other rows of the same data: they stand for that first optimisation, and what is

@@ -27,7 +27,7 @@ class FoldGain:
     Attributes
     ----------
     kind : str
-        What the fold's own search chose: "none", a kind, or "kind + kind", sorted.
+        What the fold's search chose: "none", a kind, or "kind + kind", sorted.
     n_rows : int
     elpd_before, elpd_after : float
         Mean log predictive density per row.
@@ -61,7 +61,7 @@ class HeldOutGain:
         Share of rows inside the 50 % predictive interval.
     n_rows : int
     kinds : tuple of str
-        What each fold's own search chose, as ``kind`` of its `FoldGain`; empty for a test set.
+        What each fold's search chose, as ``kind`` of its `FoldGain`; empty for a test set.
     folds : tuple of FoldGain
         The same fold by fold; empty for a test set.
     scan : callable or None

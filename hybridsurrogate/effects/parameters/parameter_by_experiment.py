@@ -129,7 +129,7 @@ class ParameterByExperiment(Cause):
 
     @property
     def _names(self) -> list[str]:
-        """Names of the experiments' own numbers."""
+        """Names of the experiments' separate numbers."""
         assert self.levels is not None
         labels = self.labels or tuple(f"{level:.12g}" for level in self.levels)
         return [f"{self.column} = {label}" for label in labels]
