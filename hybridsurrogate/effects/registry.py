@@ -145,7 +145,7 @@ def headline_of(cause: Cause) -> str | None:
 
 def table_of_causes() -> str:
     """Return the documentation's table of all forms, in Markdown."""
-    priors = "own parameters and their priors"
+    priors = "parameters and their priors"
     rows: list[tuple[str, ...]] = [
         ("kind", "cause", "formula", priors, "estimates", "left out when"),
         ("---",) * 6,
