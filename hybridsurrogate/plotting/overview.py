@@ -33,6 +33,15 @@ class Predicted(NamedTuple):
         At x.
     residual : ndarray of shape (n,)
         Measured minus predicted at the measured rows.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hybridsurrogate.plotting import Predicted, Prediction
+    >>> mean, y = np.array([2.0, 3.0]), np.array([2.5, 2.5])
+    >>> band = Prediction(mean, mean - 0.5, mean + 0.5, mean - 1, mean + 1)
+    >>> Predicted(np.array([0.0, 1.0]), band, y - mean).residual
+    array([ 0.5, -0.5])
     """
 
     x: FloatArray
