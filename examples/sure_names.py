@@ -24,7 +24,7 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import KFold
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.checks.outside import DOCUMENTED, NOT_LISTED
+from hybridsurrogate.diagnosis.checks.outside import DOCUMENTED, NOT_HELD
 from hybridsurrogate.diagnosis.search.evidence import kind_of, kind_shares
 
 # of the 16 measured sets with a documented cause so many keep structure beside it: mauna-loa,
@@ -102,7 +102,7 @@ def rows_of(path: Path, first: int, seeds: int) -> pd.DataFrame:
 def weights(table: pd.DataFrame) -> np.ndarray:
     """Return weights of cases: each sort as frequent as among measured data sets, mean one."""
     further = table["kind"].str.contains("+", regex=False)
-    share = np.where(table["outside"], NOT_LISTED, DOCUMENTED - NOT_LISTED) / DOCUMENTED
+    share = np.where(table["outside"], NOT_HELD, DOCUMENTED - NOT_HELD) / DOCUMENTED
     share = share * np.where(further, FURTHER, DOCUMENTED - FURTHER) / DOCUMENTED
     count = table.groupby([table["outside"], further])["right"].transform("size")
     return np.asarray(share / count * len(table))

@@ -12,8 +12,8 @@ from __future__ import annotations
 import math
 
 # of 16 measured data sets with a documented cause (docs/measured_data.md) 7 had one that the
-# catalogue does not contain
-NOT_LISTED, DOCUMENTED = 7, 16
+# catalogue does not hold
+NOT_HELD, DOCUMENTED = 7, 16
 # cases of examples/sure_names.py that the regression describes, and its coefficients: of one, of
 # the log odds within the catalogue, and of residual structure. In tenfold cross-validation this
 # gains 0.014 (standard error 0.007) in the mean log score; the probability of a remainder gains

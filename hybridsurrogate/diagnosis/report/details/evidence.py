@@ -9,7 +9,7 @@ import pandas as pd
 
 from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.answers.table import NOT_COMPARED, is_compared
-from hybridsurrogate.diagnosis.checks.outside import DOCUMENTED, N_CASES, NOT_LISTED
+from hybridsurrogate.diagnosis.checks.outside import DOCUMENTED, N_CASES, NOT_HELD
 from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.elements import tables
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
@@ -118,7 +118,7 @@ def _outside(view: View) -> list[str]:
     if right is None:
         return []
     return [
-        f"Of {DOCUMENTED} measured data sets with a documented cause {NOT_LISTED} had one that the "
+        f"Of {DOCUMENTED} measured data sets with a documented cause {NOT_HELD} had one that the "
         "catalogue does not hold. With such causes counted, this one is right with a probability "
         f"of {digits.probability(right)}, by {N_CASES} blind cases with and without their kind in "
         "the catalogue."
