@@ -41,8 +41,8 @@ def load_mauna_loa_co2() -> Bunch:
 
     Notes
     -----
-    Public domain. The priors contain the 280 ppm that ice cores show for the time before 1800 [2]_,
-    the 315 ppm of 1958, and a growth of emissions by one to three per cent a year.
+    Public domain. The priors contain the 280 ppm that ice cores show for the time before 1800 [2]_
+    and the 315 ppm of 1958. They let emissions grow by one to three per cent a year.
 
     References
     ----------

@@ -193,9 +193,9 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     confounded_ : pandas.DataFrame
         For each accepted cause and each parameter: the correlation of the cause's estimates with
         the parameter, the parameter's shift when the cause was added, its uncertainty then, and
-        the share of the cause's curve that it could absorb. A `ConfoundingWarning` reports pairs
-        with a correlation of at least 0.9, if the parameter is at least half as uncertain as
-        its prior and could absorb at least half of the curve.
+        the share of the cause's curve that it could absorb. A `ConfoundingWarning` reports a
+        pair where the correlation is at least 0.9, the parameter keeps half of its prior
+        uncertainty, and it could absorb half of the curve.
     gain_ : HeldOutGain or None
         On held-out rows within the measured range, the search repeated in each fold. Its methods
         return the best weight of the simulation before and after.

@@ -274,9 +274,9 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         pandas.DataFrame or None
             Columns beta, before, after, and before_error and after_error: the standard error of
             each score's difference from that at the best weight, paired by rows. At the five
-            weights None where there is no weight to choose, as of a simulation that is itself run,
-            where it takes minutes (hyperparameters or more than 100 coefficients), and out of
-            range without such rows.
+            weights None where there is no weight to choose, as of a simulation that is itself run.
+            None too where it takes minutes (hyperparameters or more than 100 coefficients), and
+            out of range without such rows.
         """
         check_is_fitted(self)
         if (X is None) != (y is None):

@@ -46,9 +46,9 @@ class Table:
 class Code:
     """What a cause does, as an expression of numpy.
 
-    Names in braces stand for what is named below, ``{simulated}`` for the output on the scale on
-    which causes act, ``{of}`` for the quantity that is moved, ``{t}`` for the time and ``{step}``
-    for the solver's step of an ODE, and ``{sigma}`` for the standard deviation of the noise.
+    Names in braces are replaced by what is named below. ``{simulated}`` is the output on the scale
+    on which causes act, ``{of}`` the quantity that is moved, and ``{sigma}`` the standard deviation
+    of the noise. Of an ODE ``{t}`` is the time and ``{step}`` the solver's step.
 
     Attributes
     ----------

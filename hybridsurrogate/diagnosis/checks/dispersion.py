@@ -102,10 +102,10 @@ def dispersion_of(
 ) -> Dispersion | None:
     """Return how much values scatter around the mean of neighbours, None where too few are near.
 
-    Rows are paired with their neighbours, and each pair has the mean of the simulation up to a
-    shift of eta that its total asks for, so that a wrong mean that is smooth does not count: for
-    Poisson counts that is the index of dispersion of two counts given their sum (Fisher 1950,
-    Biometrics 6:17). Replicates are drawn around these means.
+    Rows are paired with their neighbours. Each pair has the mean of the simulation, with eta
+    shifted to match the pair's total, so a smooth error of the mean does not count. For Poisson
+    counts that is the index of dispersion of two counts given their sum (Fisher 1950, Biometrics
+    6:17). Replicates are drawn around these means.
 
     Parameters
     ----------

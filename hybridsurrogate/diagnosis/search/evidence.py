@@ -327,8 +327,8 @@ def _of_neighbours(parts: Linearised, places: FloatArray, nodes: FloatArray) -> 
 def prior_odds(causes: Sequence[Cause | None]) -> FloatArray:
     """Return the prior probability of each cause, None for nothing that is wrong.
 
-    Kinds share the prior equally, the forms of a kind share that of their kind, and causes that
-    differ only in the level that is meant share that of one form.
+    Kinds share the prior equally, and the forms of a kind share that of their kind. Causes that
+    differ only in their level share that of one form.
     """
     kinds = ["none" if cause is None else cause.kind for cause in causes]
     forms = [

@@ -42,9 +42,8 @@ def screened_at_best(
 ) -> Search:
     """Return the search repeated with rows expanded at the best cause, where something is wrong.
 
-    Where rows are normal there is nothing to expand, and where an emulator of single runs stands
-    for the simulation nothing is scored, so that all causes keep the expansion where nothing is
-    wrong.
+    Where rows are normal there is nothing to expand. Where an emulator of single runs replaces the
+    simulation nothing is scored, so all causes keep the expansion at "nothing is wrong".
 
     Parameters
     ----------

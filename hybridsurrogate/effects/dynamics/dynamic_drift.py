@@ -53,8 +53,8 @@ _CODE = {
 class DynamicDrift(Dynamic):
     """A parameter that changes in time inside the dynamics of an `OdeSimulator`.
 
-    In the right-hand side the parameter p becomes p (1 + amount s(t)), and the solution follows,
-    where `ParameterDrift` runs the simulation anew for each row with a constant parameter.
+    In the right-hand side the parameter p becomes p (1 + amount s(t)), and the solution follows.
+    `ParameterDrift`, in contrast, runs the simulation for each row with a constant parameter.
 
     Parameters
     ----------

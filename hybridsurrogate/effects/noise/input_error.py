@@ -17,7 +17,7 @@ class InputError(NoiseOfSlope):
     To first order (Fuller 1987, Measurement Error Models, section 3.1) the variance of a row is
     ``sigma^2 + (s d eta / d x)^2``, with s the standard deviation of the input's error. It is
     written ``sigma^2 (1 + (ratio slope / usual)^2)`` with ``usual`` the root mean square of the
-    slope over the measured rows, so at a usual slope the input's error is ``ratio`` times the other
+    slope over the measured rows. At a usual slope the input's error is ``ratio`` times the other
     noise. The ratio is log-normal with median 2 and standard deviation 1 of its logarithm.
 
     The slope is that of the simulation with what earlier causes make of it, at the row and at the

@@ -18,11 +18,10 @@ from hybridsurrogate.priors import Prior, frozen
 class BuildUp(FromOrigin):
     """Nothing at first, then more and more of what is simulated: absorption of a dose, a warm-up.
 
-    ``simulation (1 - exp(-(x - origin) / scale))``; where the simulation is an exponential decay,
-    that is the course of a substance that is taken up and removed, each in proportion to what is
-    there (Bateman 1910, Proceedings of the Cambridge Philosophical Society 15:423). The scale is in
-    units of the column; its prior is log-uniform from a tenth of the distance of neighbouring rows
-    to half the measured span.
+    ``simulation (1 - exp(-(x - origin) / scale))``. Where the simulation is an exponential decay,
+    that is first-order absorption and elimination of a substance (Bateman 1910, Proceedings of the
+    Cambridge Philosophical Society 15:423). The scale is in units of the column; its prior is
+    log-uniform from a tenth of the distance of neighbouring rows to half the measured span.
 
     Parameters
     ----------
