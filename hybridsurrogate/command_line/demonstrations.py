@@ -11,7 +11,7 @@ from hybridsurrogate.datasets import load_mauna_loa_co2, load_nile, make_log_sin
 
 
 class Demonstration(NamedTuple):
-    """What it is, its simulation and its data, held-out rows, causes at most."""
+    """What it is, its simulation and its data, rows held out, causes at most."""
 
     introduction: str
     simulator: Any

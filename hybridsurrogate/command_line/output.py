@@ -162,7 +162,7 @@ def report_of(
         With ``verbose``, and perhaps ``beta_scan``.
     units : dict of str to str
     test : (X, y) or None
-        Held-out rows.
+        Rows held out.
     """
     beta_scan = getattr(given, "beta_scan", False)
     return diagnosis.report(test=test, beta_scan=beta_scan, units=units, full=given.verbose)

@@ -1,4 +1,4 @@
-"""Measured data with the simulation of them."""
+"""Measured data as they are handed out, next to the simulation of them."""
 
 from __future__ import annotations
 
