@@ -32,8 +32,8 @@ def find_folder(given: str | None) -> Path:
     """Return where the data are: the named folder, the environment's, or the shared one."""
     if given:
         return Path(given)
-    given_others = Path(__file__).resolve().parents[2] / "shared"
-    return Path(os.environ.get("HYBRIDSURROGATE_SHARED", given_others)) / "data"
+    shared = Path(__file__).resolve().parents[2] / "shared"
+    return Path(os.environ.get("HYBRIDSURROGATE_SHARED", shared)) / "data"
 
 
 def split(data: DataSet, frame: Frame) -> tuple[tuple[Frame, np.ndarray], tuple[Frame, np.ndarray]]:

@@ -69,7 +69,7 @@ def diagnosed(task: dict[str, Any]) -> dict[str, Any]:
         random_state=task["seed"],
     ).fit(case.X, case.y)
     first = diagnosis.result_.steps[0]
-    found, chosen = first.given_others, first.chosen
+    found, chosen = first.conditional, first.chosen
     return {
         "verdict": diagnosis.verdict_,
         "share": kind_shares(found).get(kind_of(chosen), float("nan")),

@@ -111,7 +111,7 @@ def test_what_is_left_out_comes_with_a_reason():
     reasons = {}
     for s in skipped:
         reasons.setdefault(s.kind, []).append(s.reason)
-    assert "a factor, weighed as gain" in reasons["offset"][0]
+    assert "a factor, compared as gain" in reasons["offset"][0]
     assert reasons["interaction"] == ["a product needs two inputs, the simulation has one"]
     assert reasons["wrong-constant"] == ["the simulation has no assumed constants"]
     assert reasons["parameter-drift"] == ["the simulation has no parameters"]
@@ -127,9 +127,9 @@ def test_what_is_left_out_comes_with_a_reason():
         f"mean: {few}",
         f"tails: {few}",
     ]
-    assert any("straight line over it says the same" in r for r in reasons["missing-input"])
+    assert any("straight line over it is the same" in r for r in reasons["missing-input"])
     _, without = catalogue(context_of(frame[["t"]], simulator))
-    assert ("missing-input", "no measured column beside the inputs") in {
+    assert ("missing-input", "no measured column apart from the inputs") in {
         (s.kind, s.reason) for s in without
     }
 

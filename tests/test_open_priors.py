@@ -60,8 +60,8 @@ def test_a_place_of_any_prior(form, kind, prior):
 def test_a_drifting_parameter_of_any_prior(a):
     """Without a standard deviation."""
     found = diagnosed(swing(T, 5 + 0.1 * (T - 15)), function=swing, parameters={"a": a})
-    weighed = found.causes_[~found.causes_["note"].str.startswith("not weighed")]
-    assert np.isfinite(weighed.loc[weighed["kind"] == "parameter-drift", "log_evidence"]).all()
+    compared = found.causes_[~found.causes_["note"].str.startswith("not compared")]
+    assert np.isfinite(compared.loc[compared["kind"] == "parameter-drift", "log_evidence"]).all()
     assert found.best_cause_.kind == "parameter-drift"
 
 

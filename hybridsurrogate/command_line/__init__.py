@@ -7,7 +7,7 @@ options         what an option is
 study_file      options in TOML
 study           simulation and measurements from what was named
 priors          priors as words
-user_code       the user's own Python file, and what was saved with it
+user_code       the user's Python file, and what was saved with it
 demonstrations  data inside the package
 diagnoses       demo, diagnose, report, next-runs
 fits            fit, predict, choose-beta

@@ -82,7 +82,7 @@ def _diagnosed(
     units: dict[str, str],
     test: Any = None,
 ) -> int:
-    """Search, print what was found, measure the gain, report."""
+    """Search, print the verdict, measure the gain, report."""
     diagnosis = DiscrepancyDiagnosis(
         model,
         exclude=given.exclude,

@@ -63,7 +63,7 @@ def _settings(command: Command, words: dict[str, Any]) -> argparse.Namespace:
 
 @contextmanager
 def _texts_of(given: argparse.Namespace) -> Iterator[None]:
-    """Send texts to stderr where stdout holds a result, and nowhere where they are not wanted."""
+    """Send texts to stderr where stdout is for a result, and nowhere where they are not wanted."""
     results = (getattr(given, "json", None), getattr(given, "table", None))
     if given.quiet:
         with redirect_stdout(StringIO()):

@@ -32,7 +32,7 @@ class Option:
     required : bool
         On the command line or in the study file.
     in_file : bool
-        Whether a study file may hold it.
+        Whether a study file may contain it.
     """
 
     name: str
@@ -94,7 +94,7 @@ def add_options(parser: argparse.ArgumentParser, options: Iterable[Option]) -> N
 def completed(
     options: Sequence[Option], given: dict[str, Any], from_file: dict[str, Any]
 ) -> dict[str, Any]:
-    """Return a value for each option: what was given, else what the file holds, else the default.
+    """Return a value for each option: what was given, else that in the file, else the default.
 
     Pairs of both are joined, and a name that both have is as it was given.
 
@@ -160,9 +160,7 @@ MEASURED = Option(
     positional=True,
     required=True,
 )
-CONFIG = Option(
-    "config", "path", "study file (TOML) that holds options", metavar="FILE", in_file=False
-)
+CONFIG = Option("config", "path", "study file (TOML) with options", metavar="FILE", in_file=False)
 DATA = (
     Option(
         "simulation",
@@ -232,7 +230,7 @@ METHOD = Option(
 NEW = Option(
     "new",
     "path",
-    "later measurements, in order: does the extended model still hold?",
+    "later measurements, in order: does the extended model still predict them?",
     metavar="FILE",
 )
 SEARCH = (

@@ -19,7 +19,7 @@ EXIT_CODES = (
 
 
 class Parser(argparse.ArgumentParser):
-    """Asks, of a misspelt word, whether another one was meant."""
+    """A parser that suggests a correction for a misspelt word."""
 
     def __init__(self, **settings: Any) -> None:
         self.words: list[str] = []

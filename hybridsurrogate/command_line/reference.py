@@ -14,7 +14,7 @@ _HEAD = f"""# Command line
 
 {EXIT_CODES}
 
-A study file holds options in TOML: `--config study.toml`. Its keys are the options with `_` for
+A study file contains options in TOML: `--config study.toml`. Its keys are the options with `_` for
 `-`. Files in it are relative to its folder. What is typed takes precedence.
 
 ```toml
@@ -33,7 +33,7 @@ minutes = "min"
 
 
 def reference_page() -> str:
-    """Return the page as Markdown; ``docs/reference/command-line.md`` holds it.
+    """Return the page as Markdown; ``docs/reference/command-line.md`` contains it.
 
     Examples
     --------

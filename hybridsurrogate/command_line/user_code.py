@@ -1,4 +1,4 @@
-"""The user's own Python file: a function in it, and what was saved with it."""
+"""The user's Python file: a function in it, and what was saved with it."""
 
 from __future__ import annotations
 

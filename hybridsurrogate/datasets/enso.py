@@ -24,7 +24,7 @@ def seasonal_pressure(
 def load_nist_enso() -> Bunch:
     """Load the pressure difference between Easter Island and Darwin over 168 months.
 
-    The simulation knows the seasons alone. The difference also swings with El Niño and the Southern
+    The simulation has the seasons alone. The difference also swings with El Niño and the Southern
     Oscillation; NIST certifies periods of 44.3 and 26.9 months [1]_.
 
     Returns

@@ -18,7 +18,7 @@ _OUTSIDE = (100.0, 200.0)
 
 
 def logarithmic_growth(x: FloatArray, omega: FloatArray) -> FloatArray:
-    """Return what the simulation says: 0.01 x + 1 + omega log(x)."""
+    """Return the output of the simulation: 0.01 x + 1 + omega log(x)."""
     return 0.01 * x + 1 + omega * np.log(x)
 
 

@@ -24,7 +24,7 @@ def load_mauna_loa_co2() -> Bunch:
 
     The simulation is what one would write first: emissions grow exponentially and a fixed share of
     them stays in the air, so the concentration is ``preindustrial + excess_1958 * exp(growth_rate *
-    (year - 1958))``. It knows no seasons.
+    (year - 1958))``. It has no seasons.
 
     Returns
     -------
@@ -42,8 +42,8 @@ def load_mauna_loa_co2() -> Bunch:
 
     Notes
     -----
-    Public domain. The priors hold the 280 ppm that ice cores show for the time before 1800 [2]_,
-    the 315 ppm of 1958, and a growth of emissions by one to three per cent a year.
+    Public domain. The priors contain the 280 ppm that ice cores show for the time before 1800 [2]_
+    and the 315 ppm of 1958. They let emissions grow by one to three per cent a year.
 
     References
     ----------

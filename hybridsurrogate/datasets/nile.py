@@ -20,7 +20,7 @@ def nile_flow(year: FloatArray, mean_flow: FloatArray) -> FloatArray:
 def load_nile() -> Bunch:
     """Load the yearly flow of the Nile at Aswan from 1871 to 1970.
 
-    The simulation says that the flow stays what it is. In fact it fell in about 1898 [1]_.
+    The simulation predicts a constant flow. In fact it fell in about 1898 [1]_.
 
     Returns
     -------

@@ -137,10 +137,10 @@ def make_sir(
     train_range : pair of float
         Measured times.
     add_one : bool
-        Add one to all counts and to what the simulation says, as a log-normal likelihood needs;
+        Add one to all counts and to the simulated ones, as a log-normal likelihood needs;
         False for likelihoods of counts.
     round_counts : bool
-        Round what the simulation says to whole numbers; the runs of ``simulation_fixed`` up or down
+        Round simulated counts to whole numbers; the runs of ``simulation_fixed`` up or down
         at random, as those of the case study.
     random_state : None, int, numpy Generator or RandomState
 

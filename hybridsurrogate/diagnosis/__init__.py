@@ -3,10 +3,10 @@
 diagnosis   DiscrepancyDiagnosis: checks, wires and stores
 verdict     what it concludes: one rule for all who ask
 fitted      what a fitted diagnosis answers
-refinement  a diagnosis with further runs where they tell most
+refinement  a diagnosis with further runs where they inform most
 checks      data, simulation and emulator: is there something to doubt?
-emulation   the simulation as its runs alone tell it
-search      screen every cause, score those that lead, accept, repeat
+emulation   the simulation conditioned on its runs alone
+search      screen every cause, score the most probable, accept, repeat
 answers     verdict tables, discrepancy, findings, extended simulation, next measurement
 source      the extended model as Python source
 validation  the whole search repeated on folds: what the extension gains

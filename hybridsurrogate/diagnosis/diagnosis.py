@@ -104,11 +104,11 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     estimator : PowerScaledSurrogate
         The model before, with its simulation; without effects.
     causes : sequence of Cause, default=()
-        Mechanisms of your own, weighed beside the catalogue; one replaces the catalogue's own of
-        the same form and target.
+        User-defined causes, compared in addition to the catalogue. Each replaces the catalogue's
+        cause of the same form and target.
     exclude : sequence of str, default=()
         Kinds of the catalogue that cannot be the cause, such as "delay" where the clock is right.
-        What is left shares their probability; ``causes_`` lists them as not weighed.
+        Other kinds share their prior probability; ``causes_`` lists them as not compared.
     false_alarm_rate : float, default=0.05
         The verdict is "adequate" where the p-value of the whole search is more than this. Where
         it is at most this, and "none" has more than half of the probability, it is "undecided".
@@ -123,32 +123,33 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         Processes that share the folds; the result is the same for any number.
     random_state : int, RandomState or None, default=None
     progress : bool, default=False
-        Say on stderr, where that is a terminal, what is being done: search, folds.
+        Print on stderr, where that is a terminal, what is being done: search, folds.
 
     Attributes
     ----------
     estimator_ : PowerScaledSurrogate
         The model before, fitted.
     verdict_ : {"adequate", "named", "nearest", "ambiguous", "unexplained", "undecided"}
-        "undecided": the runs, the rows or a prior cannot tell; ``undecided_by_`` says which.
-        "nearest": a cause of the catalogue that has most of the probability, but leaves structure
-        behind; what is at fault may be something else that it stands for.
+        "undecided": runs, rows or a prior do not suffice for a verdict; see ``undecided_by_``.
+        "nearest": a cause of the catalogue has most of the probability, but the residuals have
+        structure. The true cause may be a similar one outside the catalogue.
     concerns_ : {"simulation", "noise", "inputs", "data", "prior"} or None
         What is at fault: the simulation's mean, how the measurements scatter, the measured inputs,
-        single measurements, or the prior of a parameter. None where nothing is, or none can tell.
+        single measurements, or the prior of a parameter. None where nothing is, or where the
+        verdict is "undecided".
     undecided_by_ : {"runs", "rows", "prior"} or None
-        What cannot tell, where the verdict is "undecided".
+        What does not suffice, where the verdict is "undecided".
     smallest_detectable_ : float or None
-        Where no cause was found: the root mean square, on the scale of eta, of the smallest fault
-        that would have been detected in nine of ten data sets like these. Faults are steps and
-        straight lines over the inputs, of which the median is taken.
+        Where no cause was detected: the root mean square, on the scale of eta, of the smallest
+        fault that would have been detected in nine of ten data sets like these. Faults are steps
+        and straight lines over the inputs, of which the median is taken.
     probability_right_ : float or None
-        That the leading cause is the right one, where causes that the catalogue does not hold
-        count as well, as many as measured data sets have: what to bet on its name. None where no
-        cause has a name. ``best_cause_.probability`` supposes that the catalogue holds the cause.
+        Probability that the most probable cause is the right one. Causes outside the catalogue
+        count too, at their frequency in measured data sets. None where no cause has a name.
+        ``best_cause_.probability`` supposes that the catalogue contains the cause.
     residual_check_ : ResidualCheck or None
-        Whether noise alone leaves residuals like those of the extended model: it does in 95 % of
-        the cases in which the cause is right. None where nothing was found, and beside noise that
+        Whether noise alone gives residuals like those of the extended model. It does in 95 % of
+        the cases in which the cause is right. None where nothing was detected, and with noise that
         is not normal.
     cautions_ : list of Caution
         Reasons to doubt the verdict, each with what to do; the report begins with them, and each
@@ -157,70 +158,75 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         Of the whole search under "the simulation is right": the share of replicates in which the
         best cause looks as convincing or, where it is less, one over the ratio of the evidence.
     causes_ : pandas.DataFrame
-        Columns kind, target, form (which of the kind's forms, such as "parameter-drift: logistic
-        over t"), probability, log_evidence (against "none", of the cause alone or beside what
-        follows, whichever is true), smooth_curve (probability that a smooth curve is needed
-        beside the cause), correlated (probability that beside it the noise of neighbouring rows is
-        correlated), note (why a cause was not weighed, or how often the simulation fails under
-        it); most probable first. Where several causes were found: beside all but the first of
-        them.
+        One row a cause, most probable first. Where several causes were accepted: given all but
+        the first of them. Columns:
+
+        - kind, target and form (such as "parameter-drift: logistic over t");
+        - probability;
+        - log_evidence, against "none": averaged over the cause alone, with a smooth curve and
+          with correlated noise;
+        - smooth_curve: probability that a smooth curve is needed in addition to the cause;
+        - correlated: probability that, given the cause, the noise of neighbouring rows is
+          correlated;
+        - note: why a cause was not compared, or how often the simulation fails under it.
     beta_scans_ : BetaScans
         What `beta_scan` tries at a few weights when it is first asked for.
     best_cause_ : CauseFinding
     found_causes_ : list of CauseFinding
-        Every accepted cause in the order in which it was found, ``best_cause_`` the first.
+        Every accepted cause in the order of acceptance, ``best_cause_`` the first.
     indistinguishable_ : list of str
         Kinds that together reach 90 % probability, given that something is wrong.
     discrepancy_ : Discrepancy
         Of several outputs that of the output which the first cause concerns.
     discrepancies_ : dict of output to Discrepancy
-        The parameters of the simulation were estimated beside each of them alone: where another
-        output is at fault they are off, and so is the curve.
+        The parameters of the simulation were estimated together with each of them alone. Where
+        another output is at fault these parameters are biased, and so is the curve.
     extended_estimator_ : AveragedSurrogate or PowerScaledSurrogate
-        Fitted; ``predict`` and ``score`` are its. The average over the causes, "none"
-        included, that have 5 % of the probability or more, weighed by it (of several causes found
-        each in turn gives way to others); each extension keeps a `Remainder` beyond the measured
-        range. Its first estimator, ``estimators_[0]``, has the causes that were found, and
-        ``posterior_`` is that one's. The estimator before where the verdict is "adequate".
+        Fitted; ``predict`` and ``score`` of the diagnosis are those of this estimator. It is the
+        average, weighted by probability, over the causes with at least 5 %, "none" included. Of
+        several accepted causes, each in turn is replaced by its alternatives. Each extension keeps
+        a `Remainder` beyond the measured range. The first estimator, ``estimators_[0]``, has the
+        accepted causes, and ``posterior_`` is its posterior. Where the verdict is "adequate", this
+        is the estimator before.
     extended_simulator_ : Simulator or None
         The simulation with the cause in it; None when there are only runs, or nothing to add.
     confounded_ : pandas.DataFrame
         For each accepted cause and each parameter: the correlation of the cause's estimates with
-        the parameter, how far the parameter moved when the cause was added, how uncertain it is
-        then, and what share of the cause's curve it could absorb. A `ConfoundingWarning` tells of
-        pairs in which the correlation is at least 0.9, the parameter at least half as uncertain as
-        its prior, and at least half of the curve could be its.
+        the parameter, the parameter's shift when the cause was added, its uncertainty then, and
+        the share of the cause's curve that it could absorb. A `ConfoundingWarning` reports a
+        pair where the correlation is at least 0.9, the parameter keeps half of its prior
+        uncertainty, and it could absorb half of the curve.
     gain_ : HeldOutGain or None
         On held-out rows within the measured range, the search repeated in each fold. Its methods
-        tell the best weight of the simulation before and after.
+        return the best weight of the simulation before and after.
     gain_out_of_range_ : HeldOutGain or None
-        The same beyond it: the last 40 % of the rows in three blocks, each foreseen from all rows
+        The same beyond it: the last 40 % of the rows in three blocks, each predicted from all rows
         before it. None where rows are few, or have no order: of several inputs without an
         `OdeSimulator`, none by which they come sorted.
     at_prior_end_ : list of AtPriorEnd
         Parameters of the extended model, and where the verdict is "undecided" of the one before,
-        that the data push against the end of their prior: what was found may stand for what the
+        that the data push against the end of their prior. The detected cause may replace what the
         prior excludes.
     next_measurement_ : dict of str to float
-        Inputs at which one more measurement would best tell the rivals apart; of several causes,
-        the rivals of the one of which it tells most.
+        Inputs at which one more measurement would best separate the alternatives. Of several
+        causes, those of the cause about which it informs most.
     next_information_ : float
-        What it is expected to tell about which rival is true, in bits.
+        Its expected information about which alternative is true, in bits.
     emulator_check_ : EmulatorCheck or None
-        What the runs leave open of the simulation at the measured rows, and what the surrogate
-        misses of it, in standard deviations of the noise; a `DiagnosisWarning` tells of more than
-        1 and 2. None where the simulation itself is run.
+        Uncertainty of the emulator and error of the surrogate at the measured rows, in standard
+        deviations of the noise. A `DiagnosisWarning` reports more than 1 and 2, respectively.
+        None where the simulation itself is run.
     search_ : Search
-        All causes at their best in the first search, with nothing else found.
+        All causes at their best in the first search, given no other cause.
     result_ : DiagnosisResult
         All searches, and the settings of this fit, which `set_params` does not change.
 
     Notes
     -----
-    An interrupted ``fit`` (KeyboardInterrupt) keeps what it has: ``search_`` and ``causes_`` hold
-    the causes that were weighed by then, a `DiagnosisWarning` says so, and the interrupt goes on
-    its way. The diagnosis does not count as fitted, unless only the folds were left: then all is
-    there but the gain.
+    An interrupted ``fit`` (KeyboardInterrupt) keeps its results: ``search_`` and ``causes_`` list
+    the causes that were compared by then. A `DiagnosisWarning` reports it, and the interrupt is
+    raised. The diagnosis does not count as fitted, unless only folds remained: then only the gain
+    is missing.
 
     Examples
     --------
@@ -267,9 +273,9 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         ----------
         X : array-like of shape (n, n_columns)
             May carry columns that the simulation ignores: by name (DataFrame) or after its inputs
-            (array). They are weighed as missing inputs, and what may happen along them.
+            (array). They are compared as missing inputs, and other causes may act along them.
         y : array-like of shape (n,), or (n, n_outputs) of a simulation of several outputs
-            With NaN for what was not measured: of one output such rows are left out, with a
+            With NaN for what was not measured: of one output such rows are excluded, with a
             warning.
         sample_weight : array-like of shape (n,) or None, default=None
             As the estimator's: powers of the likelihoods of single rows, a weight of zero leaves a
@@ -392,7 +398,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         return out if verdict in ("named", "nearest") else [*out, *mirrored(problem)]
 
     def _forget(self) -> None:
-        """Drop what an earlier fit found: after an interrupt it would stand beside the new."""
+        """Drop the results of an earlier fit: after an interrupt they would remain with the new."""
         for name in [name for name in vars(self) if name.endswith("_")]:
             delattr(self, name)
 
@@ -419,7 +425,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             self.cautions_ += self.emulator_check_.cautions(self.estimator_.surrogate_)
         steps = backfitted(steps, self.search_.problem, prepared.causes)
         steps = with_correlated_noise(steps, prepared.causes, emulator)
-        found = steps[0].given_others
+        found = steps[0].conditional
         self.causes_ = cause_table(found, prepared.skipped)
         self.indistinguishable_ = credible_kinds(found)
         verdict = self._conclude(steps)
@@ -431,11 +437,11 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self.probability_right_ = self._probability_right(steps[0], verdict.share)
         self.cautions_ += doubts
         ranges = self.estimator_.simulation_.input_ranges
-        places = [next_measurement(step.given_others, ranges) for step in steps]
+        places = [next_measurement(step.conditional, ranges) for step in steps]
         most = max(range(len(steps)), key=lambda k: places[k].information)
         self.result_ = DiagnosisResult(
             tuple(steps),
-            steps[most].given_others,
+            steps[most].conditional,
             test,
             self.false_alarm_rate,
             int(self.n_replicates),
@@ -448,7 +454,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         last = [step for step in steps if step.is_accepted][-1:]
         self.residual_check_ = None
         for step in last:
-            self.residual_check_ = check_residuals(step.given_others, step.chosen)
+            self.residual_check_ = check_residuals(step.conditional, step.chosen)
         check, basis = self.emulator_check_, self.estimator_.posterior_.model.basis
         verdict = conclude(
             steps,
@@ -467,7 +473,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         return verdict
 
     def _of_mean(self) -> list[Posterior]:
-        """Return the posterior before and, where what was found is in the mean, that after."""
+        """Return the posterior before and, where the cause is in the mean, that after."""
         causes = accepted(self.result_.steps)
         of_any_shape = any(cause.is_process for cause in causes)
         after = [] if of_any_shape or not causes else [leading(self.extended_estimator_).posterior_]
@@ -476,7 +482,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     def _probability_right(self, first: SearchStep, share: float) -> float | None:
         if self.verdict_ in ("adequate", "unexplained", "undecided"):
             return None
-        wrong = 1 - float(first.given_others.probability[0])
+        wrong = 1 - float(first.conditional.probability[0])
         return wrong * probability_right(share, self.verdict_ == "nearest")
 
     def _extend(
@@ -552,7 +558,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         )
 
     def _keep(self, prepared: Prepared, stop: KeyboardInterrupt) -> None:
-        """Keep what an interrupted search had weighed, and say so."""
+        """Keep what an interrupted search had compared, with a warning."""
         if not hasattr(self, "search_") and isinstance(stop, InterruptedSearch) and stop.kept:
             self.search_ = stop.kept
         if hasattr(self, "search_") and not hasattr(self, "causes_"):
@@ -560,8 +566,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
             self.causes_ = cause_table(self.search_, [*left, *prepared.skipped])
         n = len(self.search_.candidates) - 1 if hasattr(self, "search_") else 0
         warnings.warn(
-            f"The diagnosis was interrupted: {n} of {len(prepared.causes)} causes had been weighed"
-            f"{', and causes_ holds them' if n else ''}. There is no gain, and no report.",
+            f"The diagnosis was interrupted: {n} of {len(prepared.causes)} causes had been compared"
+            f"{', and causes_ lists them' if n else ''}. There is no gain, and no report.",
             DiagnosisWarning,
             stacklevel=3,
         )

@@ -106,10 +106,10 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         return gain_from(pointwise(before, X_test, y), pointwise(after, X_test, y))
 
     def next_runs(self, n: int = 10) -> pd.DataFrame:
-        """Return the runs that would settle most of what the known ones leave open.
+        """Return the runs that would reduce the uncertainty of the emulator most.
 
-        At the measured rows, for the models before and after and for the rivals. Run them and add
-        them to the data (`SimulationData.with_rows`), or let `refine` do both.
+        At the measured rows, for the models before and after and for the alternatives. Run them and
+        add them to the data (`SimulationData.with_rows`), or let `refine` do both.
 
         Parameters
         ----------
@@ -124,7 +124,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            Where the simulation is run itself, or its runs leave nothing open.
+            Where the simulation is run itself, or its emulator has no uncertainty.
         """
         check_is_fitted(self)
         check_scalar(n, "n", Integral, min_val=1)
@@ -139,12 +139,12 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         places: ArrayLike | None = None,
         cost: ArrayLike | Callable[[pd.DataFrame], ArrayLike] | None = None,
     ) -> pd.DataFrame:
-        """Return where to take n further measurements together, to tell the rivals apart.
+        """Return where to take n further measurements together, to separate the alternatives.
 
-        Each in turn is the place that tells most about which rival is true for its cost, given
-        those before it, whatever these may give. Beyond the measured range every rival may lack as
-        much again as it was found to change (`Remainder`), so that what it foresees there counts
-        for less.
+        Each in turn is the place that informs most, for its cost, about which alternative is true.
+        Those before it are taken as measured, on average over their possible values. Beyond the
+        measured range every alternative has a remainder as large as its effect (`Remainder`), so
+        its predictions there count for less.
 
         Parameters
         ----------
@@ -161,8 +161,8 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         -------
         pandas.DataFrame of n rows
             In the order in which they were chosen: the measured columns, of several outputs which
-            "output", "information" (expected further reduction of the uncertainty about which rival
-            is true, in bits, to about 0.02) and "cost".
+            "output", "information" (expected further reduction of the uncertainty about which
+            alternative is true, in bits, to about 0.02) and "cost".
 
         Raises
         ------
@@ -195,7 +195,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         return table.assign(information=bits, cost=costs[list(chosen)])
 
     def update(self, X: ArrayLike, y: ArrayLike) -> Monitor:
-        """Say whether the extension still holds, as measurements come in.
+        """Test whether the extension is still right, as measurements come in.
 
         A test that may be looked at after every measurement: a right extension ever raises an alarm
         with probability ``false_alarm_rate`` at most. It looks for a shift, or a wider spread, that
@@ -274,9 +274,9 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         pandas.DataFrame or None
             Columns beta, before, after, and before_error and after_error: the standard error of
             each score's difference from that at the best weight, paired by rows. At the five
-            weights None where there is no weight to choose, as of a simulation that is itself run,
-            where it takes minutes (hyperparameters or more than 100 coefficients), and out of
-            range without such rows.
+            weights None where there is no weight to choose, as of a simulation that is itself run.
+            None too where it takes minutes (hyperparameters or more than 100 coefficients), and
+            out of range without such rows.
         """
         check_is_fitted(self)
         if (X is None) != (y is None):
@@ -347,12 +347,12 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         path: str | os.PathLike[str] | None = None,
         units: Mapping[str, str] | None = None,
     ) -> str | None:
-        """Write the extended model as a Python module of its own, or return its source.
+        """Write the extended model as a separate Python module, or return its source.
 
         Its function ``extended`` takes your simulation, measured columns and, with their estimates
-        as defaults, the parameters; each cause is a function of its own. Of an `OdeSimulator` it
-        takes ``rhs`` and ``observe``, and solves the changed equations by scipy. It holds the
-        causes that were found, not the average over all explanations.
+        as defaults, the parameters; each cause is a separate function. Of an `OdeSimulator` it
+        takes ``rhs`` and ``observe``, and solves the changed equations by scipy. It contains the
+        detected causes, not the average over all explanations.
 
         Parameters
         ----------
@@ -372,7 +372,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         OSError
             Where no such file can be written; one that is there is replaced as a whole.
         ValueError, TypeError
-            For units of what there is not, and for a cause or likelihood of the user's own that
+            For units of what there is not, and for a user-defined cause or likelihood that
             has no expression.
 
         Examples
@@ -416,7 +416,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         units : dict of str to str or None, default=None
             Units of columns, outputs and parameters, such as ``{"co2": "ppm"}``.
         full : bool, default=False
-            Whether the text holds the details too; HTML always has them, folded.
+            Whether the text has the details too; HTML always has them, folded.
 
         Returns
         -------

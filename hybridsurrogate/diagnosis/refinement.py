@@ -1,4 +1,4 @@
-"""A diagnosis with further runs of the simulation, where they tell most."""
+"""A diagnosis with further runs of the simulation, where they inform most."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def refine(
     batch : int, default=10
         Runs at a time.
     open_below : float, default=0.5
-        Root mean square of what is left open, in standard deviations of the noise.
+        Root mean square of what remains open, in standard deviations of the noise.
     n_jobs : int or None, default=None
         Processes that share the runs of a function that does one at a time.
 
@@ -63,7 +63,7 @@ def refine(
     -------
     DiscrepancyDiagnosis
         Fitted to all runs. Its ``refinement_`` has of each round: runs, what they left open, how
-        much of it between their places, verdict, leading cause and its probability.
+        much of it between their places, verdict, most probable cause and its probability.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def _runs_of(diagnosis: DiscrepancyDiagnosis) -> SimulationData:
 
 
 def _why_ended(check: EmulatorCheck, budget: int, spent: int, open_below: float) -> str:
-    """Say why runs ended while they leave more open than was asked for."""
+    """Return why runs ended while they leave more open than was asked for."""
     why, finer = f"The budget of {budget} further runs ended while they leave", ""
     if check.needs_places:
         why = f"{spent} of {budget} further runs were made, and more would not help: they leave"
@@ -169,12 +169,12 @@ def _why_ended(check: EmulatorCheck, budget: int, spent: int, open_below: float)
 
 
 def _round_of(diagnosis: DiscrepancyDiagnosis, n_runs: int) -> dict[str, Any]:
-    check, leading = diagnosis.emulator_check_, diagnosis.causes_.iloc[0]
+    check, best = diagnosis.emulator_check_, diagnosis.causes_.iloc[0]
     return {
         "n_runs": n_runs,
         "left_open": 0.0 if check is None else check.left_open,
         "between": 0.0 if check is None else check.between,
         "verdict": diagnosis.verdict_,
-        "kind": leading["kind"],
-        "probability": leading["probability"],
+        "kind": best["kind"],
+        "probability": best["probability"],
     }

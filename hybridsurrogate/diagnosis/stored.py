@@ -82,7 +82,7 @@ def restored(value: Any) -> Any:
 def _changed(value: Any, change: Callable[[Any], Any], done: dict[int, Any]) -> Any:
     """Return a value with all in it changed that ``change`` makes something else of.
 
-    What is shared stays shared, and what holds nothing to change stays the same object.
+    What is shared stays shared, and what contains nothing to change stays the same object.
     """
     if id(value) in done:
         return done[id(value)]

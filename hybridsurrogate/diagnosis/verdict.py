@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hybridsurrogate.diagnosis.checks.residuals import ResidualCheck, leaves_structure
+from hybridsurrogate.diagnosis.checks.residuals import ResidualCheck, has_residual_structure
 from hybridsurrogate.diagnosis.search.evidence import (
     Candidate,
     Search,
@@ -28,13 +28,13 @@ class Verdict:
     ----------
     word : {"adequate", "named", "nearest", "ambiguous", "unexplained", "undecided"}
     concerns : {"simulation", "noise", "inputs", "data", "prior"} or None
-        What is at fault; None where nothing is, or none can tell.
+        What is at fault; None where nothing is, or the data cannot decide.
     open : {"runs", "rows", "prior"} or None
-        Of an undecided verdict: what cannot tell.
+        Of an undecided verdict: what cannot decide.
     same_curve : tuple of str
-        Other kinds that draw the same curve through these rows as the leading one.
+        Other kinds that draw the same curve through these rows as the most probable one.
     share : float
-        Probability of the leading kind and of these, given that something is wrong.
+        Probability of the most probable kind and of these, given that something is wrong.
     """
 
     word: str
@@ -53,13 +53,13 @@ def conclude(
 ) -> Verdict:
     """Return the verdict on a finished search.
 
-    A name or "adequate" needs runs, rows and priors that can tell. They cannot where
+    A name or "adequate" needs runs, rows and priors that can decide. They cannot where
 
     - the runs leave the simulation open by more than the noise, or of rounded counts by a third
-      of it (`EmulatorCheck.hidden`), and by more than the effect that was found: in 52 blind
+      of it (`EmulatorCheck.hidden`), and by more than the detected effect. In 52 blind
       cases with 8 to 40 runs names were right in 5 of 5 whose effect was larger than this and in
       1 of 7 whose effect was smaller,
-    - the test says that something is wrong, p <= ``false_alarm_rate``, and the evidence favours
+    - the test rejects that nothing is wrong, p <= ``false_alarm_rate``, and the evidence favours
       no cause over none,
     - the data push a parameter against an end of its prior, and the simulation cannot be run
       beyond it to see whether that is all.
@@ -72,12 +72,12 @@ def conclude(
         Of the last cause that was accepted.
     hidden : float
         How large an effect the runs may hide at the measured rows, in units of the noise; 0 where
-        they tell enough, or the simulation itself is run.
+        they are enough, or the simulation itself is run.
     kept_by_prior : bool
         Whether an emulated parameter is at an end of its prior.
     """
     first = steps[0]
-    word, found = verdict_on(first.chosen, first.given_others), first.given_others
+    word, found = verdict_on(first.chosen, first.conditional), first.conditional
     same: tuple[str, ...] = ()
     share = 0.0
     if first.is_accepted:
@@ -87,7 +87,7 @@ def conclude(
         if word == "ambiguous" and share >= SETTINGS.named:
             word = "named"
     last = [step for step in steps if step.is_accepted][-1:]
-    if word == "named" and any(leaves_structure(step, residual_check) for step in last):
+    if word == "named" and any(has_residual_structure(step, residual_check) for step in last):
         word = "nearest"
     cause = first.chosen.cause
     test = first.test

@@ -1,4 +1,4 @@
-"""Arguments of causes, checked by what their constructors say that they are."""
+"""Arguments of causes, checked against the types in their constructors' annotations."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _check_cause(value: Any, name: str) -> None:
     check_arguments(value)
 
 
-# by annotation; what has another one is checked by its cause
+# by annotation; other annotations are checked by the cause
 _CHECKS: dict[str, Callable[[Any, str], Any]] = {
     "str": partial(check_name, example='"t"'),
     "Prior": check_prior,
@@ -37,7 +37,7 @@ _CHECKS: dict[str, Callable[[Any, str], Any]] = {
 
 
 def check_arguments(cause: Cause) -> None:
-    """Raise TypeError or ValueError for an argument that is not what its annotation says.
+    """Raise TypeError or ValueError for an argument that its annotation does not allow.
 
     Examples
     --------

@@ -31,7 +31,7 @@ NOISE_SD = "sd of the noise"
 
 
 class Cause(BaseEstimator):
-    """A named mechanism between simulation and measurements; subclass it to bring your own.
+    """A named mechanism between simulation and measurements; subclass it to define one.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class Cause(BaseEstimator):
     target : str or None
         The input, parameter, constant or column concerned.
     parameters : dict of name to frozen scipy.stats prior
-        The cause's own nonlinear parameters, ``theta``.
+        The cause's nonlinear parameters, ``theta``.
     coefficients : tuple of str
         Names of the columns' coefficients, which are linear and integrated out exactly.
     coefficient_sd : float or None
@@ -55,9 +55,9 @@ class Cause(BaseEstimator):
         Whether it looks only where the measured output is unusual: a test's replicates are so
         elsewhere, and leave it out.
     is_learned : bool
-        Whether measured rows tell of it; else its numbers are drawn from their priors.
+        Whether measured rows inform it; else its numbers are drawn from their priors.
     hierarchy : (str, str, tuple of str) or None
-        Where its own parameters are deviations from a mean, as in ``mean + spread deviation``: the
+        Where its parameters are deviations from a mean, as in ``mean + spread deviation``: the
         parameter of the simulation, the name of the spread, those of the deviations.
     follows_mean : bool
         Whether ``noise`` looks at the simulation's output: ``X[SIMULATED]``, on the scale of eta.
@@ -71,9 +71,9 @@ class Cause(BaseEstimator):
     units: all rows of all draws come in one call, one draw after the other, so methods must be
     vectorised.
 
-    Names, priors and coefficients are plain class attributes, because that is all that a user's own
-    cause needs. Causes whose priors follow from their arguments override them by properties, which
-    type checkers reject unless told: ``# type: ignore[override]``.
+    Names, priors and coefficients are plain class attributes, because that is all that a
+    user-defined cause needs. Causes whose priors follow from their arguments override them by
+    properties, which type checkers reject without ``# type: ignore[override]``.
 
     Examples
     --------
@@ -115,7 +115,7 @@ class Cause(BaseEstimator):
         return self
 
     def filled(self, **changes: Any) -> Self:
-        """Return a cause of the same class, a user's own subclass too, with other arguments."""
+        """Return a cause of the same class, a user-defined subclass too, with other arguments."""
         return type(self)(**{**self.get_params(deep=False), **changes})
 
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
@@ -124,7 +124,7 @@ class Cause(BaseEstimator):
         Parameters
         ----------
         X, omega, theta : dict of name to ndarray of shape (n,)
-            Measured columns; the simulation's parameters and constants; the cause's own.
+            Measured columns; the simulation's parameters and constants; the cause's parameters.
 
         Returns
         -------
@@ -134,7 +134,7 @@ class Cause(BaseEstimator):
         return X, omega
 
     def rows_of(self, X: Rows) -> dict[str, NDArray[np.bool_]]:
-        """Return the rows that the cause's own parameters change, of those that change not all.
+        """Return the rows that the cause's parameters change, of those that change not all.
 
         Parameters that have no row in common share a run where slopes are taken.
 
@@ -166,8 +166,8 @@ class Cause(BaseEstimator):
     ) -> tuple[FloatArray, FloatArray] | None:
         """Return what becomes of the simulated output, and the slope of the one over the other.
 
-        By default the output times its gain. The slope carries an emulator's error over: around
-        what the runs say the coefficients stay conditionally Gaussian.
+        By default the output times its gain. The slope propagates an emulator's error: around
+        the coefficients estimated from the runs, these stay conditionally Gaussian.
 
         Parameters
         ----------
@@ -364,7 +364,7 @@ class Cause(BaseEstimator):
 
     @property
     def moves_inputs(self) -> bool:
-        """Whether rows may meet the simulation at inputs or parameters of their own."""
+        """Whether the simulation's inputs or parameters may differ between rows."""
         return type(self).inputs is not Cause.inputs
 
     @property
@@ -402,7 +402,7 @@ class Cause(BaseEstimator):
 
     @property
     def changes_output(self) -> bool:
-        """Whether the extended simulation is another one: noise alone leaves it as it is."""
+        """Whether the extended simulation differs from the plain one: noise does not count."""
         return bool(self.coefficients) or self.touches_simulation
 
     @property

@@ -46,15 +46,15 @@ class Table:
 class Code:
     """What a cause does, as an expression of numpy.
 
-    Names in braces stand for what is named below, ``{simulated}`` for the output on the scale on
-    which causes act, ``{of}`` for the quantity that is moved, ``{t}`` for the time and ``{step}``
-    for the solver's step of an ODE, and ``{sigma}`` for the standard deviation of the noise.
+    Names in braces are replaced by what is named below. ``{simulated}`` is the output on the scale
+    on which causes act, ``{of}`` the quantity that is moved, and ``{sigma}`` the standard deviation
+    of the noise. Of an ODE ``{t}`` is the time and ``{step}`` the solver's step.
 
     Attributes
     ----------
     expression : str
     numbers : mapping of str to str
-        Names of the numbers, as `Cause.estimates` or else the cause's own parameters have them,
+        Names of the numbers, as `Cause.estimates` or else the cause's parameters have them,
         and their units: ``{y}`` is that of the output on the scale on which causes act,
         ``{plain}`` that of the output itself; names of columns and states stand for theirs.
     columns : mapping of str to str
@@ -67,7 +67,7 @@ class Code:
     does : str
         The expression "adds" to the output, is what the output becomes ("responds"), what a column
         or a parameter becomes ("moves"), or the noise ("scatters"); a number "replaces" a parameter
-        or constant. Of an ODE it "scales rate", "adds to slope", or says how long ago the state is
+        or constant. Of an ODE it "scales rate", "adds to slope", or is how long ago the state is
         seen ("delays"). "nothing": what it changes is not in the simulation.
     of : str
         The column, parameter or state concerned.
@@ -78,7 +78,7 @@ class Code:
     by_row : mapping of str to str
         Numbers of an ODE that differ between rows, as expressions.
     grids : mapping of str to (float, float, int)
-        Ends and number of places of grids on which ``tables`` hold a curve.
+        Ends and number of places of grids on which ``tables`` store a curve.
     tables : callable or None
         ``(theta, coefficients) -> {name: array}``; means over draws.
     arguments : mapping of str to str

@@ -1,4 +1,4 @@
-"""What a cause may know before it is fitted."""
+"""What a cause may use before it is fitted."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ Rows = Mapping[str, FloatArray]  # a name and its values in n rows
 _ANOTHER_ORDER = 2.0
 # integers that count this many experiments of so many rows are labels
 _LEAST_EXPERIMENTS, _ROWS_OF_ONE = 3, 3
-# labels of more experiments have no level of their own each
+# labels of more experiments have no separate levels
 MOST_EXPERIMENTS = 20
 # so many whole numbers one apart are an axis
 _LEAST_WHOLE = 5
 
 
 class OfOutput(NamedTuple):
-    """What causes may know of one of several outputs: as in `Context`, and its unit."""
+    """What causes may use of one of several outputs: as in `Context`, and its unit."""
 
     location: float
     distance: float
@@ -36,7 +36,7 @@ class OfOutput(NamedTuple):
 
 @dataclass(frozen=True)
 class Context:
-    """What a cause may know before it is fitted: names, priors and the measured inputs, never y.
+    """What a cause may use before it is fitted: names, priors and the measured inputs, never y.
 
     Attributes
     ----------
@@ -60,9 +60,9 @@ class Context:
     ratio : float
         Root mean square of the output, in shares of that of the simulation there.
     states : dict of str to float
-        Typical sizes of the states of an `OdeSimulator` that is its own surrogate, else empty.
+        Typical sizes of the states of an `OdeSimulator` that is run directly, else empty.
     remembers : bool
-        Whether its solver can tell the right-hand side what states were: "rk4" can.
+        Whether its solver can pass earlier states to the right-hand side: "rk4" can.
     rates : tuple of str
         Those parameters and assumed constants that its right-hand side takes.
     starts : tuple of str
@@ -72,12 +72,12 @@ class Context:
     overdisperses : bool
         Whether it has a form whose values scatter more than it allows: Poisson has.
     outputs : tuple of str
-        Names of several outputs, each in units of its measured standard deviation; rows then say
-        which they are of. Empty where there is one.
+        Names of several outputs, each in units of its measured standard deviation; a column of the
+        rows then numbers them. Empty where there is one.
     of_outputs : tuple of OfOutput
         What differs between them.
     experiment : str or None
-        The column that says which experiment a row is of, where one was declared.
+        The column with the experiment of each row, where one was declared.
     experiment_labels : tuple of str or None
         Names of the experiments, which the column numbers from zero. None: it is as it was given.
     by_experiment : tuple of str
@@ -129,7 +129,7 @@ class Context:
     unusual: tuple[int, ...] = ()
 
     def begins_at_zero(self, column: str) -> bool:
-        """Tell whether a column ends near zero, and is never on the other side of it.
+        """Return whether a column ends near zero, and is never on the other side of it.
 
         Of its span it may begin a quarter from zero and still be measured from there.
         """
@@ -162,7 +162,7 @@ class Context:
         """Prior sd of a constant added to the simulation, None where the usual one will do.
 
         Mistaken units put outputs hundreds of spreads away from the simulation, where a prior as
-        wide as the spread leaves nothing but noise to explain them.
+        wide as the spread can explain them by noise only.
         """
         needed = abs(self.distance) / 3
         return needed if needed > 3 * self.scale else None
@@ -229,7 +229,7 @@ def label_columns(X: Rows, n_inputs: int, experiment: str | None) -> tuple[str, 
 
 def trouble_with_labels(column: str, context: Context) -> str | None:
     """Return what is wrong with few whole numbers side by side, such as those of sensors."""
-    if column not in context.X:  # of a cause of the user's own
+    if column not in context.X:  # of a user-defined cause
         return None
     values = np.unique(context.X[column])
     whole = np.all(values == np.round(values)) and np.all(np.diff(values) == 1)
@@ -242,7 +242,7 @@ def trouble_with_labels(column: str, context: Context) -> str | None:
 
 
 def _counts_experiments(values: FloatArray) -> bool:
-    """Tell whether a column is 0, 1, 2 ... or 1, 2, 3 ..., at least three of them several times."""
+    """Return whether a column is 0, 1, 2 ... or 1, 2, 3 ..., three of them or more repeated."""
     levels, rows = np.unique(values, return_counts=True)
     counted = levels[0] + np.arange(len(levels))
     return bool(

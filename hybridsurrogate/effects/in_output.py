@@ -81,7 +81,7 @@ class InOutput(Cause):
 
     @property
     def target(self) -> str:  # type: ignore[override]
-        """The output and, where there is one, the cause's own target."""
+        """The output and, where there is one, the cause's target."""
         own = self.cause.target
         return f"{self.output}: {own}" if own else self.output
 
@@ -281,7 +281,7 @@ def of_output(context: Context, position: int) -> Context:
 
 
 def of_all_outputs(context: Context) -> Context:
-    """Return what a cause in all outputs may know: without the column that tells them apart."""
+    """Return the context of a cause in all outputs: without the column that numbers the outputs."""
     rows = {name: values for name, values in context.X.items() if name != OUTPUT}
     return replace(context, X=rows, n_inputs=context.n_inputs - 1, outputs=(), of_outputs=())
 

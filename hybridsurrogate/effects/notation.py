@@ -56,7 +56,7 @@ def signed(value: float, digits: int = 4) -> str:
 
 
 def digits_at(place: float, scale: float, least: int = 5) -> int:
-    """Return the significant digits of a place that tell it to a share of a scale.
+    """Return the significant digits of a place that resolve it to a share of a scale.
 
     So many as ``least`` where the place is within the scale, more where it is far from zero, as
     days are that are counted from the year one.

@@ -13,11 +13,11 @@ from hybridsurrogate.priors import Prior, frozen, period_range, prior_range
 
 # longest period in spans of the measured rows: of a wave at least a half must be seen
 LONGEST_PERIOD = 2.0
-# between more rows a jump is looked for as anything else is: on a grid, finer where it says more
+# between more rows a jump is looked for as anything else is: on a grid, finer where it informs more
 MOST_GAPS = 400
 # how much faster waves may be in irregular rows than in as many even ones
 _BEYOND_EVEN = 5
-# shares of the rows' phases that agree: a wave is no alias of another one, or as good as one
+# shares of the rows' phases that agree: a wave is no alias of another, or nearly one
 _APART, _ALIKE = 0.5, 0.9
 # bins a cycle, and how much finer than one cycle the spectrum is looked at
 _BINS_A_CYCLE, _PADDED = 16, 4
@@ -33,11 +33,11 @@ def span_and_spacing(values: FloatArray) -> tuple[float, float]:
 def highest_frequency(values: FloatArray, most_cycles: int) -> float:
     """Return the highest frequency that rows resolve, in cycles a unit.
 
-    Where rows come evenly spaced, or at whole multiples of a distance, a wave is that of an alias
-    as well, and the highest frequency is half of the first at which all rows meet the same phase
-    (Eyer and Bartholdi 1999, Astronomy and Astrophysics Supplement 135:1). Irregular rows tell much
-    faster waves apart: here up to five times what so many even rows would, as is usual for
-    periodograms (VanderPlas 2018, Astrophysical Journal Supplement 236:16, section 7.1).
+    Where rows come evenly spaced, or at whole multiples of a distance, every wave has an alias. The
+    highest frequency is half of the first at which all rows meet the same phase (Eyer and Bartholdi
+    1999, Astronomy and Astrophysics Supplement 135:1). Irregular rows resolve much faster waves:
+    here up to five times what as many even rows would, as is usual for periodograms (VanderPlas
+    2018, Astrophysical Journal Supplement 236:16, section 7.1).
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""Which causes there are: each file of effects/ registers its own forms.
+"""The registry of causes: each file of effects/ registers its forms.
 
 A new cause is one file in a room of effects/: it is imported, exported, proposed to every
-diagnosis, told in reports and listed in the documentation because it registers itself.
+diagnosis, shown in reports and listed in the documentation because it registers itself.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from dataclasses import dataclass
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.registration import add, import_all
 
-# what may not be excluded: a curve of any shape is weighed always
+# what may not be excluded: a curve of any shape is always compared
 _ALWAYS = "unexplained"
 _ROOMS = ("output", "ignored", "response", "parameters", "inputs", "dynamics", "noise")
 
 
 @dataclass(frozen=True)
 class Form:
-    """One form of a kind of cause, and when it is weighed.
+    """One form of a kind of cause, and when it is compared.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class Form:
         The kind, and after a colon the form where it is not the plain one.
     cause : type of Cause
     propose : callable
-        Takes a `Context` and yields the causes of this form that can be told there.
+        Takes a `Context` and yields the causes of this form that can be estimated there.
     meaning : str or None
         What it means for the one who wrote the simulation, for a report: a sentence in which
         {output}, {target} and {column} stand for names. None: as for the plain form.
@@ -39,7 +39,7 @@ class Form:
     least_rows, least_distinct : int
         Measured rows, and distinct values of the columns it looks at, that it needs.
     trouble : callable
-        Takes a cause and a `Context` and returns why it cannot be weighed there; None: it can.
+        Takes a cause and a `Context` and returns why it cannot be compared there; None: it can.
     lacking : callable
         Takes a `Context` and returns pairs (target, reason) for what is not proposed there.
     only_alone : bool
@@ -145,7 +145,7 @@ def headline_of(cause: Cause) -> str | None:
 
 def table_of_causes() -> str:
     """Return the documentation's table of all forms, in Markdown."""
-    priors = "own parameters and their priors"
+    priors = "parameters and their priors"
     rows: list[tuple[str, ...]] = [
         ("kind", "cause", "formula", priors, "estimates", "left out when"),
         ("---",) * 6,

@@ -16,9 +16,9 @@ class Sized(Cause):
     """A prepared cause, its coefficients and slopes in units of one unknown size.
 
     The size, the root mean square of what the cause changes over the measured rows, is log-uniform
-    between two ends; given it, coefficients of columns are normal with as much of it, and so is the
-    displacement of a parameter such as a gain from where it changes nothing, in standard normal
-    coordinates and to first order, but for no more than the parameter's own prior.
+    between two ends. Given the size, coefficients of columns are normal. So is the displacement of
+    a parameter such as a gain from its neutral value, in standard normal coordinates and to first
+    order, up to the width of the parameter's prior.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class Sized(Cause):
 
     @property
     def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The cause's own, displacements in units of the size, and the size."""
+        """Those of the cause, displacements in units of the size, and the size."""
         normal = frozen(stats.norm)
         own = {k: normal if k in self._neutral else p for k, p in self.cause.parameters.items()}
         return {**own, "size": frozen(stats.loguniform, self.low, self.high)}

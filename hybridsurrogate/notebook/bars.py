@@ -1,4 +1,4 @@
-"""Progress bars: on a terminal as text, in a notebook as its own."""
+"""Progress bars: on a terminal as text, in a notebook as widgets."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ IN_NOTEBOOK = issubclass(tqdm, tqdm_notebook)
 
 
 def counted(tasks: Iterable[Any], what: str, shown: bool, total: int | None = None) -> Any:
-    """Return tasks that draw a bar, with the time that is left, as they are taken.
+    """Return tasks that draw a bar, with the remaining time, as they are taken.
 
     Parameters
     ----------

@@ -50,7 +50,7 @@ def plot_mean_draws(
         measured data in predictive weighting.
     ax : matplotlib Axes or None
     scene : Scene or None
-        What the draws are held against.
+        Measurements, true process and training range, drawn with them.
     norm : matplotlib Normalize or None
         Scale of the colours; None: the range of ``omega``.
 
@@ -74,11 +74,11 @@ def plot_mean_draws(
     chosen = np.random.default_rng(0).permutation(len(draws))[:_N_LINES]
     order = np.argsort(x)
     x_all = np.broadcast_to(x[order], (len(chosen), len(x)))
-    lines, told = np.stack([x_all, draws[chosen][:, order]], axis=2), omega[chosen]
-    known = np.isfinite(told)
+    lines, shown = np.stack([x_all, draws[chosen][:, order]], axis=2), omega[chosen]
+    known = np.isfinite(shown)
     look = {"lw": 0.7, "alpha": 0.5}
     coloured = LineCollection(list(lines[known]), cmap=OMEGA_COLOURS, norm=norm, zorder=2, **look)
-    coloured.set_array(told[known])
+    coloured.set_array(shown[known])
     ax.add_collection(coloured)
     if not known.all():
         plain = LineCollection(list(lines[~known]), colors=QUIET, zorder=1.9, **look)
@@ -161,7 +161,7 @@ def plot_predictive_bands(
         With noise, as from ``sample_posterior_predictive``.
     ax : matplotlib Axes or None
     scene : Scene or None
-        What the bands are held against.
+        Measurements, true process and training range, drawn with them.
     colour : matplotlib colour
 
     Returns

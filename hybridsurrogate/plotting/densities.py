@@ -34,7 +34,7 @@ def plot_densities_over_beta(
     Parameters
     ----------
     betas : sequence of float
-        Ascending, evenly spaced or not: each has a line of its own.
+        Ascending, evenly spaced or not: each has a separate line.
     draws : sequence of n_betas arrays of shape (n_draws,)
     ax : matplotlib Axes or None
     prior : scipy.stats frozen distribution or None

@@ -1,4 +1,4 @@
-"""New measurements against what an extension foresees, and the odds that it stopped being right."""
+"""New measurements against predictions of an extension, and the odds of a change."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _NINE_TENTHS = 1.645
 def plot_monitor(
     table: pd.DataFrame, false_alarm_rate: float, since: int | None = None, ax: Axes | None = None
 ) -> Axes:
-    """Draw how far new measurements lie from what is foreseen; the odds of a change beside them.
+    """Draw deviations of new measurements from predictions, and the odds of a change.
 
     Points are deviations, nine of ten of which lie in the band while the extension is right. The
     line, with its axis on the right, is the odds that something changed; dashed the odds that are
@@ -26,9 +26,9 @@ def plot_monitor(
     table : DataFrame
         ``table`` of a `Monitor`.
     false_alarm_rate : float
-        Its own.
+        That of the `Monitor`.
     since : int, optional
-        Its own: the measurement from which something most probably changed.
+        ``since`` of the `Monitor`: the measurement from which something most probably changed.
     ax : matplotlib Axes, optional
 
     Returns
@@ -41,7 +41,7 @@ def plot_monitor(
     >>> from hybridsurrogate.plotting import plot_monitor
     >>> table = pd.DataFrame({"deviation": [0.3, -1.0, 4.0], "e_value": [0.9, 0.8, 30.0]})
     >>> plot_monitor(table, 0.05, since=2).get_ylabel()
-    'deviation, in sd of what is foreseen'
+    'deviation, in sd of the prediction'
     """
     ax = new_axes()[0] if ax is None else ax
     number = np.arange(len(table))
@@ -53,4 +53,4 @@ def plot_monitor(
     odds.semilogy(number, table["e_value"], color=AFTER, label="odds of a change")
     odds.axhline(1 / false_alarm_rate, color=AFTER, ls="--", lw=1)
     odds.set_ylabel("odds of a change to one (dashed: alarm)", color=AFTER)
-    return tidy(ax, "new measurement", "deviation, in sd of what is foreseen")
+    return tidy(ax, "new measurement", "deviation, in sd of the prediction")

@@ -33,6 +33,15 @@ class Predicted(NamedTuple):
         At x.
     residual : ndarray of shape (n,)
         Measured minus predicted at the measured rows.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from hybridsurrogate.plotting import Predicted, Prediction
+    >>> mean, y = np.array([2.0, 3.0]), np.array([2.5, 2.5])
+    >>> band = Prediction(mean, mean - 0.5, mean + 0.5, mean - 1, mean + 1)
+    >>> Predicted(np.array([0.0, 1.0]), band, y - mean).residual
+    array([ 0.5, -0.5])
     """
 
     x: FloatArray
@@ -90,13 +99,13 @@ def plot_overview(
     if after is not None:
         series.append((after, AFTER, "extended model", "o"))
     below.axhline(0, color=QUIET, lw=1)
-    for (where, told, residual), colour, name, mark in series:
+    for (where, drawn, residual), colour, name, mark in series:
         if curve:
-            top.fill_between(where, told.lower90, told.upper90, color=colour, alpha=0.2, lw=0)
-            top.plot(where, told.mean, color=colour, lw=1.5, label=name)
+            top.fill_between(where, drawn.lower90, drawn.upper90, color=colour, alpha=0.2, lw=0)
+            top.plot(where, drawn.mean, color=colour, lw=1.5, label=name)
         else:
-            top.vlines(where, told.lower90, told.upper90, color=colour, alpha=0.3, lw=1)
-            top.plot(where, told.mean, "_", color=colour, ms=6, label=name, rasterized=raster)
+            top.vlines(where, drawn.lower90, drawn.upper90, color=colour, alpha=0.3, lw=1)
+            top.plot(where, drawn.mean, "_", color=colour, ms=6, label=name, rasterized=raster)
         below.plot(
             x, residual, mark, color=colour, ms=size, mew=0, alpha=0.7, label=name,
             rasterized=raster,

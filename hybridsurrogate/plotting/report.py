@@ -22,8 +22,8 @@ class Prediction(NamedTuple):
     >>> import numpy as np
     >>> from hybridsurrogate.plotting import Prediction
     >>> mean = np.array([2.0, 3.0])
-    >>> told = Prediction(mean, mean - 0.5, mean + 0.5, mean - 1, mean + 1)
-    >>> told.upper90 - told.lower90
+    >>> predicted = Prediction(mean, mean - 0.5, mean + 0.5, mean - 1, mean + 1)
+    >>> predicted.upper90 - predicted.lower90
     array([2., 2.])
     """
 
@@ -35,7 +35,7 @@ class Prediction(NamedTuple):
 
 
 def plot_prediction(
-    ax: Axes, x: FloatArray, told: Prediction, colour: str, label: str, curve: bool = True
+    ax: Axes, x: FloatArray, predicted: Prediction, colour: str, label: str, curve: bool = True
 ) -> Axes:
     """Draw predictions with their 50 % and 90 % intervals.
 
@@ -43,7 +43,7 @@ def plot_prediction(
     ----------
     ax : Axes
     x : ndarray of shape (n,)
-    told : Prediction
+    predicted : Prediction
     colour, label : str
     curve : bool
         Whether the rows lie on a line, so that bands make sense; else one bar for each row.
@@ -58,19 +58,19 @@ def plot_prediction(
     >>> from matplotlib.figure import Figure
     >>> from hybridsurrogate.plotting import BEFORE, Prediction, plot_prediction
     >>> x = np.array([0.0, 1.0])
-    >>> told = Prediction(x, x - 0.5, x + 0.5, x - 1, x + 1)
-    >>> ax = plot_prediction(Figure().subplots(), x, told, BEFORE, "before")
+    >>> predicted = Prediction(x, x - 0.5, x + 0.5, x - 1, x + 1)
+    >>> ax = plot_prediction(Figure().subplots(), x, predicted, BEFORE, "before")
     >>> len(ax.collections), ax.lines[0].get_label()
     (2, 'before, 50 and 90 % bands')
     """
     if curve:
-        ax.fill_between(x, told.lower90, told.upper90, color=colour, alpha=0.18, lw=0)
-        ax.fill_between(x, told.lower50, told.upper50, color=colour, alpha=0.3, lw=0)
-        ax.plot(x, told.mean, color=colour, lw=1.5, label=f"{label}, 50 and 90 % bands")
+        ax.fill_between(x, predicted.lower90, predicted.upper90, color=colour, alpha=0.18, lw=0)
+        ax.fill_between(x, predicted.lower50, predicted.upper50, color=colour, alpha=0.3, lw=0)
+        ax.plot(x, predicted.mean, color=colour, lw=1.5, label=f"{label}, 50 and 90 % bands")
         return ax
-    ax.vlines(x, told.lower90, told.upper90, color=colour, alpha=0.25, lw=1)
-    ax.vlines(x, told.lower50, told.upper50, color=colour, alpha=0.6, lw=2)
-    ax.plot(x, told.mean, "_", color=colour, ms=6, label=f"{label}, 50 and 90 % intervals")
+    ax.vlines(x, predicted.lower90, predicted.upper90, color=colour, alpha=0.25, lw=1)
+    ax.vlines(x, predicted.lower50, predicted.upper50, color=colour, alpha=0.6, lw=2)
+    ax.plot(x, predicted.mean, "_", color=colour, ms=6, label=f"{label}, 50 and 90 % intervals")
     return ax
 
 
@@ -146,14 +146,14 @@ def plot_causes(
 def plot_alternatives(
     ax: Axes, x: FloatArray, means: Sequence[FloatArray], names: Sequence[str], place: float
 ) -> Axes:
-    """Draw what each rival predicts, and the place at which they should be told apart.
+    """Draw what each alternative predicts, and the place at which they differ most.
 
     Parameters
     ----------
     ax : Axes
     x : ndarray of shape (n,)
     means : sequence of ndarray of shape (n,)
-        One for each rival; the first four are drawn.
+        One for each alternative; the first four are drawn.
     names : sequence of str
     place : float
 
@@ -180,7 +180,7 @@ def plot_alternatives(
 
 
 def plot_information(ax: Axes, x: FloatArray, information: FloatArray, place: float) -> Axes:
-    """Draw how much one more measurement would tell, over a column.
+    """Draw the expected information of one more measurement, over a column.
 
     Parameters
     ----------

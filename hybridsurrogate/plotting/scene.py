@@ -1,4 +1,4 @@
-"""What predictions are held against: measurements, the true process, where there is training."""
+"""What predictions are compared with: measurements, the true process, where there is training."""
 
 from __future__ import annotations
 

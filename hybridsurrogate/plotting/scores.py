@@ -37,7 +37,7 @@ def plot_scores_over_beta(
 ) -> NDArray[np.object_]:
     """Draw ELPD and RMSE over beta: a column for each test set, a line for each scheme.
 
-    Lines are means over repeats, bands hold the central 90 % of the repeats, rings the best beta.
+    Lines are means over repeats, bands cover the central 90 % of the repeats, rings the best beta.
     Scores far worse than the best leave the view: 8 in ELPD, a factor of 30 in RMSE.
 
     Parameters

@@ -1,6 +1,6 @@
 """What all pictures share: colours, Axes without a window, labels and ranges.
 
-Colours are those of Okabe and Ito, which colour-blind readers can tell apart; where two series
+Colours are those of Okabe and Ito, which colour-blind readers can distinguish; where two series
 share an Axes, their markers or lines differ as well.
 """
 
@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from hybridsurrogate.priors import FloatArray
 
 BEFORE, AFTER, DATA, HELD_OUT, QUIET = "#0072B2", "#D55E00", "#222222", "#009E73", "#777777"
-# rivals differ in line style too
+# alternatives differ in line style too
 ALTERNATIVES = (("#D55E00", "-"), ("#0072B2", "--"), ("#009E73", "-."), ("#CC79A7", ":"))
 # without its lightest end, which is lost on white
 OMEGA_COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0, 0.93, 256)), "omega")
@@ -137,7 +137,7 @@ def grid_of_axes(
     made = new_axes(*shape, width, height, share=True) if axes is None else axes
     grid = np.array(made, dtype=object)
     if grid.size != shape[0] * shape[1]:
-        raise ValueError(f"axes must hold {shape[0]} x {shape[1]} Axes, got {grid.size}.")
+        raise ValueError(f"axes must contain {shape[0]} x {shape[1]} Axes, got {grid.size}.")
     return grid.reshape(shape)
 
 
@@ -148,7 +148,7 @@ def share_range(axes: Sequence[Axes], values: FloatArray) -> None:
     ----------
     axes : sequence of matplotlib Axes
     values : ndarray
-        The data; half of their range is left as room on either side.
+        The data; half of their range is added as room on either side.
 
     Examples
     --------

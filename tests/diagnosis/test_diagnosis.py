@@ -241,7 +241,7 @@ def test_kinds_that_cannot_be_the_cause(simulator):
     assert not excluded & {*rest.gain_.kinds, *rest.indistinguishable_}
     table = rest.causes_.set_index("kind")
     for kind in excluded:
-        assert table.loc[kind, "note"] == "not weighed: you excluded it"
+        assert table.loc[kind, "note"] == "not compared: you excluded it"
     assert "delay (you excluded it)" in " ".join(str(rest.report(full=True)).split())
     # what is left shares their prior probability (and is alone: nothing is weighed beside noise)
     odds = [

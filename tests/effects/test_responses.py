@@ -179,7 +179,7 @@ def test_a_second_store_is_added_to_the_output_itself():
 
 
 def test_a_second_store_of_an_output_itself_is_a_decay():
-    with pytest.raises(ValueError, match=r"Decay\('t'\) says the same"):
+    with pytest.raises(ValueError, match=r"use Decay\('t'\), which is the same"):
         hs.SecondStore("t").prepare(context_of())
 
 

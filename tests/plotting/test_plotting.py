@@ -236,7 +236,7 @@ def test_bands_over_beta_use_one_colour_a_scheme_and_the_given_axes():
     for row, colour in zip(out, (BLUE, ORANGE), strict=True):
         assert all(same_color(ax.lines[0].get_color(), colour) for ax in row)
     assert legend_words(out[0, 0].figure) == ["99 %", "90 %", "50 %", "median"]
-    with pytest.raises(ValueError, match=r"axes must hold 2 x 3 Axes, got 4\."):
+    with pytest.raises(ValueError, match=r"axes must contain 2 x 3 Axes, got 4\."):
         plotting.plot_bands_over_beta(X, dict.fromkeys(SCHEMES, [draws] * 3), (0, 0.5, 1), given)
 
 

@@ -1,14 +1,16 @@
-"""What a search says to its user.
+"""What a search reports to its user.
 
-result               what all others read of a search
-table                the table of all causes
-failures             parameters for which the simulation fails
-discrepancy          where and how much the simulation is wrong
-finding              what was found, in numbers and formulas
-extension            the user's simulation with a cause in it
-python_code          the extended model as a Python module
-unknown_beyond       the remainder that an extension keeps beyond the measured range
-experimental_design  where one more measurement tells most
-next_runs            which further runs settle most
-model_averaging      predictions that do not bet on one name
+result                   the parts of a search that all others read
+table                    the table of all causes
+failures                 parameters for which the simulation fails
+discrepancy              where and how much the simulation is wrong
+finding                  the detected causes, in numbers and formulas
+extension                the user's simulation with a cause in it
+python_code              the extended model as a Python module
+alternative_predictions  what each alternative predicts
+unknown_beyond           the remainder that an extension keeps beyond the measured range
+experimental_design      where one more measurement informs most
+next_runs                which further runs inform most
+model_averaging          predictions averaged over causes
+monitor                  whether new measurements agree with the extension
 """

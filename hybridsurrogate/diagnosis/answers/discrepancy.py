@@ -38,7 +38,7 @@ class Discrepancy:
         Measured minus simulated, with a pointwise 90 % band.
     residual : ndarray of shape (n,)
         Measured minus simulated at the measured rows; like the curve's, this simulation has
-        parameters that were estimated beside the curve.
+        parameters that were estimated together with the curve.
     """
 
     grid: FloatArray

@@ -1,4 +1,4 @@
-"""Where further measurements would best tell the rivals apart, and how much they would tell."""
+"""Where further measurements best separate the alternatives, and how much they inform."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from scipy import special
 from scipy.stats import qmc
 
 from hybridsurrogate.blocks import LARGE_BLOCK, blocks
-from hybridsurrogate.diagnosis.answers.foreseen import (
+from hybridsurrogate.diagnosis.answers.alternative_predictions import (
     Component,
-    Foreseen,
+    Predictions,
     components_of,
-    foreseen,
     is_smooth,
+    predictions_at,
 )
 from hybridsurrogate.diagnosis.search.evidence import Search
 from hybridsurrogate.priors import FloatArray
@@ -26,29 +26,29 @@ from hybridsurrogate.problem.experiments import Experiments
 from hybridsurrogate.simulation.outputs import OUTPUT
 
 # values of the new measurement under each component: Gauss and Legendre's nodes of its cumulative
-# probability, which serve narrow rivals beside wide ones as well as rivals that are alike; fewer
+# probability, which serve narrow and wide alternatives together as well as similar ones; fewer
 # where each component is there at three amplitudes of a remainder
 _VALUES, _VALUES_BEYOND = 24, 8
 # an input with so few values, whole numbers in a row, counts things
 _MOST_NUMBERED = 6
 _N_PLACES, _SWEEPS, _AS_GOOD = 60, 2, 0.98
 # places of a batch to choose from where none are given, and simulated batches: expected
-# information is told to about 0.02 bits
+# information is estimated to about 0.02 bits
 _MOST_PLACES, _BATCHES = 400, 500
 
 
 @dataclass(frozen=True)
 class NextMeasurement:
-    """The place, and what a measurement there is expected to tell.
+    """The place, and the expected information of a measurement there.
 
     Attributes
     ----------
     place : dict of str to float
         Value of each measured column; of several outputs also "output", the name of one.
     information : float
-        Expected reduction of the uncertainty about which rival is true, in bits.
+        Expected reduction of the uncertainty about which alternative is true, in bits.
     uncertainty : float
-        What there is to reduce: the entropy of the rivals' probabilities, in bits.
+        What there is to reduce: the entropy of the alternatives' probabilities, in bits.
     """
 
     place: dict[str, Any]
@@ -57,7 +57,7 @@ class NextMeasurement:
 
 
 def next_measurement(result: Search, ranges: Mapping[str, tuple[float, float]]) -> NextMeasurement:
-    """Return where one more measurement is expected to tell most about which rival is true.
+    """Return where one more measurement is expected to separate the alternatives most.
 
     A grid over each column in turn, the others where they were best so far, twice over.
 
@@ -65,8 +65,8 @@ def next_measurement(result: Search, ranges: Mapping[str, tuple[float, float]]) 
     ----------
     result : Search
     ranges : dict of str to (low, high)
-        Of the simulated inputs; other columns, and inputs that number a few things (0 and 1, say),
-        keep to values that were measured.
+        Of the simulated inputs; other columns, and inputs that number a few things (such as 0 and
+        1), keep to values that were measured.
     """
     problem = result.problem
     columns = problem.model.columns
@@ -80,7 +80,7 @@ def next_measurement(result: Search, ranges: Mapping[str, tuple[float, float]]) 
             values = _values_of(name, problem.X[:, k], ranges)
             grid = np.repeat(point[None], len(values), axis=0)
             grid[:, k] = values
-            # where nothing at all is foreseen, nothing can be told either
+            # without any prediction there is no information either
             bits = np.nan_to_num(_information(result, components, grid))
             # of places that are as good, the one nearest to what is known
             good = np.flatnonzero(bits >= _AS_GOOD * bits.max())
@@ -89,7 +89,7 @@ def next_measurement(result: Search, ranges: Mapping[str, tuple[float, float]]) 
     place: dict[str, Any] = dict(zip(columns, point.tolist(), strict=False))
     if problem.stacking is not None:
         place["output"] = problem.stacking.names[int(place.pop(OUTPUT))]
-    weight = np.bincount([c.rival for c in components], [c.weight for c in components])
+    weight = np.bincount([c.alternative for c in components], [c.weight for c in components])
     return NextMeasurement(place, information, float(special.entr(weight).sum() / np.log(2)))
 
 
@@ -165,11 +165,11 @@ def costs_of(
 def batch(result: Search, places: FloatArray, n: int, cost: FloatArray) -> list[tuple[int, float]]:
     """Return where to take n measurements together: positions among places, and bits of each.
 
-    Each in turn tells most about which rival is true for its cost, given those before it, on
-    average over what these may give. By the chain rule of mutual information the bits add up to
-    what the batch tells, and the batch tells at least 63 % of what the best one of n would, where
-    the rivals' values are independent given the rival (Krause and Guestrin 2005, UAI 21:324). A
-    place may be measured more than once.
+    Each in turn informs most, for its cost, about which alternative is true: given those before
+    it, on average over their possible values. By the chain rule of mutual information the bits add
+    up to the information of the batch. That is at least 63 % of the best batch of n where the
+    alternatives' values are independent given the alternative (Krause and Guestrin 2005, UAI
+    21:324). A place may be measured more than once.
 
     Parameters
     ----------
@@ -180,17 +180,17 @@ def batch(result: Search, places: FloatArray, n: int, cost: FloatArray) -> list[
         Of one measurement there.
     """
     components = components_of(result)
-    known = foreseen(result, components, places)
+    known = predictions_at(result, components, places)
     valid = np.isfinite(known.mean).all(axis=0) & np.isfinite(known.total_variance).all(axis=0)
-    # a smooth curve foresees nothing where measurements end: see information_at
-    blind = is_smooth(components, known.rival)[:, None] & ~_between_measured(result, places)
+    # a smooth curve does not extrapolate where measurements end: see information_at
+    blind = is_smooth(components, known.alternative)[:, None] & ~_between_measured(result, places)
     random = np.random.RandomState(0)
     # batches are simulated under each component in proportion to its weight
     true = np.searchsorted(np.cumsum(known.weight), (np.arange(_BATCHES) + 0.5) / _BATCHES)
     true = np.minimum(true, len(known.weight) - 1)
     mean = np.repeat(known.mean[None], _BATCHES, axis=0)
     odds = np.repeat(np.log(known.weight)[None], _BATCHES, axis=0)
-    one_hot = known.rival[:, None] == np.unique(known.rival)
+    one_hot = known.alternative[:, None] == np.unique(known.alternative)
     chosen = []
     for _ in range(n):
         noise = random.standard_normal(_BATCHES)
@@ -217,7 +217,7 @@ def _seen(
     true: NDArray[np.intp],
     random: np.random.RandomState,
 ) -> NDArray[np.intp]:
-    """Return for each batch a component that foresees something, in proportion to its weight."""
+    """Return for each batch a component that predicts there, in proportion to its weight."""
     if not blind.any() or blind.all():
         return true
     weight = special.softmax(np.where(blind, -np.inf, odds), axis=1)
@@ -226,14 +226,14 @@ def _seen(
 
 
 def _value(
-    known: Foreseen, mean: FloatArray, source: NDArray[np.intp], k: int, noise: FloatArray
+    known: Predictions, mean: FloatArray, source: NDArray[np.intp], k: int, noise: FloatArray
 ) -> FloatArray:
     sd = np.sqrt(known.at(np.array([k])).total_variance[:, 0])
     return np.asarray(mean[np.arange(len(source)), source, k] + sd[source] * noise)
 
 
 def _log_density(
-    known: Foreseen,
+    known: Predictions,
     mean: FloatArray,
     y: FloatArray,
     k: int,
@@ -251,9 +251,9 @@ def _log_density(
 
 
 def _conditioned(
-    known: Foreseen, mean: FloatArray, y: FloatArray, k: int, blind: NDArray[np.bool_]
-) -> tuple[Foreseen, FloatArray]:
-    """Return what is foreseen once y (N,) was measured at place k: moments of a normal.
+    known: Predictions, mean: FloatArray, y: FloatArray, k: int, blind: NDArray[np.bool_]
+) -> tuple[Predictions, FloatArray]:
+    """Return the predictions once y (N,) was measured at place k: moments of a normal.
 
     The loadings become L (I - c v v'), with v those of place k, s their square and the variance
     together, and c = (1 - sqrt(1 - v'v / s)) / v'v, so that L L' loses L v v' L' / s.
@@ -269,18 +269,18 @@ def _conditioned(
 
 
 def _entropy(odds: FloatArray, one_hot: NDArray[np.bool_]) -> FloatArray:
-    """Return the entropy (N,) of rivals in bits, given log weights (N, C) of their components."""
+    """Return the entropy (N,) of alternatives in bits, given log weights (N, C) of components."""
     shares = special.softmax(odds, axis=1) @ one_hot
     return np.asarray(special.entr(shares).sum(axis=1) / np.log(2))
 
 
 def information_at(result: Search, grid: FloatArray) -> FloatArray:
-    """Return how much a measurement at each row is expected to tell about the rivals, in bits.
+    """Return the expected information of a measurement at each row about the alternatives, in bits.
 
-    It is the mutual information between the rival's identity and the value measured. Under each
-    rival this value follows a mixture of normals, one for each node of the rival's grid. Where the
-    measurements end, a smooth curve of unknown shape foresees nothing: there it is taken to expect
-    whatever the others expect, so that nothing can be learned about it.
+    It is the mutual information between the alternative's identity and the value measured. Under
+    each alternative this value follows a mixture of normals, one for each node of its grid. A
+    smooth curve of unknown shape does not extrapolate. Where measurements end it is taken to
+    predict what the others predict, so that nothing can be learned about it.
 
     Parameters
     ----------
@@ -295,10 +295,10 @@ def information_at(result: Search, grid: FloatArray) -> FloatArray:
 
 
 def _information(result: Search, components: list[Component], grid: FloatArray) -> FloatArray:
-    """Return the mutual information of rival and value at each row, (m,)."""
+    """Return the mutual information of alternative and value at each row, (m,)."""
     out = np.zeros(len(grid))
     inside = _between_measured(result, grid)
-    # beyond the measured range each rival has several amplitudes of what else may be lacking
+    # beyond the measured range each alternative has several amplitudes of what else may be lacking
     for where in (inside, ~inside):
         if where.any():
             out[where] = _of_rows(result, components, grid[where], bool(inside[where].all()))
@@ -308,22 +308,22 @@ def _information(result: Search, components: list[Component], grid: FloatArray) 
 def _of_rows(
     result: Search, components: list[Component], grid: FloatArray, inside: bool
 ) -> FloatArray:
-    known = foreseen(result, components, grid)
-    smooth = is_smooth(components, known.rival)
+    known = predictions_at(result, components, grid)
+    smooth = is_smooth(components, known.alternative)
     share = 1.0
     if smooth.any() and not inside:
         if smooth.all():
             return np.zeros(len(grid))
         share = float(known.weight[~smooth].sum())
         known = known.of(~smooth)
-    # a simulation may fail at a place, and a measurement there would tell nothing
+    # a simulation may fail at a place, and a measurement there would give no information
     valid = np.isfinite(known.mean).all(axis=0) & np.isfinite(known.total_variance).all(axis=0)
     out = np.zeros(len(grid))
     n_values = _VALUES if inside else _VALUES_BEYOND
     where = np.flatnonzero(valid)
     for some in blocks(len(where), len(known.weight) ** 2 * n_values, LARGE_BLOCK):
         rows = known.at(where[some])
-        bits = _mutual(rows.mean, rows.total_variance, rows.weight, rows.rival, n_values)
+        bits = _mutual(rows.mean, rows.total_variance, rows.weight, rows.alternative, n_values)
         out[where[some]] = share * bits
     return out
 
@@ -337,13 +337,13 @@ def _mutual(
     means: FloatArray,
     variances: FloatArray,
     weight: FloatArray,
-    rival: NDArray[np.intp],
+    alternative: NDArray[np.intp],
     n_values: int = _VALUES,
 ) -> FloatArray:
-    """Return the mutual information of rival and value, in bits, (m,).
+    """Return the mutual information of alternative and value, in bits, (m,).
 
-    Components (C, m) are normal. At values of each the log density under its rival is compared
-    with that under all of them.
+    Components (C, m) are normal. At values of each the log density under its alternative is
+    compared with that under all of them.
     """
     nodes, shares = np.polynomial.legendre.leggauss(n_values)
     sd = np.sqrt(variances)
@@ -353,7 +353,7 @@ def _mutual(
     log_density = -0.5 * z**2 - np.log(sd)[None, :, None]
     log_density += np.log(weight)[None, :, None, None]
     total = special.logsumexp(log_density, axis=1)
-    same = rival[:, None] == rival
+    same = alternative[:, None] == alternative
     own = special.logsumexp(log_density, axis=1, b=same[:, :, None, None].astype(float))
     prior = np.log(same @ weight)[:, None, None]
     gained = np.einsum("cqm,q->cm", own - prior - total, shares / 2)

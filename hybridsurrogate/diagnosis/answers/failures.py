@@ -13,11 +13,11 @@ _TRIED = 64
 
 
 def failures(result: Search) -> list[str]:
-    """Return for each weighed cause how often the simulation fails under it, "" for never.
+    """Return for each compared cause how often the simulation fails under it, "" for never.
 
     Sets of parameters from the priors, of the simulation and of the cause, are run at the measured
     rows. A set that fails anywhere is impossible: its density is zero, and the search passes it by.
-    Only a simulation that is its own surrogate can fail; an emulator has learned from runs that
+    Only a simulation that is run directly can fail; an emulator has learned from runs that
     worked.
     """
     counts = [
@@ -36,7 +36,7 @@ def failures(result: Search) -> list[str]:
 def _count(model: MeasuredModel, X: FloatArray) -> int:
     if not model.basis.is_simulation or not model.n_unknowns:
         return 0
-    # a fixed spread, so that a table has no randomness of its own
+    # a fixed spread, so that a table is reproducible
     z = np.random.RandomState(0).standard_normal((_TRIED, model.n_unknowns))
     known, _, _ = model.simulated(X, model.values(z))
     return int(np.sum(~np.isfinite(known).all(axis=1)))

@@ -1,4 +1,4 @@
-"""What a diagnosis found, in numbers and formulas."""
+"""The causes that a diagnosis detected, in numbers and formulas."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hybridsurrogate.posterior import Posterior
 
 @dataclass(frozen=True)
 class CauseFinding:
-    """What a diagnosis found.
+    """A cause that a diagnosis detected.
 
     Attributes
     ----------
@@ -25,8 +25,8 @@ class CauseFinding:
     formula : str
         The extended simulation in words, with numbers.
     probability : float
-        Posterior probability of the kind, all its forms and targets together, beside all other
-        causes that were found.
+        Posterior probability of the kind, all its forms and targets together, given all other
+        detected causes.
     estimates : dict of str to (mean, low, high)
         With 90 % intervals, in the user's units.
     latex : str
@@ -86,7 +86,7 @@ def finding_of(
     same_curve : tuple of str
         Kinds that draw the same curve.
     """
-    chosen, found = step.chosen, step.given_others
+    chosen, found = step.chosen, step.conditional
     kinds = kind_of(chosen), *same_curve
     alike = [kind_of(w) in kinds for w in found.candidates]
     probability = min(float(found.probability[alike].sum()), 1.0)

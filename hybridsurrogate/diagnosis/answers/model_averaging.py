@@ -1,4 +1,4 @@
-"""Predictions that do not bet on one name: averaged over what may be the cause."""
+"""Predictions averaged over what may be the cause."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ def averaged_over(
     before: PowerScaledSurrogate,
     fitted: Callable[[Causes], PowerScaledSurrogate],
 ) -> AveragedSurrogate:
-    """Return the average over what may be missing, by probability, the causes found first.
+    """Return the average over possible causes, by probability, the accepted ones first.
 
-    Each extension keeps a remainder beyond the measured range, as large as what it changes. Of what
-    cannot be fitted beside the first a `DiagnosisWarning` tells.
+    Each extension keeps a remainder beyond the measured range, as large as what it changes. A
+    `DiagnosisWarning` lists what cannot be fitted together with the first.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def averaged_over(
 
     def reaching(causes: Causes) -> PowerScaledSurrogate:
         model = fitted(causes)
-        # rows that were left out say nothing of the simulation elsewhere
+        # excluded rows carry no information on the simulation elsewhere
         in_data = all(cause.concerns == "data" for cause in causes)
         return model if in_data else with_remainder(before, model)
 
@@ -72,10 +72,10 @@ def averaged_over(
 def explanations(steps: Sequence[SearchStep]) -> tuple[list[Causes], list[float]]:
     """Return the sets of causes that have at least 5 % of the probability, and their shares of it.
 
-    Those found come first, whatever they have; in each further one another cause, or none, stands
+    The accepted ones come first; in each further one another cause, or none, stands
     in place of one of them. The probability of the others is conditional on those that stay, which
-    gives their ratio to that of the causes found. Correlated noise that each cause was weighed
-    beside stays with those that need it.
+    gives their ratio to that of the accepted causes. Correlated noise stays with the causes
+    that were compared given it and need it.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def explanations(steps: Sequence[SearchStep]) -> tuple[list[Causes], list[float]
     found = tuple(step.chosen.cause for step in steps if step.chosen.cause is not None)
     sets, ratios = [found], [1.0]
     for k, step in enumerate(steps):
-        search = step.given_others
+        search = step.conditional
         held = [id(effect) for effect in search.problem.model.effects]
         free = [c for c in found if id(c) not in held and c is not found[k]]
         if not all(cause.is_correlated_noise for cause in free):
@@ -101,14 +101,14 @@ def explanations(steps: Sequence[SearchStep]) -> tuple[list[Causes], list[float]
             sets.append((*causes, *noise))
             ratios.append(float(search.probability[i] / search.probability[at]))
     shares = np.array(ratios) / np.sum(ratios)
-    # the found ones lead, even where a cause was chosen for what it explains with a second
+    # the accepted ones come first, even where a cause was chosen for what it explains with a second
     order = [0, *(1 + np.argsort(-shares[1:], kind="stable"))]
     kept = [i for i in order if i == 0 or shares[i] >= _LEAST]
     return [sets[i] for i in kept], [float(shares[i]) for i in kept]
 
 
 def _correlated_noise(search: Search) -> Causes:
-    """Return the noise beside which the causes of a search were weighed."""
+    """Return the noise given which the causes of a search were compared."""
     paths = [
         (w.log_evidence, w.cause)
         for w in search.candidates

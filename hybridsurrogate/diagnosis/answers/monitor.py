@@ -1,9 +1,9 @@
 """Whether an extension stays right as measurements come in: a test that may stop at any time.
 
-Each new measurement has its quantile under what the extension foresees given all before it. While
-the extension is right these are independent and uniform (Rosenblatt 1952, Annals of Mathematical
-Statistics 23:470), whatever its parameters. Against it stands a change that begins at some
-measurement: a shift, or a wider spread. The ratio of the two is a martingale while nothing has
+Each new measurement has its quantile under the prediction of the extension given all before it.
+While the extension is right these are independent and uniform (Rosenblatt 1952, Annals of
+Mathematical Statistics 23:470), whatever its parameters. Against it stands a change that begins at
+some measurement: a shift, or a wider spread. The ratio of the two is a martingale while nothing has
 changed, and so exceeds 1 / a with probability a at most, at any time (Ville's inequality; Ramdas,
 Gruenwald, Vovk and Shafer 2023, Statistical Science 38:576).
 """
@@ -45,7 +45,7 @@ _IMPOSSIBLE = -1e8
 
 @dataclass(frozen=True)
 class Monitor:
-    """What new measurements say of an extension.
+    """Whether new measurements agree with an extension.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class Monitor:
         return self.alarm_at is None
 
     def __str__(self) -> str:
-        # rows of several outputs of which none was measured say nothing
+        # rows of several outputs of which none was measured carry no information
         n, odds = len(self.table), float(self.table["e_value"].iloc[-1]) if len(self.table) else 1.0
         if self.alarm_at is None or self.since is None:
             return (
@@ -87,7 +87,7 @@ class Monitor:
             f"The extension no longer holds: at new measurement {self.alarm_at} (counted from 0) "
             f"the odds that something changed are {odds:.3g} to one. It most probably began at "
             f"measurement {self.since}; from there measurements lie {late.mean():+.2g} standard "
-            "deviations from what is foreseen on average, with a spread of "
+            "deviations from the prediction on average, with a spread of "
             f"{late.std(ddof=0):.2g}. Fit the diagnosis again with them."
         )
 
@@ -99,7 +99,7 @@ def monitored(
     new: tuple[Any, FloatArray],
     false_alarm_rate: float,
 ) -> Monitor:
-    """Return what new measurements say of a fitted estimator.
+    """Return whether new measurements agree with a fitted estimator.
 
     Parameters
     ----------
@@ -118,8 +118,10 @@ def monitored(
     first, limit = 0, np.log(1 / false_alarm_rate)
     models, shares = _averaged(estimator)
     while True:
-        told, n_rows, shares = _deviations(models, shares, X[first : first + _MOST_ROWS], y[first:])
-        parts.append(told)
+        deviation, n_rows, shares = _deviations(
+            models, shares, X[first : first + _MOST_ROWS], y[first:]
+        )
+        parts.append(deviation)
         first += n_rows
         odds, began = log_odds(np.concatenate(parts))
         if first >= len(y) or np.any(odds >= limit):
@@ -160,7 +162,7 @@ def _deviations(
 ) -> tuple[FloatArray, int, FloatArray]:
     """Return the deviation of each measurement, and the rows after which the draws are used up.
 
-    And the share of each model by then. Draws count as much as the measurements before say, by
+    And the share of each model by then. Draws are weighted by the measurements before, by
     importance sampling.
     """
     model = models[0]
@@ -171,11 +173,11 @@ def _deviations(
     there = np.flatnonzero(np.isfinite(values))
     likelihood, values = model.posterior_.likelihood, values[there]
     likelihood.check(values, "new")
-    told = [one.posterior_.eta(rows[there]) for one in models]
-    eta, sigma = (np.concatenate(parts) for parts in zip(*told, strict=True))
-    counts = [len(part) for part, _ in told]
+    draws = [one.posterior_.eta(rows[there]) for one in models]
+    eta, sigma = (np.concatenate(parts) for parts in zip(*draws, strict=True))
+    counts = [len(part) for part, _ in draws]
     log_density = likelihood.log_density(values, eta, sigma)
-    # what no draw holds possible tells the draws apart no more
+    # a value impossible under every draw does not change the weights
     log_density = np.maximum(log_density, _IMPOSSIBLE)
     prior = np.repeat(np.log(shares / shares.sum()) - np.log(counts), counts)
     log_weight = np.tile(prior[:, None], (1, len(there) + 1))

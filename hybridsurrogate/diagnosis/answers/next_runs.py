@@ -1,4 +1,4 @@
-"""Where further runs of the simulation would settle most of what its emulator leaves open."""
+"""Where further runs of the simulation would reduce the uncertainty of its emulator most."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.priors import FloatArray
 
-# draws of each posterior, the places of them that count, and rivals of less probability that do not
+# draws of each posterior, places of them that count, probability below which alternatives do not
 _DRAWS, _PLACES, _UNLIKELY = 60, 500, 0.02
 
 
 def next_runs(
     result: Search, posteriors: Sequence[Posterior], n: int, names: Sequence[str]
 ) -> pd.DataFrame:
-    """Return the n runs that settle most where the models ask for the simulation.
+    """Return the n runs that reduce uncertainty most where the models ask for the simulation.
 
-    Each in turn is the one that takes most from the variance left open, on average over draws of
-    the posteriors and the best fits of the rivals (Cohn 1996, Neural Networks 9:1071; as active
-    learning of a Gaussian process: Gramacy 2020, Surrogates, section 6.2).
+    Each in turn reduces the remaining variance most, on average over draws of the posteriors and
+    the best fits of the alternatives (Cohn 1996, Neural Networks 9:1071; as
+    active learning of a Gaussian process: Gramacy 2020, Surrogates, section 6.2).
 
     Parameters
     ----------
@@ -43,13 +43,13 @@ def next_runs(
     Raises
     ------
     ValueError
-        Where the simulation is run itself, or its surrogate leaves nothing open.
+        Where the simulation is run itself, or its surrogate has no uncertainty.
     """
     basis, X = result.problem.model.basis, result.problem.X
     if not basis.leaves_open:
         raise ValueError(
-            "The simulation is run itself, or its runs leave nothing open: no further run tells "
-            "more."
+            "The simulation is run itself, or its emulator has no uncertainty: no further run "
+            "would add information."
         )
     asked = [
         model.places(X[:, : len(model.columns)], values)
@@ -68,7 +68,7 @@ def next_runs(
 def _models(
     result: Search, posteriors: Sequence[Posterior]
 ) -> list[tuple[MeasuredModel, FloatArray]]:
-    """Return models and draws of their values: of posteriors, and the best fit of each rival."""
+    """Return models and draws of their values: of posteriors, and best fits of alternatives."""
     out: list[tuple[MeasuredModel, FloatArray]] = []
     for posterior in posteriors:
         rows = np.unique(np.linspace(0, posterior.n_draws - 1, _DRAWS).astype(int))

@@ -1,4 +1,4 @@
-"""The extended model as a Python module of its own, which needs numpy and of scipy a solver."""
+"""The extended model as a separate Python module, which needs numpy and of scipy a solver."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def _checked_units(units: Mapping[str, str] | None, names: Sequence[str]) -> dic
 
 
 def _about(diagnosis: Any) -> list[str]:
-    """Return the verdict and what was found."""
+    """Return the verdict and the detected causes."""
     right = diagnosis.probability_right_
     sure = "" if right is None else f" The name is right with a probability of {percent(right)}."
     text = [f"Verdict: {diagnosis.verdict_}.{sure}"]
@@ -125,7 +125,7 @@ def _about(diagnosis: Any) -> list[str]:
     if isinstance(after, AveragedSurrogate) and len(after.estimators_) > 1:
         text.append(
             f"predict of the diagnosis averages over {len(after.estimators_)} explanations; this "
-            "is the most probable one, and says nothing of what may be lacking beyond the "
+            "is the most probable one, without the remainder that may be lacking beyond the "
             "measured range."
         )
     return text
@@ -157,7 +157,7 @@ def _returns_dict(simulator: Simulator | None, X: FloatArray, posterior: Posteri
         with np.errstate(all="ignore"):
             output = simulator.function(**{name: np.full(2, v) for name, v in values.items()})
     except Exception:
-        # it may fail in any way, and says so where it is run
+        # it may fail in any way, and raises where it is run
         return False
     return isinstance(output, Mapping)
 
@@ -178,7 +178,7 @@ def _functions_of(simulator: Simulator | None) -> tuple[tuple[str, str], ...]:
 
 
 def python_source(model: ExtendedModel) -> str:
-    """Return the source of a module that holds the extended model."""
+    """Return the source of a module with the extended model."""
     parts = Parts(model)
     head = [docstring(model, parts), "import numpy as np"]
     written = [part for part in parts.coded if part.code.does != "delays"]

@@ -11,14 +11,14 @@ from hybridsurrogate.diagnosis.search.null_test import NullTest
 
 @dataclass(frozen=True)
 class DiagnosisResult:
-    """The search of one fit; what `set_params` says later does not change it.
+    """The search of one fit; a later `set_params` does not change it.
 
     Attributes
     ----------
     steps : tuple of SearchStep
-        One for each search, each beside the causes that were accepted before it.
+        One for each search, each given the causes that were accepted before it.
     asked : Search
-        The one whose rivals a further measurement would best tell apart.
+        The one whose alternatives a further measurement would best separate.
     test : NullTest
         Of the first search.
     false_alarm_rate : float

@@ -12,7 +12,7 @@ from hybridsurrogate.diagnosis.answers.failures import failures
 from hybridsurrogate.diagnosis.search.evidence import Search, kind_of, total_evidence
 from hybridsurrogate.effects.base import Cause
 
-NOT_WEIGHED = "not weighed: "
+NOT_COMPARED = "not compared: "
 
 
 def form_of(cause: Cause) -> str:
@@ -21,7 +21,7 @@ def form_of(cause: Cause) -> str:
 
 
 def cause_table(result: Search, skipped: list[Skipped]) -> pd.DataFrame:
-    """Return one row a cause, most probable first, those not weighed last with the reason."""
+    """Return one row a cause, most probable first, those not compared last with the reason."""
     evidence = total_evidence(result.candidates)
     notes = failures(result)
     rows = [
@@ -54,7 +54,7 @@ def cause_table(result: Search, skipped: list[Skipped]) -> pd.DataFrame:
             "log_evidence": np.nan,
             "smooth_curve": np.nan,
             "correlated": np.nan,
-            "note": f"{NOT_WEIGHED}{s.reason}",
+            "note": f"{NOT_COMPARED}{s.reason}",
         }
         for s in skipped
     ]
@@ -74,6 +74,6 @@ def not_reached(result: Search, causes: Sequence[Cause]) -> list[Skipped]:
     ]
 
 
-def is_weighed(table: pd.DataFrame) -> pd.Series:
-    """Return which rows of the table of causes were weighed, not left out."""
-    return ~table["note"].str.startswith(NOT_WEIGHED)
+def is_compared(table: pd.DataFrame) -> pd.Series:
+    """Return which rows of the table of causes were compared, not left out."""
+    return ~table["note"].str.startswith(NOT_COMPARED)

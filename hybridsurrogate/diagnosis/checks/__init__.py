@@ -7,7 +7,7 @@ data             single rows that are far off, copies, exact data, wrong signs, 
 cost             simulations that take long
 roughness        simulations that jump
 emulator         what the runs leave open at the measured rows
-residuals        whether what is left of the measured rows looks like noise
+residuals        whether the residuals of the measured rows look like noise
 detectable       the smallest fault that would have shown
-identifiability  causes that a parameter can take the place of
+identifiability  causes that a parameter can imitate
 """

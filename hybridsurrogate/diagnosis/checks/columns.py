@@ -1,7 +1,7 @@
 """Measured columns that are not what they should be: copies of the output, units, exchanged ones.
 
-What leaves nothing to diagnose is refused before anything is fitted. What is only doubtful becomes
-a `Caution`.
+Columns that make a diagnosis impossible are refused before anything is fitted. What is only
+doubtful becomes a `Caution`.
 """
 
 from __future__ import annotations
@@ -57,12 +57,12 @@ _SHIFTED = {
 def check_columns(
     X: Any, y: ArrayLike | None, simulation: SimulationData | Simulator | None
 ) -> None:
-    """Raise ValueError for columns that leave nothing to diagnose, before anything is fitted.
+    """Raise ValueError for columns that make a diagnosis impossible, before anything is fitted.
 
     Parameters
     ----------
     X : table of shape (n, n_columns)
-        As given; what no estimator accepts is left to it.
+        As given; the estimator refuses what it does not accept.
     y : array-like of shape (n,) or (n, n_outputs), or None
     simulation : SimulationData, Simulator or None
 
@@ -88,7 +88,7 @@ def check_columns(
 
 
 def _numbers(X: Any, simulation: SimulationData | Simulator) -> dict[str, FloatArray]:
-    """Return the columns that hold numbers, by name; none of what is no table of rows."""
+    """Return the numeric columns, by name; none of what is no table of rows."""
     if np.ndim(X) != 2 or not len(X):
         return {}
     names, order = matched_columns(column_names(X), np.shape(X)[1], simulation)
@@ -270,7 +270,7 @@ def _simulated(problem: Problem) -> FloatArray:
 def _alike(simulated: FloatArray, y: FloatArray, centred: bool = False) -> FloatArray:
     """Return those of simulated outputs (J, n) that have the shape of y, up to a factor.
 
-    The shape says which parameters, as the size is in doubt. Centred: up to a constant as well.
+    The shape selects the parameters, as the size is in doubt. Centred: up to a constant as well.
     """
     a, b = simulated, y
     if centred:
@@ -302,7 +302,7 @@ def _named_shift(simulated: FloatArray, y: FloatArray) -> str | None:
 def better_columns(result: Search, ranges: Ranges, chosen: Candidate) -> list[Caution]:
     """Return with which inputs exchanged, or in another unit, the simulation fits much better.
 
-    After a search that found something wrong: each way takes one fit of the simulation alone.
+    After a search that detected something wrong: each way takes one fit of the simulation alone.
 
     Parameters
     ----------

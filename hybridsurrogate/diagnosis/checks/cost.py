@@ -41,7 +41,7 @@ def warn_if_slow(problem: Problem, n_folds: int | None = None) -> None:
     ----------
     problem : Problem
     n_folds : int or None, default=None
-        Of the cross-validation, each with a search of its own.
+        Of the cross-validation, each with a separate search.
     """
     each = seconds_a_run(problem)
     folds = 0 if n_folds is None else n_folds

@@ -38,7 +38,7 @@ def counted_rows(
     ValueError
         For weights that are unusable.
     """
-    if sample_weight is None or X is None or y is None:  # an estimator says what is missing
+    if sample_weight is None or X is None or y is None:  # an estimator reports what is missing
         return X, y, None
     check_consistent_length(X, y)
     weights = check_weights(sample_weight, len(X))
@@ -81,15 +81,15 @@ def copied_rows(X: FloatArray, y: FloatArray) -> list[Caution]:
 
 
 def check_digits(problem: Problem) -> None:
-    """Raise ValueError for data so far from zero that doubles hold little of their spread.
+    """Raise ValueError for data so far from zero that doubles represent little of their spread.
 
     What they lose must be less than the `FLOOR` below which noise is rounding.
     """
     if np.ptp(problem.y) == 0:
         raise ValueError(
             f"All measured outputs are {problem.observed[0]:.12g}: there is no spread to diagnose. "
-            "If they did differ, double precision does not hold by how little: subtract a constant "
-            "from measurements and simulation alike, before their digits are lost."
+            "If they did differ, double precision does not resolve by how little: subtract a "
+            "constant from measurements and simulation alike, before their digits are lost."
         )
     names = ["measured outputs", *(f"values of {name!r}" for name in problem.model.columns)]
     for what, values in zip(names, [problem.y, *problem.X.T], strict=True):
@@ -97,7 +97,7 @@ def check_digits(problem: Problem) -> None:
         if np.ptp(values) > 0 and lost > FLOOR * sd:
             raise ValueError(
                 f"The {what} lie around {np.mean(values):g} with a standard deviation of {sd:g}, "
-                f"but double precision holds such numbers to {lost:g} only, too little for a "
+                f"but double precision represents such numbers to {lost:g} only, too little for a "
                 "diagnosis. Subtract a constant from measurements and simulation alike, before "
                 "their digits are lost."
             )
@@ -139,7 +139,7 @@ def is_exact(result: Search) -> bool:
 def _leaves_noise(w: Candidate) -> bool:
     """Return whether the noise of a fit is that of its rows.
 
-    A curve of any shape may leave nothing of few rows, and where noise differs between rows its
+    A curve of any shape may fit few rows exactly, and where noise differs between rows its
     scale is not that of each.
     """
     cause = w.cause

@@ -102,10 +102,10 @@ def dispersion_of(
 ) -> Dispersion | None:
     """Return how much values scatter around the mean of neighbours, None where too few are near.
 
-    Rows are paired with their neighbours, and each pair has the mean of the simulation up to a
-    shift of eta that its total asks for, so that a wrong mean that is smooth does not count: for
-    Poisson counts that is the index of dispersion of two counts given their sum (Fisher 1950,
-    Biometrics 6:17). Replicates are drawn around these means.
+    Rows are paired with their neighbours. Each pair has the mean of the simulation, with eta
+    shifted to match the pair's total, so a smooth error of the mean does not count. For Poisson
+    counts that is the index of dispersion of two counts given their sum (Fisher 1950, Biometrics
+    6:17). Replicates are drawn around these means.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def dispersion_of(
         Without a scale of the noise.
     X : ndarray of shape (n, n_columns)
     eta, y : ndarray of shape (n,)
-        What the model says, and what was measured.
+        What the model predicts, and what was measured.
     """
     first, second = neighbours(X)
     if len(first) < _LEAST_PAIRS:
@@ -124,7 +124,7 @@ def dispersion_of(
     open_ = squares[0] > -np.inf
     if open_.sum() < _LEAST_PAIRS:
         return None
-    random = np.random.RandomState(0)  # a fixed stream: the check has no randomness of its own
+    random = np.random.RandomState(0)  # a fixed stream: the check is reproducible
     center = np.broadcast_to(mean[..., open_], (2, _N_REPLICATES, int(open_.sum())))
     again = likelihood.sample(center, np.ones((1, 1, 1)), random)
     replicates, _ = _squares(likelihood, mean[..., open_], again)
@@ -150,7 +150,7 @@ def neighbours(X: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     Those that are nearest to each other, in columns of unit spread, and then among the rest.
     """
     moving = X[:, np.ptp(X, axis=0) > 0]
-    # equal distances are told apart by a little, always the same
+    # ties between equal distances are broken, always the same
     jitter = 1e-3 / len(X) * np.random.RandomState(0).standard_normal(moving.shape)
     places = moving / moving.std(axis=0) + jitter if moving.size else np.arange(len(X))[:, None]
     rest = np.arange(len(X))
@@ -177,7 +177,7 @@ def _squares(
     """Return the squared standardised difference of each pair, and eta at the mean of the pair.
 
     ``eta`` (2, R, p) and ``y`` alike; squares (R, p) are minus infinity where a total is at an end
-    of its range, which leaves nothing to scatter.
+    of its range, where nothing can scatter.
     """
     sigma = np.ones((1, 1, 1))
     shift = np.zeros(np.broadcast_shapes(eta.shape, y.shape)[1:])

@@ -1,4 +1,4 @@
-"""How well the runs, and the surrogate through them, tell the simulation at the measured rows."""
+"""How well the runs and their surrogate determine the simulation at the measured rows."""
 
 from __future__ import annotations
 
@@ -30,17 +30,18 @@ def advice(surrogate: Surrogate | None) -> str:
 
 
 class EmulatorCheck(NamedTuple):
-    """What the runs and the surrogate tell of the simulation at the measured rows.
+    """How well the runs and the surrogate determine the simulation at the measured rows.
 
     Root mean squares over these rows, in standard deviations of the noise, and rows beyond.
 
     Attributes
     ----------
     left_open : float
-        What the runs do not tell of the simulation. It is part of every comparison of the search.
+        The uncertainty of the simulation given the runs. It is part of every comparison of the
+        search.
     missed : float
-        What the surrogate, trained on the runs alone, misses of what they do tell. The search does
-        without it; the estimators predict with it.
+        The error of the surrogate, trained on the runs alone, where the runs determine the
+        simulation. The search does without it; the estimators predict with it.
     beyond : dict of str to int
         Measured rows that lie further out along an input than every run, by its name.
     between : float
@@ -110,7 +111,7 @@ class EmulatorCheck(NamedTuple):
         if self.left_open > MOST_OPEN:
             out.append(
                 f"At the measured rows the runs leave the simulation open by {self.left_open:.1f} "
-                f"times the noise: effects that are not larger cannot be found. {self.remedy}"
+                f"times the noise: effects that are not larger cannot be detected. {self.remedy}"
             )
         if self.missed > MOST_MISSED:
             out.append(
@@ -122,9 +123,9 @@ class EmulatorCheck(NamedTuple):
 
 
 def check_emulator(result: Search, surrogate: Basis, runs: SimulationData) -> EmulatorCheck | None:
-    """Return how well the surrogate's basis tells the simulation at the best fit of all.
+    """Return how well the surrogate's basis predicts the simulation at the best fit of all.
 
-    None where the simulation itself is run, or its runs leave nothing open.
+    None where the simulation itself is run, or its emulator has no uncertainty.
     """
     problem = result.problem
     if not problem.model.basis.leaves_open:
@@ -138,7 +139,7 @@ def check_emulator(result: Search, surrogate: Basis, runs: SimulationData) -> Em
     own = emulator_posterior(surrogate, problem.simulation).mean
     alone = replace(w.model, basis=surrogate, reference=own)
     missed = alone.simulated(problem.X, values, own)[0] - outputs
-    # outputs, rows and counts have a noise of their own: of counts sigma is one
+    # outputs, rows and counts have separate noise: of counts sigma is one
     unit = noise[0]
     left_open = np.sum(U**2, axis=1) / unit**2
     inputs, points = w.model.places(problem.X, values)

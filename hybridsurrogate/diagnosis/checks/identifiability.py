@@ -1,4 +1,4 @@
-"""Causes and parameters that share what the data say.
+"""Causes and parameters that the data cannot separate.
 
 A cause whose curve a parameter can draw as well is known only together with it: the data fix the
 sum, and the priors how it is split.
@@ -22,7 +22,7 @@ def confounding(
 ) -> pd.DataFrame:
     """Return how each cause of an extended model and each parameter depend on each other.
 
-    A parameter is not compared with its own drift: a drift needs a level to start from.
+    A parameter is not compared with a drift of itself: a drift needs a level to start from.
 
     Parameters
     ----------
@@ -68,11 +68,11 @@ _COLUMNS = ("cause", "parameter", "estimate", "correlation", "shift", "width", "
 
 
 def confounded(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows of `confounding` in which the data cannot tell cause and parameter apart.
+    """Return the rows of `confounding` in which the data cannot separate cause and parameter.
 
     Their estimates are correlated, the parameter could draw most of the cause's curve, and it is
     hardly better known than before the data: where both are known well in spite of the
-    correlation, the data did tell them apart.
+    correlation, the data did separate them.
     """
     correlated = table["correlation"].abs() >= SETTINGS.correlated
     return table[
@@ -85,12 +85,12 @@ def sentences(table: pd.DataFrame) -> Iterator[str]:
     for row in table.to_dict("records"):
         name = row["parameter"]
         yield (
-            f"The data cannot tell the cause {row['cause']} from the parameter {name}: the "
-            f"correlation of {row['estimate']} with {name} is {row['correlation']:.2f}, and beside "
-            f"the cause {name} is uncertain by {100 * row['width']:.0f} % of its prior standard "
-            f"deviation. When the cause was added, {name} moved by {row['shift']:+.1f} posterior "
-            f"standard deviations; without it, {name} could absorb {100 * row['absorbed']:.0f} % "
-            "of the cause's curve (a sum of squares). How the two share it rests on their priors."
+            f"The data cannot separate the cause {row['cause']} from the parameter {name}: the "
+            f"correlation of {row['estimate']} with {name} is {row['correlation']:.2f}. Given the "
+            f"cause, {name} is uncertain by {100 * row['width']:.0f} % of its prior standard "
+            f"deviation. Adding the cause moved {name} by {row['shift']:+.1f} posterior standard "
+            f"deviations. Without it, {name} could absorb {100 * row['absorbed']:.0f} % of the "
+            "cause's curve (a sum of squares). How the two share it depends on their priors."
         )
 
 

@@ -1,10 +1,10 @@
-"""How probable the leading cause is, where causes that the catalogue does not hold count as well.
+"""How probable the most probable cause is, where causes outside the catalogue count as well.
 
-The probabilities of a search suppose that what is at fault is in the catalogue, and no test can see
-from the data what a curve that fits as well would be called. How often that misleads is counted on
-blind cases with their kind in the catalogue and with it taken out, alone and beside a further,
-smaller fault, each as frequent as among measured data sets. A logistic regression on them says how
-often the leading cause is the right one.
+The probabilities of a search suppose that the true cause is in the catalogue. No test of the data
+can name a curve that fits as well. How often that misleads was counted on
+blind cases with their kind in the catalogue and with it taken out, alone and together with a
+further, smaller fault. Each is as frequent as among measured data sets. A logistic regression on
+them predicts how often the most probable cause is the right one.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ import math
 # the catalogue does not hold
 NOT_HELD, DOCUMENTED = 7, 16
 # cases of examples/sure_names.py that the regression describes, and its coefficients: of one, of
-# the log odds within the catalogue, and of leaving structure. In tenfold cross-validation structure
+# the log odds within the catalogue, and of residual structure. In tenfold cross-validation this
 # gains 0.014 (standard error 0.007) in the mean log score; the probability of a remainder gains
-# 0.006 (0.006) beside it, the residuals' p-value, the rows and the evidence against a smooth curve
-# no more than their standard error
+# 0.006 (0.006) more, the residuals' p-value, the rows and the evidence against a smooth curve no
+# more than their standard error
 N_CASES = 1088
 _ONE, _ODDS, _STRUCTURE = -0.781, 0.274, -0.942
 # log odds beyond it are all the same: no case was surer
 _SUREST = 9.2
 
 
-def probability_right(share: float, leaves_structure: bool) -> float:
-    """Return the probability that the leading cause is right, given that something is wrong.
+def probability_right(share: float, has_residual_structure: bool) -> float:
+    """Return the probability that the most probable cause is right, given that something is wrong.
 
     Parameters
     ----------
     share : float
         Probability of its kind within the catalogue, given that something is wrong.
-    leaves_structure : bool
+    has_residual_structure : bool
         Whether the verdict is "nearest".
 
     Returns
@@ -48,5 +48,5 @@ def probability_right(share: float, leaves_structure: bool) -> float:
     """
     odds = math.log(share) - math.log1p(-share) if 0 < share < 1 else math.copysign(_SUREST, share)
     odds = min(max(odds, -_SUREST), _SUREST)
-    total = _ONE + _ODDS * odds + _STRUCTURE * leaves_structure
+    total = _ONE + _ODDS * odds + _STRUCTURE * has_residual_structure
     return min(share, 1 / (1 + math.exp(-total)))

@@ -102,6 +102,6 @@ def _check_estimator(estimator: PowerScaledSurrogate | None) -> None:
         raise ValueError("There is no simulation to diagnose: give the estimator simulation=...")
     if tuple(estimator.effects):
         raise ValueError(
-            "The estimator has effects already. Diagnose the estimator without them: a cause "
-            "found now is named beside the catalogue, not beside another cause."
+            "The estimator has effects already. Diagnose the estimator without them: a search "
+            "compares the causes of the catalogue, and does not add to other effects."
         )

@@ -34,7 +34,7 @@ _WAVES = 4
 
 @dataclass(frozen=True)
 class ResidualCheck:
-    """What replicated noise says of the residuals of a model.
+    """Residuals of a model compared with replicated noise.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class ResidualCheck:
 def check_residuals(result: Search, w: Candidate) -> ResidualCheck | None:
     """Return how probable it is that noise leaves residuals as strange as those of a cause.
 
-    None where the noise is not normal: beside outliers, and under other likelihoods.
+    None where the noise is not normal: with outliers, and under other likelihoods.
 
     Parameters
     ----------
@@ -69,28 +69,28 @@ def check_residuals(result: Search, w: Candidate) -> ResidualCheck | None:
         return None
     left = _left(result, w)
     X, columns = result.problem.X, result.problem.model.columns
-    told: dict[str, FloatArray] = {}
+    found: dict[str, FloatArray] = {}
     for k, name in enumerate(columns):
         if name == OUTPUT or len(np.unique(X[:, k])) < 2 * _WAVES:
             continue
         order = _order(X, k, columns)
         for word, statistic in _OVER_COLUMN.items():
-            told[f"{word} over {name}"] = statistic(left[:, order])
-    told["tails"] = _kurtosis(left)
-    values = np.array(list(told.values()))
+            found[f"{word} over {name}"] = statistic(left[:, order])
+    found["tails"] = _kurtosis(left)
+    values = np.array(list(found.values()))
     # the share of all that are as extreme: of the measured rows, and of each replicate
     ranks = np.argsort(np.argsort(-values, axis=1), axis=1) + 1
     shares = ranks / values.shape[1]
     least = shares.min(axis=0)
     p_value = float(np.mean(least <= least[0]))
-    return ResidualCheck(p_value, dict(zip(told, shares[:, 0].tolist(), strict=True)))
+    return ResidualCheck(p_value, dict(zip(found, shares[:, 0].tolist(), strict=True)))
 
 
-def leaves_structure(step: SearchStep, check: ResidualCheck | None) -> bool:
-    """Tell whether a cause leaves more than noise: by its residuals, or beside a smooth curve."""
+def has_residual_structure(step: SearchStep, check: ResidualCheck | None) -> bool:
+    """Return whether residual structure remains: in the residuals, or given a smooth curve."""
     strange = check is not None and check.p_value <= STRANGE
-    place = [w is step.chosen for w in step.given_others.candidates]
-    remainder = float(step.given_others.remainder[place.index(True)]) if any(place) else 0.0
+    place = [w is step.chosen for w in step.conditional.candidates]
+    remainder = float(step.conditional.remainder[place.index(True)]) if any(place) else 0.0
     return strange or remainder > 0.5
 
 
@@ -104,13 +104,13 @@ def _left(result: Search, w: Candidate) -> FloatArray:
     target = (result.problem.y - rows.offset) / rows.noise
     local = local_posterior(result, w, rows, size)
     for _ in range(_ROUNDS if is_path else 0):
-        # expectation and maximisation: the noise that is left beside a path of this size
+        # expectation and maximisation: the remaining noise given a path of this size
         squares = (target - design @ local.mean) ** 2
         squares = squares + np.sum(design @ local.covariance * design, axis=1)
         w = w._replace(sigma=float(np.sqrt(np.mean(squares))))
         local = local_posterior(result, w, rows, size)
     measured = target - design @ local.mean
-    # a fixed stream: a verdict has no randomness of its own
+    # a fixed stream: a verdict is reproducible
     random = np.random.RandomState(0)
     noise = random.standard_normal((_REPLICATES, len(measured)))
     if is_path:

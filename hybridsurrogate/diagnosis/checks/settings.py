@@ -1,4 +1,4 @@
-"""From where on what a check finds is told: one place, each number with what rests on it."""
+"""Thresholds from which checks report: one place, each number with what depends on it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ class CheckSettings:
         many at once may take hardly longer than two. None are where each of more takes a larger
         share of what it took before: they run one after another.
     fewest_rows : int
-        Rows that agree before they are told: one or two may by chance where the output is rounded.
+        Rows that agree before they are reported: one or two may by chance where the output is
+        rounded.
     near_floor : float
         The search knows no noise below its floor; what a few times more leaves open is no better
         known.
@@ -34,7 +35,7 @@ class CheckSettings:
         Share of the rows outside a simulated range from which nothing is diagnosed; share within
         by which another unit, or an exchange of columns, explains it.
     as_wide : float
-        A unit that fills this share of what another one fills of the range is as likely.
+        A unit that fills this share of what another unit fills of the range is as likely.
     gain_of_exchange : float
         Rows (as a share, of two columns together) that an exchange must bring into the ranges.
     narrow : float
@@ -60,9 +61,10 @@ class CheckSettings:
         Correlation from which an estimate's variance is more than five times what it were with the
         parameter known.
     unknown : float
-        Share of its prior's width that a parameter keeps where data say little about it.
+        Share of its prior's width that a parameter keeps where data inform it little.
     shared : float
-        Share of the cause's curve below which only its level, say, goes with the parameter.
+        Share of the cause's curve below which only part of it, such as its level, goes with the
+        parameter.
     curve_draws, derivative_step : int, float
         Draws that suffice for a mean curve, and the share of a posterior standard deviation by
         which a parameter is moved for its derivative.

@@ -1,7 +1,7 @@
-"""The simulation as its runs tell it: the surrogate's terms and a process through what they miss.
+"""The simulation conditioned on its runs: the surrogate's terms and a process for what they miss.
 
-A polynomial that misses the simulation by a curve would otherwise have that curve blamed on the
-simulation, and one with more terms than runs says anything between them. So a search takes the
+A polynomial may miss the simulation by a curve, which would be blamed on the simulation. One with
+more terms than runs is arbitrary between them. So a search takes the
 surrogate's terms as the trend of a Gaussian process (`Kriging`), or the process itself where it is
 the surrogate. What is still unknown between the runs is part of the covariance of the measured
 rows.
@@ -32,7 +32,7 @@ from hybridsurrogate.surrogates.emulation.process import (
 from hybridsurrogate.surrogates.kriging import CurveBasis, KrigingBasis
 from hybridsurrogate.surrogates.stacked import StackedBasis, stacked
 
-# what is left of a variance when its factor has enough columns, in shares of the median
+# the rest of a variance when its factor has enough columns, in shares of the median
 _NEGLIGIBLE = 1e-4
 # rows whose whole covariance is sooner made than the columns that are asked for
 _FEW = 600
@@ -99,12 +99,12 @@ class KrigedBasis(Basis):
     def outer_output(self, X: FloatArray, omega: FloatArray, c: FloatArray) -> FloatArray:
         """Return the output of all inputs for all parameters."""
         rows, points = each_with_each(X, omega)
-        told = self._through_runs(rows, points).reshape(len(omega), len(X))
+        missed = self._through_runs(rows, points).reshape(len(omega), len(X))
         trend = self.process.trend
-        assert trend is not None  # curves have none, and a basis of their own
+        assert trend is not None  # curves have none, and a separate basis
         if len(self.c):
-            return trend.outer_output(X, omega, self.c) + told
-        return trend.known(rows, points).reshape(told.shape) + told
+            return trend.outer_output(X, omega, self.c) + missed
+        return trend.known(rows, points).reshape(missed.shape) + missed
 
     def error(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return F (n, r): the covariance of what is unknown of the simulation is F F'."""
@@ -129,7 +129,7 @@ class KrigedBasis(Basis):
 
     def _terms(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         trend = self.process.trend
-        assert trend is not None  # curves have none, and a basis of their own
+        assert trend is not None  # curves have none, and a separate basis
         return trend.output(X, omega, self.c) if len(self.c) else trend.known(X, omega)
 
     @cached_property
@@ -214,7 +214,7 @@ def krige(
     run_eta: FloatArray,
     noise: float = 0.0,
 ) -> tuple[Basis, EmulatorPosterior]:
-    """Return the simulation as its runs tell it, and the posterior of its coefficients.
+    """Return the simulation conditioned on its runs, and the posterior of its coefficients.
 
     Parameters
     ----------
@@ -245,12 +245,12 @@ def krige(
     parts: list[tuple[Basis, EmulatorPosterior]] = []
     for k, (one, own) in enumerate(zip(basis.bases, basis.coefficients_of, strict=True)):
         here = X[:, basis.at] == k
-        told = EmulatorPosterior(emulator.mean[own], emulator.factor[own, own])
+        posterior = EmulatorPosterior(emulator.mean[own], emulator.factor[own, own])
         rows = np.delete(X[here], basis.at, axis=1), omega[here], run_eta[here]
-        parts.append(_kriged(one, told, *rows, of_inputs, of_parameters, noise))
+        parts.append(_kriged(one, posterior, *rows, of_inputs, of_parameters, noise))
     posterior = EmulatorPosterior(
-        np.concatenate([told.mean for _, told in parts]),
-        block_diag(*(told.factor for _, told in parts)),
+        np.concatenate([posterior.mean for _, posterior in parts]),
+        block_diag(*(posterior.factor for _, posterior in parts)),
     )
     return stacked([one for one, _ in parts], basis.at, basis.names), posterior
 
@@ -277,7 +277,7 @@ def _kriged(
             process = process_through(process.trend, ranges, X, omega, run_eta, noise)
     else:
         missed = run_eta - basis.output(X, omega, emulator.mean)
-        # exact to rounding; with as many terms as runs that says nothing
+        # exact to rounding; with as many terms as runs that means nothing
         exact = float(np.sqrt(np.mean(missed**2))) < 1e-6 * np.std(run_eta)
         if exact and len(run_eta) > len(basis.coefficient_mean):
             return basis, emulator
@@ -287,16 +287,16 @@ def _kriged(
         process = process_through(basis, ranges, X, omega, run_eta, noise)
     runs = process.some(X, omega, run_eta)
     matrix = runs.places.alike(runs.places)
-    told = conditioned(matrix, process.covariance.nugget, runs.residual)
-    weights = told.weights[:, 0]
+    fitted = conditioned(matrix, process.covariance.nugget, runs.residual)
+    weights = fitted.weights[:, 0]
     assert process.trend is not None
     prior = process.trend.coefficient_mean
     used = slice(None if len(process.term_sd) or np.any(prior) else 0)
     c = prior[used].copy()
     if len(process.term_sd):
         c += process.term_sd * (runs.places.terms.T @ weights)
-    local = LocalError.of(runs.places.points, told.misses)
+    local = LocalError.of(runs.places.points, fitted.misses)
     kriged = KrigedBasis(
-        none, none, process, c, runs.places, weights, told.whiten, float(told.sd[0]), local
+        none, none, process, c, runs.places, weights, fitted.whiten, float(fitted.sd[0]), local
     )
     return kriged, nothing

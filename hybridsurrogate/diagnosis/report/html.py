@@ -74,7 +74,7 @@ def page(first: FirstScreen, sections: tuple[Section, ...]) -> str:
 
 
 def screen(first: FirstScreen, with_picture: bool = True) -> str:
-    """Return the first screen alone, for a page that has a style of its own."""
+    """Return the first screen alone, for a page with its style sheet elsewhere."""
     parts = [f"<header><p>{html.escape(first.subject)}</p></header>"]
     parts.append(f"<h1>{html.escape(first.headline)}</h1>")
     parts += [f'<p class="lead">{html.escape(sentence)}</p>' for sentence in first.lead]

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Report:
-    """What a diagnosis found; prints as text, shows as HTML in a notebook.
+    """The result of a diagnosis; prints as text, shows as HTML in a notebook.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Report:
     summary : dict
         What ``to_dict`` returns a copy of.
     full : bool
-        Whether the text holds the details too.
+        Whether the text has the details too.
     """
 
     first: FirstScreen
@@ -63,7 +63,7 @@ class Report:
 
     @property
     def headline(self) -> str:
-        """What was found, in one sentence."""
+        """The result, in one sentence."""
         return self.first.headline
 
     @property
@@ -86,7 +86,7 @@ class Report:
         return html.page(self.first, self.sections)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything that the report says, ready for JSON.
+        """Return the content of the report, ready for JSON.
 
         Returns
         -------
@@ -143,7 +143,7 @@ def make_report(
     units : dict of str to str or None
         Of columns, outputs and parameters.
     full : bool
-        Whether the text holds the details too.
+        Whether the text has the details too.
 
     Returns
     -------

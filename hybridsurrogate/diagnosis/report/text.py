@@ -24,7 +24,7 @@ def screen(first: FirstScreen) -> str:
 
 
 def section(part: Section) -> str:
-    """Return one section with all that it holds but its pictures."""
+    """Return one section without its pictures."""
     lines = ["", part.title, "-" * len(part.title), *map(wrapped, part.sentences)]
     for name, plain, latex in part.formulas:
         lines += [f"{name}:\n    {plain}", f"In LaTeX:\n    {latex}"]

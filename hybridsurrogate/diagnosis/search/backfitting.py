@@ -1,4 +1,4 @@
-"""Several causes: each one weighed again, beside all others that were found."""
+"""Several causes: each one compared again, given all others."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from hybridsurrogate.problem.problem import Problem
 def backfitted(
     steps: Sequence[SearchStep], problem: Problem, causes: Sequence[Cause]
 ) -> list[SearchStep]:
-    """Return the steps, each cause weighed again with all others part of the simulation.
+    """Return the steps, each cause compared again with all others part of the simulation.
 
     Alone the first cause also has to explain what the second one does, and a smooth curve may do
-    that better than either: how probable each is shows only beside the others. A cause that another
-    one beats there gives way to it. A smooth curve or outliers that were found last stay out, as
-    nothing is weighed beside them.
+    that better than either: how probable each is shows only given the others. A cause is replaced
+    where an alternative is more probable. A smooth curve or outliers that were accepted last stay
+    out, as nothing is compared given them.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def backfitted(
     problem : Problem
         Without effects.
     causes : sequence of Cause
-        All that were weighed in the first search.
+        All that were compared in the first search.
     """
     out = list(steps)
     named = [k for k, step in enumerate(out) if not ends_search(step.chosen)]
@@ -48,15 +48,15 @@ def backfitted(
         if ends_search(best):
             best = next(w for w in found.candidates if w.cause is out[k].chosen.cause)
         stale = stale - {k} if best.cause is out[k].chosen.cause else set(named) - {k}
-        joint = out[k] = replace(out[k], chosen=best, given_others=found)
+        joint = out[k] = replace(out[k], chosen=best, conditional=found)
     return out
 
 
 def _without(
     left_out: Candidate, joint: SearchStep, problem: Problem, causes: Sequence[Cause]
 ) -> Search:
-    """Search for one cause, all others held where they are in the joint fit of all of them."""
-    known = joint.given_others
+    """Search for one cause, all others fixed where they are in the joint fit of all of them."""
+    known = joint.conditional
     model, _, mode, sigma = fit = Fitted(*joint.chosen[1:5])
     others = [cause for cause in model.effects if cause is not left_out.cause]
     extended = replace(problem, model=problem.model.with_effects(others))
@@ -68,5 +68,5 @@ def _without(
     # all places are known: there is no grid to look at
     grid = make_grid(extended.model.with_effects([*others, Nothing()]))
     accepted = Candidate(None, extended.model, grid, mode._replace(z=z), sigma, 0.0, 0.0)
-    rivals = [cause for cause in causes if all(cause is not other for other in others)]
-    return search(extended, rivals, known.emulator, True, accepted)
+    alternatives = [cause for cause in causes if all(cause is not other for other in others)]
+    return search(extended, alternatives, known.emulator, True, accepted)

@@ -1,4 +1,4 @@
-"""Where an accepted cause is held while a further one is weighed, and both placed anew."""
+"""Where an accepted cause is fixed while further ones are compared, and both refitted."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from hybridsurrogate.problem.problem import Problem
 def nothing_further(
     problem: Problem, accepted: Fitted, emulator: EmulatorPosterior, noise: LogMarginal
 ) -> Fitted:
-    """Fit "nothing else is wrong" from where the accepted cause was found."""
+    """Fit "nothing else is wrong" from the fit of the accepted cause."""
     model = problem.model.with_effects((*problem.model.effects, Nothing()))
     grid = make_grid(model)
     mode = highest(
@@ -44,7 +44,7 @@ def nothing_further(
 def conditioned_places(
     problem: Problem, accepted: Fitted, emulator: EmulatorPosterior, noise: LogMarginal
 ) -> list[FloatArray]:
-    """Return where an accepted cause can be held: at the mean of its place, or at the best node.
+    """Return where an accepted cause can be fixed: at the mean of its place, or at the best node.
 
     The mean is the better place, but only on the hill on which the best node is.
     """

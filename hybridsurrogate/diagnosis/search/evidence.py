@@ -1,8 +1,8 @@
 """How well each cause explains the measured rows: closed-form evidence, and probabilities.
 
 The surrogate's coefficients come from the simulation alone (beta = 1), so that a fault of the
-simulation is not absorbed by its emulator; the emulator's own uncertainty is part of the
-covariance (DESIGN section 6).
+simulation is not absorbed by its emulator; the emulator's uncertainty is part of the
+covariance (Kennedy and O'Hagan 2001, Journal of the Royal Statistical Society B 63:425).
 """
 
 from __future__ import annotations
@@ -74,9 +74,9 @@ class Search:
     probability : ndarray
         Posterior probability of each.
     remainder : ndarray
-        Probability that a smooth remainder is needed beside each cause.
+        Probability that a smooth remainder is needed in addition to each cause.
     correlated : ndarray
-        Probability that beside each cause the noise of neighbouring rows is correlated.
+        Probability that, given each cause, the noise of neighbouring rows is correlated.
     sizes : ndarray
         Prior scales of effect sizes, in units of eta.
     noise : LogMarginal
@@ -118,7 +118,7 @@ def search(
     accepted: Candidate | None = None,
     nearby: Search | None = None,
 ) -> Search:
-    """Weigh "nothing is wrong" and every cause.
+    """Compare "nothing is wrong" and every cause.
 
     Parameters
     ----------
@@ -129,9 +129,9 @@ def search(
     emulator : EmulatorPosterior
         About the surrogate's coefficients, from the simulation alone.
     with_remainder : bool
-        Also weigh the winners beside a smooth remainder of unknown shape.
+        Also compare the winners given a smooth remainder of unknown shape.
     accepted : Candidate or None
-        The last of the problem's effects as it was found, in place of "nothing is wrong".
+        The last of the problem's effects as it was fitted, in place of "nothing is wrong".
     nearby : Search or None
         The search over the same causes in other rows of the same data: only what is promising there
         is optimised, from where it ended there. Grids are searched anew, but an optimisation may
@@ -140,7 +140,7 @@ def search(
     Raises
     ------
     InterruptedSearch
-        On an interrupt: it holds the search over the causes that were fitted by then.
+        On an interrupt: it contains the search over the causes that were fitted by then.
     """
     problem = replace(problem, model=replace(problem.model, reference=emulator.mean))
     n = len(problem.y)
@@ -159,19 +159,19 @@ def search(
     try:
         fits, behind = best_modes(problem, causes, emulator, noise, null, np.log(odds), ends)
         known = np.append(np.nan, behind)
-        quick = _weigh(problem, causes, emulator, noise, [null, *fits], known)
-        # beside an accepted cause a quick search is for a companion, which noise may be itself
+        quick = _compare(problem, causes, emulator, noise, [null, *fits], known)
+        # given an accepted cause a quick search is for a second one, which may be noise itself
         if accepted is not None and not with_remainder:
             return quick
         return with_processes(quick, with_remainder)
     except KeyboardInterrupt as stop:
         kept = [null, *(stop.kept if isinstance(stop, InterruptedSearch) else fits)]
         unknown = np.full(len(kept), np.nan)
-        candidates = _weigh(problem, causes, emulator, noise, kept, unknown)
+        candidates = _compare(problem, causes, emulator, noise, kept, unknown)
         raise InterruptedSearch(candidates) from stop
 
 
-def _weigh(
+def _compare(
     problem: Problem,
     causes: Sequence[Cause],
     emulator: EmulatorPosterior,
@@ -179,7 +179,7 @@ def _weigh(
     modes: Sequence[Fitted],
     known: FloatArray,
 ) -> Search:
-    """Weigh "nothing is wrong" and the first so many causes at their best fits.
+    """Compare "nothing is wrong" and the first so many causes at their best fits.
 
     ``known`` is the log evidence where it is known well enough already, NaN elsewhere.
     """
@@ -193,27 +193,27 @@ def _weigh(
 
 
 def with_processes(result: Search, with_remainder: bool = True) -> Search:
-    """Return the search with its winners also weighed beside what none of them explains.
+    """Return the search with its winners also compared given what none of them explains.
 
     That is noise that neighbouring rows share and, where it is asked for, a smooth discrepancy of
     unknown shape.
     """
-    return _beside_noise(_beside_curve(result) if with_remainder else result)
+    return _given_noise(_given_curve(result) if with_remainder else result)
 
 
 def total_evidence(candidates: Sequence[Candidate]) -> FloatArray:
-    """Return the log evidence of each cause, alone or beside a process, whichever is true."""
-    return np.asarray(special.logsumexp(_alone_and_beside(candidates), axis=1))
+    """Return the log evidence of each cause, alone or given a process, whichever is true."""
+    return np.asarray(special.logsumexp(_alone_and_given(candidates), axis=1))
 
 
 def _ends_of(
     nearby: Search | None, problem: Problem, causes: Sequence[Cause]
 ) -> list[Fitted] | None:
-    """Return where the same causes ended; None where it weighed other causes."""
+    """Return where the same causes ended; None where it compared other causes."""
     if nearby is None:
         return None
     known = nearby.candidates[1:]
-    # other rows may lack an experiment, which has a number of its own
+    # other rows may lack an experiment, which has a separate number
     unknowns = [(c.name, *c.parameters) for c in causes]
     if unknowns != [(w.cause.name, *w.cause.parameters) for w in known if w.cause is not None]:
         return None
@@ -222,8 +222,8 @@ def _ends_of(
     return [Fitted(*w[1:5]) for w in known]
 
 
-def _beside_curve(result: Search) -> Search:
-    """Weigh the winners beside a smooth discrepancy of unknown shape."""
+def _given_curve(result: Search) -> Search:
+    """Compare the winners given a smooth discrepancy of unknown shape."""
     quick = result.probability
     process, bases = _process(result, lambda w: kind_of(w) == "unexplained")
     if process is None:
@@ -232,7 +232,7 @@ def _beside_curve(result: Search) -> Search:
     best = max(named, key=lambda k: quick[k], default=None)
     out = []
     for k, (w, probability) in enumerate(zip(result.candidates, quick, strict=True)):
-        # the best named cause always has its chance: data usually hold more than one wrong thing
+        # the best named cause always has its chance: data usually contain more than one fault
         if w is process or (probability < 0.01 and w.cause is not None and k != best):
             out.append(w)
         elif w.cause is None:
@@ -242,11 +242,11 @@ def _beside_curve(result: Search) -> Search:
     return result.reweighed(out)
 
 
-def _beside_noise(result: Search) -> Search:
-    """Weigh the causes that explain most beside noise that neighbouring rows share.
+def _given_noise(result: Search) -> Search:
+    """Compare the causes that explain most, given noise that neighbouring rows share.
 
-    Such noise is no rival of what a simulation lacks: it may be there as well, and alone it
-    imitates a jump or a wave. "None" beside it is a cause of its own.
+    Such noise is no alternative to what a simulation lacks: both may be present, and alone it
+    imitates a jump or a wave. "None" given such noise is a separate cause.
     """
     process, bases = _process(result, lambda w: w.cause is not None and w.cause.is_correlated_noise)
     if process is None:
@@ -270,7 +270,7 @@ def _process(
 ) -> tuple[Candidate | None, FloatArray]:
     """Return the best of some processes and its columns of unit size at each length, (L, n, q).
 
-    Of several outputs that in the one which needs it most; None where none was weighed.
+    Of several outputs that in the one which needs it most; None where none was compared.
     """
     processes = [w for w in result.candidates if belongs(w)]
     process = max(processes, key=lambda w: w.log_evidence, default=None)
@@ -286,7 +286,7 @@ def _process(
 
 
 def _with_process(result: Search, w: Candidate, bases: FloatArray) -> float:
-    """Return the log evidence of a cause beside a process of unknown length and size."""
+    """Return the log evidence of a cause given a process of unknown length and size."""
     problem, noise, sizes = result.problem, result.noise, result.sizes
     parts = linearise(w.model, problem.X, result.emulator, w.grid, w.mode.z)
     nodes = scan(parts, problem.y[None], w.sigma, noise, sizes)[0]
@@ -299,7 +299,7 @@ def _with_process(result: Search, w: Candidate, bases: FloatArray) -> float:
         parts = _of_neighbours(parts, w.grid.points[likely, 0], nodes[likely])
     beyond_node = 0.0
     if parts.noise_differs:
-        # every node would need its own factorisation: the best one tells what a curve adds
+        # every node would need a factorisation: that of the best one gives what a curve adds
         parts = settled(parts, problem.y, w.sigma)
         plain = scan(parts, problem.y[None], w.sigma, noise, sizes)[0]
         beyond_node = float(special.logsumexp(nodes)) - float(plain[0])
@@ -327,8 +327,8 @@ def _of_neighbours(parts: Linearised, places: FloatArray, nodes: FloatArray) -> 
 def prior_odds(causes: Sequence[Cause | None]) -> FloatArray:
     """Return the prior probability of each cause, None for nothing that is wrong.
 
-    Kinds share the prior equally, the forms of a kind share that of their kind, and causes that
-    differ only in the level that is meant share that of one form.
+    Kinds share the prior equally, and the forms of a kind share that of their kind. Causes that
+    differ only in their level share that of one form.
     """
     kinds = ["none" if cause is None else cause.kind for cause in causes]
     forms = [
@@ -350,31 +350,31 @@ def prior_odds(causes: Sequence[Cause | None]) -> FloatArray:
 def probabilities(
     candidates: Sequence[Candidate],
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the probability of each cause, of a remainder and of correlated noise beside it."""
-    parts = _alone_and_beside(candidates)
+    """Return the probability of each cause, of a remainder and of correlated noise given it."""
+    parts = _alone_and_given(candidates)
     log_total = special.logsumexp(parts, axis=1)
     shares = np.exp(parts - log_total[:, None])
     log_total = log_total + np.log(prior_odds([w.cause for w in candidates]))
     return np.exp(log_total - special.logsumexp(log_total)), shares[:, 1], shares[:, 2]
 
 
-def _alone_and_beside(candidates: Sequence[Candidate]) -> FloatArray:
-    """Return log evidence and prior of each cause alone, beside a curve, beside noise, (k, 3)."""
+def _alone_and_given(candidates: Sequence[Candidate]) -> FloatArray:
+    """Return log evidence and prior of each cause alone, given a curve, given noise, (k, 3)."""
     alone = np.array([w.log_evidence for w in candidates])
-    beside = np.array(
+    given = np.array(
         [[w.log_evidence_with_remainder, w.log_evidence_with_noise] for w in candidates]
     )
-    # "none" with a remainder is "unexplained", which is weighed on its own
+    # "none" with a remainder is "unexplained", which is compared separately
     named = np.array([w.cause is not None for w in candidates])
-    splits = np.isfinite(beside) & named[:, None]
+    splits = np.isfinite(given) & named[:, None]
     prior = np.where(splits, [SETTINGS.prior_remainder, _prior_of_paths(candidates)], 0.0)
     with np.errstate(divide="ignore"):
-        log_beside = np.where(splits, beside, 0.0) + np.log(prior)
-    return np.column_stack([alone + np.log1p(-prior.sum(axis=1)), log_beside])
+        log_given = np.where(splits, given, 0.0) + np.log(prior)
+    return np.column_stack([alone + np.log1p(-prior.sum(axis=1)), log_given])
 
 
 def _prior_of_paths(candidates: Sequence[Candidate]) -> float:
-    """Return how probable correlated noise is before the data: beside a cause as without one."""
+    """Return how probable correlated noise is before the data: given a cause as without one."""
     odds = prior_odds([w.cause for w in candidates])
     alone = [w.cause is not None and w.cause.is_correlated_noise for w in candidates]
     paths = float(odds[alone].sum())
@@ -382,7 +382,7 @@ def _prior_of_paths(candidates: Sequence[Candidate]) -> float:
 
 
 def kind_of(candidate: Candidate) -> str:
-    """Return the kind of a weighed cause, "none" for the null."""
+    """Return the kind of a compared cause, "none" for the null."""
     return "none" if candidate.cause is None else candidate.cause.kind
 
 
@@ -396,7 +396,7 @@ def leader(result: Search) -> int:
     family = max(families, key=lambda name: families[name])
     within = [w for w in result.candidates[1:] if _family(w) == family]
     kind = max(map(kind_of, within), key=lambda name: shares[name])
-    if kind in _VERDICTS:  # a curve of any shape leads where it is more probable than every kind
+    if kind in _VERDICTS:  # a curve of any shape, where it is more probable than every kind
         kind = max(shares, key=lambda name: shares[name])
         within = [w for w in result.candidates[1:] if kind_of(w) == kind]
     member = [

@@ -1,8 +1,8 @@
-"""What leads a search, scored by the nonlinear model under its own likelihood.
+"""The most probable causes, scored by the nonlinear model under its likelihood.
 
 The evidence is that of the model which an estimator fits, integrated by importance sampling; sizes
 have the prior of the search. Of the rest the screening's evidence stands, relative to that of the
-cause that leads it.
+most probable cause.
 """
 
 from __future__ import annotations
@@ -40,11 +40,10 @@ _PLACES, _SHARES = 4, (-0.5, 0.5, 1.3)
 def screened_at_best(
     result: Search, causes: Sequence[Cause], emulator: EmulatorPosterior
 ) -> Search:
-    """Return the search repeated with rows expanded at what leads, where something is wrong.
+    """Return the search repeated with rows expanded at the best cause, where something is wrong.
 
-    Where rows are normal there is nothing to expand, and where an emulator of single runs stands
-    for the simulation nothing is scored, so that all causes keep the expansion where nothing is
-    wrong.
+    Where rows are normal there is nothing to expand. Where an emulator of single runs replaces the
+    simulation nothing is scored, so all causes keep the expansion at "nothing is wrong".
 
     Parameters
     ----------
@@ -62,7 +61,7 @@ def screened_at_best(
 
 
 def scored(result: Search) -> Search:
-    """Return the search with its leading causes scored by the likelihood of the measured rows.
+    """Return the search with its best causes scored by the likelihood of the measured rows.
 
     The search stays as it is where rows are normal (the closed form agrees there with importance
     sampling to 0.1 nats); where an emulator of single runs stands for the simulation, the
@@ -73,8 +72,8 @@ def scored(result: Search) -> Search:
     screened = np.array([w.log_evidence for w in result.candidates])
     weight = screened + np.log(prior_odds([w.cause for w in result.candidates]))
     order = np.argsort(-weight)[: SETTINGS.most_scored]
-    leading = {0, *(int(k) for k in order if weight[k] > weight[order[0]] - SETTINGS.within_reach)}
-    exact = {k: _log_evidence(result, result.candidates[k]) for k in sorted(leading)}
+    probable = {0, *(int(k) for k in order if weight[k] > weight[order[0]] - SETTINGS.within_reach)}
+    exact = {k: _log_evidence(result, result.candidates[k]) for k in sorted(probable)}
     exact = {k: value for k, value in exact.items() if np.isfinite(value)}
     if 0 not in exact:
         return result
@@ -93,7 +92,7 @@ def scored(result: Search) -> Search:
 
 
 def _is_scored(result: Search) -> bool:
-    """Return whether what leads is scored: rows are not normal, the simulation is run, or curves.
+    """Return whether causes are scored: rows are not normal, the simulation is run, or curves.
 
     An emulator of curves leaves open a few coefficients, which the inner Laplace approximation
     integrates; one of single runs has a covariance of all rows.
@@ -133,7 +132,7 @@ def _log_evidence(result: Search, w: Candidate) -> float:
     )
     sigma = w.sigma if problem.likelihood.scales_noise else point.sigma
     u = np.column_stack([starts, np.full(len(starts), np.log(sigma))])
-    # a fixed stream: the search has no randomness of its own
+    # a fixed stream: the search is reproducible
     return evidence_around(make_target(exact, 0.0, 1.0), u, np.random.RandomState(0))
 
 

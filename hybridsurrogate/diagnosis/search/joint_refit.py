@@ -1,7 +1,7 @@
-"""Two causes placed together: each anew beside the other, until they stay where they are.
+"""Two causes placed together: each anew given the other, until they converge.
 
-A cause that was placed alone also explains what it can of another one, and stands a little off its
-place. Held there it spoils the other: a period that is five per cent off leaves a wave.
+A cause that was placed alone also explains what it can of another cause, and stands a little off
+its place. Fixed there it biases the other: a period that is five per cent off leaves a wave.
 """
 
 from __future__ import annotations
@@ -25,48 +25,48 @@ from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.problem.problem import Problem
 
 
-def placed_together(result: Search, first: Candidate, given_others: Search) -> Search:
-    """Return the search beside a first cause with its best companions placed together with it.
+def placed_together(result: Search, first: Candidate, conditional: Search) -> Search:
+    """Return the search given a first cause, with the best second causes placed together with it.
 
     Parameters
     ----------
     result : Search
-        In which ``first`` was weighed.
+        In which ``first`` was compared.
     first : Candidate
-    given_others : Search
-        For a further cause, with ``first`` held where it was found.
+    conditional : Search
+        For a further cause, with ``first`` fixed at its fit.
     """
-    evidence = np.array([w.log_evidence for w in given_others.candidates])
-    able = [k for k, w in enumerate(given_others.candidates) if w.cause and movable(w.cause)]
+    evidence = np.array([w.log_evidence for w in conditional.candidates])
+    able = [k for k, w in enumerate(conditional.candidates) if w.cause and movable(w.cause)]
     able = sorted(able, key=lambda k: -evidence[k])[: SETTINGS.most_companions]
     if first.cause is None or not movable(first.cause) or not able:
-        return given_others
-    candidates = list(given_others.candidates)
+        return conditional
+    candidates = list(conditional.candidates)
     for k in able:
         if evidence[k] > evidence[able[0]] - SETTINGS.companion_behind:
-            candidates[k] = _together(result, first, given_others, candidates[k])
-    return given_others.reweighed(candidates)
+            candidates[k] = _together(result, first, conditional, candidates[k])
+    return conditional.reweighed(candidates)
 
 
 def movable(cause: Cause) -> bool:
     """Whether a cause is in the mean, and cheap enough to be placed again and again.
 
-    A curve of any shape is, too: a companion that is not placed would keep an advantage.
+    A curve of any shape is, too: a second cause that is not placed would keep an advantage.
     """
     return cause.changes_output and not is_followed(cause)
 
 
 def _together(
-    result: Search, first: Candidate, given_others: Search, second: Candidate
+    result: Search, first: Candidate, conditional: Search, second: Candidate
 ) -> Candidate:
-    """Return the second cause with the first at its best place beside it.
+    """Return the second cause with the first at its best place given it.
 
-    The evidence of two causes a and b that are placed at a*, b* is that of a with b held plus that
-    of b with a held, less that of both held: exact where one place does not depend on the other,
-    too small where it does. What the first explains alone is subtracted, so that the result stands
-    beside the evidence of "nothing further".
+    The evidence of two causes a and b that are placed at a*, b* is that of a with b fixed plus that
+    of b with a fixed, less that of both fixed. This is exact where one place does not depend on the
+    other, too small where it does. What the first explains alone is subtracted, so that the result
+    compares with the evidence of "nothing further".
     """
-    problem, base = result.problem, given_others.candidates[0].log_evidence
+    problem, base = result.problem, conditional.candidates[0].log_evidence
     assert first.cause is not None
     assert second.cause is not None
     best = second._replace(log_evidence=-np.inf)
@@ -78,9 +78,9 @@ def _together(
             break
         both = replace(problem, model=problem.model.with_effects(back.model.effects))
         neither = nothing_further(both, back, result.emulator, result.noise)
-        alone = _log_evidence(both, given_others, back)
+        alone = _log_evidence(both, conditional, back)
         pair = (
-            _log_evidence(both, result, turned) + alone - _log_evidence(both, given_others, neither)
+            _log_evidence(both, result, turned) + alone - _log_evidence(both, conditional, neither)
         )
         if (value := base + pair - first.log_evidence) > best.log_evidence:
             best = Candidate(second.cause, *back, value)
@@ -91,7 +91,7 @@ def _together(
 
 
 def _turned(result: Search, fit: Fitted, cells: Grid) -> Fitted:
-    """Return the last but one cause placed anew, the last one held where it was found."""
+    """Return the last but one cause placed anew, the last one fixed at its fit."""
     problem, model = result.problem, fit.model
     *before, one, other = model.effects
     turned = problem.model.with_effects((*before, other, one))

@@ -72,7 +72,7 @@ def best_null(problem: Problem, emulator: EmulatorPosterior, noise: LogMarginal)
     model = problem.model
     grid = make_grid(model)
     d = model.n_unknowns
-    # a fixed spread of starts: the search has no randomness of its own
+    # a fixed spread of starts: the search is reproducible
     z = np.vstack([np.zeros(d), np.random.RandomState(0).standard_normal((16 * d, d))])
     output, _, factor = model.simulated(problem.X, model.values(z), emulator.mean)
     with np.errstate(over="ignore", invalid="ignore"):

@@ -85,8 +85,8 @@ def local_posterior(result: Search, w: Candidate, rows: Rows, size: float) -> Lo
 def size_of(result: Search, w: Candidate, node: int | None = None) -> float:
     """Return the prior scale of a cause's size: the largest, or of a process the likeliest.
 
-    A path in the noise, or the curves of experiments, has a size that the measured rows tell: other
-    rows and another experiment stray as far as they do.
+    A path in the noise, or the curves of experiments, has a size that the measured rows determine:
+    other rows and another experiment deviate as far as they do.
     """
     if w.cause is None or "amplitude" not in w.cause.parameters or not w.cause.is_process:
         return float(result.sizes[-1])
@@ -135,7 +135,7 @@ def predicted_rows(result: Search, w: Candidate) -> tuple[FloatArray, FloatArray
 
 
 def draw_the_same(result: Search, one: Candidate, other: Candidate) -> bool:
-    """Tell whether no measurement at these rows could tell two causes from each other.
+    """Return whether no measurement at these rows could separate two causes.
 
     Their expected log likelihood ratio, the Kullback-Leibler divergence between the noisy rows that
     either predicts, is less than a half, and small against that from what nothing wrong predicts: a

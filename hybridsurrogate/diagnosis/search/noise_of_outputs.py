@@ -1,6 +1,6 @@
-"""Several outputs in a search: each cause weighed with the noise of each output that suits it.
+"""Several outputs in a search: each cause compared with the noise of each output that suits it.
 
-A cause in one output leaves less noise there. Held at what "nothing is wrong" needs, the noise of
+A cause in one output leaves less noise there. Fixed at what "nothing is wrong" needs, the noise of
 that output would hide it; so each cause has the ratios that are most probable with it. To first
 order what integrating over them would add is the same for all.
 """
@@ -33,7 +33,7 @@ from hybridsurrogate.posterior import Posterior
 from hybridsurrogate.problem.problem import Problem
 
 # rounds of expectation and maximisation: in six cases the first gained 1.4 to 9 nats for the cause
-# that leads, the second up to 0.3, further ones less than 0.03
+# of most evidence, the second up to 0.3, further ones less than 0.03
 _ROUNDS = 2
 
 
@@ -49,14 +49,14 @@ def at_noise_of(problem: Problem, posterior: Posterior) -> Problem:
 
 
 def at_best_noise(result: Search, with_remainder: bool) -> Search:
-    """Return the search with each cause at its own ratios of noise; a single output has none.
+    """Return the search with each cause at separate ratios of noise; a single output has none.
 
     Parameters
     ----------
     result : Search
         With all causes at the same ratios.
     with_remainder : bool
-        Also weigh the winners beside a smooth remainder.
+        Also compare the winners given a smooth remainder.
     """
     problem = result.problem
     if not problem.likelihood.gaussian or not any(map(_is_noise, problem.model.effects)):
@@ -73,7 +73,7 @@ def at_best_noise(result: Search, with_remainder: bool) -> Search:
 
 
 def _best(result: Search, w: Candidate) -> Fitted:
-    """Return the fit of a cause with its own ratios of noise."""
+    """Return the fit of a cause with separate ratios of noise."""
     problem, emulator, noise = result.problem, result.emulator, result.noise
     if not np.isfinite(w.mode.objective):
         return Fitted(*w[1:5])
@@ -90,7 +90,7 @@ def _best(result: Search, w: Candidate) -> Fitted:
 def _updated(result: Search, w: Candidate) -> tuple[tuple[float, ...], float]:
     """Return the ratios and the noise of the first output that a fit suggests.
 
-    One step of expectation and maximisation: mean squares of what is left, what is uncertain of the
+    One step of expectation and maximisation: mean squares of the residuals, the uncertainty of the
     fit included.
     """
     problem = result.problem

@@ -84,8 +84,8 @@ def null_test(
     """Repeat the whole search on replicates of "nothing is wrong" at the same inputs.
 
     Every cause is linearised once, at the null fit and where it changes nothing: designs do not
-    depend on y, so measured and replicated responses are weighed in one batch, by the same
-    statistic. Causes that were accepted before stay where they were found: their places free, to
+    depend on y, so measured and replicated responses are evaluated in one batch, by the same
+    statistic. Causes that were accepted before stay at their fit: their places free, to
     first order, changed no cause and no verdict of 82 cases (48 pairs of size 2, 34 single effects
     of size 4, up to two causes each).
 
@@ -126,7 +126,7 @@ def faults_of(result: Search) -> Faults:
 
 def _faulty(result: Search) -> tuple[FloatArray, FloatArray]:
     """Return sizes of faults and responses with them, (shapes, sizes, sets, n)."""
-    # a fixed stream: a verdict has no randomness of its own
+    # a fixed stream: a verdict is reproducible
     null = replicates(result, _SETS, np.random.RandomState(0))
     sizes = float(np.std(null - null.mean(axis=0))) * _SIZES
     return sizes, null + sizes[:, None, None] * _shapes(result)[:, None, None, :]
@@ -187,7 +187,7 @@ def evidence_bound(result: Search) -> float:
 
     The evidence of all causes together, over that of "nothing is wrong", has an expectation of one
     where that is true; by Markov's inequality a ratio of r or more has probability 1 / r at most.
-    Coarse, but it holds far from the null fit too, where a first order says nothing: a cause that
+    Coarse, but valid far from the null fit too, where a first order is useless: a cause that
     shifts the phase of an oscillation is far from its tangent.
     """
     nothing = result.probability[0]

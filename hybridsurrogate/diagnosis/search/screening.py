@@ -1,4 +1,4 @@
-"""Where each cause fits best: one optimisation, and more in earnest where that looks promising."""
+"""Where each cause fits best: one optimisation, and more where that looks promising."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ from hybridsurrogate.problem.problem import Problem
 
 
 class Margins(NamedTuple):
-    """How far (in nats, prior odds included) behind the best cause is far, and what is hopeless."""
+    """How far (in nats, prior odds included) behind the best is far, and what is pruned."""
 
     behind: float
-    hopeless: float
+    pruned: float
 
 
 def best_modes(
@@ -50,11 +50,11 @@ def best_modes(
     log_prior: FloatArray,
     nearby: Sequence[Fitted] | None = None,
 ) -> tuple[list[Fitted], FloatArray]:
-    """Fit every cause: from one start, and in earnest where that looks promising.
+    """Fit every cause: from one start, and from more where that looks promising.
 
     ``log_prior`` is that of "nothing is wrong" and of every cause. ``nearby`` are the modes of the
     same causes in other rows of the same data: they stand for that first optimisation, and what is
-    promising is followed from there alone. An `InterruptedSearch` holds the fits of the first so
+    promising is followed from there alone. An `InterruptedSearch` contains the fits of the first so
     many causes.
 
     Returns
@@ -74,7 +74,7 @@ def best_modes(
             elif nearby is None or model.effects[-1].is_correlated_noise:
                 fits.append(_once(problem, emulator, model, grid, null))
             else:
-                fits.append(_unmoved(problem, model, grid, nearby[k], null))
+                fits.append(_unchanged(problem, model, grid, nearby[k], null))
         # a first fit may have found a lower mode on too coarse a grid; where those in other rows
         # ended is nearly it, and what had a chance there has a finer grid already
         margins = Margins(SETTINGS.behind, np.inf)
@@ -106,12 +106,12 @@ def _followed(
     return settled(problem, emulator, noise, Fitted(model, plain, mode, sigma))
 
 
-def _unmoved(
+def _unchanged(
     problem: Problem, model: MeasuredModel, grid: Grid, other: Fitted, null: Fitted
 ) -> Fitted:
     """Return the fit to other rows as one to these, on the grid refined there, not optimised.
 
-    Causes that were accepted are held where they are in these rows.
+    Causes that were accepted are fixed where they are in these rows.
     """
     grid = with_cells(grid, other.grid.edges, other.grid.log_weight)
     if not np.isfinite(other.mode.objective):
@@ -139,14 +139,14 @@ def _once(
         mode = optimise(model, problem.X, problem.y, emulator, grid, starts[0], sigma, size)
         return Fitted(model, grid, mode, sigma)
     mode = highest(problem, emulator, model, grid, starts, sigma)
-    afar = best_from_afar(*args, grid, null.mode.z, mode.z, SETTINGS.exact_fit * null.sigma)
-    if afar is not None:
-        mode = highest(problem, emulator, model, grid, [afar], sigma)
+    start = best_from_afar(*args, grid, null.mode.z, mode.z, SETTINGS.exact_fit * null.sigma)
+    if start is not None:
+        mode = highest(problem, emulator, model, grid, [start], sigma)
     for _ in range(SETTINGS.looks):
         before, sigma = sigma, sigma_of(problem, mode, sigma)
         if not sigma < SETTINGS.much_closer * before:
             break
-        # held to the priors by the noise of a poor fit, an optimisation ends short of a good one
+        # kept at the priors by the noise of a poor fit, an optimisation ends short of a good one
         mode = highest(problem, emulator, model, grid, [mode.z], sigma)
     return Fitted(model, grid, mode, sigma)
 
@@ -173,8 +173,8 @@ def _far_behind(
     weight = np.where(np.isfinite(reached), reached + log_prior, -np.inf)
     enough = np.max(weight[~np.array(of_any_shape)], initial=-np.inf) - margins.behind
     behind = weight < enough
-    hopeless = enough - margins.hopeless
-    for k in map(int, np.flatnonzero(behind & np.isfinite(reached) & (weight > hopeless))):
+    pruned = enough - margins.pruned
+    for k in map(int, np.flatnonzero(behind & np.isfinite(reached) & (weight > pruned))):
         if len(fits[k].grid.nodes):
             missed = _between_nodes(problem, emulator, noise, fits[k], scans[k], sizes)
             # what gains so much without an optimisation may gain as much again by one

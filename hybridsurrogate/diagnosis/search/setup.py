@@ -37,7 +37,7 @@ _TRIED = 200
 
 
 class Prepared(NamedTuple):
-    """The measured rows as a problem without effects, and the causes to weigh on it.
+    """The measured rows as a problem without effects, and the causes to compare on it.
 
     Attributes
     ----------
@@ -45,9 +45,9 @@ class Prepared(NamedTuple):
     causes : list of Cause
         Prepared.
     skipped : list of Skipped
-        What cannot be weighed, with reasons.
+        What cannot be compared, with reasons.
     unusable : list of Skipped
-        The user's own among them.
+        Those of the user.
     """
 
     problem: Problem
@@ -56,11 +56,11 @@ class Prepared(NamedTuple):
     unusable: list[Skipped]
 
     def warn(self) -> None:
-        """Warn of the user's own causes that cannot be weighed."""
+        """Warn of user-defined causes that cannot be compared."""
         for left in self.unusable:
             name = f"{left.kind}({left.target})" if left.target else left.kind
             warnings.warn(
-                f"Your cause {name!r} was not weighed: {left.reason}.",
+                f"Your cause {name!r} was not compared: {left.reason}.",
                 DiagnosisWarning,
                 stacklevel=3,
             )
@@ -72,7 +72,7 @@ def prepare(
     excluded: Collection[str] = (),
     max_causes: int = 1,
 ) -> Prepared:
-    """Return what a search over the catalogue and the user's own causes needs.
+    """Return what a search over the catalogue and user-defined causes needs.
 
     Parameters
     ----------
@@ -81,9 +81,9 @@ def prepare(
     own : sequence of Cause
         The user's.
     excluded : collection of str
-        Kinds of the catalogue that are left out.
+        Kinds of the catalogue that are excluded.
     max_causes : int, default=1
-        How many may be found beside each other.
+        How many may be accepted together.
 
     Raises
     ------
@@ -166,7 +166,7 @@ def _best_draw(fitted: PowerScaledSurrogate, problem: Problem) -> FloatArray:
     with np.errstate(over="ignore", invalid="ignore"):
         squares = (problem.y - some.eta(problem.X)[0]) ** 2 @ problem.weights
     best = int(np.argmin(np.where(np.isfinite(squares), squares, np.inf)))
-    # what the problem holds at a known value is an unknown of the posterior
+    # what the problem fixes at a known value is an unknown of the posterior
     of_posterior = [*posterior.model.parameters, *posterior.model.theta_names]
     unknowns = [*problem.model.parameters, *problem.model.theta_names]
     there = [of_posterior.index(name) for name in unknowns]
@@ -201,7 +201,7 @@ def _lacks(cause: Cause, context: Context, problem: Problem) -> str | None:
 def trained_emulator(
     problem: Problem, fitted: PowerScaledSurrogate
 ) -> tuple[Problem, EmulatorPosterior]:
-    """Return the problem with the simulation as the runs alone tell it."""
+    """Return the problem with the simulation conditioned on the runs alone."""
     basis = problem.model.basis
     emulator = emulator_posterior(basis, problem.simulation)
     runs = fitted.simulation_

@@ -3,7 +3,7 @@
 Screening needs normal rows. Around the fit without a cause, rows of any likelihood are replaced by
 those of one step of Fisher scoring: a working response and a noise of each row, of which the latter
 does not depend on what was measured. Measured and replicated data meet the same approximation, so
-that a p-value is right whatever it neglects; what leads is scored by the likelihood itself
+that a p-value is right whatever it neglects; the most probable causes are scored by the likelihood
 (`exact_scores.py`).
 """
 

@@ -79,7 +79,7 @@ def _right_hand_side(parts: Parts, time: str, varying: Sequence[str], seen: Sequ
     assert parts.ode is not None
     ode = parts.ode.function
     lines = [definition("right_hand_side", ["rhs", time, "state", *seen, *varying])]
-    lines.append('    """Return the slopes of the states with what was found in them."""')
+    lines.append('    """Return the slopes of the states with the detected causes in them."""')
     inside = [part for part in parts.coded if part.code.does in INSIDE]
     for part in inside:
         if part.code.does == "scales rate":

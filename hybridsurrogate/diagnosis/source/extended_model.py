@@ -18,7 +18,7 @@ _TRIED = np.array([0.3, 2.0])
 
 @dataclass(frozen=True)
 class FittedCause:
-    """A prepared cause, and draws of its own parameters and coefficients, (n_draws,) each."""
+    """A prepared cause, and draws of its parameters and coefficients, (n_draws,) each."""
 
     cause: Cause
     theta: Rows
@@ -88,6 +88,6 @@ def link_of(likelihood: Likelihood) -> tuple[str, str]:
     if np.allclose(eta, _TRIED):
         return "", ""
     raise ValueError(
-        f"The likelihood {plain.name!r} has a link of its own, which is not written as Python: it "
+        f"The likelihood {plain.name!r} has a link that is not written as Python: it "
         "is neither the output nor its logarithm."
     )

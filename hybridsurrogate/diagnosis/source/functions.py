@@ -152,7 +152,7 @@ def _moves_of_own(
 
 
 def _theta(one: FittedCause, numbers: Mapping[str, str]) -> str:
-    """Return a user's cause's own parameters as a dict."""
+    """Return a user-defined cause's parameters as a dict."""
     return dict_of(dict(zip(one.theta, numbers, strict=False)))
 
 

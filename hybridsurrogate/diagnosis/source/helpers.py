@@ -32,7 +32,7 @@ HELPERS = {
             output[row] = curve[..., back[k]]
     return np.moveaxis(np.array(output), 0, -1)''',
     "by_level": '''def by_level(values, table, other=0.0):
-    """Return the number of each row's level, and another one for levels not in the table."""
+    """Return the number of each row's level, and a default for levels not in the table."""
     for level, number in table.items():
         other = np.where(values == level, number, other)
     return other''',

@@ -317,7 +317,7 @@ def numbers_of(part: Part) -> list[str]:
 
 
 def own_arguments(parts: Parts) -> list[str]:
-    """Return the arguments of `extended` that are the user's own functions."""
+    """Return the arguments of `extended` that are the user's functions."""
     own = ["simulation"]
     if parts.ode is not None:
         start = ["initial_state"] if callable(parts.ode.initial_state) else []

@@ -1,6 +1,6 @@
 """The whole diagnosis once more on some of the rows: what the extension gains.
 
-folds             rows that are left out, within the measured range and beyond
+folds             rows that are held out, within the measured range and beyond
 refit             search and extension on the others
 cross_validation  all folds
 gain              scores before and after

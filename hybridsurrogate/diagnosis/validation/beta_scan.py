@@ -109,13 +109,13 @@ def scan_folds(y: ArrayLike) -> Folds:
 
 
 def has_weight(estimator: PowerScaledSurrogate) -> bool:
-    """Tell whether runs and measurements compete for the coefficients of a surrogate."""
+    """Return whether runs and measurements compete for the coefficients of a surrogate."""
     posterior = estimator.posterior_
     return bool(posterior.coefficients.shape[1]) and not posterior.model.basis.holds_runs
 
 
 def is_slow(estimator: PowerScaledSurrogate) -> bool:
-    """Tell whether a fit takes long, by hyperparameters, many coefficients or many unknowns."""
+    """Return whether a fit takes long, by hyperparameters, many coefficients or many unknowns."""
     model = estimator.posterior_.model
     many = model.n_unknowns > SETTINGS.many_dimensions
     return many or bool(model.n_hyper) or len(model.basis.coefficient_mean) > _MANY_COEFFICIENTS
@@ -148,7 +148,7 @@ def scan_beta(
     weights : ndarray of shape (n,) or None, default=None
         Of the rows, in the fits and in the means of their scores.
     progress : bool, default=False
-        Say how many folds are done.
+        Print how many folds are done.
 
     Returns
     -------
@@ -166,10 +166,10 @@ def scan_beta(
         for model in ([before] if after is before else models)
         for train, test in folds
     ]
-    told = in_parallel(tasks, n_jobs, progress)
+    scans = in_parallel(tasks, n_jobs, progress)
     n, tests = len(folds), np.concatenate([test for _, test in folds])
-    # the same tasks where nothing was found
-    scores = {"before": told[:n], "after": told[-n:]}
+    # the same tasks where nothing was detected
+    scores = {"before": scans[:n], "after": scans[-n:]}
     joined = {word: np.concatenate(parts, axis=1) for word, parts in scores.items()}
     each = np.ones(len(values)) if weights is None else weights
     there = np.isfinite(values[tests])

@@ -17,7 +17,7 @@ from hybridsurrogate.priors import FloatArray
 
 
 class FoldScores(NamedTuple):
-    """What a fold has to tell: its scores, and the doubtful fits behind them."""
+    """The result of a fold: its scores, and the doubtful fits behind them."""
 
     held: Held
     doubts: list[str]

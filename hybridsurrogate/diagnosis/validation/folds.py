@@ -16,7 +16,7 @@ from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 
 Folds = list[tuple[NDArray[np.intp], NDArray[np.intp]]]
 
-# the last part of the rows is foreseen from all that came before, block after block
+# the last part of the rows is predicted from all that came before, block after block
 _FUTURE_SHARE, _FUTURE_BLOCKS = 0.4, 3
 # rows from which a first search may learn something
 _MIN_PAST = 12
@@ -48,7 +48,7 @@ def folds_beyond(simulation: SimulationData | Simulator, X: FloatArray) -> Folds
 def future_folds(x: FloatArray) -> Folds:
     """Return (train, test) rows in which the test rows lie beyond the training rows.
 
-    The last 40 % of the rows are cut into three blocks of about the same size, each foreseen from
+    The last 40 % of the rows are cut into three blocks of about the same size, each predicted from
     all rows before it (Burkner, Gabry and Vehtari 2020, Journal of Statistical Computation and
     Simulation 90:2499). Rows of equal x stay together.
 

@@ -27,7 +27,7 @@ class FoldGain:
     Attributes
     ----------
     kind : str
-        What the fold's own search chose: "none", a kind, or "kind + kind", sorted.
+        What the fold's search chose: "none", a kind, or "kind + kind", sorted.
     n_rows : int
     elpd_before, elpd_after : float
         Mean log predictive density per row.
@@ -61,7 +61,7 @@ class HeldOutGain:
         Share of rows inside the 50 % predictive interval.
     n_rows : int
     kinds : tuple of str
-        What each fold's own search chose, as ``kind`` of its `FoldGain`; empty for a test set.
+        What each fold's search chose, as ``kind`` of its `FoldGain`; empty for a test set.
     folds : tuple of FoldGain
         The same fold by fold; empty for a test set.
     scan : callable or None
@@ -120,7 +120,7 @@ class HeldOutGain:
         return table([*self._scores(), *self._shares()], _HEADER, self._rows())
 
     def _rows(self) -> str:
-        """Return how many rows were held out, and what was found without them."""
+        """Return how many rows were held out, and what was detected without them."""
         chosen = ", ".join(f"{kind} in {n}" for kind, n in Counter(self.kinds).most_common())
         folds = f"; the searches of {len(self.kinds)} folds chose {chosen}" if chosen else ""
         return f"{self.n_rows} held-out rows{folds}"
@@ -220,7 +220,7 @@ def in_one_word(kinds: Sequence[str]) -> str:
 def pointwise(
     estimator: Any, X: ArrayLike, y: FloatArray, weights: FloatArray | None = None
 ) -> Scores:
-    """Return log density, error of the mean and whether the intervals hold y, for each row.
+    """Return log density, error of the mean and whether the intervals cover y, for each row.
 
     Of what was measured; of several outputs errors in shares of the output's spread.
     """

@@ -22,7 +22,7 @@ def in_parallel(tasks: Sequence[Any], n_jobs: int | None, progress: bool = False
     n_jobs : int or None
         As in `joblib.Parallel`.
     progress : bool
-        Say on a terminal how many were begun; in this process, how many are done.
+        Print on a terminal how many were begun; in this process, how many are done.
 
     Examples
     --------

@@ -9,7 +9,7 @@ from hybridsurrogate.notebook.bars import for_a_person
 
 
 def doing(what: str, shown: bool = True) -> Any:
-    """Return a context that says what is being done while it lasts.
+    """Return a context that prints what is being done.
 
     Parameters
     ----------
@@ -20,7 +20,7 @@ def doing(what: str, shown: bool = True) -> Any:
 
 
 def counted(tasks: Sequence[Any], what: str, shown: bool = True) -> Any:
-    """Return the tasks, which say how many of them are done.
+    """Return the tasks, with a count of those that are done.
 
     Parameters
     ----------

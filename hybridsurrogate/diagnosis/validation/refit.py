@@ -38,7 +38,7 @@ from hybridsurrogate.simulation.simulator import Simulator
 
 # enough for scores whose own standard error is that of a handful of rows, and for what has less
 # than half of the weight
-FOLD_DRAWS, RIVAL_DRAWS, FOLD_STEPS = 400, 200, 1000
+FOLD_DRAWS, ALTERNATIVE_DRAWS, FOLD_STEPS = 400, 200, 1000
 
 
 class Pair(NamedTuple):
@@ -59,7 +59,7 @@ class Refit:
         The model before, not fitted.
     own : sequence of Cause
     excluded : tuple of str
-        Kinds that are not weighed.
+        Kinds that are not compared.
     found : sequence of Search
         On all rows, the first one first: its emulator comes from the runs alone, which are the
         same in each fold, and optimisations start where theirs ended.
@@ -143,7 +143,7 @@ def quickly_fitted(
         quick = clone(estimator).set_params(sampler="importance").fit(X, y, weights)
     if quick.diagnostics_.khat <= KHAT_LIMIT:
         return quick
-    # an ensemble that has not converged by then says so
+    # an ensemble that has not converged by then warns
     ensemble = EnsembleSampler(max_steps=FOLD_STEPS)
     return clone(estimator).set_params(sampler=ensemble).fit(X, y, weights)
 
@@ -161,7 +161,7 @@ def coarsely_fitted(
     from those of a long ensemble; those of an ensemble of 1000 steps, which takes 15 times as long,
     0.12.
     """
-    model = clone(estimator).set_params(n_draws=min(int(estimator.n_draws), RIVAL_DRAWS))
+    model = clone(estimator).set_params(n_draws=min(int(estimator.n_draws), ALTERNATIVE_DRAWS))
     if model.sampler == "auto":
         model.set_params(sampler="importance")
     known = fitted_near(model, X, y, near, weights) if near is not None else None
@@ -182,7 +182,7 @@ def extended(
 ) -> PowerScaledSurrogate | AveragedSurrogate:
     """Return the estimator extended by what may be missing, fitted; the one before for nothing.
 
-    The average over the probable causes, those found first and with all draws, each with a
+    The average over the probable causes, the accepted ones first and with all draws, each with a
     remainder beyond the measured range.
     """
     found = accepted(steps)

@@ -1,4 +1,4 @@
-"""Gross errors as a search found them: which rows an extended model leaves out."""
+"""Gross errors that a search detected: which rows an extended model leaves out."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hybridsurrogate.effects.noise.gross_error import GrossError, GrossRow
 
 
 def with_rows(causes: Sequence[Cause], steps: Sequence[SearchStep]) -> tuple[Cause, ...]:
-    """Return causes in which a `GrossError` has the rows that were found; others are as they are.
+    """Return causes in which a `GrossError` has the detected rows; others are as they are.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def with_rows(causes: Sequence[Cause], steps: Sequence[SearchStep]) -> tuple[Cau
 
 def _found(cause: GrossError, steps: Sequence[SearchStep]) -> Cause:
     for step in steps:
-        for search in (step.given_others, step.search):
+        for search in (step.conditional, step.search):
             for w in search.candidates:
                 if w.cause is cause:
                     return cause.filled(rows=rows_of(search, w))

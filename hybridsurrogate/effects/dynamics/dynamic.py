@@ -11,7 +11,7 @@ from hybridsurrogate.simulation.modification import Modification
 
 NEEDS_ODE = (
     "{}: causes inside the dynamics need simulation=OdeSimulator(...), or runs of one, and "
-    "surrogate=ExactSurrogate(): an emulator knows no right-hand side."
+    "surrogate=ExactSurrogate(): an emulator has no right-hand side."
 )
 
 
@@ -27,7 +27,7 @@ class Dynamic(Cause):
 
     @property
     def priors_of_change(self) -> Mapping[str, Prior]:
-        """The priors of the modification's numbers, by their own names."""
+        """The priors of the modification's numbers, by name, without a prefix."""
         return self.parameters
 
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:

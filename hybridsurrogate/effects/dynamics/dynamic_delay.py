@@ -114,7 +114,7 @@ register(
         "delay: inside",
         DynamicDelay,
         lambda context: map(DynamicDelay, context.states),
-        meaning="what {target} does to itself and to others comes later than the equations say",
+        meaning="the effects of {target} come later than in the equations",
         headline="What {target} does comes {lag} later than the equations have it",
         call="`DynamicDelay(state)`, inside an ODE",
         formula="slopes follow the state as it was a lag ago",

@@ -53,8 +53,8 @@ _CODE = {
 class DynamicDrift(Dynamic):
     """A parameter that changes in time inside the dynamics of an `OdeSimulator`.
 
-    In the right-hand side the parameter p becomes p (1 + amount s(t)), and the solution follows,
-    where `ParameterDrift` runs the simulation anew for each row with a constant parameter.
+    In the right-hand side the parameter p becomes p (1 + amount s(t)), and the solution follows.
+    `ParameterDrift`, in contrast, runs the simulation for each row with a constant parameter.
 
     Parameters
     ----------
@@ -237,7 +237,7 @@ class DynamicDrift(Dynamic):
         )
 
     def _digits(self, values: Mapping[str, float]) -> int:
-        """Return the digits that tell the location among the measured times."""
+        """Return the digits of the location that the measured times resolve."""
         prior = self.parameters.get("location")
         scale = prior_sd(prior) if prior is not None else values["location"]
         return digits_at(values["location"], scale, 4)
@@ -302,7 +302,7 @@ register(
         formula="p (1 + amount (t - location) / duration), from location on and until it has ended",
         priors="amount, location: the same; duration: log-uniform, 2 spacings to half the span",
         estimates="amount, location, duration",
-        left_out='not weighed unless passed, as is `shape="step"`: both are nearly logistic',
+        left_out='not compared unless passed, as is `shape="step"`: both are nearly logistic',
     )
 )
 register(

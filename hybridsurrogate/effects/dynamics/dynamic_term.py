@@ -94,11 +94,11 @@ class DynamicTerm(Dynamic):
     Priors of the numbers by default, where the typical size of a state is its root mean square at
     the medians of the parameters' priors:
 
-    - rate: Student-t with 3 degrees of freedom around zero, whose scale is one over the span of the
-      measured times, times the typical size of the state where the form is constant or saturating,
-      and over that of the other state of a product: over the measured rows the state gains about
-      as much as it holds, or much less or more. Four times that for a threshold, which acts on
-      what is above the level only;
+    - rate: Student-t with 3 degrees of freedom around zero. Its scale is one over the span of the
+      measured times. Where the form is constant or saturating it is multiplied by the typical size
+      of the state; for a product it is divided by that of the other state. So over the measured
+      rows the state gains about as much as it contains, or much less or more. A threshold acts
+      above the level only, and has four times that scale;
     - exponent: uniform from 1/4 to 3; half: log-uniform from a tenth to ten times the typical size;
       level: uniform from zero to twice that;
     - period: log-uniform between the shortest that the rows resolve and twice the span;

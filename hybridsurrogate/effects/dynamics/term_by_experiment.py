@@ -1,4 +1,4 @@
-"""The cause that a term is missing from the dynamics, with a rate of its own in each experiment."""
+"""The cause that a term is missing from the dynamics, its rate differing between experiments."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.ode.dynamics import MissingTerm
 from hybridsurrogate.priors import Prior
 
-# with more experiments a rate that they share says nearly as much
+# with more experiments a rate that they share predicts nearly as well
 _MOST = 6
 
 
@@ -32,7 +32,7 @@ class TermByExperiment(Dynamic):
     ----------
     state : str
     column : str
-        The measured column that says which experiment a row is of.
+        The measured column with the experiment of each row.
     prefix : str or None, default=None
         As in `DynamicDrift`.
     prior : frozen scipy.stats distribution or None, default=None
@@ -168,7 +168,7 @@ class TermByExperiment(Dynamic):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         rates = ", ".join(f"{values[name]:+.4g} ({name[6:]})" for name in self._names)
-        return f"simulation with a rate of its own times {self.state} in its slope: {rates}"
+        return f"simulation with a rate per experiment times {self.state} in its slope: {rates}"
 
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""

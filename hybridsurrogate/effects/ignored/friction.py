@@ -17,7 +17,7 @@ _LEAST_EACH = 3
 
 
 class Friction(OverColumn):
-    """Dry friction and viscous friction: one knows only which way, the other how fast.
+    """Dry friction and viscous friction: one depends on the sign, the other on the speed.
 
     ``simulation + viscous x + dry sign(x)``: Coulomb's and Newton's law (Olsson et al. 1998,
     European Journal of Control 4:176); the same form has the voltage at a contact, or a backlash.
@@ -42,7 +42,7 @@ class Friction(OverColumn):
 
     @property
     def variant(self) -> str:
-        """What tells it from a straight line."""
+        """The name of this form, which differs from a straight line."""
         return "friction"
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:

@@ -58,7 +58,8 @@ class MissingInput(OverColumn):
         None: those of the measured rows, each with at least three of these; at most six, or twenty
         of a column that labels experiments.
     offset : bool, default=False
-        Nobody knows where the simulation is right; not with the quadratic shape or one level.
+        Whether the value at which the simulation is right is unknown, so that an offset is
+        estimated too; not with the quadratic shape or one level.
 
     Examples
     --------
@@ -287,12 +288,12 @@ def _from_zero(context: Context) -> Iterator[Cause]:
 def _trouble_with_categories(cause: Cause, context: Context) -> str | None:
     (column,) = cause.reads
     if len(np.unique(context.X[column])) == 2:
-        return f"{column} has 2 distinct values: a straight line over it says the same"
+        return f"{column} has 2 distinct values: a straight line over it is the same"
     return trouble_with_levels(context, column)
 
 
 def _lacking(context: Context) -> list[tuple[None, str]]:
-    return [] if context.ignored else [(None, "no measured column beside the inputs")]
+    return [] if context.ignored else [(None, "no measured column apart from the inputs")]
 
 
 def _without_levels(context: Context) -> Iterator[tuple[str, str]]:
@@ -314,7 +315,7 @@ register(
         call="`MissingInput(x)`",
         formula="eta + slope (x - mean)",
         estimates="slope",
-        left_out="no measured column beside the inputs",
+        left_out="no measured column apart from the inputs",
     )
 )
 register(
@@ -334,7 +335,7 @@ register(
         "missing-input: categorical",
         MissingInput,
         _categories,
-        meaning="{output} is higher or lower by an amount of its own for each value of {target}, "
+        meaning="{output} is shifted by an amount that differs between the values of {target}, "
         "which the simulation ignores",
         trouble=_trouble_with_categories,
         headline=("{output} differs between the values of {target}, which the simulation ignores"),
@@ -384,8 +385,8 @@ register(
         call="`MissingInput(x, offset=True)`",
         formula="eta + offset + slope (x - mean): right at another value than the mean",
         estimates="slope, offset",
-        left_out="fewer than 3 distinct values; `max_causes` above one, where an offset is a cause "
-        "of its own",
+        left_out="fewer than 3 distinct values; `max_causes` above one, where an offset is a "
+        "separate cause",
     )
 )
 register(

@@ -20,7 +20,7 @@ class Delay(Cause):
     """The simulation run at a shifted input: a response that is late, a clock set wrongly.
 
     ``simulation(x - lag)``, the lag in units of the column; positive when the measurements come
-    later than the simulation says. Its prior is Student-t with one degree of freedom (Cauchy), its
+    later than in the simulation. Its prior is Student-t with one degree of freedom (Cauchy), its
     scale a tenth of the measured span: most lags are short, none is ruled out. The shifted input is
     not cut off at the simulated range: near its ends the simulation, or its surrogate, extrapolates
     as far as the lag.

@@ -21,7 +21,7 @@ _EDGE = _PERIOD / 2
 
 
 class Autocorrelation(OverColumn):
-    """Correlated noise along an ordered column, beside the independent noise.
+    """Correlated noise along an ordered column, in addition to the independent noise.
 
     ``simulation + u(x)`` with u an Ornstein-Uhlenbeck process, the AR(1) process of unevenly spaced
     rows: standard deviation ``amplitude``, correlation ``exp(-distance / length)`` (Uhlenbeck and
@@ -34,9 +34,9 @@ class Autocorrelation(OverColumn):
     ``unexplained`` is a smooth curve that the simulation misses, of at least a thirteenth of the
     measured span in length. This is rough (the paths have no slope anywhere) and soon forgets: the
     length is log-uniform from half a spacing of neighbouring rows to a twentieth of the span, but
-    at least four spacings. What stays correlated for longer looks like a curve, and no data at
-    these rows say which it is. The amplitude is log-uniform from 0.3 % to 100 % of the spread of
-    the output; a search weighs it as it does every other size.
+    at least four spacings. What stays correlated for longer looks like a curve, and data at
+    these rows cannot separate the two. The amplitude is log-uniform from 0.3 % to 100 % of the
+    spread of the output; a search compares it as it does every other size.
 
     Parameters
     ----------
@@ -58,7 +58,9 @@ class Autocorrelation(OverColumn):
     """
 
     kind = "noise"
-    meaning = "what is left of {output} is alike in neighbouring measurements along {column}"
+    meaning = (
+        "residuals of {output} are correlated between neighbouring measurements along {column}"
+    )
     is_process = True
     coefficient_sd = 1.0
     coefficients = (

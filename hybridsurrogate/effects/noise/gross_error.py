@@ -48,19 +48,19 @@ class GrossError(Cause):
     """One or two measurements are unlike all others, by any amount; the simulation is right.
 
     The mean-shift outlier model (Cook and Weisberg 1982, Residuals and Influence in Regression,
-    section 2.2.2): each of the rows concerned has a shift of its own, with a wide prior, so that
+    section 2.2.2): each of the rows concerned has a separate shift, with a wide prior, so that
     the other rows are fitted as if these were left out. A search enumerates the row, each of n with
     probability 1 / n, or the pair of rows, each with 2 / (n (n - 1)); of many rows those that the
     simulation misses most. Where more than two rows are far off, see `Outliers`.
 
-    An estimator with the rows that were found leaves them out, wherever they stand in the data: it
+    An estimator with the detected rows leaves them out, wherever they stand in the data: it
     knows them by their inputs and output. It is no model of new measurements, which have no gross
     errors.
 
     Parameters
     ----------
     n_rows : {1, 2}, default=1
-        Rows concerned, to be found by a diagnosis.
+        Rows concerned, to be detected by a diagnosis.
     rows : tuple of GrossRow, default=()
         Those that are known. An estimator needs them.
     table : ndarray of shape (n, n_columns) or None, default=None
@@ -124,7 +124,7 @@ class GrossError(Cause):
 
     @property
     def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
-        """A shift for each row, none of rows that are left out."""
+        """A shift for each row, none of excluded rows."""
         if self.rows or self.table is None:
             return ()
         return ("shift",) if self.n_rows == 1 else ("shift_1", "shift_2")
@@ -220,7 +220,7 @@ class GrossError(Cause):
         return f"simulation; {listing(rows)}"
 
     def latex(self, values: Mapping[str, float]) -> str:
-        """Return the simulation, and the rows that are left out."""
+        """Return the simulation, and the excluded rows."""
         numbers = [
             f"{values[f'row{end}']:.0f}" for end in ("", "_1", "_2") if f"row{end}" in values
         ]

@@ -1,4 +1,4 @@
-"""An input that is not where it is said to be."""
+"""An input whose recorded value is not exact."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ class InputError(NoiseOfSlope):
     To first order (Fuller 1987, Measurement Error Models, section 3.1) the variance of a row is
     ``sigma^2 + (s d eta / d x)^2``, with s the standard deviation of the input's error. It is
     written ``sigma^2 (1 + (ratio slope / usual)^2)`` with ``usual`` the root mean square of the
-    slope over the measured rows, so at a usual slope the input's error is ``ratio`` times the other
+    slope over the measured rows. At a usual slope the input's error is ``ratio`` times the other
     noise. The ratio is log-normal with median 2 and standard deviation 1 of its logarithm.
 
     The slope is that of the simulation with what earlier causes make of it, at the row and at the
-    parameters of each draw. An emulator's coefficients are held at what the runs say.
+    parameters of each draw. An emulator's coefficients are fixed at their estimate from the runs.
 
     Parameters
     ----------
@@ -69,8 +69,8 @@ register(
         "input-error",
         InputError,
         over_inputs(InputError),
-        meaning="{target} is not exactly where it is said to be: {output} scatters where it is "
-        "steep",
+        meaning="the recorded {target} is not exact: {output} scatters where it is steep in "
+        "{target}",
         least_rows=8,
         trouble=_trouble,
         like=("noise", "random-parameter"),

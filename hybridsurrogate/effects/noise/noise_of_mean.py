@@ -33,9 +33,9 @@ class NoiseOfMean(Cause):
     The exponent is normal around 0, with standard deviation 1, or more where the output moves by a
     small share of its size only: there the noise at the ends still may differ by a factor.
 
-    An emulator's coefficients are held at what the runs say wherever eta sets the noise, so that
-    everything else stays conditionally Gaussian (pseudo-likelihood; Davidian and Carroll 1987,
-    Journal of the American Statistical Association 82:1079).
+    An emulator's coefficients are fixed at their estimate from the runs wherever eta sets the
+    noise, so that everything else stays conditionally Gaussian (pseudo-likelihood; Davidian and
+    Carroll 1987, Journal of the American Statistical Association 82:1079).
 
     Parameters
     ----------

@@ -20,10 +20,10 @@ _MOST = 1e6
 
 
 class NoiseOfSlope(Cause):
-    """Noise from a quantity ``q`` of the simulation that is another one in every row.
+    """Noise from a quantity ``q`` of the simulation that differs between rows.
 
     To first order around the simulation's output (Fuller 1987, Measurement Error Models, section
-    3.1), ``eta(q + s e) = eta(q) + s e d eta / d q`` with e standard normal, so that the variance
+    3.1), ``eta(q + s e) = eta(q) + s e d eta / d q`` with e standard normal. The variance
     of a row is ``sigma^2 + (s d eta / d q)^2 = sigma^2 (1 + (ratio slope / usual)^2)``. ``usual``
     is the root mean square of the slope over the measured rows.
 
@@ -129,7 +129,7 @@ def slopes_of(cause: NoiseOfSlope, context: Context) -> FloatArray:
 
 
 def trouble(cause: Cause, context: Context) -> str | None:
-    """Return why such noise cannot be told from any other."""
+    """Return why such noise cannot be separated from any other."""
     assert isinstance(cause, NoiseOfSlope)
     try:
         size = np.abs(slopes_of(cause, context))

@@ -19,9 +19,10 @@ class Outliers(Cause):
     """Heavy tails: a share of the measurements scatters much more; the simulation is right.
 
     Each measurement is, with probability ``share``, an outlier, whose standard deviation is 3 to
-    30 times that of the others (log-uniform, for each outlier its own): Tukey's contaminated normal
-    (1960, in Contributions to Probability and Statistics) with any size of outlier. Between these
-    ends the density falls like one over the distance. The share is log-uniform from 1 to 40 %.
+    30 times that of the others (log-uniform, for each outlier separately): Tukey's contaminated
+    normal (1960, in Contributions to Probability and Statistics) with any size of outlier. Between
+    these ends the density falls like one over the distance. The share is log-uniform from 1 to 40
+    %.
 
     Rows are no longer Gaussian given the rest, so an estimator with this effect is fitted as one
     with a likelihood that is not normal. ``sigma`` is the noise of measurements that are not
@@ -42,7 +43,7 @@ class Outliers(Cause):
     """
 
     kind = "noise"
-    meaning = "a few measurements of {output} are far off, and say little"
+    meaning = "a few measurements of {output} are far off, and carry little information"
 
     def __init__(self, share: Prior | None = None):
         self.share = share

@@ -17,7 +17,7 @@ _SD = 2.0
 
 
 class OutputNoise(Cause):
-    """A noise of its own for each of several outputs, relative to that of the first.
+    """Separate noise for each of several outputs, relative to that of the first.
 
     Outputs are in units of their measured standard deviations, and ratios log-normal around one.
 

@@ -1,4 +1,4 @@
-"""A parameter that is another one in every row."""
+"""A parameter that differs between rows."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class RandomParameter(NoiseOfSlope):
     of its logarithm.
 
     The slope is that of the simulation with what earlier causes make of it, at the row and at the
-    parameters of each draw. An emulator's coefficients are held at what the runs say.
+    parameters of each draw. An emulator's coefficients are fixed at their estimate from the runs.
 
     Parameters
     ----------
@@ -69,8 +69,8 @@ register(
         "random-parameter",
         RandomParameter,
         _over_parameters,
-        meaning="the parameter {target} is another one in every row: {output} scatters where it "
-        "counts",
+        meaning="the parameter {target} differs between rows: {output} scatters where it depends "
+        "on {target}",
         least_rows=8,
         trouble=trouble,
         like=("noise", "input-error"),

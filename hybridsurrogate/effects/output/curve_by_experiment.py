@@ -1,4 +1,4 @@
-"""A smooth curve of its own for each experiment, batch, subject or sensor."""
+"""A smooth curve for each experiment, batch, subject or sensor."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import Prior, frozen
 from hybridsurrogate.simulation.calendar import is_of_calendar
 
-# an experiment with fewer places along the column has an amount of its own, and no curve
+# an experiment with fewer places along the column has an offset, and no curve
 _LEAST_PLACES = 4
 # waves of each curve: enough for the shortest length, 0.3 of half the span (Riutort-Mayol et al.
 # 2023, Statistics and Computing 33:17, eq. 17: 1.75 * 1.5 / 0.3)
@@ -26,23 +26,23 @@ _PLACES = 61
 
 
 class CurveByExperiment(OverColumn):
-    """A smooth curve of unknown shape over one input, another one in each experiment.
+    """A smooth curve of unknown shape over one input, which differs between experiments.
 
     ``simulation + u_e(x)`` with independent Gaussian processes u_e of one standard deviation
     ``amplitude`` and one ``length``: the errors of an experiment's measurements are alike (a
-    picture that is distorted, a sensor that was mounted anew), or experiments differ in what the
-    simulation does not know. `GaussianProcessDiscrepancy` over one input gives the curves: squared
-    exponential, by a Hilbert-space basis, held beyond a quarter of the measured range outside it.
-    The curves are independent, and the mean of a few is not zero: what few experiments share may be
-    drawn by it. An experiment that was not measured strays by another curve: its prediction is the
-    simulation's, with that much more spread.
+    picture that is distorted, a sensor that was mounted anew), or experiments differ in something
+    that the simulation ignores. `GaussianProcessDiscrepancy` over one input gives the curves:
+    squared exponential, by a Hilbert-space basis, constant beyond a quarter of the measured range
+    outside it. The curves are independent, and the mean of a few is not zero: it may describe what
+    few experiments share. An experiment that was not measured has an unknown curve: its prediction
+    is the simulation's, with that much more spread.
 
     Parameters
     ----------
     column : str
         An input of the simulation.
     by : str
-        The column that says which experiment a row is of.
+        The column with the experiment of each row.
     length, amplitude : frozen scipy.stats distribution or None, default=None
         Priors, in units of the column and of the output: log-uniform from 15 % to 100 % of the
         measured span, and from 0.3 % to 100 % of the spread of the output.
@@ -168,7 +168,7 @@ class CurveByExperiment(OverColumn):
 
     @property
     def _ends(self) -> tuple[float, float]:
-        """The places beyond which curves are held."""
+        """The places beyond which curves are constant."""
         assert self.center is not None
         assert self.span is not None
         return self.center - 0.75 * self.span, self.center + 0.75 * self.span
@@ -188,7 +188,7 @@ class CurveByExperiment(OverColumn):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         return (
-            f"simulation + a smooth curve over {self.column} of its own for each {self.by}, of "
+            f"simulation + a smooth curve over {self.column} for each {self.by}, of "
             f"{values['amplitude']:.4g} (standard deviation)"
         )
 
@@ -230,8 +230,8 @@ register(
         "curve-by-experiment",
         CurveByExperiment,
         _own_curves,
-        meaning="{output} strays by another smooth curve over {column} in each experiment: its "
-        "measurements err together, or something that the simulation does not know differs",
+        meaning="{output} deviates by a smooth curve over {column} that differs between "
+        "experiments: correlated errors, or something that the simulation ignores",
         least_rows=8,
         least_distinct=2,
         trouble=_trouble,

@@ -20,7 +20,7 @@ class Decay(FromOrigin):
 
     ``simulation + amplitude exp(-(x - origin) / scale)``: first-order relaxation from the first
     measured row on, and the full amplitude before it. The amplitude is in units of the output, the
-    scale (after which 37 % is left) in units of the column. The scale is log-uniform between two
+    scale (after which 37 % remains) in units of the column. The scale is log-uniform between two
     distances of neighbouring rows and the measured span.
 
     Parameters
@@ -61,7 +61,7 @@ class Decay(FromOrigin):
         return prepared
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
-        """Return the share that is left."""
+        """Return the share that remains."""
         return np.exp(-self.distance(X) / theta["scale"])[:, None]
 
     def code(self) -> Code:

@@ -153,7 +153,7 @@ class GaussianProcessDiscrepancy(Cause):
         return Code(" + ".join(curves), columns=x, grids=grids, tables=self._tables)
 
     def _ends(self, name: str) -> tuple[float, float]:
-        """Return the places of an input beyond which the curve is held."""
+        """Return the places of an input beyond which the curve is constant."""
         assert self.ranges is not None
         low, high = self.ranges[name]
         middle, reach = (low + high) / 2, _BOUNDARY * ((high - low) or 1.0) / 2
@@ -190,7 +190,7 @@ def _waves(x: FloatArray, limits: tuple[float, float], root: FloatArray) -> Floa
     """Return the basis over one input, (n, orders)."""
     low, high = limits
     scaled = (2 * x - low - high) / ((high - low) or 1.0)
-    # the basis is periodic beyond its boundary: hold the process at its edge there
+    # the basis is periodic beyond its boundary: fix the process at its edge there
     scaled = np.clip(scaled, -_BOUNDARY, _BOUNDARY)
     return np.asarray(np.sin(root * (scaled[:, None] + _BOUNDARY)) / np.sqrt(_BOUNDARY))
 

@@ -19,10 +19,10 @@ class Episode(Located):
     """An added level between two unknown places: an instrument that read otherwise for some years.
 
     ``simulation``, and ``+ amplitude`` for location <= x < end. The amplitude is in units of the
-    output, location and end in those of the column. The location is uniform over the measured rows;
-    given it the length is log-uniform, from the distance of neighbouring rows (at most a twentieth
-    of the span) to the distance of the last row, and ``share`` is how far along that way it is. So
-    an episode ends before the last row: one that does not is a `Step`.
+    output, location and end in those of the column. The location is uniform over the measured rows.
+    Given it the length is log-uniform, from the distance of neighbouring rows (at most a twentieth
+    of the span) to the distance of the last row. ``share`` is its quantile in that prior. So an
+    episode ends before the last row: one that does not is a `Step`.
 
     Parameters
     ----------

@@ -15,8 +15,8 @@ class Interaction(Cause):
     """A product of two columns that the simulation lacks: one changes what the other does.
 
     ``simulation + slope (x1 - center_1) (x2 - center_2)``, the slope in units of the output per
-    unit of the product. Main effects are left to the simulation: it is right where either column is
-    in its middle, or at zero with ``centers=(0.0, 0.0)``.
+    unit of the product. The simulation describes the main effects: it is right where either column
+    is in its middle, or at zero with ``centers=(0.0, 0.0)``.
 
     Parameters
     ----------

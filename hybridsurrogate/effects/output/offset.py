@@ -135,7 +135,7 @@ def _at_levels(context: Context) -> Iterator[Cause]:
 
 def _trouble_on_log_scale(cause: Cause, context: Context) -> str | None:
     if cause.target is None and context.log_scale:
-        return "on a logarithmic scale a constant is a factor, weighed as gain"
+        return "on a logarithmic scale a constant is a factor, compared as gain"
     return None
 
 

@@ -1,4 +1,4 @@
-"""What a simulation may lack beyond the measured range, whatever was found within it."""
+"""What a simulation may lack beyond the measured range, in addition to the detected causes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hybridsurrogate.priors import Prior, frozen
 
 # learned from 18 measured data sets and 160 generated cases, half of these with their cause left
 # out of the catalogue: how the standard deviation grows with the distance, and its ends in shares
-# of what was found
+# of what was detected
 GROWTH, LEAST, MOST = 0.25, 0.01, 2.0
 
 
@@ -21,9 +21,9 @@ class Remainder(Cause):
 
     ``simulation + amplitude z d^(1/4)`` with d the distance to the measured range of an input, in
     units of that range, and z standard normal: one for each end of each input, so that beyond an
-    end all rows share it. A simulation that was found to lack something is likely to lack more
+    end all rows share it. A simulation in which a lack was detected is likely to lack more
     where it was not measured, by as much: the amplitude is log-uniform from a hundredth of the size
-    of what was found to twice that. The data say nothing of it, so that it is drawn from its prior.
+    of what was detected to twice that. The data do not inform it, so it is drawn from its prior.
 
     Parameters
     ----------
@@ -35,10 +35,10 @@ class Remainder(Cause):
     Notes
     -----
     The power and both ends are the round numbers near the best of a grid, by held-out log density;
-    powers from 1/5 to 1 do nearly as well. On new cases 90 % intervals beyond the range hold 96 %
-    instead of 88 % at a cost of 0.03 in the mean log density of a row, and where the true cause had
-    been taken out of the catalogue 79 % instead of 70 %, with 0.42 more. Of 18 measured data sets
-    15 are foreseen no worse than by the plain simulation instead of 13.
+    powers from 1/5 to 1 do nearly as well. On new cases 90 % intervals beyond the range cover 96 %
+    instead of 88 %, at a cost of 0.03 in the mean log density of a row. Where the true cause had
+    been taken out of the catalogue they cover 79 % instead of 70 %, with a gain of 0.42. Of 18
+    measured data sets 15 are predicted no worse than by the plain simulation instead of 13.
 
     Examples
     --------

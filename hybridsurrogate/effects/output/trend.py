@@ -14,7 +14,7 @@ from hybridsurrogate.effects.registry import Form, over_inputs, register
 
 
 class Trend(OverColumn):
-    """A straight line or a parabola over a column, with a level of its own.
+    """A straight line or a parabola over a column, with a level.
 
     ``simulation + level + slope (x - center) + curvature (x - center)^2``, the last term only with
     ``degree=2``. Level, slope and curvature are in units of the output, of the output per unit of
@@ -150,7 +150,7 @@ class TrendSinceStart(FromOrigin):
 
     @property
     def variant(self) -> str:
-        """What tells it from a trend with a level of its own."""
+        """The name of this form, which has no level, unlike a trend."""
         return "since the start"
 
     def prepare(self, context: Context) -> Cause:

@@ -32,8 +32,8 @@ class NarrowPrior(Cause):
     parameter : str
         A parameter of the simulation.
     prior : frozen scipy.stats distribution or None, default=None
-        Of its value. None: for a positive parameter log-uniform from a tenth of the lower end of
-        the given prior to ten times its upper end, else uniform to five widths beyond either end.
+        Of its value. None: uniform to five widths beyond either end of the given prior. For a
+        positive parameter log-uniform, from a tenth of the lower end to ten times the upper end.
     nearest : float or None, default=None
         The value that fits best within the given prior.
 

@@ -26,22 +26,22 @@ _WIDEST = 2.0
 class ParameterByExperiment(Cause):
     """A parameter that differs between experiments: batches, subjects, sensors, sites.
 
-    - ``how="spread"``: experiment e has ``parameter + spread u_e`` with u_e standard normal, so
-      that the parameter is the mean of all experiments that there might be and ``spread`` their
-      standard deviation, half-Cauchy a priori with the parameter's prior standard deviation as
-      scale (Gelman 2006, Bayesian Analysis 1:515, section 7.1). What is beyond the support of the
-      parameter's prior is held at its end;
-    - ``how="own"``: each experiment has a value of its own with the parameter's prior, and tells
-      nothing of the others.
+    - ``how="spread"``: experiment e has ``parameter + spread u_e`` with u_e standard normal. The
+      parameter is the population mean and ``spread`` the standard deviation between experiments.
+      A priori the spread is half-Cauchy, its scale the parameter's prior standard deviation
+      (Gelman 2006, Bayesian Analysis 1:515, section 7.1). Values beyond the support of the
+      parameter's prior are set to its end;
+    - ``how="own"``: each experiment has a separate value with the parameter's prior,
+      independent of the others.
 
-    An experiment that was not measured is another one of the same kind.
+    An experiment that was not measured is drawn from the same distribution.
 
     Parameters
     ----------
     parameter : str
         A parameter of the simulation.
     column : str
-        The measured column that says which experiment a row is of.
+        The measured column with the experiment of each row.
     how : {"spread", "own"}, default="spread"
     spread : frozen scipy.stats distribution, float or None, default=None
         Prior of the spread, or its value where it is known, in units of the parameter.
@@ -129,7 +129,7 @@ class ParameterByExperiment(Cause):
 
     @property
     def _names(self) -> list[str]:
-        """Names of the experiments' own numbers."""
+        """Names of the experiments' separate numbers."""
         assert self.levels is not None
         labels = self.labels or tuple(f"{level:.12g}" for level in self.levels)
         return [f"{self.column} = {label}" for label in labels]
@@ -164,7 +164,7 @@ class ParameterByExperiment(Cause):
         return X, {**omega, self.parameter: own}
 
     def rows_of(self, X: Rows) -> dict[str, NDArray[np.bool_]]:
-        """Return the rows of each experiment, and those of another one."""
+        """Return the rows of each experiment, and those of other experiments."""
         assert self.levels is not None
         names = [*self._names, f"{_ANOTHER} {self.column}"]
         which = position_among(self.levels, X[self.column])
@@ -184,7 +184,7 @@ class ParameterByExperiment(Cause):
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the spread, and how far each experiment is from their mean.
 
-        Where each has a value of its own, these values.
+        Where each has a separate value, these values.
         """
         if self.how == "own":
             return {name: np.asarray(theta[name]) for name in self._names}
@@ -212,7 +212,7 @@ class ParameterByExperiment(Cause):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         if self.how == "own":
-            return f"simulation with a {self.parameter} of its own for each {self.column}"
+            return f"simulation with a separate {self.parameter} for each {self.column}"
         return (
             f"simulation with {self.parameter} differing between the values of {self.column} by "
             f"{values['spread']:.4g} (standard deviation)"

@@ -105,11 +105,11 @@ class ParameterDrift(Cause):
 
     Slope, change and amplitude are in units of the parameter (the slope per unit of the column),
     location, width and period in those of the column. Sizes have a Cauchy prior (Student-t with one
-    degree of freedom): over the measured rows the parameter changes by about its own prior standard
-    deviation, or by much less or more. The location is uniform over the measured rows, the width
+    degree of freedom): over the measured rows the parameter changes by about its prior's standard
+    deviation, or by much less or more. The location is uniform over the measured rows. The width is
     log-uniform from half the distance of neighbouring rows (at most a twentieth of the span) to a
-    quarter of the span, the period log-uniform from four distances of neighbouring rows (at least a
-    25th of the span) to twice their span.
+    quarter of the span. The period is log-uniform from four distances of neighbouring rows (at
+    least a 25th of the span) to twice their span.
 
     Parameters
     ----------
@@ -284,7 +284,7 @@ class ParameterDrift(Cause):
         return f"simulation with {self.parameter} {text}"
 
     def _places(self, values: Mapping[str, float]) -> dict[str, tuple[float, int]]:
-        """Return centre and location, each with the digits that tell it."""
+        """Return centre and location, each with its significant digits."""
         assert self.center is not None
         assert self.span is not None
         places = {"center": self.center, "location": values.get("location", self.center)}
@@ -333,7 +333,7 @@ def _lacking(context: Context) -> Iterator[tuple[str | None, str]]:
     for parameter in context.starts:
         yield parameter, f"over {context.inputs[0]}: it sets the initial state and nothing else"
     if context.parameters and not context.extras:
-        yield None, "over extras: no measured column beside the inputs"
+        yield None, "over extras: no measured column apart from the inputs"
 
 
 register(

@@ -25,7 +25,7 @@ class WrongConstant(Cause):
     prior : frozen scipy.stats distribution or None, default=None
         Of its value. None: that of the simulation.
     assumed : float or None, default=None
-        The value that was assumed; told by the simulation.
+        The value that was assumed. None: that of the simulation.
 
     Examples
     --------

@@ -18,11 +18,10 @@ from hybridsurrogate.priors import Prior, frozen
 class BuildUp(FromOrigin):
     """Nothing at first, then more and more of what is simulated: absorption of a dose, a warm-up.
 
-    ``simulation (1 - exp(-(x - origin) / scale))``; where the simulation is an exponential decay,
-    that is the course of a substance that is taken up and removed, each in proportion to what is
-    there (Bateman 1910, Proceedings of the Cambridge Philosophical Society 15:423). The scale is in
-    units of the column; its prior is log-uniform from a tenth of the distance of neighbouring rows
-    to half the measured span.
+    ``simulation (1 - exp(-(x - origin) / scale))``. Where the simulation is an exponential decay,
+    that is first-order absorption and elimination of a substance (Bateman 1910, Proceedings of the
+    Cambridge Philosophical Society 15:423). The scale is in units of the column; its prior is
+    log-uniform from a tenth of the distance of neighbouring rows to half the measured span.
 
     Parameters
     ----------
@@ -72,8 +71,8 @@ class BuildUp(FromOrigin):
         values = context.column(self.column)
         if self.origin is None and not _begins_at_zero(context, self.column):
             raise ValueError(
-                f"{self.column!r} does not begin near zero: say where the build-up begins, as in "
-                f"BuildUp({self.column!r}, origin={values.min():.4g})."
+                f"{self.column!r} does not begin near zero: give the place where the "
+                f"build-up begins, as in BuildUp({self.column!r}, origin={values.min():.4g})."
             )
         span, spacing = span_and_spacing(values)
         return self.filled(
@@ -139,7 +138,7 @@ def _begins_at_zero(context: Context, column: str) -> bool:
 
 
 def _trouble(cause: Cause, context: Context) -> str | None:
-    # one of the user's own, of this kind, says itself where it begins
+    # a user-defined cause of this kind sets where it begins
     if not isinstance(cause, BuildUp) or cause.origin is not None:
         return None
     begins = _begins_at_zero(context, cause.column)

@@ -28,12 +28,12 @@ class Gain(Cause):
     Parameters
     ----------
     log_scale : bool, default=False
-        Whether the output is logarithmic; told by the likelihood.
+        Whether the output is logarithmic; the likelihood sets it.
     scale : float or None, default=None
         Scale of the prior of the gain's logarithm: Laplace's, or on a logarithmic scale the
-        normal's standard deviation. None: as said above. More is a third of the logarithm of the
-        ratio of measured to simulated outputs at the medians of the priors where that exceeds 2,
-        or on a logarithmic scale a third of the distance of their means.
+        normal's standard deviation. None: as above. It is larger where measured
+        and simulated outputs, at the medians of the priors, differ by a factor of more than 2: a
+        third of its logarithm, or on a logarithmic scale a third of the distance of their means.
 
     Examples
     --------

@@ -15,7 +15,7 @@ from hybridsurrogate.priors import Prior, frozen
 
 
 class Limit(Cause):
-    """What the simulation says beyond a limit is not reached: an overflow, or the end of a scale.
+    """The output stops at a limit that the simulation exceeds: an overflow, the end of a scale.
 
     ``min(simulation, limit)``, or with ``below=True`` ``max(simulation, limit)``, as in censored
     regression (Tobin 1958, Econometrica 26:24), but with noise on what is read at the limit. The

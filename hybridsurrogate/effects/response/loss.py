@@ -19,10 +19,10 @@ _LONGEST = 5.0
 
 
 class Loss(Located):
-    """From some place on ever less of the simulation is left: a vaccine, bleaching, wear.
+    """From some place on ever less of the simulation remains: a vaccine, bleaching, wear.
 
     ``simulation exp(-max(x - location, 0) / scale)``: attenuation at a constant rate. Location and
-    scale (after which 37 % is left) are in units of the column; the location is uniform over the
+    scale (after which 37 % remains) are in units of the column; the location is uniform over the
     measured rows, the scale log-uniform between the distance of neighbouring rows and five spans.
     Where the output is logarithmic the same is a `Ramp`.
 
@@ -66,7 +66,7 @@ class Loss(Located):
 
     @property
     def variant(self) -> str:
-        """What tells it from a straight line that is added."""
+        """The name of this form, which is no straight line that is added."""
         return "loss"
 
     @property
@@ -79,7 +79,7 @@ class Loss(Located):
         if context.log_scale:
             raise ValueError(
                 f"Loss({self.column!r}) is for an output itself; where its logarithm is measured, "
-                f"Ramp({self.column!r}) says the same."
+                f"use Ramp({self.column!r}), which is the same."
             )
         prepared = super().prepare(context)
         if self.scale is None:
@@ -93,7 +93,7 @@ class Loss(Located):
         return {"location": self.locations(40), "scale": scales}
 
     def gain(self, X: Rows, theta: Rows) -> FloatArray:
-        """Return the share that is left."""
+        """Return the share that remains."""
         return np.exp(-np.maximum(X[self.column] - theta["location"], 0.0) / theta["scale"])
 
     def code(self) -> Code:
@@ -130,7 +130,7 @@ def _over_inputs(context: Context) -> Iterator[Cause]:
 
 def _lacking(context: Context) -> Iterator[tuple[str | None, str]]:
     if context.log_scale:
-        yield None, "the logarithm of the output is measured: ramp says the same"
+        yield None, "the logarithm of the output is measured: ramp is the same"
 
 
 register(
@@ -138,7 +138,7 @@ register(
         "ramp: loss",
         Loss,
         _over_inputs,
-        meaning="from one place of {column} on ever less of simulated {output} is left, as where "
+        meaning="from one place of {column} on ever less of simulated {output} remains, as where "
         "something is worn, bleached or prevented",
         least_distinct=8,
         lacking=_lacking,

@@ -1,4 +1,4 @@
-"""A second store that empties more slowly, beside a simulated decay."""
+"""A second store that empties more slowly than a simulated decay."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ _NODES = 10
 class SecondStore(FromOrigin):
     """An exponential that is added to the output itself, where its logarithm is what is measured.
 
-    ``simulation + size exp(-(x - origin) / scale)``: beside a decay, a share that waits in a second
-    store and comes back slowly, such as a drug in the tissue (the two-compartment model; Gibaldi
-    and Perrier 1982, Pharmacokinetics, chapter 2). On a logarithmic scale that is no added column:
-    ``log(exp(eta) + size exp(-(x - origin) / scale))``. Where the output itself is measured,
-    `Decay` says the same.
+    ``simulation + size exp(-(x - origin) / scale)``: in addition to a decay, a share that waits in
+    a second store and comes back slowly, such as a drug in the tissue (the two-compartment model;
+    Gibaldi and Perrier 1982, Pharmacokinetics, chapter 2). On a logarithmic scale that is no added
+    column: ``log(exp(eta) + size exp(-(x - origin) / scale))``. Where the output itself is
+    measured, `Decay` is the same.
 
-    The scale, after which 37 % is left, is log-uniform from a quarter of the measured span to four
+    The scale, after which 37 % remains, is log-uniform from a quarter of the measured span to four
     times it; the size from 0.03 to 30 times the geometric mean of the measured output.
 
     Parameters
@@ -79,7 +79,7 @@ class SecondStore(FromOrigin):
         if not context.log_scale:
             raise ValueError(
                 f"SecondStore({self.column!r}) is for a logarithmic output; where the output "
-                f"itself is measured, Decay({self.column!r}) says the same."
+                f"itself is measured, use Decay({self.column!r}), which is the same."
             )
         values = context.column(self.column)
         span, _ = span_and_spacing(values)
@@ -99,7 +99,7 @@ class SecondStore(FromOrigin):
         self, simulated: FloatArray, X: Rows, theta: Rows
     ) -> tuple[FloatArray, FloatArray]:
         """Return the logarithm of the sum, and the share of the simulation in it."""
-        # the logarithm of a simulated output below zero is no number: some processors tell so again
+        # the logarithm of a simulated output below zero is no number: some processors warn again
         with np.errstate(divide="ignore", invalid="ignore"):
             added = np.log(theta["size"]) - self.distance(X) / theta["scale"]
             total = np.logaddexp(simulated, added)
@@ -136,7 +136,7 @@ def _over_inputs(context: Context) -> Iterator[Cause]:
 
 def _lacking(context: Context) -> Iterator[tuple[str | None, str]]:
     if not context.log_scale:
-        yield None, "the output itself is measured: decay says the same"
+        yield None, "the output itself is measured: decay is the same"
 
 
 register(

@@ -7,6 +7,11 @@ from scipy.special import entr
 from scipy.stats import loguniform, norm
 
 import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.answers.alternative_predictions import (
+    Predictions,
+    components_of,
+    predictions_at,
+)
 from hybridsurrogate.diagnosis.answers.experimental_design import (
     _conditioned,
     _mutual,
@@ -14,7 +19,6 @@ from hybridsurrogate.diagnosis.answers.experimental_design import (
     information_at,
     next_measurement,
 )
-from hybridsurrogate.diagnosis.answers.foreseen import Foreseen, components_of, foreseen
 from hybridsurrogate.diagnosis.answers.table import form_of
 from hybridsurrogate.diagnosis.search.evidence import search
 from hybridsurrogate.diagnosis.search.local_prediction import predict_jointly
@@ -23,9 +27,9 @@ from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
 HALF = np.array([0.5, 0.5])
 
 
-def bits(means, variances, weight=HALF, rival=(0, 1)):
+def bits(means, variances, weight=HALF, alternative=(0, 1)):
     means, variances = (np.array(v, dtype=float)[:, None] for v in (means, variances))
-    return float(_mutual(means, variances, np.asarray(weight), np.array(rival))[0])
+    return float(_mutual(means, variances, np.asarray(weight), np.array(alternative))[0])
 
 
 def test_rivals_that_agree_tell_nothing_and_those_far_apart_everything():
@@ -33,7 +37,7 @@ def test_rivals_that_agree_tell_nothing_and_those_far_apart_everything():
     assert bits([0, 100], [1, 1]) == pytest.approx(1, abs=1e-9)
     third = np.full(3, 1 / 3)
     assert bits([0, 100, 200], [1, 1, 1], third, (0, 1, 2)) == pytest.approx(np.log2(3))
-    # two nodes of one rival are one rival
+    # two nodes of one alternative are one alternative
     assert bits([0, 100, 200], [1, 1, 1], third, (0, 0, 1)) == pytest.approx(
         entr([2 / 3, 1 / 3]).sum() / np.log(2)
     )
@@ -73,7 +77,7 @@ def test_the_place_tells_more_than_a_random_one():
     for seed, kind in enumerate(("trend", "gain", "parameter-drift", "offset") * 2):
         case = make_case(kind, 1.5, 40 + seed, simulation=("cooling", "uptake")[seed % 2])
         found = found_in(case.simulator, case.X, case.y)
-        # within the measured range: beyond it a rival may lack more than the search supposes
+        # within the measured range: beyond it a alternative may lack more than the search supposes
         ((name, _),) = case.simulator.input_ranges.items()
         low, high = float(case.X[:, 0].min()), float(case.X[:, 0].max())
         told = next_measurement(found, {name: (low, high)})
@@ -181,7 +185,7 @@ def test_conditioning_is_that_of_a_normal():
     rng = np.random.default_rng(0)
     L, variance = rng.standard_normal((2, 5, 3)), rng.uniform(0.1, 1, (2, 5))
     mean = rng.standard_normal((2, 5))
-    known = Foreseen(mean, L, variance, HALF, np.arange(2))
+    known = Predictions(mean, L, variance, HALF, np.arange(2))
     y = np.array([0.7, -1.2])
     after, moved = _conditioned(
         known, np.repeat(mean[None], 2, axis=0), y, 1, np.zeros(2, dtype=bool)
@@ -233,9 +237,9 @@ def test_beyond_the_measured_range_a_rival_may_lack_more():
     components = components_of(found)
     low, high = float(case.X[:, 0].min()), float(case.X[:, 0].max())
     far = np.array([[high + (high - low)]])
-    known = foreseen(found, components, far)
+    known = predictions_at(found, components, far)
     (trend,) = (c for c in components if c.candidate.cause is not None)
-    own = known.rival == trend.rival
+    own = known.alternative == trend.alternative
     plain = np.sum(predict_jointly(found, trend.candidate, far)[1] ** 2)
     lacking = np.sum(known.loadings[own, 0] ** 2, axis=1) - plain
     # Remainder: log-uniform from a hundredth of the change to twice, at a distance of one range

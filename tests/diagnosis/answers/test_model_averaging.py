@@ -20,7 +20,7 @@ def step_of(chosen, beside, needs_noise=(), **probabilities):
     shares = np.array(list(probabilities.values()))
     return SimpleNamespace(
         chosen=SimpleNamespace(cause=chosen),
-        given_others=SimpleNamespace(
+        conditional=SimpleNamespace(
             candidates=[SimpleNamespace(cause=cause, log_evidence=0.0) for cause in weighed],
             correlated=np.array([1.0 * (cause in needs_noise) for cause in weighed]),
             probability=np.array([1 - shares.sum(), *shares]),

@@ -84,7 +84,7 @@ def test_single_outputs_are_asked_for_with_their_inputs():
 
 
 def test_a_simulation_that_is_run_itself_needs_none():
-    with pytest.raises(ValueError, match=r"run itself, or its runs leave nothing open"):
+    with pytest.raises(ValueError, match=r"run itself, or its emulator has no uncertainty"):
         diagnosed(SIMULATOR, hs.ExactSurrogate()).next_runs(3)
 
 

@@ -253,7 +253,7 @@ class OwnLink(hs.likelihoods.Normal):
 
 
 def test_a_link_of_the_users_own_is_refused():
-    with pytest.raises(ValueError, match="link of its own"):
+    with pytest.raises(ValueError, match="link that is not written as Python"):
         written([hs.Offset()], likelihood=OwnLink())
 
 

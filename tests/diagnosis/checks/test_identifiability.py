@@ -81,4 +81,4 @@ def test_the_diagnosis_warns_and_its_report_says_so():
         diagnosis.fit(t[:, None], y)
     assert set(diagnosis.confounded_["parameter"]) == {"level", "slope"}
     said = " ".join(cautions(View(diagnosis)))
-    assert "How the two share it rests on their priors" in said
+    assert "How the two share it depends on their priors" in said

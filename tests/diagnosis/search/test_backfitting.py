@@ -82,13 +82,13 @@ def test_a_cause_gives_way_to_one_that_is_better_beside_the_other():
     first = found.result_.steps[0]
     assert kind_of(first.search.candidates[leader(first.search)]) != "trend"
     for step, told in zip(found.result_.steps, found.found_causes_, strict=True):
-        best = step.given_others.candidates[leader(step.given_others)]
+        best = step.conditional.candidates[leader(step.conditional)]
         assert kind_of(best) == told.kind
 
 
 def test_what_was_chosen_for_its_companion_needs_it(both):
     """Where no companion is accepted the cause that explains most on its own is chosen."""
     found = both.search_
-    step = replace(both.result_.steps[0], chosen=found.candidates[1], given_others=found)
+    step = replace(both.result_.steps[0], chosen=found.candidates[1], conditional=found)
     assert _alone([step])[0].chosen is found.candidates[leader(found)]
     assert _alone([step, step])[0].chosen is found.candidates[1]

@@ -57,7 +57,7 @@ def test_an_interrupted_search_keeps_the_causes_already_weighed():
     Stopped.calls = 0
     diagnosis = diagnosis_of(Stopped())
     with (
-        pytest.warns(hs.DiagnosisWarning, match="causes had been weighed, and causes_ holds them"),
+        pytest.warns(hs.DiagnosisWarning, match="causes had been compared, and causes_ lists them"),
         pytest.raises(KeyboardInterrupt),
     ):
         diagnosis.fit(T[:, None], Y)
@@ -67,7 +67,7 @@ def test_an_interrupted_search_keeps_the_causes_already_weighed():
     assert weighed["probability"].sum() == pytest.approx(1)
     assert weighed["kind"].iloc[0] == "step"
     (note,) = table[table["kind"] == "bend"]["note"]
-    assert note == "not weighed: the search was interrupted"
+    assert note == "not compared: the search was interrupted"
     assert not hasattr(diagnosis, "verdict_")
     with pytest.raises(NotFittedError):
         diagnosis.predict(T[:, None])
@@ -169,11 +169,11 @@ class Windy(Own):
     ],
 )
 def test_a_cause_of_the_users_that_lacks_something_is_skipped_with_a_reason(cause, kind, reason):
-    with pytest.warns(hs.DiagnosisWarning, match="was not weighed"):
+    with pytest.warns(hs.DiagnosisWarning, match="was not compared"):
         diagnosis = diagnosis_of(cause).fit(T[:, None], Y)
     table = diagnosis.causes_
     notes = table[(table["kind"] == kind) & (table["log_evidence"].isna())]["note"]
-    assert any(note.startswith("not weighed: ") and reason in note for note in notes)
+    assert any(note.startswith("not compared: ") and reason in note for note in notes)
     assert diagnosis.verdict_ in ("named", "ambiguous")
 
 
@@ -181,7 +181,7 @@ def test_too_few_distinct_values_are_a_reason_too():
     t = np.repeat([0.0, 5.0, 10.0], 10)
     diagnosis = diagnosis_of().fit(t[:, None], Y)
     notes = diagnosis.causes_.groupby("kind")["note"].unique()
-    assert list(notes["step"]) == ["not weighed: t has 3 distinct values, 6 are needed"]
+    assert list(notes["step"]) == ["not compared: t has 3 distinct values, 6 are needed"]
     # of all rows, and of those at each of the three values
     assert list(notes["offset"]) == [""]
 

@@ -53,23 +53,23 @@ def place(fit, owner):
 
 
 def test_first_cause_moves_to_its_place_beside_the_second(pair):
-    found, first, given_others = pair
-    together = placed_together(found, first, given_others)
-    alone, after = place(given_others.candidates[0], 0), place(together.candidates[1], 0)
+    found, first, conditional = pair
+    together = placed_together(found, first, conditional)
+    alone, after = place(conditional.candidates[0], 0), place(together.candidates[1], 0)
     assert abs(after - PERIOD) < 0.5 * abs(alone - PERIOD)
-    assert together.candidates[1].log_evidence > given_others.candidates[1].log_evidence + 1
+    assert together.candidates[1].log_evidence > conditional.candidates[1].log_evidence + 1
     # what is compared with stays: nothing further
-    assert together.candidates[0] is given_others.candidates[0]
+    assert together.candidates[0] is conditional.candidates[0]
     np.testing.assert_allclose(together.probability.sum(), 1)
 
 
 def test_evidence_of_two_causes_does_not_depend_on_which_is_first():
     def both(kinds):
-        found, first, given_others = found_in(
+        found, first, conditional = found_in(
             lambda t: 3 * np.sin(2 * np.pi * t / 13) + 4 * (t > LOCATION), kinds
         )
-        none, second = placed_together(found, first, given_others).candidates
-        held = given_others.candidates[1].log_evidence
+        none, second = placed_together(found, first, conditional).candidates
+        held = conditional.candidates[1].log_evidence
         return first.log_evidence + np.array([second.log_evidence, held]) - none.log_evidence
 
     one, other = both(("step", "periodic")), both(("periodic", "step"))
@@ -79,14 +79,14 @@ def test_evidence_of_two_causes_does_not_depend_on_which_is_first():
 
 
 def test_nothing_further_is_no_worse_than_the_accepted_cause(pair):
-    found, first, given_others = pair
-    null = nothing_further(given_others.problem, Fitted(*first[1:5]), found.emulator, found.noise)
+    found, first, conditional = pair
+    null = nothing_further(conditional.problem, Fitted(*first[1:5]), found.emulator, found.noise)
     assert null.mode.squares < 1.05 * first.mode.squares
 
 
 def test_null_test_lets_the_first_cause_give_way(pair):
-    found, first, given_others = pair
-    together = placed_together(found, first, given_others)
+    found, first, conditional = pair
+    together = placed_together(found, first, conditional)
     assert null_test(together, 99, np.random.RandomState(0)).p_value <= 0.05
 
 

@@ -1,9 +1,9 @@
-"""Reasons to doubt what a report says, the most important first."""
+"""Reasons to doubt a report, the most important first."""
 
 from __future__ import annotations
 
 from hybridsurrogate import digits
-from hybridsurrogate.diagnosis.answers.table import is_weighed
+from hybridsurrogate.diagnosis.answers.table import is_compared
 from hybridsurrogate.diagnosis.checks.identifiability import confounded, sentences
 from hybridsurrogate.diagnosis.checks.residuals import STRANGE
 from hybridsurrogate.diagnosis.report.details.evidence import probability_of_smooth_curve
@@ -22,7 +22,7 @@ def cautions(view: View) -> list[str]:
 
 
 def _at_prior_ends(view: View) -> list[str]:
-    """Say which parameters the data push against the end of their prior."""
+    """Return which parameters the data push against the end of their prior."""
     out = []
     for name, side, mean, end in view.diagnosis.at_prior_end_:
         beyond = "less" if side == "low" else "more"
@@ -36,7 +36,7 @@ def _at_prior_ends(view: View) -> list[str]:
 
 
 def _residual_structure(view: View) -> list[str]:
-    """Say that the residuals are not noise."""
+    """Report that the residuals are not noise."""
     d = view.diagnosis
     check = d.residual_check_
     if d.verdict_ in ("adequate", "undecided", "unexplained") or not view.extended:
@@ -76,9 +76,9 @@ def _worse(view: View) -> list[str]:
 
 
 def _failed_runs(view: View) -> list[str]:
-    """Say that causes were compared only where the simulation runs."""
+    """Report that causes were compared only where the simulation runs."""
     table = view.diagnosis.causes_
-    failing = table[is_weighed(table) & (table["note"] != "")]
+    failing = table[is_compared(table) & (table["note"] != "")]
     if failing.empty:
         return []
     itself = failing["kind"] == "none"

@@ -33,7 +33,7 @@ def section(view: View) -> Section:
 
 
 def emulator(view: View) -> list[str]:
-    """Say how well the runs, and the surrogate, know the simulation."""
+    """Report how well the runs, and the surrogate, determine the simulation."""
     d = view.diagnosis
     check, made = d.emulator_check_, d.estimator_.emulation_
     if check is None:
@@ -100,7 +100,7 @@ def _residuals(view: View) -> tuple[Table, ...]:
 
 
 def _averaged(view: View) -> list[str]:
-    """Say whether draws are doubtful of further models in the average."""
+    """Report whether draws are doubtful of further models in the average."""
     doubtful = [
         f"{label} (weight {digits.probability(weight)}): {'; '.join(one.diagnostics_.problems())}"
         for one, label, weight in averaged(view)[1:]

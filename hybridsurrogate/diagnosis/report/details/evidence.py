@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from hybridsurrogate import digits
-from hybridsurrogate.diagnosis.answers.table import NOT_WEIGHED, is_weighed
+from hybridsurrogate.diagnosis.answers.table import NOT_COMPARED, is_compared
 from hybridsurrogate.diagnosis.checks.outside import DOCUMENTED, N_CASES, NOT_HELD
 from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.elements import tables
@@ -20,7 +20,7 @@ from hybridsurrogate.diagnosis.report.elements.view import View, label, label_of
 def section(view: View) -> Section:
     """Return the section."""
     d = view.diagnosis
-    compared = is_weighed(d.causes_)
+    compared = is_compared(d.causes_)
     n = int(compared.sum()) - 1
     left = _not_compared(view)
     sentences = [
@@ -49,7 +49,7 @@ def probability_of_smooth_curve(view: View) -> float:
     d = view.diagnosis
     if d.verdict_ not in ("named", "nearest", "ambiguous") or not view.findings:
         return 0.0
-    cause, search = view.findings[-1][1], d.result_.steps[-1].given_others
+    cause, search = view.findings[-1][1], d.result_.steps[-1].conditional
     place = [w.cause is cause for w in search.candidates].index(True)
     share = float(search.remainder[place])
     return share if np.isfinite(share) else 0.0
@@ -57,7 +57,7 @@ def probability_of_smooth_curve(view: View) -> float:
 
 def _conditional(view: View) -> str:
     first = view.diagnosis.result_.steps[0]
-    if first.given_others is first.search:
+    if first.conditional is first.search:
         return (
             "The table is about the first cause. Each was compared with and without correlated "
             "noise, and its log evidence counts both."
@@ -69,7 +69,7 @@ def _conditional(view: View) -> str:
 
 
 def _probabilities(view: View) -> list[str]:
-    """Say how probable the cause is, its kind and the nearest alternative."""
+    """Report how probable the cause is, its kind and the nearest alternative."""
     own = digits.probability(view.own_probability)
     kind = digits.probability(view.diagnosis.best_cause_.probability)
     of_kind = f", its kind in all its forms {kind}" if kind != own else ""
@@ -89,7 +89,7 @@ def _probabilities(view: View) -> list[str]:
 
 
 def _alike(view: View) -> list[str]:
-    """Say how far apart the most probable cause and its alternatives are, in units of the noise."""
+    """Report how far the most probable cause and its alternatives differ, in units of the noise."""
     if view.diagnosis.verdict_ in ("named", "nearest"):
         return []
     found = view.search
@@ -113,7 +113,7 @@ def _alike(view: View) -> list[str]:
 
 
 def _outside(view: View) -> list[str]:
-    """Say how sure the name is, where causes outside the catalogue count."""
+    """Report how sure the name is, where causes outside the catalogue count."""
     right = view.diagnosis.probability_right_
     if right is None:
         return []
@@ -127,7 +127,7 @@ def _outside(view: View) -> list[str]:
 
 def _failing(view: View) -> list[str]:
     table = view.diagnosis.causes_
-    failing = table[is_weighed(table) & (table["note"] != "")]
+    failing = table[is_compared(table) & (table["note"] != "")]
     out = []
     columns = ["kind", "target", "form", "note"]
     for kind, target, form, note in failing[columns].head(SETTINGS.most_notes).to_numpy():
@@ -141,10 +141,10 @@ def _failing(view: View) -> list[str]:
 
 def _not_compared(view: View) -> pd.DataFrame:
     table = view.diagnosis.causes_
-    left = table[~is_weighed(table)]
+    left = table[~is_compared(table)]
     names = [
         label(kind, target if isinstance(target, str) else None)
         for kind, target in zip(left["kind"], left["target"], strict=True)
     ]
-    reasons = [note.removeprefix(NOT_WEIGHED) for note in left["note"]]
+    reasons = [note.removeprefix(NOT_COMPARED) for note in left["note"]]
     return pd.DataFrame({"cause": names, "reason": reasons})

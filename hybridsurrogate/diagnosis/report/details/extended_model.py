@@ -54,7 +54,7 @@ def _code(view: View) -> str:
     """Return the extended model as Python, "" where a cause has no expression."""
     try:
         return view.diagnosis.to_python(units=dict(view.units)) or ""
-    except (ValueError, TypeError):  # a likelihood or cause of the user's own
+    except (ValueError, TypeError):  # a user-defined likelihood or cause
         return ""
 
 
@@ -95,7 +95,7 @@ def _averaged(view: View) -> list[str]:
 
 
 def _beyond(view: View) -> list[str]:
-    """Say what the extension allows for beyond the measured range."""
+    """Report what the extension allows for beyond the measured range."""
     kept = [e for e in view.diagnosis.extended_estimator_.effects if not e.is_learned]
     own = [e for e in kept if not isinstance(e, InOutput) or e.output == view.output]
     plain = [e.cause if isinstance(e, InOutput) else e for e in own]

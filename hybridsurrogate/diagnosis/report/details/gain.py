@@ -98,13 +98,13 @@ def judgement(gain: HeldOutGain) -> str:
 
 
 def is_better(gain: HeldOutGain) -> bool:
-    """Tell whether the model after predicts better, by more than two standard errors."""
+    """Return whether the model after predicts better, by more than two standard errors."""
     error = gain.standard_error
     return math.isfinite(error) and error > 0 and gain.elpd_difference > 2 * error
 
 
 def is_worse(gain: HeldOutGain) -> bool:
-    """Tell whether the model after predicts worse, by more than two standard errors."""
+    """Return whether the model after predicts worse, by more than two standard errors."""
     error = gain.standard_error
     return math.isfinite(error) and gain.elpd_difference < -2 * error
 
@@ -138,6 +138,6 @@ def _chosen(gain: HeldOutGain) -> str:
 
 def _not_measured() -> str:
     return (
-        "The gain was not measured by cross-validation. Fit with cv=5, or give rows held back: "
+        "The gain was not measured by cross-validation. Fit with cv=5, or give held-out rows: "
         "report(test=(X_test, y_test))."
     )

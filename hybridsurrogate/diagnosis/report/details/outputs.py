@@ -29,7 +29,7 @@ def section(view: View) -> tuple[Section, ...]:
 
 
 def sentences(view: View) -> list[str]:
-    """Say of each output whether a cause concerns it."""
+    """Report for each output whether a cause concerns it."""
     out = []
     for name in view.outputs:
         own = [c for _, c in view.findings if not isinstance(c, InOutput) or c.output == name]

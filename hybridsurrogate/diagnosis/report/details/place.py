@@ -50,7 +50,7 @@ def _span(low: float, high: float) -> str:
 
 
 def _numbered(view: View) -> list[str]:
-    """Say which number stands for which experiment, where these had names."""
+    """Report which number stands for which experiment, where these had names."""
     experiments = view.diagnosis.estimator_.experiments_
     if experiments is None or experiments.labels is None:
         return []

@@ -33,7 +33,7 @@ def section(
 
 
 def weight(view: View, within: pd.DataFrame | None, beyond: pd.DataFrame | None) -> list[str]:
-    """Say how much the simulation should weigh against the data, before and after."""
+    """Report how much the simulation should count against the data, before and after."""
     if within is None:
         takes = "beta_scan(X, y)" if view.weight_takes_minutes else "report(beta_scan=True)"
         how_long = "minutes" if view.weight_takes_minutes else "seconds"
@@ -42,7 +42,7 @@ def weight(view: View, within: pd.DataFrame | None, beyond: pd.DataFrame | None)
             f"{takes} does it in {how_long}."
         ]
     out = [
-        "The weight beta says how much the simulation's runs count against the measured data: 0 is "
+        "The weight beta sets how much the simulation's runs count against the measured data: 0 is "
         "the data only, 1 the simulation only. Tried on held-out rows: "
         f"{digits.listing([f'{beta:g}' for beta in within['beta']])}.",
         _best(view, within, "Within the measured range"),
@@ -73,7 +73,7 @@ def _best(view: View, scan: pd.DataFrame, where: str) -> str:
 
 
 def _distinct(scan: pd.DataFrame, before: float, after: float) -> bool:
-    """Tell whether either model does worse at the other's best weight, by two standard errors."""
+    """Return whether either model does worse at the other's best weight, by two standard errors."""
     at = scan.set_index("beta")
     return any(
         at.loc[best, word] - at.loc[other, word] > 2 * at.loc[other, f"{word}_error"]

@@ -72,7 +72,7 @@ def parameter_intervals(view: View) -> dict[str, dict[str, Interval]]:
         draws = model.posterior_.named()
         names = view.diagnosis.estimator_.simulation.parameter_names
         for name in (*names, "noise_sigma" if "sigma" in names else "sigma"):
-            # of several outputs each has a noise of its own, and a table of its own
+            # each of several outputs has separate noise, and a separate table
             if word == "after" and name in replaced:
                 continue
             if name in draws and (name in names or view.stacking is None):

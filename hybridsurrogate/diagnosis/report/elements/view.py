@@ -174,7 +174,7 @@ class View:
 
     @property
     def found(self) -> PowerScaledSurrogate:
-        """The model with the causes that were found, first of those that are averaged."""
+        """The model with the accepted causes, first of those that are averaged."""
         return leading(self.diagnosis.extended_estimator_)
 
     @property
@@ -189,17 +189,17 @@ class View:
 
     @property
     def cause(self) -> Cause | None:
-        """The first cause that was found, prepared, as its search knows it."""
+        """The first accepted cause, prepared, as its search knows it."""
         return self.diagnosis.result_.steps[0].chosen.cause if self.extended else None
 
     @property
     def search(self) -> Search:
-        """The search for the first cause, conditional on all others that were found."""
-        return self.diagnosis.result_.steps[0].given_others
+        """The search for the first cause, conditional on all other accepted causes."""
+        return self.diagnosis.result_.steps[0].conditional
 
     @property
     def findings(self) -> list[tuple[CauseFinding, Cause]]:
-        """Every accepted cause, what was found about it and the cause itself, in order."""
+        """Every accepted cause, its finding and the cause itself, in order."""
         if not self.extended:
             return []
         causes = [step.chosen.cause for step in self.diagnosis.result_.steps]
@@ -208,7 +208,7 @@ class View:
 
     @property
     def kinds(self) -> str:
-        """Every accepted kind, as folds tell what they chose."""
+        """Every accepted kind, in the form in which folds report their choices."""
         return in_one_word([cause.kind for cause in self.diagnosis.found_causes_])
 
     @cached_property
@@ -240,7 +240,7 @@ class View:
 
     @cached_property
     def change(self) -> FloatArray:
-        """What the causes found add to the predictions at the measured rows, on the scale of eta.
+        """What accepted causes add to the predictions at the measured rows, on the scale of eta.
 
         In units of an output of several decades it would be large where the output is.
         """
@@ -278,7 +278,7 @@ class View:
         return len(self.columns) == 1
 
     def as_given(self, X: FloatArray) -> Any:
-        """Return rows whose simulation inputs come first as the user's own columns."""
+        """Return rows whose simulation inputs come first as the user's columns."""
         estimator = self.diagnosis.estimator_
         rows = np.empty_like(X)
         rows[:, estimator.column_order_] = X
@@ -286,7 +286,7 @@ class View:
         return rows if names is None else pd.DataFrame(rows, columns=names)
 
     def held_back(self, test: tuple[Any, Any]) -> tuple[FloatArray, FloatArray]:
-        """Return rows that were held back, the simulation's inputs first, and their outputs."""
+        """Return held-out rows, the simulation's inputs first, and their outputs."""
         model = self.diagnosis.estimator_
         rows = model.checked_rows(test[0])
         if self.stacking is not None:
@@ -315,12 +315,12 @@ class View:
 
     @property
     def most_probable(self) -> list[tuple[Candidate, float]]:
-        """The first few of all causes that were weighed, with their probabilities."""
+        """The first few of all causes that were compared, with their probabilities."""
         return self.candidates[: SETTINGS.most_causes]
 
     @property
     def candidates(self) -> list[tuple[Candidate, float]]:
-        """All causes that were weighed, with their probabilities, most probable first."""
+        """All causes that were compared, with their probabilities, most probable first."""
         result = self.search
         order = np.argsort(-result.probability, kind="stable")
         return [(result.candidates[k], float(result.probability[k])) for k in order]

@@ -33,7 +33,7 @@ def advice(view: View) -> tuple[Advice, ...]:
 
 
 def _decide(view: View) -> tuple[Advice, ...]:
-    """Say what would decide."""
+    """Return what would decide."""
     d = view.diagnosis
     if d.undecided_by_ == "runs":
         if d.emulator_check_ is not None and not d.emulator_check_.needs_runs:
@@ -47,7 +47,7 @@ def _decide(view: View) -> tuple[Advice, ...]:
         return (
             Advice("Measure more:", "diagnosis.next_measurements(5)"),
             Advice(
-                "Or compare a mechanism of your own:",
+                "Or compare a user-defined cause:",
                 "DiscrepancyDiagnosis(model, causes=[MyCause()])",
             ),
         )
@@ -97,7 +97,7 @@ def _search_on(view: View) -> list[Advice]:
 
 
 def _measure(view: View) -> list[Advice]:
-    """Say where one more measurement would best separate the explanations."""
+    """Return where one more measurement would best separate the explanations."""
     d = view.diagnosis
     asked = d.result_.asked
     if len(view.alternatives(asked)) < 2:

@@ -1,4 +1,4 @@
-"""One sentence that says what is wrong, in the user's units, and a few that explain it."""
+"""One sentence that names what is wrong, in the user's units, and a few that explain it."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def name_of(view: View) -> str:
 
 
 def headline(view: View) -> str:
-    """Return one sentence that says what was found."""
+    """Return one sentence that names what was detected."""
     d = view.diagnosis
     if d.verdict_ == "adequate":
         return "The measurements give no reason to doubt the simulation."
@@ -42,7 +42,7 @@ def headline(view: View) -> str:
         return {
             "runs": "The runs cannot show whether the simulation is right.",
             "rows": "The simulation fits badly, and these measurements cannot show why.",
-            "prior": "The prior of a parameter is too narrow to tell whether the simulation is "
+            "prior": "The prior of a parameter is too narrow to show whether the simulation is "
             "right.",
         }[str(d.undecided_by_)]
     if d.verdict_ == "unexplained":
@@ -212,7 +212,7 @@ def _at_fault(view: View) -> str:
 
 
 def _detectable(view: View) -> str:
-    """Say how large a fault would have to be to be detected."""
+    """Report how large a fault would have to be to be detected."""
     least = view.diagnosis.smallest_detectable_
     if least is None:
         return (

@@ -1,4 +1,4 @@
-"""What each rival foresees at any rows: jointly normal values, one set for each of its nodes."""
+"""Predictions of each alternative at any rows: jointly normal values, a set for each node."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from hybridsurrogate.inference.evidence.marginal_likelihood import scan
 from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.outputs import OUTPUT
 
-# rivals that matter to the answer, and nodes of each (a period, a location) that matter to it
-_MOST_RIVALS, _LEAST_PROBABLE = 6, 0.003
+# alternatives that matter to the answer, and nodes of each (a period, a location) that matter to it
+_MOST_ALTERNATIVES, _LEAST_PROBABLE = 6, 0.003
 _MOST_NODES, _LEAST_NODE = 4, 0.05
 # Gauss and Legendre's three nodes of a remainder's amplitude, which is log-uniform
 _HEIGHTS, _SHARES = np.polynomial.legendre.leggauss(3)
@@ -26,38 +26,38 @@ _AMPLITUDES = LEAST * (MOST / LEAST) ** ((_HEIGHTS + 1) / 2)
 
 
 class Component(NamedTuple):
-    """One rival at one node of its grid.
+    """One alternative at one node of its grid.
 
     ``size`` (n_outputs,) is the root mean square of what it changes at the measured rows: beyond
     them the simulation may lack as much again (`Remainder`).
     """
 
-    rival: int
+    alternative: int
     candidate: Candidate
     node: int | None
     weight: float
     size: FloatArray
 
 
-class Foreseen(NamedTuple):
+class Predictions(NamedTuple):
     """Values at m rows under C components: ``mean + loadings z + sd e``, z and e standard normal.
 
     ``mean`` (C, m), ``loadings`` (C, m, k), ``variance`` (C, m) of the noise alone, ``weight`` (C,)
-    and ``rival`` (C,) of each component.
+    and ``alternative`` (C,) of each component.
     """
 
     mean: FloatArray
     loadings: FloatArray
     variance: FloatArray
     weight: FloatArray
-    rival: NDArray[np.intp]
+    alternative: NDArray[np.intp]
 
     @property
     def total_variance(self) -> FloatArray:
         """Variance of a measured value, (C, m)."""
         return np.asarray(self.variance + np.sum(self.loadings**2, axis=2))
 
-    def at(self, rows: Any) -> Foreseen:
+    def at(self, rows: Any) -> Predictions:
         """Return some of the rows."""
         return self._replace(
             mean=self.mean[:, rows],
@@ -65,23 +65,23 @@ class Foreseen(NamedTuple):
             variance=self.variance[:, rows],
         )
 
-    def of(self, components: NDArray[np.bool_]) -> Foreseen:
+    def of(self, components: NDArray[np.bool_]) -> Predictions:
         """Return some of the components, their weights sharing all."""
         weight = self.weight[components]
-        return Foreseen(
+        return Predictions(
             self.mean[components],
             self.loadings[components],
             self.variance[components],
             weight / weight.sum(),
-            self.rival[components],
+            self.alternative[components],
         )
 
 
 def components_of(result: Search) -> list[Component]:
-    """Return the rivals that matter at the nodes that matter, most probable first."""
-    order = np.argsort(-result.probability, kind="stable")[:_MOST_RIVALS]
+    """Return the alternatives that matter at the nodes that matter, most probable first."""
+    order = np.argsort(-result.probability, kind="stable")[:_MOST_ALTERNATIVES]
     matters = (np.arange(len(order)) < 2) | (result.probability[order] > _LEAST_PROBABLE)
-    # against overwhelming evidence a rival's probability is too small for a number
+    # against overwhelming evidence an alternative's probability is too small for a number
     matters &= result.probability[order] > 0
     order = order[matters]
     total = float(result.probability[order].sum())
@@ -91,13 +91,13 @@ def components_of(result: Search) -> list[Component]:
     n_outputs = 1 if result.problem.stacking is None else len(result.problem.stacking.names)
     counts = np.bincount(which, minlength=n_outputs)
     out = []
-    for rival, k in enumerate(order):
+    for alternative, k in enumerate(order):
         w = result.candidates[k]
         change = predict_jointly(result, w, X)[0] - plain if w is not null else np.zeros(len(X))
         squares = np.bincount(which, change**2, n_outputs) / np.maximum(counts, 1)
         for node, share in _nodes(result, w):
             weight = share * float(result.probability[k]) / total
-            out.append(Component(rival, w, node, weight, np.sqrt(squares)))
+            out.append(Component(alternative, w, node, weight, np.sqrt(squares)))
     return out
 
 
@@ -109,7 +109,7 @@ def _outputs(result: Search, X: FloatArray) -> NDArray[np.intp]:
 
 
 def _nodes(result: Search, w: Candidate) -> list[tuple[int | None, float]]:
-    """Return the nodes that hold most of the evidence for a cause, with their shares."""
+    """Return the nodes with most of the evidence for a cause, with their shares."""
     if not len(w.grid.nodes):
         return [(None, 1.0)]
     problem = result.problem
@@ -121,8 +121,8 @@ def _nodes(result: Search, w: Candidate) -> list[tuple[int | None, float]]:
     return [(int(node), float(share[node] / share[order].sum())) for node in order]
 
 
-def foreseen(result: Search, components: list[Component], grid: FloatArray) -> Foreseen:
-    """Return what the components foresee at rows, with a remainder beyond the measured range.
+def predictions_at(result: Search, components: list[Component], grid: FloatArray) -> Predictions:
+    """Return the predictions of the components at rows, with a remainder beyond the measured range.
 
     Where a row lies beyond, each component becomes three, one for each amplitude.
 
@@ -143,10 +143,10 @@ def foreseen(result: Search, components: list[Component], grid: FloatArray) -> F
         own = beyond * c.size[of_output][:, None]
         some = zip(heights, shares, strict=True) if own.any() else [(0.0, 1.0)]
         parts += [
-            (mean, np.hstack([wide, height * own]), variance, c.weight * share, c.rival)
+            (mean, np.hstack([wide, height * own]), variance, c.weight * share, c.alternative)
             for height, share in some
         ]
-    return Foreseen(*map(np.array, zip(*parts, strict=True)))
+    return Predictions(*map(np.array, zip(*parts, strict=True)))
 
 
 def _beyond(result: Search, grid: FloatArray) -> FloatArray:
@@ -165,7 +165,7 @@ def _beyond(result: Search, grid: FloatArray) -> FloatArray:
     return np.asarray((which[:, :, None] * one[:, None, :]).reshape(len(grid), -1))
 
 
-def is_smooth(components: list[Component], rival: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Return which rivals are a curve of unknown shape, (C,)."""
-    smooth = {c.rival for c in components if kind_of(c.candidate) == "unexplained"}
-    return np.isin(rival, list(smooth))
+def is_smooth(components: list[Component], alternative: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Return which alternatives are a curve of unknown shape, (C,)."""
+    smooth = {c.alternative for c in components if kind_of(c.candidate) == "unexplained"}
+    return np.isin(alternative, list(smooth))
