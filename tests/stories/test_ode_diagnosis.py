@@ -194,7 +194,7 @@ def test_one_curve_by_two_terms_is_told_as_such():
     assert re.search("has (3|4). % of the probability, its kind in all its forms 9", text)
     # of two that are equal either may come first; a power says the same with a number more
     one = r"missing-term of (speed|fallen) \(proportional\)"
-    told = "The data tell the kind, but not which of these it is"
+    told = "The data do not separate these forms of the same kind"
     assert re.search(rf"{told}: {one}, {one} and missing-term of \w+ \(power\)\.", text)
     assert re.search(rf"Check {one}, {one} and missing-term of \w+ \(power\) where", text)
 

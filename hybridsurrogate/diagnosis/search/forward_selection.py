@@ -254,7 +254,7 @@ def _look_ahead(
         alone = log_prior[k] + first.log_evidence
         # where all is explained, there is nothing to place in addition to the first
         left = in_doubt or second.probability[0] < 0.5
-        within = max(values.values(), default=-np.inf) - SETTINGS.pair_hopeless
+        within = max(values.values(), default=-np.inf) - SETTINGS.pair_pruned
         if left and alone + _evidence_of_others(second) > within:
             second = placed_together(result, first, second)
         made[k], values[k] = second, alone + _evidence_of_others(second)

@@ -38,12 +38,12 @@ def placed_together(result: Search, first: Candidate, conditional: Search) -> Se
     """
     evidence = np.array([w.log_evidence for w in conditional.candidates])
     able = [k for k, w in enumerate(conditional.candidates) if w.cause and movable(w.cause)]
-    able = sorted(able, key=lambda k: -evidence[k])[: SETTINGS.most_companions]
+    able = sorted(able, key=lambda k: -evidence[k])[: SETTINGS.most_second_causes]
     if first.cause is None or not movable(first.cause) or not able:
         return conditional
     candidates = list(conditional.candidates)
     for k in able:
-        if evidence[k] > evidence[able[0]] - SETTINGS.companion_behind:
+        if evidence[k] > evidence[able[0]] - SETTINGS.second_cause_behind:
             candidates[k] = _together(result, first, conditional, candidates[k])
     return conditional.reweighed(candidates)
 

@@ -22,7 +22,7 @@ from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPoste
 from hybridsurrogate.inference.conjugate.noise_marginal import LogMarginal
 from hybridsurrogate.inference.evidence.grid import Grid, make_grid, refine, with_cells
 from hybridsurrogate.inference.evidence.levenberg_marquardt import (
-    best_from_afar,
+    best_of_global_starts,
     best_of_many,
     is_followed,
 )
@@ -139,7 +139,7 @@ def _once(
         mode = optimise(model, problem.X, problem.y, emulator, grid, starts[0], sigma, size)
         return Fitted(model, grid, mode, sigma)
     mode = highest(problem, emulator, model, grid, starts, sigma)
-    start = best_from_afar(*args, grid, null.mode.z, mode.z, SETTINGS.exact_fit * null.sigma)
+    start = best_of_global_starts(*args, grid, null.mode.z, mode.z, SETTINGS.exact_fit * null.sigma)
     if start is not None:
         mode = highest(problem, emulator, model, grid, [start], sigma)
     for _ in range(SETTINGS.looks):

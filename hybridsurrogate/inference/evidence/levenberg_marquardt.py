@@ -75,7 +75,7 @@ def best_of_spread(
     return best, float(np.sqrt(residual.variance(residual(best[None]))[0]))
 
 
-def best_from_afar(
+def best_of_global_starts(
     model: MeasuredModel,
     X: FloatArray,
     y: FloatArray,

@@ -60,7 +60,7 @@ class SearchSettings:
         First causes for which the best second causes are searched.
     beyond_doubt : float
         A cause of this probability without residual structure is not compared with others again.
-    pair_hopeless, companion_behind, most_companions : float, float, int
+    pair_pruned, second_cause_behind, most_second_causes : float, float, int
         A pair further behind the best pair, or a second cause further behind the best one, gets no
         joint refit; and how many second causes get one. Joint refits name both of 77 instead of
         69 % of pairs (48 of size 2, 80 rows).
@@ -131,9 +131,9 @@ class SearchSettings:
     most_scored: int = 12
     looked_ahead: int = 4
     beyond_doubt: float = 0.9
-    pair_hopeless: float = 12.0
-    companion_behind: float = 8.0
-    most_companions: int = 6
+    pair_pruned: float = 12.0
+    second_cause_behind: float = 8.0
+    most_second_causes: int = 6
     turns: int = 3
     worth_a_turn: float = 0.3
     backfitting_rounds: int = 2

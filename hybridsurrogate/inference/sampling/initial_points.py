@@ -11,7 +11,7 @@ from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_post
 from hybridsurrogate.inference.conjugate.sufficient_statistics import ROUNDING
 from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.levenberg_marquardt import (
-    best_from_afar,
+    best_of_global_starts,
     best_of_spread,
 )
 from hybridsurrogate.inference.evidence.long_grid import shortened
@@ -56,7 +56,7 @@ def starting_points(target: Target, random_state: np.random.RandomState) -> Floa
             if not round_:
                 floor = ROUNDING * target.scale
                 args = partial, target.X, target.y, emulator, grid
-                best = best_from_afar(*args, before_it, z, floor)
+                best = best_of_global_starts(*args, before_it, z, floor)
                 if best is not None:
                     z = best
                     continue
