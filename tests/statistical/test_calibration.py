@@ -1,4 +1,4 @@
-"""Simulation-based calibration with few data sets; `python -m examples.calibration` has more."""
+"""Simulation-based calibration with few data sets; `examples.studies.calibration` has more."""
 
 import pytest
 from calibration import MODELS, p_values

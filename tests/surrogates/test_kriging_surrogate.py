@@ -178,7 +178,7 @@ def test_a_trend_that_is_not_linear_is_refused(simulator, trend, error):
 def test_intervals_of_causes_hold_the_truth_where_only_runs_are_known():
     """Nine in ten are meant to, and to be narrower than those with a polynomial, which misses.
 
-    Over many seeds: ``python -m examples.emulated_intervals``.
+    Over many seeds: ``python -m examples.studies.emulated_intervals``.
     """
     both = []
     for seed in range(4):

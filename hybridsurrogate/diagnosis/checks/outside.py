@@ -14,7 +14,7 @@ import math
 # of 16 measured data sets with a documented cause (docs/evidence/measured_data.md) 7 had one that
 # the catalogue does not hold
 NOT_HELD, DOCUMENTED = 7, 16
-# cases of examples/sure_names.py that the regression describes, and its coefficients: of one, of
+# cases of examples/studies/sure_names.py, which the regression describes; coefficients of one, of
 # the log odds within the catalogue, and of residual structure. In tenfold cross-validation this
 # gains 0.014 (standard error 0.007) in the mean log score; the probability of a remainder gains
 # 0.006 (0.006) more, the residuals' p-value, the rows and the evidence against a smooth curve no

@@ -1,6 +1,6 @@
 """Batches that differ in one parameter: is it found, and is its spread told right?
 
-``python -m examples.experiments --rows rows.csv`` prints the table of
+``python -m examples.studies.experiments --rows rows.csv`` prints the table of
 `docs/evidence/experiments.md`. Each finished case is a row of the file, and a stopped run goes on
 with those that are left. 10 batches of 12 rows, a column that numbers them, and one parameter of
 the simulation that differs between them by as much as gives an effect of 1 or 2 times the noise;

@@ -29,7 +29,7 @@ P. Reiser, P.-C. Bürkner, A. Guthke, "Bayesian Surrogate Training on Multiple D
 Modeling Strategy". Case study 1: a logarithm that lacks an oscillation (1.2: measured over more of
 the range). Case study 2: epidemics, 2.1 generated, 2.2 Italy's first wave of COVID-19.
 
-    python -m examples.reproduction
+    python -m examples.studies.reproduction
 
 writes this page and its figures ({seeds}; case study 2.2 has one data set, so its seeds are
 those of the runs and of the draws). Where the paper shows one data set, the table shows the mean

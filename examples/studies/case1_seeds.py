@@ -1,4 +1,4 @@
-"""Case study 1 over seeds: `python -m examples.case1_seeds [exact | polynomial] [--seeds 20]`.
+"""Case study 1 over seeds: `python -m examples.studies.case1_seeds [exact | polynomial] [--seeds 20]`.
 
 Names the cause from 30 rows, then compares the extended model with every beta of both schemes on
 the test sets in range, out of range and 1/1. The extended model with the exact simulation is one

@@ -1,6 +1,6 @@
 """Three data sets for which a choice of surrogate or likelihood decides.
 
-python examples/right_choice.py
+python examples/studies/right_choice.py
 """
 
 import sys

@@ -3,7 +3,7 @@
 Data sets are drawn from the prior; the rank of the truth among the draws of its posterior must then
 be uniform (Talts, Betancourt, Simpson, Vehtari and Gelman 2018, arXiv 1804.06788).
 
-`python -m examples.calibration` runs 200 data sets of each model. Where a p-value is below the
+`python -m examples.studies.calibration` runs 200 data sets of each model. Where a p-value is below the
 limit, five times as many new data sets decide whether that was chance: the limit is shared between
 both.
 """

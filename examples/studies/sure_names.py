@@ -1,6 +1,6 @@
 """How sure a name is where truths outside the catalogue count: the numbers of `probability_right_`.
 
-Usage: ``python examples/sure_names.py ROWS [--seeds 8] [--first-seed 510000]``. ROWS is a file of
+Usage: ``python examples/studies/sure_names.py ROWS [--seeds 8] [--first-seed 510000]``. ROWS is a file of
 JSON lines, to which blind cases are added until all are there: a run that was stopped goes on. Each
 is diagnosed with its kind in the catalogue and without it, alone and beside a further, smaller
 fault, as measured data seldom have one fault only. A logistic regression then tells how often the

@@ -3,7 +3,7 @@
 Every explanation in the list is fitted by least squares from many starts, parameters bounded by the
 support of their priors, and the smallest BIC wins; an explanation pays 2 ln(number of explanations
 tried) for the search. It knows nothing of the package's own diagnosis: it is what that is measured
-against. ``python -m examples.hidden_effects.rates`` prints how often it is right.
+against. ``python -m examples.studies.hidden_effects.rates`` prints how often it is right.
 """
 
 from __future__ import annotations

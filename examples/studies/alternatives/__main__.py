@@ -1,4 +1,4 @@
-"""`python -m examples.alternatives`: the diagnosis next to other tools on the same blind cases."""
+"""`python -m examples.studies.alternatives`: the diagnosis next to other tools on the same blind cases."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ from .table import counts, table
 
 def parser() -> argparse.ArgumentParser:
     """Return the options."""
-    made = argparse.ArgumentParser(prog="python -m examples.alternatives", description=__doc__)
+    made = argparse.ArgumentParser(
+        prog="python -m examples.studies.alternatives", description=__doc__
+    )
     made.add_argument("--sizes", type=float, nargs="*", default=[1, 2, 4])
     made.add_argument("--seeds", type=int, default=10, help="cases of every kind and size")
     made.add_argument("--nulls", type=int, default=100, help="cases in which nothing is hidden")

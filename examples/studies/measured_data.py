@@ -1,6 +1,6 @@
 """The diagnosis on measured data sets whose missing cause is known: does it find it?
 
-Usage: ``python examples/measured_data.py [NAME] [--folder FOLDER] [--rows FILE] [--fast]``.
+Usage: ``python examples/studies/measured_data.py [NAME] [--folder FOLDER] [--rows FILE] [--fast]``.
 Without a name a Markdown page of all sets; with one, that set's report. The files and their sources
 are described in the shared INDEX.md; a file that is absent is said and skipped.
 """
@@ -24,7 +24,7 @@ from hybridsurrogate.diagnosis.search.evidence import Search, kind_of, leader
 from hybridsurrogate.whole_file import written_whole
 
 FAST = ("nile", "school-influenza")
-# a curve that is no farther from another one is the same: the rule of examples/hidden_effects
+# a curve that is no farther from another one is the same: the rule of examples/studies/hidden_effects
 SAME_CURVE = 0.05
 
 
@@ -32,7 +32,7 @@ def find_folder(given: str | None) -> Path:
     """Return where the data are: the named folder, the environment's, or the shared one."""
     if given:
         return Path(given)
-    shared = Path(__file__).resolve().parents[2] / "shared"
+    shared = Path(__file__).resolve().parents[3] / "shared"
     return Path(os.environ.get("HYBRIDSURROGATE_SHARED", shared)) / "data"
 
 
@@ -278,7 +278,7 @@ def within_in_words(cells: list[str]) -> str:
 
 INTRODUCTION = """# Measured data with a known cause
 
-Printed by `python examples/measured_data.py > docs/evidence/measured_data.md` in some minutes;
+Printed by `python examples/studies/measured_data.py > docs/evidence/measured_data.md` in some minutes;
 `--rows FILE` keeps finished rows, so that a run that was stopped goes on. Each data set meets the
 simulation that a scientist would write first. The diagnosis sees that simulation, its priors and
 the training rows; "RMSE held out" is on rows that it never saw, before -> after the cause that it
@@ -296,7 +296,7 @@ each holds. "Gain within": what the score gains on training rows held out in fiv
 repeated in each, with its standard error.
 
 Where the catalogue has no cause of the documented form, that formula was compared too, as the
-scientist's own cause, with a prior of the field (`examples/measured_mechanisms.py`). "Without own
+scientist's own cause, with a prior of the field (`examples/studies/measured_mechanisms.py`). "Without own
 cause" says what comes first in the same search where it is left out, and whether that is right.
 
 No rows of these files are part of the package, apart from `nile`, `mauna-loa`, `enso` and

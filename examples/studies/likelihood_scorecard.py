@@ -1,6 +1,6 @@
 """How often a hidden effect is named in counts and heavy-tailed data: blind cases, one table.
 
-`python examples/likelihood_scorecard.py --seeds 10 --nulls 100 --out likelihoods.csv`; the same
+`python examples/studies/likelihood_scorecard.py --seeds 10 --nulls 100 --out likelihoods.csv`; the same
 command carries an interrupted run on. An effect of size s has a root mean square of s standard
 deviations of the noise; in counts the mean deviance of a row, as it is from what the simulation
 says, is s squared.

@@ -166,7 +166,7 @@ def commands(table: pd.DataFrame) -> list[str]:
             sizes = mine.index[mine == n_seeds]
             hidden = tables.single(part)
             kinds = dict.fromkeys(hidden[hidden["size"].isin(sizes)]["kind"])
-            words = ["python -m examples.scorecard", *_kinds_option(list(kinds))]
+            words = ["python -m examples.studies.scorecard", *_kinds_option(list(kinds))]
             words += ["--sizes", *(f"{size:g}" for size in sizes), f"--rows {rows}"]
             words.append(f"--seeds {n_seeds} --nulls {n_nulls} --pairs {n_pairs}")
             words += [f"--triples {n_triples}"] if n_triples else []
@@ -188,7 +188,7 @@ catalogue, has to find them. Size is the root mean square of what remains of the
 parameters have been fitted to the noise-free truth, in noise standard deviations. For `noise` the
 standard deviation at one end is 1 + size times that at the other; for its other forms, input errors
 and random parameters see
-`examples/hidden_effects/noises.py`. {simulated}
+`examples/studies/hidden_effects/noises.py`. {simulated}
 
 How often the name is right is counted three times, each time with more counted as right:
 
@@ -245,7 +245,7 @@ def write_page(table: pd.DataFrame, path: Path, source: str, pictures: list[Path
 
 ```
 {lines}
-python -m examples.scorecard --from-csv {source} --page docs/evidence/{path.name}
+python -m examples.studies.scorecard --from-csv {source} --page docs/evidence/{path.name}
 ```
 
 {shown}

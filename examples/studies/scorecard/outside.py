@@ -18,15 +18,15 @@ causes (`extended_estimator_`).
 
 INTRODUCTION = f"""# Truths that are not in the catalogue
 
-Printed by `python -m examples.scorecard --outside --pairs 0 --nulls 0 ...`: blind cases of the
+Printed by `python -m examples.studies.scorecard --outside --pairs 0 --nulls 0 ...`: blind cases of the
 [scorecard](scorecard.md) whose true kind had been taken out of the catalogue before they were
 diagnosed. Whatever is named is wrong, though it may be nearly the same curve.
 {_COLUMNS}"""
 
 MECHANISMS = f"""# Mechanisms that no cause draws
 
-Printed by `python -m examples.scorecard --mechanisms --pairs 0 --nulls 0 ...`: what is hidden in
-these blind cases is of no kind of the catalogue (`examples/hidden_effects/mechanisms.py`), all of
+Printed by `python -m examples.studies.scorecard --mechanisms --pairs 0 --nulls 0 ...`: what is hidden in
+these blind cases is of no kind of the catalogue (`examples/studies/hidden_effects/mechanisms.py`), all of
 which is compared. Whatever is named is wrong, though it may be nearly the same curve.
 {_COLUMNS}"""
 

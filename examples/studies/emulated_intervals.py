@@ -1,6 +1,6 @@
 """Whether intervals of a hidden cause hold the truth where the simulation is known from runs.
 
-``python -m examples.emulated_intervals --seeds 40`` prints a line a case, and the share at the end:
+``python -m examples.studies.emulated_intervals --seeds 40`` prints a line a case, and the share at the end:
 whether the 90 % interval holds the truth over Kriging and over polynomials, and how wide these are
 beside the interval with the simulation itself.
 """

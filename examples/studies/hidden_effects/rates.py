@@ -1,6 +1,6 @@
 """How often a diagnosis is right.
 
-`python -m examples.hidden_effects.rates` prints it for what an engineer does by hand.
+`python -m examples.studies.hidden_effects.rates` prints it for what an engineer does by hand.
 """
 
 from __future__ import annotations
