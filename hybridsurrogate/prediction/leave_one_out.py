@@ -60,7 +60,7 @@ class _Starts(NamedTuple):
 # of a density in which the coefficients of causes are integrated out few draws say as much
 _FEW = _Draws(4, 40, 200)
 # a draw of step 2 costs the square of the coefficients: 2 s of 60 and 40 rows
-_SQUARED, _LEAST, _MOST = 4e5, 50, 1000
+_SQUARED, _LEAST, _MOST = 4e5, 50, 4000
 
 
 @dataclass(frozen=True)

@@ -388,15 +388,15 @@ def _callable(
 def _check_size(basis: Basis, n_rows: int) -> None:
     """Raise ValueError for far too many coefficients, before a fit that hangs."""
     n = len(basis.coefficient_mean)
-    if n > _MOST_COEFFICIENTS:
-        raise ValueError(
-            f"The surrogate has {n} coefficients, of which {_MOST_COEFFICIENTS} are the most that "
-            "can be inferred together: choose a lower degree, sparse=True, or Kriging()."
-        )
     if n > max(_MANY_COEFFICIENTS, _MOST_A_ROW * n_rows):
         raise ValueError(
             f"The surrogate has {n} coefficients, more than {_MOST_A_ROW} for each of the {n_rows} "
             "rows of the runs: choose a lower degree, sparse=True, or Kriging()."
+        )
+    if n > _MOST_COEFFICIENTS:
+        raise ValueError(
+            f"The surrogate has {n} coefficients, of which {_MOST_COEFFICIENTS} are the most that "
+            "can be inferred together: choose a lower degree, sparse=True, or Kriging()."
         )
 
 

@@ -102,7 +102,7 @@ def test_rows_of_another_simulation_are_refused(curves):
         simulation.with_rows(again)
     with pytest.raises(ValueError, match=r"no column wave"):
         simulation.with_rows(again.drop(columns="wave"))
-    with pytest.raises(ValueError, match=r"a column 'run' must say"):
+    with pytest.raises(ValueError, match=r"a column 'run' must hold"):
         simulation.with_rows(again.drop(columns="run"))
     with pytest.raises(TypeError, match=r"takes a DataFrame"):
         simulation.with_rows(again.to_numpy())

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
+from outcomes import outcome
 
 KEPT = Path(__file__).parent / "outcomes"
 NAMES = sorted(path.stem for path in KEPT.glob("*.txt"))
@@ -24,7 +25,7 @@ def test_all_outcomes_are_kept():
 @pytest.mark.filterwarnings("ignore::hybridsurrogate.HybridSurrogateWarning")
 @pytest.mark.filterwarnings("ignore::hybridsurrogate.SamplingWarning")
 @pytest.mark.parametrize("name", NAMES)
-def test_the_first_screen(outcome, name):
+def test_the_first_screen(name):
     report = outcome(name).report(units={"t": "h", "level <mg>": "mg"})
     assert len(str(report).splitlines()) <= 30
     assert words(str(report)) == words((KEPT / f"{name}.txt").read_text(encoding="utf-8"))

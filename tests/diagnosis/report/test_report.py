@@ -13,6 +13,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
+from outcomes import outcome
 from sklearn.base import clone
 
 import hybridsurrogate as hs
@@ -26,7 +27,7 @@ def decay(t, level, rate):
 
 
 @pytest.fixture(scope="module")
-def named(outcome):
+def named():
     return outcome("named")
 
 
@@ -236,7 +237,7 @@ def test_the_dict_is_a_copy_and_nan_is_none(report):
     assert plain(given) == {"a": None, "1": [2.0, [None, 1.0]], "b": True}
 
 
-def test_an_adequate_simulation(outcome):
+def test_an_adequate_simulation():
     diagnosis = outcome("adequate")
     assert diagnosis.verdict_ == "adequate"
     report = diagnosis.report(test=([[9.0], [10.0]], [1.2, 0.9]))
@@ -266,7 +267,7 @@ def test_without_cross_validation_or_held_out_rows(named):
     assert gains.pictures == ()
 
 
-def test_a_fault_without_a_name_and_one_with_several(outcome):
+def test_a_fault_without_a_name_and_one_with_several():
     chirp = outcome("unexplained")
     assert chirp.verdict_ == "unexplained"
     report = chirp.report()
@@ -290,7 +291,7 @@ def test_a_fault_without_a_name_and_one_with_several(outcome):
     assert averaged[0]["causes"] in flat(report)
 
 
-def test_two_causes_at_once(outcome):
+def test_two_causes_at_once():
     diagnosis = outcome("two causes")
     assert {cause.kind for cause in diagnosis.found_causes_} == {"step", "periodic"}
     report = diagnosis.report()
@@ -309,7 +310,7 @@ def test_two_causes_at_once(outcome):
     assert "max_causes" not in str(report)
 
 
-def test_residual_structure_is_the_caution(outcome):
+def test_residual_structure_is_the_caution():
     report = outcome("nearest").report()
     assert "may be at work too" in report.first.caution
     assert "Search for a further cause: max_causes=2" in " ".join(str(report).split())

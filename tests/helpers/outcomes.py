@@ -4,7 +4,6 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-import pytest
 
 import hybridsurrogate as hs
 
@@ -82,12 +81,7 @@ OUTCOMES = {
 }
 
 
-@pytest.fixture(scope="session")
-def outcome():
+@cache
+def outcome(name):
     """Return the diagnosis of an outcome by its name."""
-
-    @cache
-    def fitted(name):
-        return OUTCOMES[name]()
-
-    return fitted
+    return OUTCOMES[name]()
