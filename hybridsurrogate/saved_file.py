@@ -7,6 +7,7 @@ import json
 import os
 import pickle
 import platform
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import sklearn
 
 import hybridsurrogate
 from hybridsurrogate.arguments.paths import check_readable
+from hybridsurrogate.exceptions import HybridSurrogateWarning
 from hybridsurrogate.whole_file import check_writable, written_whole
 
 _FIRST = b"hybridsurrogate saved file\n"
@@ -51,11 +53,27 @@ def save(fitted: Any, path: str | os.PathLike[str], code: str | None = None) -> 
     (100,)
     """
     check_writable(path)
+    _warn_of_main(fitted)
     about = {**_versions(), "class": type(fitted).__name__, "code": code}
     with written_whole(path) as part, part.open("wb") as file:
         file.write(_FIRST + json.dumps(about).encode() + b"\n")
         with gzip.open(file, "wb", compresslevel=1) as packed:
             pickle.dump(fitted, packed, protocol=5)
+
+
+def _warn_of_main(fitted: Any) -> None:
+    """Warn where the simulation's function can be found by this script or notebook alone."""
+    model = getattr(fitted, "estimator_", fitted)
+    simulator = getattr(getattr(model, "simulation", None), "simulator", None)
+    function = getattr(simulator, "function", None)
+    if getattr(function, "__module__", None) == "__main__":
+        name = getattr(function, "__qualname__", repr(function))
+        warnings.warn(
+            f"The function {name!r} is defined in this script or notebook: the file can be loaded "
+            "where __main__ has it, too. Move it to a module to load the file elsewhere.",
+            HybridSurrogateWarning,
+            stacklevel=3,
+        )
 
 
 def about_saved(path: str | os.PathLike[str]) -> dict[str, Any]:

@@ -2,6 +2,8 @@
 
 import json
 import pickle
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -56,3 +58,30 @@ def test_nothing_is_overwritten_where_a_fit_cannot_be_saved(fitted, tmp_path):
     with pytest.raises(pickle.PicklingError):
         hs.save(hs.Simulator(lambda t: t, {"t": (0, 1)}), path)
     assert path.read_text() == "older"
+
+
+def test_a_function_of_a_script_is_pointed_out(tmp_path):
+    """Of __main__: another script would not find it."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        """
+import warnings
+import numpy as np, hybridsurrogate as hs
+
+def line(t, k):
+    return k * t
+
+simulator = hs.Simulator(line, {"t": (0, 1)}, {"k": hs.truncated_normal(1, 0.5, 0, 2)})
+t = np.linspace(0, 1, 12)
+model = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate(), random_state=0)
+model.fit(t[:, None], t + 0.1 * np.cos(9 * t))
+with warnings.catch_warnings(record=True) as caught:
+    warnings.simplefilter("always")
+    hs.save(model, "line.hs")
+print([str(one.message) for one in caught])
+"""
+    )
+    run = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, check=True, cwd=tmp_path
+    )
+    assert "The function 'line' is defined in this script or notebook" in run.stdout

@@ -14,7 +14,7 @@ import numpy as np
 from joblib import parallel_config
 from numpy.typing import ArrayLike
 from sklearn.base import clone
-from sklearn.utils import check_random_state, check_scalar
+from sklearn.utils import check_consistent_length, check_random_state, check_scalar
 from sklearn.utils.validation import check_is_fitted
 
 from hybridsurrogate.diagnosis.answers.discrepancy import estimate_discrepancies
@@ -291,6 +291,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         check_settings(self)
         labels = getattr(self.estimator, "experiment", None)
         check_outcomes(y, as_likelihood(getattr(self.estimator, "likelihood", "normal")))
+        check_consistent_length(X, y, sample_weight)
         X, y, weights = without_gaps(X, y, sample_weight)
         X = complete_table(X, labels=labels)
         X, y, weights = counted_rows(X, y, weights)

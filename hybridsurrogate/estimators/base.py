@@ -322,7 +322,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         Raises
         ------
         ValueError
-            For units of what is no parameter and no output.
+            For units of what is no parameter, output or column.
 
         Examples
         --------
@@ -343,17 +343,21 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
 
     def _units_of(self, names: Sequence[str], units: Mapping[str, str]) -> list[str]:
         """Return the unit of each row of a summary."""
-        outputs: tuple[str, ...] = getattr(getattr(self, "simulation_", None), "outputs", ())
+        simulation = getattr(self, "simulation_", None)
+        outputs: tuple[str, ...] = getattr(simulation, "outputs", ())
+        inputs: tuple[str, ...] = getattr(simulation, "input_names", ())
+        columns = [*inputs, *getattr(self, "feature_names_in_", ())]
         plain = [name.partition("[")[0] for name in names]
-        unknown = [name for name in units if name not in (*plain, *outputs)]
+        unknown = [name for name in units if name not in (*plain, *outputs, *columns)]
         if unknown:
+            known = list(dict.fromkeys([*plain, *outputs, *columns]))
             raise ValueError(
-                f"units has {unknown}, which is no parameter or output: these are "
-                f"{list(dict.fromkeys([*plain, *outputs]))}.{did_you_mean(unknown, plain)}"
+                f"units has {unknown}, which is no parameter, output or column: these are {known}."
+                f"{did_you_mean(unknown, known)}"
             )
         of_noise = units.get(outputs[0], "") if len(outputs) == 1 else ""
-        known = {"sigma": of_noise, **units}
-        return [known.get(name, "") for name in plain]
+        of_rows = {"sigma": of_noise, **units}
+        return [of_rows.get(name, "") for name in plain]
 
     def _parts(self) -> list[Part]:
         """Return the posteriors of `_mixture`, without rows, with what is known of them."""

@@ -273,6 +273,21 @@ class Simulator:
         """
         return self._evaluate(*self._check_points(X, omega))[0]
 
+    def tried(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, str | None]:
+        """As `evaluate`, with what the first run that raised said, None where none did.
+
+        Parameters
+        ----------
+        X : ndarray of shape (n, n_inputs)
+        omega : ndarray of shape (n, n_parameters + n_assumed)
+
+        Returns
+        -------
+        outputs : ndarray of shape (n,), or (n, n_outputs) of several
+        error : str or None
+        """
+        return self._evaluate(*self._check_points(X, omega))
+
     def cached(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Run the simulation in a search; outputs of rows that were run before are cached.
 

@@ -188,7 +188,8 @@ def test_a_function_of_curves_is_called_once_a_run(clocked):
     model = hs.PowerScaledSurrogate(clocked(counted, returns="curve"), random_state=0)
     with pytest.warns(hs.EmulationWarning, match=" 5 ms for one set"):
         model.fit(TIMES[:, None], measured())
-    assert counted.calls == model.emulation_.runs.n_runs + 1
+    # once without a clock, once with it
+    assert counted.calls == model.emulation_.runs.n_runs + 2
 
 
 def test_runs_that_fail_are_dropped_with_a_warning(clocked):
@@ -314,3 +315,38 @@ def test_a_fit_and_a_diagnosis_of_a_function_of_5_ms_take_less_than_a_minute():
     report = slow.report()
     assert "was emulated by Kriging() from" in " ".join(str(report).split())
     assert report.summary["emulation"]["n_runs"] == slow.estimator_.emulation_.runs.n_runs
+
+
+def test_what_a_simulation_raises_is_quoted():
+    def blows(wind, k):
+        if wind > 3:
+            raise RuntimeError("wind too strong")
+        return k * wind
+
+    simulator = hs.Simulator(
+        blows,
+        {"wind": (0, 4)},
+        {"k": hs.truncated_normal(1, 0.5, 0, 2)},
+        vectorized=False,
+    )
+    wind = np.linspace(0, 4, 9)
+    model = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate(), random_state=0)
+    said = (
+        r"fails at 2 of 9 measured rows, first in row 8 \(index 7\): RuntimeError: wind too strong"
+    )
+    with pytest.raises(ValueError, match=said):
+        model.fit(wind[:, None], wind)
+
+
+def test_the_first_call_is_not_timed():
+    """A function of numbers finds that out in its first call, which takes longer."""
+    asked = []
+
+    def slow_at_first(x, a):
+        asked.append(len(np.atleast_1d(x)))
+        if len(asked) == 1:
+            time.sleep(0.05)
+        return a * x
+
+    simulator = hs.Simulator(slow_at_first, {"x": (0, 1)}, {"a": hs.truncated_normal(1, 1, 0, 2)})
+    assert emulation.seconds_a_set(simulator, np.linspace(0, 1, 20)[:, None]) < 0.001

@@ -14,8 +14,9 @@ _TOKEN = re.compile(r"\\[a-zA-Z]+|\\.|[{}^_]|\d+(?:\.\d+)?|[a-zA-Z]|\S")
 _SYMBOLS = {
     "cdot": "·", "times": "×", "pi": "π", "sigma": "σ", "delta": "δ", "varepsilon": "ε",
     "varphi": "φ", "mu": "μ", "geq": "≥", "leq": "≤", "sim": "∼", "propto": "∝", "to": "→",
-    "infty": "∞", "wedge": "^", "Phi": "Φ", "eta": "η", "theta": "θ", "quad": "\u2003",
+    "infty": "∞", "wedge": "^", "Phi": "Φ", "eta": "η", "theta": "θ",
 }  # fmt: skip
+_SPACES = {",": "0.17em", ":": "0.22em", ";": "0.28em", " ": "0.25em", "!": "0em", "quad": "1em"}
 _OPERATORS = {"cdot", "times", "geq", "leq", "sim", "propto", "to"}
 _FUNCTIONS = {"exp", "cos", "sin", "log", "max", "min", "tanh", "sqrt"}
 
@@ -89,6 +90,8 @@ def _one(tokens: _Tokens) -> str:
     if not token.startswith("\\"):
         return _plain(token)
     name = token[1:]
+    if name in _SPACES:
+        return f'<mspace width="{_SPACES[name]}"/>'
     if name in ("text", "operatorname", "mathbf"):
         inside = html.escape(tokens.text())
         return f"<mtext>{inside}</mtext>" if name == "text" else f"<mi>{inside}</mi>"

@@ -19,7 +19,7 @@ from hybridsurrogate.surrogates.emulation.covariance import (
     _badness,
     alike,
     bent,
-    weighed,
+    weighted,
 )
 
 
@@ -62,7 +62,7 @@ def test_weighed_correlations_and_their_slopes(monkeypatch):
     monkeypatch.setattr("hybridsurrogate.blocks.blocks.__defaults__", (20,))
     rng = np.random.default_rng(0)
     a, others, weights = rng.normal(size=(9, 3)), Apart.of(rng.normal(size=(6, 3))), np.arange(6.0)
-    value, slopes = weighed(Apart.of(a), others, np.column_stack([weights, weights[::-1]]))
+    value, slopes = weighted(Apart.of(a), others, np.column_stack([weights, weights[::-1]]))
     np.testing.assert_allclose(value[:, 1], alike(Apart.of(a), others) @ weights[::-1])
     value, slopes = value[:, 0], slopes[:, 0]
     np.testing.assert_allclose(value, alike(Apart.of(a), others) @ weights)
@@ -70,7 +70,7 @@ def test_weighed_correlations_and_their_slopes(monkeypatch):
         ahead, behind = (alike(Apart.of(a + sign * move), others) @ weights for sign in (1, -1))
         np.testing.assert_allclose(slopes[:, k], (ahead - behind) / 2e-6, atol=1e-7)
     # where they meet a correlation is flat
-    _, flat = weighed(Apart.of(a[:1]), Apart.of(a[:1]), np.ones((1, 1)))
+    _, flat = weighted(Apart.of(a[:1]), Apart.of(a[:1]), np.ones((1, 1)))
     np.testing.assert_allclose(flat, 0, atol=1e-7)
 
 

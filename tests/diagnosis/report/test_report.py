@@ -18,6 +18,7 @@ from sklearn.base import clone
 
 import hybridsurrogate as hs
 from hybridsurrogate import digits
+from hybridsurrogate.diagnosis.report.mathml import mathml
 from hybridsurrogate.diagnosis.report.summary import plain
 from hybridsurrogate.diagnosis.validation import beta_scan as trust
 
@@ -340,6 +341,17 @@ def test_what_to_predict_with(named):
 def test_units_of_unknown_columns_are_an_error(named):
     with pytest.raises(ValueError, match=r"units has \['tt'\].*Did you mean 't'"):
         named.report(units={"tt": "h"})
+
+
+def test_units_are_a_dict_of_text(named):
+    for wrong in ("kW", {"t": 1000}):
+        with pytest.raises(TypeError, match="units must be a dict of names and units as text"):
+            named.report(units=wrong)
+
+
+def test_spaces_of_a_formula_are_no_commas():
+    assert "," not in mathml(r"244 \, x \quad \text{where} \; y")
+    assert mathml(r"f(a, b)").count("<mo>,</mo>") == 1
 
 
 def test_the_picture_alone(named):

@@ -36,8 +36,9 @@ def section(view: View, gains: Mapping[str, HeldOutGain | None]) -> Section:
         return Section("Gain in detail", "not measured", (_not_measured(),))
     sentences = [_EXPLAINED, *(f"{_rows(view, n, g)}: {judgement(g)}." for n, g in known.items())]
     sentences += [
-        f"The search was repeated without the held-out rows; its folds chose {_chosen(gain)}."
-        for gain in known.values()
+        f"{name.capitalize()}: the search was repeated without the held-out rows; its folds chose "
+        f"{_chosen(gain)}."
+        for name, gain in known.items()
         if gain.kinds
     ]
     if gains.get("within") is not None and gains.get("beyond") is None:

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from hybridsurrogate import digits
+from hybridsurrogate.diagnosis.answers.discrepancy import Third
 from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
 from hybridsurrogate.diagnosis.report.elements.tables import third_table, thirds
@@ -35,13 +36,18 @@ def section(view: View) -> Section:
 def _hint(view: View) -> str:
     if not view.extended:
         return "nowhere that the data show"
-    parts = [third for third in thirds(view) if third.column == view.name]
+    parts = thirds(view)
     if not parts:
         return "not in the mean"
-    most = max(parts, key=lambda third: third.share)
+    most = _most(parts)
     if most.share < 1.5 * most.rows:
-        return f"all over {view.name}"
-    return f"most where {view.name} is {_span(most.low, most.high)}"
+        return f"all over {most.column}"
+    return f"most where {most.column} is {_span(most.low, most.high)}"
+
+
+def _most(parts: list[Third]) -> Third:
+    """Return the third that has most of the change for its rows."""
+    return max(parts, key=lambda third: third.share - third.rows)
 
 
 def _span(low: float, high: float) -> str:
@@ -85,13 +91,13 @@ def _sentences(view: View) -> list[str]:
             f"The extended model moves the predictions at the measured rows by {view.amount(rms)} "
             f"(root mean square), most at {place}: {view.amount(float(view.change[most]))}."
         )
-        part = max((t for t in thirds(view) if t.column == view.name), key=lambda t: t.share)
+        part = _most(thirds(view))
         out.append(
             f"Of this (as squares) {digits.percent(part.share)} lies where {part.column} is "
             f"{_span(part.low, part.high)}, with {digits.percent(part.rows)} of the rows."
         )
-    # the smooth curve knows the inputs only
-    return out if view.name not in view.inputs else [*out, _curve(view)]
+    # the smooth curve is one over an input; of another column the first picture shows more
+    return [*out, _curve(view)] if view.name == view.band.column else out
 
 
 def _curve(view: View) -> str:

@@ -382,8 +382,16 @@ def view_of(diagnosis: DiscrepancyDiagnosis, units: Mapping[str, str] | None = N
     ------
     ValueError
         For units of what is no column, output, parameter or constant.
+    TypeError
+        For units that are no dict of text.
     """
-    view = View(diagnosis, units=dict(units or {}))
+    units = {} if units is None else units
+    if not isinstance(units, Mapping) or not all(isinstance(u, str) for u in units.values()):
+        raise TypeError(
+            'units must be a dict of names and units as text, such as {"co2": "ppm"}, got '
+            f"{units!r}."
+        )
+    view = View(diagnosis, units=dict(units))
     simulation = diagnosis.estimator_.simulation
     known = [*view.columns, *view.outputs, *simulation.parameter_names, *simulation.assumed_names]
     unknown = [name for name in view.units if name not in known]

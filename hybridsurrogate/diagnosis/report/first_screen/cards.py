@@ -104,13 +104,21 @@ def _gain(view: View, on_test: HeldOutGain | None) -> Card:
     return Card(GAIN, "No clear gain", f"within two standard errors on held-out rows: {detail}")
 
 
+def _measured_range(view: View) -> str:
+    """Return the measured range of each input of the simulation, of many of the first two."""
+    parts = []
+    for name in view.inputs[:2]:
+        column = view.X[:, view.columns.index(name)]
+        low, high = (digits.number(float(end), 3) for end in (column.min(), column.max()))
+        unit = f" {view.units[name]}" if name in view.units else ""
+        parts.append(f"{name} {low} to {high}{unit}")
+    more = ", ..." if len(view.inputs) > 2 else ""
+    return f"Within {', '.join(parts)}{more}"
+
+
 def _range(view: View, on_test: HeldOutGain | None) -> Card:
     d = view.diagnosis
-    name = view.inputs[0]
-    column = view.X[:, view.columns.index(name)]
-    ends = [digits.number(float(end)) for end in (column.min(), column.max())]
-    unit = f" {view.units[name]}" if name in view.units else ""
-    within = f"Within {name} {ends[0]} to {ends[1]}{unit}"
+    within = _measured_range(view)
     beyond, where = d.gain_out_of_range_, "beyond it"
     if on_test is not None:
         beyond, where = on_test, "on the rows that you held out"
