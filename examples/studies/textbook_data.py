@@ -45,7 +45,8 @@ the verdict is `ambiguous`; "in set": it is among those that cannot be separated
 brackets counts causes that the catalogue does not hold (`probability_right_`). The gain is that of
 a held-out row in the log score, with its standard error, then how many of these rows the 90 %
 interval holds, of the simulation and of the extended model: in random folds, and in folds beyond
-the measured range. """
+the measured range.
+"""
 
 
 def measured(data: TextbookSet) -> tuple[pd.DataFrame, np.ndarray]:

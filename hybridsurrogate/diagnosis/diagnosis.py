@@ -291,7 +291,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         check_settings(self)
         labels = getattr(self.estimator, "experiment", None)
         check_outcomes(y, as_likelihood(getattr(self.estimator, "likelihood", "normal")))
-        check_consistent_length(X, y, sample_weight)
+        check_consistent_length(X, y)
         X, y, weights = without_gaps(X, y, sample_weight)
         X = complete_table(X, labels=labels)
         X, y, weights = counted_rows(X, y, weights)
