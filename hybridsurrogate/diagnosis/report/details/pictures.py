@@ -96,11 +96,11 @@ def picture_output(view: View) -> Drawn:
     _draw_model(top, view, model, colour, name, view.x.min(), view.x.max())
     plotting.plot_measured(top, view.x, view.y)
     logarithmic(top, view, view.y)
-    plotting.tidy(top, "", view.output)
+    plotting.tidy(top, "", view.axis(view.output))
     left = view.working_residuals(view.found)
     plotting.plot_residuals(bottom, view.x, left, colour, "residual")
     log = "log " if view.log_scale else ""
-    plotting.tidy(bottom, view.name, f"{log}measured - {log}predicted", False)
+    plotting.tidy(bottom, view.axis(view.name), f"{log}measured - {log}predicted", False)
     rms = digits.number(float(np.sqrt(np.mean(left**2))), 3)
     return rendered(
         axes,
@@ -134,7 +134,9 @@ def picture_residuals(view: View) -> Drawn:
         residual = view.working_residuals(model)
         sizes.append(float(np.sqrt(np.mean(residual**2))))
         plotting.plot_residuals(axes[k], view.x, residual, colour, word)
-        plotting.tidy(axes[k], view.name, f"{log}measured - {log}predicted", False, ticks=5)
+        plotting.tidy(
+            axes[k], view.axis(view.name), f"{log}measured - {log}predicted", False, ticks=5
+        )
         plotting.plot_quantiles(axes[n + k], view.standardised(model), colour, mark, word)
     for row in (axes[:n], axes[n:]):
         limit = max(np.max(np.abs(ax.get_ylim())) for ax in row)
@@ -205,10 +207,10 @@ def picture_next(view: View) -> Drawn:
     logarithmic(axes[0], view, view.y)
     near = means[0] if view.is_curve else np.concatenate(means)
     plotting.share_range(axes[:1], np.concatenate([view.y, near]))
-    plotting.tidy(axes[0], "", view.output)
+    plotting.tidy(axes[0], "", view.axis(view.output))
     information = information_at(found, view.single(rows))
     plotting.plot_information(axes[1], x, information, at[view.shown])
-    plotting.tidy(axes[1], view.name, "information\nin bits", legend=False)
+    plotting.tidy(axes[1], view.axis(view.name), "information\nin bits", legend=False)
     text = digits.listing([label_of(one) for one in alternatives])
     return rendered(
         axes,
