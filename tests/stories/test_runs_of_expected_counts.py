@@ -149,7 +149,8 @@ def test_rounded_runs_of_few_counts_leave_open_what_they_hide():
     assert rounded.emulator_check_.remedy.startswith(
         "Give the expected counts as runs, not rounded"
     )
-    assert "give the expected counts" in str(rounded.report())
+    assert "whole numbers, rounded or drawn" in " ".join(rounded.report().lead)
+    assert "Give the expected counts" in str(rounded.report())
     assert "runs" in [one.about for one in rounded.cautions_]
 
 

@@ -229,10 +229,11 @@ def _undecided(view: View) -> tuple[str, ...]:
     d = view.diagnosis
     if d.undecided_by_ == "runs":
         assert d.emulator_check_ is not None  # it decided
-        out = [
-            "They leave the simulation uncertain by "
-            f"{digits.number(d.emulator_check_.left_open, 2)} times the noise."
-        ]
+        if d.emulator_check_.rounding is None:
+            left_open = digits.number(d.emulator_check_.left_open, 2)
+            out = [f"They leave the simulation uncertain by {left_open} times the noise."]
+        else:
+            out = ["Their counts are whole numbers, rounded or drawn, which can hide an effect."]
         if view.extended:
             out.append(
                 f"The most probable cause is {label_of_cause(view.cause)}, but the uncertainty of "
