@@ -217,7 +217,7 @@ SETS = (
         (own.AirDrag(), hs.Offset()), "terminal 9.2", "0.1542 -> 0.09984",
         own=(own.AirDrag(),),
         remark="two faults at once, of which one comes first, and narrowly: with a terminal "
-        "velocity of 2 to 400 m/s heavy-tailed noise comes first, and by hand, least squares and "
+        "velocity of 2 to 400 m/s one wrong row (gross-error) comes first, and by hand, least squares and "
         "BIC find nothing.",
     ),
     DataSet(
