@@ -65,6 +65,11 @@ def probability(share: float) -> str:
     return f"{value:.0f} %" if 9.95 <= value <= 99 else f"{value:.1f} %"
 
 
+def at_least(value: float, least: float = 0.01) -> str:
+    """Return a number with two digits, or that it is less than what matters."""
+    return f"less than {least:g}" if value < least else number(value, 2)
+
+
 def listing(words: list[str]) -> str:
     """Return words in a row: a, b and c."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

@@ -42,9 +42,9 @@ def main():
         (diagnosis.extended_estimator_, AFTER, f"extended by a {best.kind}"),
     )
     for fitted, colour, name in pairs:
-        told = prediction(fitted, data.data)
-        plot_prediction(above, year, told, colour, name)
-        plot_residuals(below, year, y - told.mean, colour, "")
+        predicted = prediction(fitted, data.data)
+        plot_prediction(above, year, predicted, colour, name)
+        plot_residuals(below, year, y - predicted.mean, colour, "")
     tidy(above, "", "flow in 10⁸ m³ a year")
     tidy(below, "year", "measured − predicted", legend=False)
     above.set_ylim(400, 1650)  # room for the legend

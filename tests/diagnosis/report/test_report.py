@@ -125,7 +125,7 @@ def test_the_page_is_whole_and_needs_no_network(report, tmp_path):
     page = Page(text)
     assert text.startswith("<!doctype html>")
     assert page.open == []
-    assert len(page.images) == 5
+    assert len(page.images) == 6
     inside = ("data:image/svg+xml;base64,", "data:text/csv;base64,", "#")
     assert all(address.startswith(inside) for address in page.addresses)
     assert {f"#{name}" for name in page.names} == {a for a in page.addresses if a[0] == "#"}
@@ -190,7 +190,7 @@ def test_the_page_opens_in_a_browser(report, tmp_path):
     dom = run("--dump-dom", "--virtual-time-budget=2000")
     told = re.search(r"<title>widths ([\d ]+) overflow (\w+)</title>", dom)
     widths = [int(width) for width in told.group(1).split()]
-    assert len(widths) == 5
+    assert len(widths) == 6
     assert min(widths) > 400
     assert told.group(2) == "false"
     assert "rises by" in dom

@@ -88,6 +88,7 @@ def test_the_sentences_of_a_gain():
     found = gain.section(view_of(), {"within": split, "beyond": beyond, "held out": None})
     text = " ".join(found.sentences)
     assert "Higher is better" in text
+    assert "70 % cover the row, too few: they are too narrow" in text
     assert "its folds chose step (1) and bump (1)" in text
     assert "the last 100 rows along t, 2 blocks, each predicted from all rows before it" in text
     assert "predicts worse: do not use it for rows like these" in text

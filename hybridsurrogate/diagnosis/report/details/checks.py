@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import pandas as pd
 
 from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.checks.emulator import MOST_MISSED, advice
+from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.details.cautions import cautions
-from hybridsurrogate.diagnosis.report.elements.section import Section, Table
+from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
 from hybridsurrogate.diagnosis.report.elements.view import View, averaged
 from hybridsurrogate.posterior import KHAT_LIMIT
 
@@ -29,6 +31,7 @@ def section(view: View) -> Section:
             ),
             *_residuals(view),
         ),
+        pictures=(Picture(partial(pictures.picture_residuals, view)),),
     )
 
 

@@ -104,8 +104,7 @@ def _alike(view: View) -> list[str]:
     for other in others:
         gap = curve - working(view.expected(found, other, view.X))
         size = float(np.sqrt(np.mean(gap**2))) / noise
-        shown = "less than 0.01" if size < 0.01 else digits.number(size, 2)
-        parts.append(f"{shown} from {label_of(other)}")
+        parts.append(f"{digits.at_least(size)} from {label_of(other)}")
     return [
         f"At the measured rows the curve of {label_of(first)} differs by so many standard "
         f"deviations of the noise (root mean square): {digits.listing(parts)}."

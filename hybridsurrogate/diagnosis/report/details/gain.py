@@ -19,7 +19,6 @@ _EXPLAINED = (
     "The log score (ELPD) is the logarithm of the probability density that a model gave to a "
     "held-out measurement. Higher is better; 0.7 more means twice the density."
 )
-_TOO_FEW_ROWS = "too few rows for a standard error"
 
 
 def section(view: View, gains: Mapping[str, HeldOutGain | None]) -> Section:
@@ -35,6 +34,11 @@ def section(view: View, gains: Mapping[str, HeldOutGain | None]) -> Section:
     if not known:
         return Section("Gain in detail", "not measured", (_not_measured(),))
     sentences = [_EXPLAINED, *(f"{_rows(view, n, g)}: {judgement(g)}." for n, g in known.items())]
+    sentences += [
+        f"{name.capitalize()}: of the extended model's 90 % intervals "
+        f"{digits.percent(gain.coverage_after)} cover the row, {coverage_word(gain)}."
+        for name, gain in known.items()
+    ]
     sentences += [
         f"{name.capitalize()}: the search was repeated without the held-out rows; its folds chose "
         f"{_chosen(gain)}."
@@ -87,7 +91,7 @@ def judgement(gain: HeldOutGain) -> str:
     if difference == 0:
         return "the extension changes nothing"
     if not math.isfinite(error) or error <= 0:
-        return f"{_TOO_FEW_ROWS}, so that nothing follows from the difference"
+        return "too few rows for a standard error, so that nothing follows from the difference"
     if is_better(gain):
         return "the extended model predicts better"
     if is_worse(gain):

@@ -19,9 +19,7 @@ _SCALE = "1 bit decides between two explanations that are equally probable."
 def section(view: View) -> Section:
     """Return the section."""
     d = view.diagnosis
-    worth = (
-        "less than 0.01" if d.next_information_ < 0.01 else digits.number(d.next_information_, 2)
-    )
+    worth = digits.at_least(d.next_information_)
     return Section(
         "What to measure next",
         f"worth {worth} bits",

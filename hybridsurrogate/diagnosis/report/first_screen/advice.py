@@ -108,7 +108,7 @@ def _measure(view: View) -> list[Advice]:
             for name, value in d.next_measurement_.items()
         ]
     )
-    bits = "less than 0.01" if d.next_information_ < 0.01 else digits.number(d.next_information_, 2)
+    bits = digits.at_least(d.next_information_)
     if d.next_information_ < SETTINGS.little_information:
         return [
             Advice(
