@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import hybridsurrogate as hs
+from hybridsurrogate.simulation.calls import output_cache
 from hybridsurrogate.simulation.calls.output_cache import OutputCache
 
 INPUTS, RATE = {"t": (0, 10)}, {"rate": hs.truncated_normal(0.5, 0.2, 0.1, 1)}
@@ -187,3 +188,23 @@ def test_a_search_calls_a_row_once():
     model = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate(), random_state=0)
     model.fit(t[:, None], y)
     assert len(set(asked)) > 0.99 * len(asked)
+
+
+@pytest.mark.parametrize(("seconds", "calls"), [(0.0, 2), (0.02, 1)])
+def test_a_quick_function_is_called_again_and_a_slow_one_is_not(monkeypatch, seconds, calls):
+    clock = iter(np.cumsum([0.0, seconds] * 50))
+    monkeypatch.setattr(output_cache, "thread_time", lambda: next(clock))
+    cache, asked = OutputCache(), []
+
+    def function(points):
+        asked.append(len(points))
+        return points.sum(axis=1)
+
+    cache.outputs_if_slow(function, np.ones((2000, 2)))  # measured
+    points = np.random.default_rng(0).normal(size=(2000, 3))
+    asked.clear()
+    for _ in range(2):
+        found = cache.outputs_if_slow(function, points)
+        np.testing.assert_allclose(found, points.sum(axis=1))
+    # two rows may share a place in the table: the earlier one is called again
+    assert round(sum(asked) / 2000) == calls
