@@ -14,9 +14,9 @@ import hybridsurrogate as hs
 from hybridsurrogate.effects import Cause, Context
 from hybridsurrogate.effects.picture import plot_cause
 from hybridsurrogate.effects.registry import FORMS, Form, kinds
-from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.likelihoods import as_likelihood
-from hybridsurrogate.problem.context import at_medians, make_context, with_slopes
+from hybridsurrogate.model.context import at_medians, make_context, with_slopes
+from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.surrogates.exact import ExactBasis
 
 # what stands in a sentence for names, as in the formulas

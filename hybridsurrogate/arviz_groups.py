@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.posterior import Posterior
+from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.prediction.variables import Variable, prior_draws, variables_of
-from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.types import FloatArray, Prior
 
 # draws from the priors
 _PRIOR_DRAWS = 1000

@@ -11,15 +11,13 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import special, stats
 
 from hybridsurrogate.arguments.description import described
 from hybridsurrogate.arguments.named import check_mapping
 from hybridsurrogate.arguments.scalars import as_real
-
-Prior = Any  # a frozen scipy.stats distribution; scipy has no public type for it
-FloatArray = NDArray[np.floating[Any]]
+from hybridsurrogate.types import FloatArray, Prior
 
 # Phi(8) is the last step before 1 in double precision
 _Z_LIMIT = 8.0

@@ -17,7 +17,7 @@ import sklearn
 import hybridsurrogate
 from hybridsurrogate.arguments.paths import check_readable
 from hybridsurrogate.exceptions import HybridSurrogateWarning
-from hybridsurrogate.whole_file import check_writable, written_whole
+from hybridsurrogate.numerics.atomic_file import check_writable, written_whole
 
 _FIRST = b"hybridsurrogate saved file\n"
 # of the first two lines: what a file of another kind may have instead of a line break

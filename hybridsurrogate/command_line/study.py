@@ -17,8 +17,7 @@ from hybridsurrogate.command_line.priors import assumed_of, prior_of
 from hybridsurrogate.command_line.user_code import function_in, is_code
 from hybridsurrogate.estimators import PowerScaledSurrogate, PredictiveWeightedSurrogate
 from hybridsurrogate.exceptions import DiagnosisWarning, did_you_mean
-from hybridsurrogate.priors import FloatArray, Prior
-from hybridsurrogate.problem.rows import without_gaps
+from hybridsurrogate.model.rows.measured_rows import without_gaps
 from hybridsurrogate.simulation.curve_tables import long_table
 from hybridsurrogate.simulation.files.measured_table import numbers_of, with_days, with_levels
 from hybridsurrogate.simulation.files.table_file import DATE, RUN, read_table
@@ -30,6 +29,7 @@ from hybridsurrogate.surrogates import (
     PolynomialChaos,
     Surrogate,
 )
+from hybridsurrogate.types import FloatArray, Prior
 
 # of measurements, beyond which kriging takes too long; of the polynomial that then takes its place
 _MOST_ROWS, _MOST_DEGREE = 200, 5

@@ -8,8 +8,9 @@ from sklearn.utils import Bunch
 
 from hybridsurrogate.datasets.measured import measured_bunch
 from hybridsurrogate.datasets.tables import packaged_table
-from hybridsurrogate.priors import FloatArray, truncated_normal
+from hybridsurrogate.priors import truncated_normal
 from hybridsurrogate.simulation.simulator import Simulator
+from hybridsurrogate.types import FloatArray
 
 
 def absorbed_pulse(

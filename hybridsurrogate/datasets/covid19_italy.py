@@ -14,7 +14,8 @@ from sklearn.utils import Bunch
 
 from hybridsurrogate.datasets.measured import measured_bunch
 from hybridsurrogate.ode.simulator import OdeSimulator
-from hybridsurrogate.priors import FloatArray, truncated_normal
+from hybridsurrogate.priors import truncated_normal
+from hybridsurrogate.types import FloatArray
 
 FILE = "dpc-covid19-ita-andamento-nazionale.csv"
 URL = (

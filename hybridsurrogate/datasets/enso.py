@@ -9,8 +9,8 @@ from sklearn.utils import Bunch
 
 from hybridsurrogate.datasets.measured import measured_bunch
 from hybridsurrogate.datasets.tables import packaged_table
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.simulator import Simulator
+from hybridsurrogate.types import FloatArray
 
 
 def seasonal_pressure(

@@ -8,8 +8,9 @@ import numpy as np
 from sklearn.utils import Bunch
 
 from hybridsurrogate.arguments.scalars import random_generator
-from hybridsurrogate.priors import FloatArray, truncated_normal
+from hybridsurrogate.priors import truncated_normal
 from hybridsurrogate.simulation.simulator import Simulator
+from hybridsurrogate.types import FloatArray
 
 _SIMULATED_RANGE = (1.0, 200.0)
 _TRUE_OMEGA = 1.0

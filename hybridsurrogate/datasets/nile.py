@@ -8,8 +8,8 @@ from sklearn.utils import Bunch
 
 from hybridsurrogate.datasets.measured import measured_bunch
 from hybridsurrogate.datasets.tables import packaged_table
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.simulator import Simulator
+from hybridsurrogate.types import FloatArray
 
 
 def nile_flow(year: FloatArray, mean_flow: FloatArray) -> FloatArray:

@@ -11,8 +11,9 @@ from scipy.stats import uniform
 from sklearn.utils import Bunch
 
 from hybridsurrogate.arguments.scalars import random_generator
-from hybridsurrogate.priors import FloatArray, truncated_normal
+from hybridsurrogate.priors import truncated_normal
 from hybridsurrogate.simulation.simulator import Assumed, SimulationData, Simulator
+from hybridsurrogate.types import FloatArray
 
 _POPULATION = 763.0
 _FIRST_INFECTED = 1.0

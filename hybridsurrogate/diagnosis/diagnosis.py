@@ -89,11 +89,11 @@ from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import ConfoundingWarning, DiagnosisWarning
 from hybridsurrogate.inference.prior_ends import AtPriorEnd, at_prior_ends
 from hybridsurrogate.likelihoods import as_likelihood
-from hybridsurrogate.posterior import Posterior
-from hybridsurrogate.problem.problem import Problem
-from hybridsurrogate.problem.rows import check_outcomes, without_gaps
+from hybridsurrogate.model.posterior import Posterior
+from hybridsurrogate.model.problem import Problem
+from hybridsurrogate.model.rows.measured_rows import check_outcomes, without_gaps
+from hybridsurrogate.numerics.threads import one_blas_thread
 from hybridsurrogate.simulation.arrays import complete_table
-from hybridsurrogate.threads import one_blas_thread
 
 
 class DiscrepancyDiagnosis(FittedDiagnosis):

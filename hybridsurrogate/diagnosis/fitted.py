@@ -29,10 +29,10 @@ from hybridsurrogate.diagnosis.search.evidence import Search
 from hybridsurrogate.diagnosis.stored import restored, stored
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans, scan_beta, scan_folds
 from hybridsurrogate.diagnosis.validation.gain import HeldOutGain, gain_from, pointwise
-from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.problem.rows import without_gaps
+from hybridsurrogate.model.rows.measured_rows import without_gaps
+from hybridsurrogate.numerics.atomic_file import check_writable, written_whole
 from hybridsurrogate.simulation.arrays import complete_table
-from hybridsurrogate.whole_file import check_writable, written_whole
+from hybridsurrogate.types import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

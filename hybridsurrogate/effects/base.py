@@ -18,8 +18,8 @@ from sklearn.base import BaseEstimator
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.context import Context, Rows
 from hybridsurrogate.effects.notation import word
-from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation.modification import Modification
+from hybridsurrogate.types import FloatArray, Prior
 
 # the name under which `Cause.noise` finds the simulation's output, where it asks for it
 SIMULATED = "simulated output"

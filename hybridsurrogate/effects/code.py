@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from hybridsurrogate.effects.context import Rows
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 Does = Literal[
     "adds",

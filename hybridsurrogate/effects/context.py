@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybridsurrogate.exceptions import did_you_mean
-from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation.calendar import is_of_calendar
+from hybridsurrogate.types import FloatArray, Prior
 
 Rows = Mapping[str, FloatArray]  # a name and its values in n rows
 

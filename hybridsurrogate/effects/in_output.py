@@ -10,8 +10,8 @@ import numpy as np
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.exceptions import did_you_mean
-from hybridsurrogate.priors import Prior
 from hybridsurrogate.simulation.outputs import OUTPUT
+from hybridsurrogate.types import Prior
 
 
 class InOutput(Cause):

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.priors import Prior, frozen, period_range, prior_range
+from hybridsurrogate.priors import frozen, period_range, prior_range
+from hybridsurrogate.types import Prior
 
 # longest period in spans of the measured rows: of a wave at least a half must be seen
 LONGEST_PERIOD = 2.0

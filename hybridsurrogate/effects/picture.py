@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from hybridsurrogate.effects.base import SIMULATED, SLOPE, Cause, Context
 from hybridsurrogate.likelihoods.contaminated import log_shape
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 _N_DRAWS = 5
 # draws from the bulk of the prior: the tails of a Cauchy prior would flatten all others

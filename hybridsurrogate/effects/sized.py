@@ -8,8 +8,9 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, FloatArray, Rows
-from hybridsurrogate.priors import Prior, from_normal, frozen, to_normal
+from hybridsurrogate.priors import from_normal, frozen, to_normal
 from hybridsurrogate.simulation.modification import Modification
+from hybridsurrogate.types import Prior
 
 
 class Sized(Cause):

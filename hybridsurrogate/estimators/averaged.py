@@ -19,11 +19,11 @@ from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import SamplingWarning
 from hybridsurrogate.inference.loo import PointwiseLoo
 from hybridsurrogate.likelihoods import as_likelihood
-from hybridsurrogate.posterior import Diagnostics, Posterior
+from hybridsurrogate.model.posterior import Diagnostics, Posterior
 from hybridsurrogate.prediction.summary import Part
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.arrays import as_numbers
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
+from hybridsurrogate.types import FloatArray
 
 # doubtful draws of estimators with no more than this share of the weight make no doubtful average
 _MOST_DOUBTFUL = 0.1

@@ -21,7 +21,8 @@ from hybridsurrogate.estimators.checked_estimator import CheckedEstimator
 from hybridsurrogate.estimators.shown import fitted_html
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.inference.loo import PointwiseLoo
-from hybridsurrogate.posterior import Diagnostics, Posterior
+from hybridsurrogate.model.posterior import Diagnostics, Posterior
+from hybridsurrogate.model.rows.measured_rows import check_weights, has_measurement
 from hybridsurrogate.prediction.intervals import central_interval, inside_intervals
 from hybridsurrogate.prediction.leave_one_out import Loo, loo_of_rows
 from hybridsurrogate.prediction.mixture import (
@@ -35,9 +36,8 @@ from hybridsurrogate.prediction.mixture import (
     warn_of_carried,
 )
 from hybridsurrogate.prediction.summary import Part, summary_of
-from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.problem.rows import check_weights, has_measurement
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_size
+from hybridsurrogate.types import FloatArray
 
 
 class SurrogateEstimator(RegressorMixin, CheckedEstimator):

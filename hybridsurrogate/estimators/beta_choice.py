@@ -16,9 +16,9 @@ from hybridsurrogate.arguments.description import described
 from hybridsurrogate.arguments.scalars import check_flag
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.beta_path import beta_path, check_model
+from hybridsurrogate.model.rows.measured_rows import without_gaps
+from hybridsurrogate.model.rows.stacking import as_several
 from hybridsurrogate.notebook.bars import counted
-from hybridsurrogate.problem.rows import without_gaps
-from hybridsurrogate.problem.stacking import as_several
 from hybridsurrogate.simulation.arrays import as_numbers, as_outputs, complete_table
 
 LEAVE_FUTURE_OUT = "leave-future-out"

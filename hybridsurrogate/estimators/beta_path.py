@@ -17,12 +17,12 @@ from hybridsurrogate.arguments.scalars import check_flag
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.estimators.predictive_weighted import PredictiveWeightedSurrogate
-from hybridsurrogate.inference.model.power_scaling import powers_of
 from hybridsurrogate.inference.procedure import fit_problem
 from hybridsurrogate.inference.warm_start import carried
+from hybridsurrogate.model.powers import powers_of
 from hybridsurrogate.notebook.bars import counted
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.arrays import as_numbers
+from hybridsurrogate.types import FloatArray
 
 # a fit has three: a path costs less
 _PROPOSALS_A_DRAW = 1.5

@@ -8,9 +8,9 @@ from sklearn.base import clone
 from sklearn.utils import check_random_state
 
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
-from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.inference.sampling.adaptive_importance import Proposals
 from hybridsurrogate.inference.warm_start import carried, thinned
+from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.priors import to_normal
 
 # proposals for each draw that a fit to other rows keeps: as many as a fit from scratch has

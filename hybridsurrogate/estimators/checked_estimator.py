@@ -18,28 +18,28 @@ from hybridsurrogate.arguments.functions import state_to_pickle
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood, as_likelihood
-from hybridsurrogate.priors import FloatArray, check_prior
-from hybridsurrogate.problem.columns import (
+from hybridsurrogate.model.rows.columns import (
     check_reach,
     column_names,
     matched_columns,
     warn_elsewhere,
     warn_outside,
 )
-from hybridsurrogate.problem.experiments import (
+from hybridsurrogate.model.rows.experiments import (
     Experiments,
     check_column,
     check_experiments,
     experiments_of,
 )
-from hybridsurrogate.problem.rows import (
+from hybridsurrogate.model.rows.measured_rows import (
     MeasuredRows,
     check_outcomes,
     check_weights,
     merged_rows,
     without_gaps,
 )
-from hybridsurrogate.problem.stacking import Stacking, as_several, stacking_of
+from hybridsurrogate.model.rows.stacking import Stacking, as_several, stacking_of
+from hybridsurrogate.priors import check_prior
 from hybridsurrogate.simulation.arrays import (
     as_numbers,
     as_outputs,
@@ -53,6 +53,7 @@ from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
 from hybridsurrogate.surrogates.exact import ExactSurrogate
 from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
+from hybridsurrogate.types import FloatArray
 
 # what a fit keeps of the measured data
 _STORED = (

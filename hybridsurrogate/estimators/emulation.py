@@ -17,7 +17,6 @@ import pandas as pd
 from joblib import effective_n_jobs, parallel_config
 from numpy.typing import ArrayLike, NDArray
 
-from hybridsurrogate.digits import number
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.exceptions import (
     EmulationWarning,
@@ -25,12 +24,13 @@ from hybridsurrogate.exceptions import (
     HybridSurrogateWarning,
 )
 from hybridsurrogate.likelihoods import Likelihood
-from hybridsurrogate.posterior import Posterior
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.model.posterior import Posterior
+from hybridsurrogate.numerics.digits import number
 from hybridsurrogate.simulation.design import draw_design
 from hybridsurrogate.simulation.files.table_file import RUN
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.kriging import Kriging
+from hybridsurrogate.types import FloatArray
 
 # seconds of a set of parameters from which runs are made beforehand; the most sets that are timed,
 # and the share of its time that each takes of four times as many where more are tried

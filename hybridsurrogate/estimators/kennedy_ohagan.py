@@ -13,9 +13,10 @@ from hybridsurrogate.effects.output.discrepancy_process import GaussianProcessDi
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.priors import frozen
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.types import Prior
 
 
 class KennedyOHaganSurrogate(PowerScaledSurrogate):

@@ -18,16 +18,15 @@ from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood
-from hybridsurrogate.priors import FloatArray, Prior
-from hybridsurrogate.problem.columns import (
+from hybridsurrogate.model.problem import Problem, make_problem
+from hybridsurrogate.model.rows.columns import (
     check_reach,
     column_names,
     matched_columns,
     warn_outside,
 )
-from hybridsurrogate.problem.problem import Problem, make_problem
-from hybridsurrogate.problem.rows import MeasuredRows, merged_rows, without_gaps
-from hybridsurrogate.problem.stacking import as_several
+from hybridsurrogate.model.rows.measured_rows import MeasuredRows, merged_rows, without_gaps
+from hybridsurrogate.model.rows.stacking import as_several
 from hybridsurrogate.simulation.arrays import (
     as_numbers,
     check_number,
@@ -38,6 +37,7 @@ from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.simulation.variables import priors_of
 from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.types import FloatArray, Prior
 
 # priors are distinguished by their quantiles at these shares
 _SHARES = np.linspace(0.01, 0.99, 9)

@@ -17,18 +17,18 @@ from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.checked_estimator import CheckedData
 from hybridsurrogate.estimators.emulation import emulated, first_failure, take
 from hybridsurrogate.inference.loo import PointwiseLoo
-from hybridsurrogate.inference.model.power_scaling import powers_of
 from hybridsurrogate.inference.procedure import Fit, fit_problem
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood
-from hybridsurrogate.posterior import Posterior
+from hybridsurrogate.model.posterior import Posterior
+from hybridsurrogate.model.powers import powers_of
+from hybridsurrogate.model.prior_only import with_prior_only
+from hybridsurrogate.model.problem import Problem, make_problem
+from hybridsurrogate.model.rows.measured_rows import MeasuredRows
 from hybridsurrogate.prediction.leave_one_out import loo_of_fit
-from hybridsurrogate.priors import FloatArray, Prior
-from hybridsurrogate.problem.prior_only import with_prior_only
-from hybridsurrogate.problem.problem import Problem, make_problem
-from hybridsurrogate.problem.rows import MeasuredRows
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.types import FloatArray, Prior
 
 
 class PowerScaledSurrogate(SurrogateEstimator):

@@ -16,13 +16,13 @@ from hybridsurrogate.inference.loo import PointwiseLoo, stacking_weight
 from hybridsurrogate.inference.procedure import fit_problem
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood
-from hybridsurrogate.posterior import Diagnostics, Posterior
+from hybridsurrogate.model.posterior import Diagnostics, Posterior
+from hybridsurrogate.model.problem import make_problem
 from hybridsurrogate.prediction.leave_one_out import loo_of_fit
 from hybridsurrogate.prediction.summary import Part
-from hybridsurrogate.priors import FloatArray, Prior
-from hybridsurrogate.problem.problem import make_problem
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.types import FloatArray, Prior
 
 
 class PredictiveWeightedSurrogate(SurrogateEstimator):

@@ -14,8 +14,8 @@ from sklearn.utils.validation import check_is_fitted
 
 from hybridsurrogate.arguments.scalars import check_flag, check_number, random_generator
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.outputs import OUTPUT
+from hybridsurrogate.types import FloatArray
 
 # scipy 1.15 renamed the argument
 _RNG = "rng" if "rng" in inspect.signature(stats.sobol_indices).parameters else "random_state"

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from hybridsurrogate import digits
+from hybridsurrogate.model.posterior import Diagnostics, Posterior
 from hybridsurrogate.notebook.tables import table
-from hybridsurrogate.posterior import Diagnostics, Posterior
+from hybridsurrogate.numerics import digits
 
 
 def fitted_html(estimator: Any, draws: Sequence[tuple[str, Any, Posterior, Diagnostics]]) -> str:

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, special
 
-from hybridsurrogate.inference.sampling.psis import khat_limit, pareto_smooth
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.numerics.psis import khat_limit, pareto_smooth
+from hybridsurrogate.types import FloatArray
 
 
 class PointwiseLoo(NamedTuple):

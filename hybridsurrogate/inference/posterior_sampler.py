@@ -21,12 +21,12 @@ from hybridsurrogate.inference.sampling.hierarchical import HierarchicalTarget, 
 from hybridsurrogate.inference.sampling.initial_points import further_points, starting_points
 from hybridsurrogate.inference.sampling.modes import Gaussian, distinct, find_modes
 from hybridsurrogate.inference.sampling.proposals import moment_match
-from hybridsurrogate.inference.sampling.psis import KHAT_LIMIT
 from hybridsurrogate.inference.sampling.ridges import elongation, ridge_through
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.inference.sampling.target import Target
-from hybridsurrogate.posterior import Diagnostics
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.model.posterior import Diagnostics
+from hybridsurrogate.numerics.psis import KHAT_LIMIT
+from hybridsurrogate.types import FloatArray
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.posterior import Posterior
-from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.model.posterior import Posterior
+from hybridsurrogate.types import FloatArray, Prior
 
 # the outermost share of a prior that holds so much of a posterior
 _OUTERMOST, _HELD = 0.02, 0.9

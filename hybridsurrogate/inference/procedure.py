@@ -19,10 +19,10 @@ from hybridsurrogate.inference.sampling.differential_evolution import (
 )
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.inference.sampling.target import Target
-from hybridsurrogate.posterior import Diagnostics, Posterior
-from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.problem.problem import Problem
-from hybridsurrogate.threads import one_blas_thread
+from hybridsurrogate.model.posterior import Diagnostics, Posterior
+from hybridsurrogate.model.problem import Problem
+from hybridsurrogate.numerics.threads import one_blas_thread
+from hybridsurrogate.types import FloatArray
 
 
 @dataclass(frozen=True)

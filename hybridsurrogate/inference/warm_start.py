@@ -8,9 +8,9 @@ from hybridsurrogate.inference.posterior_sampler import FirstStep, of_importance
 from hybridsurrogate.inference.procedure import Fit, finish, make_target, powers_used
 from hybridsurrogate.inference.sampling.adaptive_importance import Proposals
 from hybridsurrogate.inference.sampling.moment_matching import matched_draws
-from hybridsurrogate.inference.sampling.psis import KHAT_LIMIT
-from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.model.problem import Problem
+from hybridsurrogate.numerics.psis import KHAT_LIMIT
+from hybridsurrogate.types import FloatArray
 
 _MIN_EFFECTIVE = 200.0
 

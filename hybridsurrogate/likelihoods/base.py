@@ -8,11 +8,11 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from scipy import integrate, stats
 
-from hybridsurrogate.blocks import blocks
 from hybridsurrogate.likelihoods.quadrature import density_on_nodes, draw
 from hybridsurrogate.likelihoods.smoothing import positive, smoothed_moments
-from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.numerics.blocks import blocks
 from hybridsurrogate.registration import add
+from hybridsurrogate.types import FloatArray, Prior
 
 # samples of a row from which expectations are averaged where no formula is given
 _SAMPLES = 400

@@ -10,7 +10,7 @@ from scipy import special, stats
 from hybridsurrogate.likelihoods.base import register
 from hybridsurrogate.likelihoods.binomial import Binomial
 from hybridsurrogate.likelihoods.smoothing import positive
-from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.types import FloatArray, Prior
 
 # below this sigma a beta-binomial is a binomial distribution to all digits
 _MIN_SIGMA = 1e-4

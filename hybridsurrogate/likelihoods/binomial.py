@@ -9,7 +9,7 @@ from scipy import special
 
 from hybridsurrogate.arguments.scalars import as_real
 from hybridsurrogate.likelihoods.base import Likelihood, register
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 # log odds beyond which a success is certain to all digits
 _MAX_ETA = 36.0

@@ -10,7 +10,7 @@ from scipy import special
 from hybridsurrogate.likelihoods.base import Likelihood
 from hybridsurrogate.likelihoods.heavy_tailed import HeavyTailed
 from hybridsurrogate.likelihoods.normal import TransformedNormal
-from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.types import FloatArray, Prior
 
 # standard deviations of outliers in those of the rest, log-uniform between
 SMALLEST, LARGEST = 3.0, 30.0

@@ -9,7 +9,7 @@ from scipy import special, stats
 
 from hybridsurrogate.likelihoods.base import Likelihood, register
 from hybridsurrogate.likelihoods.given_scale import GivenScale
-from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.types import FloatArray, Prior
 
 # beyond this eta a mean has no use and its square no number
 _MAX_ETA = 60.0

@@ -11,7 +11,7 @@ import numpy as np
 from hybridsurrogate.arguments.functions import check_callable, state_to_pickle
 from hybridsurrogate.arguments.scalars import check_flag
 from hybridsurrogate.likelihoods.base import Likelihood
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 
 @dataclass(frozen=True)

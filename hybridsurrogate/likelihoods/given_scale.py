@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hybridsurrogate.likelihoods.base import Likelihood
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 
 @dataclass(frozen=True)

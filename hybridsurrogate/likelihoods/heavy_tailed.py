@@ -8,7 +8,7 @@ import numpy as np
 
 from hybridsurrogate.likelihoods.base import Likelihood
 from hybridsurrogate.likelihoods.smoothing import positive, smoothed_moments
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 
 class HeavyTailed(Likelihood):

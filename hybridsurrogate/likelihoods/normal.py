@@ -12,7 +12,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.likelihoods.base import Likelihood, register
-from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.types import FloatArray, Prior
 
 _LOG_2PI = float(np.log(2 * np.pi))
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.integrate import cumulative_trapezoid, trapezoid
 
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 _NOTHING = (
     "The density of y is zero around the simulation's output, so nothing can be drawn from it. A "

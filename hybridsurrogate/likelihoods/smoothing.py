@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 _NODE, _WEIGHT = np.polynomial.hermite_e.hermegauss(9)
 _WEIGHT = _WEIGHT / _WEIGHT.sum()

@@ -10,7 +10,7 @@ from scipy import special
 from hybridsurrogate.arguments.scalars import as_real
 from hybridsurrogate.likelihoods.base import register
 from hybridsurrogate.likelihoods.heavy_tailed import HeavyTailed
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.exceptions import did_you_mean
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.modification import Modification, Numbers
+from hybridsurrogate.types import FloatArray
 
 FORMS = ("constant", "proportional", "seasonal", "power", "saturating", "threshold", "product")
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.blocks import LARGE_BLOCK
+from hybridsurrogate.numerics.blocks import LARGE_BLOCK
 from hybridsurrogate.ode.checks import WrongShapeError, checked_array
 from hybridsurrogate.ode.integration import (
     adaptive,
@@ -22,9 +22,9 @@ from hybridsurrogate.ode.integration import (
     together,
 )
 from hybridsurrogate.ode.rosenbrock import rosenbrock
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.modification import Active, Drive, Modification, drive_of, lags
 from hybridsurrogate.simulation.outputs import by_output
+from hybridsurrogate.types import FloatArray
 
 Columns = Mapping[str, FloatArray]
 # calls of a right-hand side that a step takes by methods of scipy

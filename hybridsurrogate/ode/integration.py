@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 
 def equal_runs(columns: Sequence[FloatArray], n: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 # RODAS of Hairer and Wanner (1996, section IV.7), order 4, stiffly accurate: stages
 _GAMMA = 0.25

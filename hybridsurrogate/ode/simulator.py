@@ -19,13 +19,13 @@ from hybridsurrogate.arguments.scalars import as_real, check_choice, check_numbe
 from hybridsurrogate.ode.checks import accepted_names
 from hybridsurrogate.ode.function import OdeFunction
 from hybridsurrogate.ode.steps import chosen, sized, warn_if_too_long, with_step
-from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation.arrays import as_numbers, as_table
 from hybridsurrogate.simulation.evaluation import Running, evaluate
 from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.simulation.outputs import OUTPUT, by_output, output_names
 from hybridsurrogate.simulation.simulator import Simulator
 from hybridsurrogate.simulation.variables import Assumed, Range, check_ranges, named_fields
+from hybridsurrogate.types import FloatArray, Prior
 
 # solutions that are tried for the length of a step, and times
 _TRIED, _TIMES = 8, 64

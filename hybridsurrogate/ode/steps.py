@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hybridsurrogate.exceptions import SolverWarning
 from hybridsurrogate.ode.function import Columns, OdeFunction
 from hybridsurrogate.ode.integration import extent
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 # steps over the range of time
 _FEWEST, _MOST = 400, 6400

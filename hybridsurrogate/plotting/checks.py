@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from scipy import stats
 
 from hybridsurrogate.plotting.style import AFTER, BEFORE, QUIET
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 
 def plot_residuals(ax: Axes, x: FloatArray, residual: FloatArray, colour: str, title: str) -> Axes:

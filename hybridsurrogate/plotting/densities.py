@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy import stats
 
 from hybridsurrogate.plotting.style import BEFORE, DATA, QUIET, explain, new_axes
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 # the highest density reaches over this many lines of its neighbours
 _OVERLAP = 1.3

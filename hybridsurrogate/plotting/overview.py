@@ -18,7 +18,7 @@ from hybridsurrogate.plotting.style import (
     share_range,
     tidy,
 )
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 _MANY_ROWS = 400
 

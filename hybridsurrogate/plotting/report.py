@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from hybridsurrogate.plotting.style import AFTER, ALTERNATIVES, BEFORE, DATA, QUIET
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 _FEW_VALUES, _LITTLE_INFORMATION = 12, 0.05
 

@@ -11,7 +11,7 @@ from matplotlib.colors import Normalize
 from numpy.typing import ArrayLike
 
 from hybridsurrogate.plotting.style import DATA, HELD_OUT, OMEGA_COLOURS, add_legend, new_axes
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 _SHADE = "#ECECEC"
 # of the bars that show ranges, in shares of the Axes' height

@@ -17,7 +17,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 BEFORE, AFTER, DATA, HELD_OUT, QUIET = "#0072B2", "#D55E00", "#222222", "#009E73", "#777777"
 # alternatives differ in line style too

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from hybridsurrogate.blocks import LARGE_BLOCK, blocks
-from hybridsurrogate.cholesky import nudged_cholesky
-from hybridsurrogate.posterior import Posterior
-from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.model.posterior import Posterior
+from hybridsurrogate.model.problem import Problem
+from hybridsurrogate.numerics.blocks import LARGE_BLOCK, blocks
+from hybridsurrogate.numerics.cholesky import nudged_cholesky
+from hybridsurrogate.types import FloatArray
 
 
 def without_each(

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from hybridsurrogate.blocks import blocks
 from hybridsurrogate.likelihoods import TransformedNormal
+from hybridsurrogate.numerics.blocks import blocks
 from hybridsurrogate.prediction.mixture import Mixture, MixtureAt, noisy, row_blocks, samples
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 # draws of y behind the quantiles of a likelihood that is not normal
 _N_DRAWS = 20_000

@@ -13,15 +13,15 @@ from hybridsurrogate.inference.loo import PointwiseLoo, pointwise_loo
 from hybridsurrogate.inference.procedure import Fit, fit_problem, measured_draws, with_again
 from hybridsurrogate.inference.sampling.differential_evolution import FROM_DRAWS, FROM_NEAR, Effort
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
-from hybridsurrogate.inference.sampling.psis import khat_limit, pareto_smooth
 from hybridsurrogate.inference.warm_start import carried
+from hybridsurrogate.model.posterior import Posterior
+from hybridsurrogate.model.problem import Problem
+from hybridsurrogate.model.rows.measured_rows import MeasuredRows
 from hybridsurrogate.notebook.bars import counted
-from hybridsurrogate.posterior import Posterior
+from hybridsurrogate.numerics.psis import khat_limit, pareto_smooth
 from hybridsurrogate.prediction.cavity import without_each
 from hybridsurrogate.prediction.mixture import MixtureAt, log_density_of
-from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.problem.problem import Problem
-from hybridsurrogate.problem.rows import MeasuredRows
+from hybridsurrogate.types import FloatArray
 
 # draws of a fit without one row where there is no step 2, and proposals for each
 _REFITTED, _PROPOSALS = 400, 4

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from scipy import special
 from sklearn.utils import check_scalar
 
-from hybridsurrogate.blocks import LARGE_BLOCK, blocks
 from hybridsurrogate.exceptions import SamplingWarning
-from hybridsurrogate.posterior import Posterior
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.model.posterior import Posterior
+from hybridsurrogate.numerics.blocks import LARGE_BLOCK, blocks
+from hybridsurrogate.types import FloatArray
 
 # posteriors with their weights: numbers, or arrays (n,) that change with the row
 Mixture = list[tuple[Any, Posterior]]

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
-from hybridsurrogate.posterior import Diagnostics, Posterior
+from hybridsurrogate.model.posterior import Diagnostics, Posterior
 from hybridsurrogate.prediction.variables import variables_of
-from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.types import FloatArray, Prior
 
 
 class Part(NamedTuple):

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.stats import norm
 
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
-from hybridsurrogate.posterior import Posterior
-from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.model.posterior import Posterior
+from hybridsurrogate.types import FloatArray, Prior
 
 # values of other variables by name
 Values = Mapping[str, FloatArray]

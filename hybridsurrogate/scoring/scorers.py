@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.scoring.scores import crps, elpd, interval_score, same_rows
 from hybridsurrogate.simulation.arrays import as_outputs
+from hybridsurrogate.types import FloatArray
 
 # of y, behind a continuous ranked probability score
 _N_DRAWS = 1000

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybridsurrogate.arguments.scalars import as_real, random_generator
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.arrays import as_numbers
+from hybridsurrogate.types import FloatArray
 
 # differences in nats per row that say nothing
 _LEVEL = 0.01

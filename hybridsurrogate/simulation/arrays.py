@@ -16,8 +16,8 @@ from sklearn.utils import column_or_1d
 
 # others take it from here
 from hybridsurrogate.arguments.scalars import check_number as check_number
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.calendar import dates_of, with_calendar
+from hybridsurrogate.types import FloatArray
 
 # doubles end at 1e308, and sums of squares are formed of everything
 _LARGEST = 1e150

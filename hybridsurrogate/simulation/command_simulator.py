@@ -19,11 +19,11 @@ from hybridsurrogate.arguments.description import described
 from hybridsurrogate.arguments.named import check_mapping
 from hybridsurrogate.arguments.scalars import check_choice, check_number
 from hybridsurrogate.exceptions import did_you_mean
-from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation.files.table_file import read_table
 from hybridsurrogate.simulation.outputs import by_output, output_names
 from hybridsurrogate.simulation.simulator import Simulator
 from hybridsurrogate.simulation.variables import Assumed, Range, check_ranges, named_fields
+from hybridsurrogate.types import FloatArray, Prior
 
 # of what a program says when it fails
 _TAIL = 300

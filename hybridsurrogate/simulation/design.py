@@ -11,7 +11,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from hybridsurrogate.arguments.scalars import check_choice, check_number, random_generator
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 _DESIGNS = ("sobol", "latin-hypercube")
 # points of a Sobol sequence of 30 bits

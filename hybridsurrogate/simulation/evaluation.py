@@ -15,12 +15,12 @@ from joblib import effective_n_jobs
 from numpy.typing import NDArray
 
 from hybridsurrogate.exceptions import FailedRunsWarning
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.calls.arrays import TakesNumbersError, all_at_once
 from hybridsurrogate.simulation.calls.function import Function
 from hybridsurrogate.simulation.calls.jobs import Outcome, called
 from hybridsurrogate.simulation.calls.rows import row_by_row
 from hybridsurrogate.simulation.files.run_store import RunStore
+from hybridsurrogate.types import FloatArray
 
 # Of so many rows for each process the first are called here, for so many seconds: processes take
 # about a second to start, and share the others where these take longer

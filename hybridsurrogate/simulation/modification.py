@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 Numbers = Mapping[str, FloatArray]  # a modification's own numbers, (m,) each
 

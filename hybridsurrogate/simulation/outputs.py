@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from hybridsurrogate.arguments.named import as_names
 from hybridsurrogate.exceptions import did_you_mean
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.arrays import as_numbers
+from hybridsurrogate.types import FloatArray
 
 # the input that says, by position, which output a row is of
 OUTPUT = "output_of_row"

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from hybridsurrogate.exceptions import PriorWarning
-from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation.variables import Range, check_ranges
+from hybridsurrogate.types import FloatArray, Prior
 
 # shares of a prior's mass in the simulated range: an error below the first, else a warning below
 # the second

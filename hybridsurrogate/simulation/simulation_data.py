@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from hybridsurrogate.exceptions import FailedRunsWarning
 from hybridsurrogate.notebook.tables import table
-from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_spread
 from hybridsurrogate.simulation.curve_tables import (
     check_curves,
@@ -45,6 +44,7 @@ from hybridsurrogate.simulation.variables import (
     select_columns,
     with_uniform_priors,
 )
+from hybridsurrogate.types import FloatArray, Prior
 
 if TYPE_CHECKING:
     from hybridsurrogate.simulation.simulator import Simulator

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from hybridsurrogate.arguments.functions import check_callable, state_to_pickle
 from hybridsurrogate.arguments.scalars import check_choice, check_flag, check_n_jobs, check_number
 from hybridsurrogate.exceptions import RowByRowWarning, did_you_mean
-from hybridsurrogate.priors import FloatArray, Prior, prior_range
+from hybridsurrogate.priors import prior_range
 from hybridsurrogate.simulation.arrays import as_numbers, as_table
 from hybridsurrogate.simulation.calls.output_cache import OutputCache
 from hybridsurrogate.simulation.design import draw_design, run_with_ends
@@ -45,6 +45,7 @@ from hybridsurrogate.simulation.variables import (
     named_fields,
     priors_of,
 )
+from hybridsurrogate.types import FloatArray, Prior
 
 # what a function returns; values along the first input where it returns a curve
 _RETURNS, _PLACES = ("values", "curve"), 100

@@ -16,8 +16,9 @@ from hybridsurrogate.arguments.description import described
 from hybridsurrogate.arguments.named import as_names, check_mapping
 from hybridsurrogate.arguments.scalars import as_real
 from hybridsurrogate.exceptions import PriorWarning, did_you_mean
-from hybridsurrogate.priors import FloatArray, Prior, check_prior, check_priors, prior_range
+from hybridsurrogate.priors import check_prior, check_priors, prior_range
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_spread, is_numeric
+from hybridsurrogate.types import FloatArray, Prior
 
 Range = tuple[float, float]
 

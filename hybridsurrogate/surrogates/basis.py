@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.blocks import blocks, each_with_each, in_turn
-from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.numerics.blocks import blocks, each_with_each, in_turn
 from hybridsurrogate.simulation.modification import Modification
+from hybridsurrogate.types import FloatArray, Prior
 
 
 class Factors(NamedTuple):

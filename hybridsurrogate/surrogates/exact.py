@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.surrogates.base import Surrogate, register
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.domain import Domain
 from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
+from hybridsurrogate.types import FloatArray
 
 
 class ExactSurrogate(Surrogate):

@@ -10,10 +10,11 @@ from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.preprocessing import PolynomialFeatures
 
-from hybridsurrogate.priors import FloatArray, Prior, check_prior
+from hybridsurrogate.priors import check_prior
 from hybridsurrogate.surrogates.base import Surrogate, register
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.domain import Domain
+from hybridsurrogate.types import FloatArray, Prior
 
 _DEFAULT_RELATIVE_SD = 5.0
 

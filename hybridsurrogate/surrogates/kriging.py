@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from hybridsurrogate.blocks import blocks, in_turn
-from hybridsurrogate.cholesky import nudged_cholesky, pivoted_cholesky
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.numerics.blocks import blocks, in_turn
+from hybridsurrogate.numerics.cholesky import nudged_cholesky, pivoted_cholesky
 from hybridsurrogate.simulation.design import draw_design
 from hybridsurrogate.surrogates.base import Surrogate, register
 from hybridsurrogate.surrogates.basis import Basis
@@ -22,6 +21,7 @@ from hybridsurrogate.surrogates.emulation.process import (
     process_through,
 )
 from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
+from hybridsurrogate.types import FloatArray
 
 # runs, and places between them, on which the features stand: at most so many, fewer where all
 # others are as good as known, to these shares of the variance of the outputs

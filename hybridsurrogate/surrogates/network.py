@@ -13,12 +13,12 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPRegressor
 
 from hybridsurrogate.exceptions import did_you_mean
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.surrogates.base import Surrogate, register
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.domain import Domain
 from hybridsurrogate.surrogates.feature import FeatureSurrogate
 from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
+from hybridsurrogate.types import FloatArray
 
 ACTIVATIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
     "logistic": special.expit,

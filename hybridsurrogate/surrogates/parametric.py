@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.priors import FloatArray, Prior, check_priors
+from hybridsurrogate.priors import check_priors
 from hybridsurrogate.surrogates.base import Surrogate, register
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.domain import Domain
+from hybridsurrogate.types import FloatArray, Prior
 
 Function = Callable[[FloatArray, FloatArray, dict[str, FloatArray]], Any]
 

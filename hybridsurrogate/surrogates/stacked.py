@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from hybridsurrogate.priors import FloatArray, Prior
 from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.surrogates.base import Surrogate
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.domain import Domain
+from hybridsurrogate.types import FloatArray, Prior
 
 
 def built_for_each(surrogate: Surrogate, domain: Domain, names: Sequence[str]) -> Basis:

@@ -11,10 +11,10 @@ from hybridsurrogate.catalogue import catalogue
 from hybridsurrogate.diagnosis.search.evidence import search
 from hybridsurrogate.effects.base import ROW, Context
 from hybridsurrogate.effects.noise.gross_error import GrossRow
-from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.likelihoods import as_likelihood
-from hybridsurrogate.problem.context import make_context
-from hybridsurrogate.problem.problem import make_problem
+from hybridsurrogate.model.context import make_context
+from hybridsurrogate.model.problem import make_problem
+from hybridsurrogate.model.statistics import emulator_posterior
 
 T = np.arange(20.0)
 

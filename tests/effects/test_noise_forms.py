@@ -13,7 +13,7 @@ from hybridsurrogate.effects.picture import plot_cause
 from hybridsurrogate.inference.evidence.outlier_density import shape_of
 from hybridsurrogate.likelihoods import Contaminated, Normal
 from hybridsurrogate.likelihoods.contaminated import log_shape, precision_at
-from hybridsurrogate.problem.problem import make_problem
+from hybridsurrogate.model.problem import make_problem
 
 
 def fitted(cause, X, y, simulator=LINE, **options):

@@ -10,8 +10,8 @@ from hybridsurrogate.catalogue import catalogue
 from hybridsurrogate.effects.picture import plot_cause
 from hybridsurrogate.effects.registry import kinds
 from hybridsurrogate.likelihoods import Normal
-from hybridsurrogate.problem.context import make_context, with_slopes
-from hybridsurrogate.problem.problem import make_problem
+from hybridsurrogate.model.context import make_context, with_slopes
+from hybridsurrogate.model.problem import make_problem
 
 
 def swing(t, height, decay):

@@ -7,10 +7,10 @@ import hybridsurrogate as hs
 from hybridsurrogate.catalogue import catalogue
 from hybridsurrogate.diagnosis.answers.table import form_of
 from hybridsurrogate.diagnosis.search.evidence import search
-from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.likelihoods import as_likelihood
-from hybridsurrogate.problem.context import make_context
-from hybridsurrogate.problem.problem import make_problem
+from hybridsurrogate.model.context import make_context
+from hybridsurrogate.model.problem import make_problem
+from hybridsurrogate.model.statistics import emulator_posterior
 
 LINE = hs.Simulator(
     lambda t, level, slope: level + slope * t,

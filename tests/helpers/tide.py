@@ -5,10 +5,10 @@ import pandas as pd
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.likelihoods import as_likelihood
-from hybridsurrogate.problem.context import at_medians, make_context, with_slopes
-from hybridsurrogate.problem.problem import make_problem
+from hybridsurrogate.model.context import at_medians, make_context, with_slopes
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.problem import make_problem
 from hybridsurrogate.surrogates.exact import ExactBasis
 
 NOISE = 0.1

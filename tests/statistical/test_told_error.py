@@ -6,7 +6,7 @@ from scipy.stats import qmc, uniform
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.emulation.conditioned import krige
-from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
+from hybridsurrogate.model.statistics import EmulatorPosterior
 from hybridsurrogate.surrogates.domain import Domain
 
 NAMES = (

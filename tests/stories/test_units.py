@@ -11,7 +11,7 @@ import hybridsurrogate as hs
 from hybridsurrogate.effects.base import Context
 from hybridsurrogate.inference.procedure import make_target
 from hybridsurrogate.inference.sampling.initial_points import starting_points
-from hybridsurrogate.problem.problem import make_problem, spread
+from hybridsurrogate.model.problem import make_problem, spread
 
 PRIORS = {"vmax": stats.uniform(2, 6), "km": stats.uniform(0.1, 0.6)}
 

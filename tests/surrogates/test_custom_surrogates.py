@@ -20,7 +20,7 @@ import hybridsurrogate as hs
 from hybridsurrogate.datasets import make_log_sin
 from hybridsurrogate.inference.procedure import make_target
 from hybridsurrogate.likelihoods import as_likelihood
-from hybridsurrogate.problem.problem import make_problem
+from hybridsurrogate.model.problem import make_problem
 from hybridsurrogate.surrogates import Basis, Domain, Surrogate
 
 LAPLACE = hs.CustomLikelihood(

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 
-from hybridsurrogate.whole_file import written_whole
+from hybridsurrogate.numerics.atomic_file import written_whole
 
 from . import extension, figures, page, scores
 from .cases import CASES, italy

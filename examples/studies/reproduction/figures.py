@@ -12,6 +12,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 import hybridsurrogate as hs
+from hybridsurrogate.numerics.atomic_file import written_whole
 from hybridsurrogate.plotting import (
     Scene,
     new_axes,
@@ -21,7 +22,6 @@ from hybridsurrogate.plotting import (
     plot_scores_over_beta,
     plot_setup,
 )
-from hybridsurrogate.whole_file import written_whole
 
 from .cases import CASES
 from .claims import ROWS

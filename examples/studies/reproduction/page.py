@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from hybridsurrogate.whole_file import written_whole
+from hybridsurrogate.numerics.atomic_file import written_whole
 
 from .added import of_extensions
 from .claims import FAILS, WITHIN, Claim, alone, best, mean_error

@@ -14,8 +14,8 @@ from hybridsurrogate.effects import Remainder
 from hybridsurrogate.effects.output.remainder import LEAST, MOST
 from hybridsurrogate.inference.evidence.linearised import linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.outputs import OUTPUT
+from hybridsurrogate.types import FloatArray
 
 # alternatives that matter to the answer, and nodes of each (a period, a location) that matter to it
 _MOST_ALTERNATIVES, _LEAST_PROBABLE = 6, 0.003

@@ -16,7 +16,7 @@ from hybridsurrogate.diagnosis.search.local_prediction import (
     predict_locally,
 )
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 _Z90 = 1.6448536269514722
 _N_GRID = 200

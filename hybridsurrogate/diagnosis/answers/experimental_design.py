@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import special
 from scipy.stats import qmc
 
-from hybridsurrogate.blocks import LARGE_BLOCK, blocks
 from hybridsurrogate.diagnosis.answers.alternative_predictions import (
     Component,
     Predictions,
@@ -21,9 +20,10 @@ from hybridsurrogate.diagnosis.answers.alternative_predictions import (
     predictions_at,
 )
 from hybridsurrogate.diagnosis.search.evidence import Search
-from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.problem.experiments import Experiments
+from hybridsurrogate.model.rows.experiments import Experiments
+from hybridsurrogate.numerics.blocks import LARGE_BLOCK, blocks
 from hybridsurrogate.simulation.outputs import OUTPUT
+from hybridsurrogate.types import FloatArray
 
 # values of the new measurement under each component: Gauss and Legendre's nodes of its cumulative
 # probability, which serve narrow and wide alternatives together as well as similar ones; fewer

@@ -11,9 +11,9 @@ from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.dynamics.dynamic import Dynamic
 from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.likelihoods import Likelihood
-from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.simulation.simulator import Simulator
+from hybridsurrogate.types import FloatArray
 
 
 class ExtendedFunction:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from hybridsurrogate.diagnosis.search.evidence import Search
-from hybridsurrogate.inference.model.observation import MeasuredModel
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.types import FloatArray
 
 # sets of parameters that are tried for each cause
 _TRIED = 64

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.search.evidence import kind_of
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
+from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.notebook.tables import table
-from hybridsurrogate.posterior import Posterior
+from hybridsurrogate.numerics import digits
 
 
 @dataclass(frozen=True)

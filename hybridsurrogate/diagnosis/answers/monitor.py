@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from scipy import special
 from sklearn.base import clone
 
-from hybridsurrogate.blocks import blocks
 from hybridsurrogate.diagnosis.answers.experimental_design import table_of
 from hybridsurrogate.diagnosis.search.evidence import Search
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.likelihoods import Likelihood, TransformedNormal
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.numerics.blocks import blocks
 from hybridsurrogate.simulation.arrays import as_numbers
+from hybridsurrogate.types import FloatArray
 
 # prior standard deviations of a shift, and factors of a wider spread, in those of the prediction
 _SHIFTS, _SPREADS = (1.0, 3.0), (2.0, 4.0)

@@ -9,9 +9,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from hybridsurrogate.diagnosis.search.evidence import Search
-from hybridsurrogate.inference.model.observation import MeasuredModel
-from hybridsurrogate.posterior import Posterior
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.posterior import Posterior
+from hybridsurrogate.types import FloatArray
 
 # draws of each posterior, places of them that count, probability below which alternatives do not
 _DRAWS, _PLACES, _UNLIKELY = 60, 500, 0.02

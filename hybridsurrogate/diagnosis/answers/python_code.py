@@ -16,16 +16,16 @@ from hybridsurrogate.diagnosis.source.extended_model import ExtendedModel, Fitte
 from hybridsurrogate.diagnosis.source.functions import extended, function_of
 from hybridsurrogate.diagnosis.source.helpers import HELPERS
 from hybridsurrogate.diagnosis.source.parts import Parts
-from hybridsurrogate.digits import listing, percent
 from hybridsurrogate.effects.noise.output_noise import OutputNoise
 from hybridsurrogate.estimators.averaged import AveragedSurrogate, leading
 from hybridsurrogate.exceptions import did_you_mean
+from hybridsurrogate.model.posterior import Posterior
+from hybridsurrogate.model.rows.stacking import Stacking
+from hybridsurrogate.numerics.digits import listing, percent
 from hybridsurrogate.ode.simulator import OdeSimulator
-from hybridsurrogate.posterior import Posterior
-from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.problem.stacking import Stacking
 from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.simulation.simulator import Simulator
+from hybridsurrogate.types import FloatArray
 
 
 def extended_model(diagnosis: Any, units: Mapping[str, str] | None = None) -> ExtendedModel:

@@ -19,13 +19,13 @@ from hybridsurrogate.diagnosis.checks.caution import Caution
 from hybridsurrogate.diagnosis.checks.settings import SETTINGS
 from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
 from hybridsurrogate.diagnosis.search.local_fit import best_null
-from hybridsurrogate.digits import number
-from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
-from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.problem.columns import column_names, matched_columns
-from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.model.problem import Problem
+from hybridsurrogate.model.rows.columns import column_names, matched_columns
+from hybridsurrogate.model.statistics import emulator_posterior
+from hybridsurrogate.numerics.digits import number
 from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
+from hybridsurrogate.types import FloatArray
 
 Ranges = Mapping[str, tuple[float, float]]
 

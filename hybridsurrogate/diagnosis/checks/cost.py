@@ -8,9 +8,9 @@ from time import perf_counter
 import numpy as np
 
 from hybridsurrogate.diagnosis.checks.settings import SETTINGS
-from hybridsurrogate.digits import number
 from hybridsurrogate.exceptions import DiagnosisWarning
-from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.model.problem import Problem
+from hybridsurrogate.numerics.digits import number
 
 
 def seconds_a_run(problem: Problem) -> float:

@@ -14,13 +14,14 @@ from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
 from hybridsurrogate.diagnosis.search.local_fit import BLUR, FLOOR
 from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
 from hybridsurrogate.diagnosis.validation.folds import rows_of
-from hybridsurrogate.digits import listing, number
 from hybridsurrogate.effects.noise.gross_error import GrossError
-from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
-from hybridsurrogate.priors import FloatArray, from_normal
-from hybridsurrogate.problem.problem import Problem
-from hybridsurrogate.problem.rows import check_weights
+from hybridsurrogate.model.problem import Problem
+from hybridsurrogate.model.rows.measured_rows import check_weights
+from hybridsurrogate.model.statistics import emulator_posterior
+from hybridsurrogate.numerics.digits import listing, number
+from hybridsurrogate.priors import from_normal
 from hybridsurrogate.simulation.outputs import OUTPUT
+from hybridsurrogate.types import FloatArray
 
 
 def counted_rows(

@@ -6,7 +6,7 @@ import numpy as np
 
 from hybridsurrogate.diagnosis.search.evidence import Search
 from hybridsurrogate.diagnosis.search.null_test import NullTest, faults_of
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 # share of the data sets in which a fault has to show
 _POWER = 0.9

@@ -12,9 +12,9 @@ from scipy.spatial import KDTree
 from hybridsurrogate.diagnosis.checks.caution import Caution
 from hybridsurrogate.diagnosis.checks.emulator import EmulatorCheck
 from hybridsurrogate.likelihoods import Likelihood
-from hybridsurrogate.posterior import Posterior
-from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.model.posterior import Posterior
+from hybridsurrogate.model.problem import Problem
+from hybridsurrogate.types import FloatArray
 
 # a caution is raised in one of a hundred sets without overdispersion
 _LEVEL, _N_REPLICATES = 0.01, 999

@@ -10,7 +10,7 @@ import numpy as np
 
 from hybridsurrogate.diagnosis.checks.caution import Caution
 from hybridsurrogate.diagnosis.search.evidence import Search
-from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
+from hybridsurrogate.model.statistics import emulator_posterior
 from hybridsurrogate.simulation.arrays import is_whole
 from hybridsurrogate.simulation.simulator import SimulationData
 from hybridsurrogate.surrogates import Kriging

@@ -13,8 +13,9 @@ import pandas as pd
 
 from hybridsurrogate.diagnosis.checks.settings import SETTINGS
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
-from hybridsurrogate.posterior import Posterior
-from hybridsurrogate.priors import FloatArray, prior_sd
+from hybridsurrogate.model.posterior import Posterior
+from hybridsurrogate.priors import prior_sd
+from hybridsurrogate.types import FloatArray
 
 
 def confounding(

@@ -15,7 +15,7 @@ from hybridsurrogate.diagnosis.checks.settings import SETTINGS
 from hybridsurrogate.effects.registry import kinds
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
 from hybridsurrogate.exceptions import did_you_mean
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 if TYPE_CHECKING:
     from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis

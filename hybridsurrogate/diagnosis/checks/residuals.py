@@ -19,8 +19,8 @@ from hybridsurrogate.diagnosis.search.local_prediction import (
     measured_and_other,
     size_of,
 )
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.outputs import OUTPUT
+from hybridsurrogate.types import FloatArray
 
 _REPLICATES = 999
 # of causes that are right so many are called the nearest one

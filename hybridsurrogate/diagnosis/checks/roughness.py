@@ -7,10 +7,10 @@ import warnings
 import numpy as np
 
 from hybridsurrogate.diagnosis.checks.settings import SETTINGS
-from hybridsurrogate.digits import number
 from hybridsurrogate.exceptions import DiagnosisWarning
-from hybridsurrogate.inference.model.finite_differences import LONGEST_STEP, around, output
-from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.model.finite_differences import LONGEST_STEP, around, output
+from hybridsurrogate.model.problem import Problem
+from hybridsurrogate.numerics.digits import number
 
 
 def warn_if_rough(problem: Problem) -> None:

@@ -15,10 +15,9 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import block_diag
 
-from hybridsurrogate.blocks import blocks, each_with_each
-from hybridsurrogate.cholesky import pivoted_cholesky
-from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.model.statistics import EmulatorPosterior
+from hybridsurrogate.numerics.blocks import blocks, each_with_each
+from hybridsurrogate.numerics.cholesky import pivoted_cholesky
 from hybridsurrogate.simulation.simulator import SimulationData
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.emulation.curve_emulator import CurveEmulator, emulate_curves
@@ -31,6 +30,7 @@ from hybridsurrogate.surrogates.emulation.process import (
 )
 from hybridsurrogate.surrogates.kriging import CurveBasis, KrigingBasis
 from hybridsurrogate.surrogates.stacked import StackedBasis, stacked
+from hybridsurrogate.types import FloatArray
 
 # the rest of a variance when its factor has enough columns, in shares of the median
 _NEGLIGIBLE = 1e-4

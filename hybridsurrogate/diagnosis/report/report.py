@@ -33,7 +33,7 @@ from hybridsurrogate.diagnosis.report.first_screen.headline import headline, lea
 from hybridsurrogate.diagnosis.report.first_screen.picture import picture
 from hybridsurrogate.diagnosis.report.summary import summary
 from hybridsurrogate.diagnosis.validation.gain import HeldOutGain
-from hybridsurrogate.whole_file import check_writable, written_whole
+from hybridsurrogate.numerics.atomic_file import check_writable, written_whole
 
 if TYPE_CHECKING:
     from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis

@@ -13,7 +13,7 @@ from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.nothing import Nothing
 from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.settings import SETTINGS
-from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.model.problem import Problem
 
 
 def backfitted(

@@ -15,13 +15,14 @@ from hybridsurrogate.diagnosis.search.local_fit import (
     sigma_of,
 )
 from hybridsurrogate.effects.nothing import Nothing
-from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.conjugate.noise_marginal import LogMarginal
 from hybridsurrogate.inference.evidence.grid import Grid, make_grid, with_cells
 from hybridsurrogate.inference.evidence.settings import SETTINGS
-from hybridsurrogate.inference.model.observation import MeasuredModel
-from hybridsurrogate.priors import FloatArray, to_normal
-from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.problem import Problem
+from hybridsurrogate.model.statistics import EmulatorPosterior
+from hybridsurrogate.priors import to_normal
+from hybridsurrogate.types import FloatArray
 
 
 def nothing_further(

@@ -25,7 +25,6 @@ from hybridsurrogate.diagnosis.search.local_fit import (
 )
 from hybridsurrogate.diagnosis.search.screening import best_modes
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.conjugate.noise_marginal import KnownNoise, LogMarginal, NoiseTable
 from hybridsurrogate.inference.evidence.grid import Grid, make_grid
 from hybridsurrogate.inference.evidence.linearised import Linearised, linearise
@@ -36,9 +35,10 @@ from hybridsurrogate.inference.evidence.marginal_likelihood import (
 )
 from hybridsurrogate.inference.evidence.outliers import settled
 from hybridsurrogate.inference.evidence.settings import SETTINGS
-from hybridsurrogate.inference.model.observation import MeasuredModel
-from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.problem import Problem
+from hybridsurrogate.model.statistics import EmulatorPosterior
+from hybridsurrogate.types import FloatArray
 
 _VERDICTS = {"none": "adequate", "unexplained": "unexplained"}
 

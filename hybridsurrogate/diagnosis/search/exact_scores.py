@@ -22,16 +22,17 @@ from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
 from hybridsurrogate.diagnosis.search.working_rows import expanded
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.sized import Sized
-from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.evidence.linearised import linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
 from hybridsurrogate.inference.evidence.settings import SETTINGS
-from hybridsurrogate.inference.model.observation import MeasuredModel
-from hybridsurrogate.inference.model.working_point import WorkingPoint
 from hybridsurrogate.inference.posterior_sampler import evidence_around
 from hybridsurrogate.inference.procedure import make_target
-from hybridsurrogate.priors import FloatArray, to_normal
-from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.problem import Problem
+from hybridsurrogate.model.statistics import EmulatorPosterior
+from hybridsurrogate.model.working_point import WorkingPoint
+from hybridsurrogate.priors import to_normal
+from hybridsurrogate.types import FloatArray
 
 # places of one cause from which its modes are sought, and shares of the size's prior
 _PLACES, _SHARES = 4, (-0.5, 0.5, 1.3)

@@ -23,9 +23,9 @@ from hybridsurrogate.diagnosis.search.local_prediction import draw_the_same
 from hybridsurrogate.diagnosis.search.noise_of_outputs import at_best_noise
 from hybridsurrogate.diagnosis.search.null_test import NullTest, evidence_bound, null_test
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.evidence.settings import SETTINGS
-from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.model.problem import Problem
+from hybridsurrogate.model.statistics import EmulatorPosterior
 
 # probability of a cause that may be meant
 _LIKELY = 0.01

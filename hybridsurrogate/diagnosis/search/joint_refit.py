@@ -22,7 +22,7 @@ from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.evidence.levenberg_marquardt import is_followed
 from hybridsurrogate.inference.evidence.settings import SETTINGS
-from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.model.problem import Problem
 
 
 def placed_together(result: Search, first: Candidate, conditional: Search) -> Search:

@@ -8,15 +8,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.conjugate.noise_marginal import LogMarginal
 from hybridsurrogate.inference.evidence.grid import Grid, best_levels, make_grid, refine
 from hybridsurrogate.inference.evidence.linearised import Columns, columns_at_nodes, linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import LocalMode, optimise, scan
 from hybridsurrogate.inference.evidence.settings import SETTINGS
-from hybridsurrogate.inference.model.observation import MeasuredModel
-from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.problem import Problem
+from hybridsurrogate.model.statistics import EmulatorPosterior
+from hybridsurrogate.types import FloatArray
 
 # noise below this share of the output's scale is rounding
 FLOOR = 1e-6

@@ -10,7 +10,7 @@ import numpy as np
 from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
 from hybridsurrogate.inference.evidence.linearised import Linearised, linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 # two explanations are the same to the measured rows if they are less than so many nats apart, and
 # less than this share of how far either is from nothing wrong

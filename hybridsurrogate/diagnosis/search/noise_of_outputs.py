@@ -28,9 +28,9 @@ from hybridsurrogate.diagnosis.search.local_fit import (
 from hybridsurrogate.diagnosis.search.local_prediction import measured_and_other, predict_locally
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.noise.output_noise import OutputNoise
-from hybridsurrogate.inference.model.observation import MeasuredModel
-from hybridsurrogate.posterior import Posterior
-from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.posterior import Posterior
+from hybridsurrogate.model.problem import Problem
 
 # rounds of expectation and maximisation: in six cases the first gained 1.4 to 9 nats for the cause
 # of most evidence, the second up to 0.3, further ones less than 0.03

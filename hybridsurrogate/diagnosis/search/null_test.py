@@ -15,8 +15,8 @@ from hybridsurrogate.inference.evidence.linearised import (
     linearised_pieces,
 )
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.outputs import OUTPUT
+from hybridsurrogate.types import FloatArray
 
 # data sets of each shape and size of a fault; sizes in units of what the null leaves, after one
 # scaling

@@ -18,7 +18,6 @@ from hybridsurrogate.diagnosis.search.local_fit import (
     sigma_of,
 )
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.conjugate.noise_marginal import LogMarginal
 from hybridsurrogate.inference.evidence.grid import Grid, make_grid, refine, with_cells
 from hybridsurrogate.inference.evidence.levenberg_marquardt import (
@@ -29,9 +28,10 @@ from hybridsurrogate.inference.evidence.levenberg_marquardt import (
 from hybridsurrogate.inference.evidence.long_grid import shortened
 from hybridsurrogate.inference.evidence.marginal_likelihood import LocalMode, optimise
 from hybridsurrogate.inference.evidence.settings import SETTINGS
-from hybridsurrogate.inference.model.observation import MeasuredModel
-from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.problem import Problem
+from hybridsurrogate.model.statistics import EmulatorPosterior
+from hybridsurrogate.types import FloatArray
 
 
 class Margins(NamedTuple):

@@ -18,19 +18,20 @@ from hybridsurrogate.effects.noise.gross_error import MOST_ROWS
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import DiagnosisWarning
-from hybridsurrogate.inference.conjugate.emulator_posterior import (
+from hybridsurrogate.inference.prior_ends import at_prior_ends
+from hybridsurrogate.model.context import make_context, mismatch, of_each_output, with_slopes
+from hybridsurrogate.model.posterior import Posterior
+from hybridsurrogate.model.problem import Problem, make_problem
+from hybridsurrogate.model.statistics import (
     EmulatorPosterior,
     emulator_posterior,
 )
-from hybridsurrogate.inference.model.validation import check_effects
-from hybridsurrogate.inference.prior_ends import at_prior_ends
-from hybridsurrogate.posterior import Posterior
-from hybridsurrogate.priors import FloatArray, to_normal
-from hybridsurrogate.problem.context import make_context, mismatch, of_each_output, with_slopes
-from hybridsurrogate.problem.problem import Problem, make_problem
+from hybridsurrogate.model.validation import check_effects
+from hybridsurrogate.priors import to_normal
 from hybridsurrogate.simulation.arrays import is_whole
 from hybridsurrogate.simulation.simulator import SimulationData
 from hybridsurrogate.surrogates.basis import Basis
+from hybridsurrogate.types import FloatArray
 
 # draws of the posterior of which the best is taken
 _TRIED = 200

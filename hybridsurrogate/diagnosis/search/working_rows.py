@@ -13,9 +13,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from hybridsurrogate.inference.model.working_point import WorkingPoint
-from hybridsurrogate.posterior import Posterior
-from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.model.posterior import Posterior
+from hybridsurrogate.model.problem import Problem
+from hybridsurrogate.model.working_point import WorkingPoint
 
 
 def on_working_rows(problem: Problem, posterior: Posterior) -> Problem:

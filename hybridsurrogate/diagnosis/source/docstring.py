@@ -7,7 +7,7 @@ import textwrap
 from hybridsurrogate.diagnosis.source.extended_model import ExtendedModel
 from hybridsurrogate.diagnosis.source.parts import Parts, own_arguments
 from hybridsurrogate.diagnosis.source.text import WIDTH, inline
-from hybridsurrogate.digits import listing
+from hybridsurrogate.numerics.digits import listing
 
 
 def docstring(model: ExtendedModel, parts: Parts) -> str:

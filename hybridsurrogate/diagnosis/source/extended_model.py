@@ -9,8 +9,8 @@ import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Rows
 from hybridsurrogate.likelihoods import Binomial, Likelihood
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.simulator import Simulator
+from hybridsurrogate.types import FloatArray
 
 # where a logarithm differs from the identity
 _TRIED = np.array([0.3, 2.0])

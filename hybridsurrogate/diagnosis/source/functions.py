@@ -25,7 +25,7 @@ from hybridsurrogate.diagnosis.source.text import (
     literal,
     text_of,
 )
-from hybridsurrogate.digits import listing
+from hybridsurrogate.numerics.digits import listing
 from hybridsurrogate.ode.simulator import OdeSimulator
 
 

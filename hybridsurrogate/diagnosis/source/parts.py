@@ -19,17 +19,17 @@ from hybridsurrogate.diagnosis.source.text import (
     text_of,
     tuple_of,
 )
-from hybridsurrogate.digits import interval
 from hybridsurrogate.effects.base import Cause, Rows
 from hybridsurrogate.effects.code import Code, Table
 from hybridsurrogate.effects.dynamics.dynamic_delay import DynamicDelay
 from hybridsurrogate.effects.dynamics.dynamic_drift import DynamicDrift
 from hybridsurrogate.effects.dynamics.dynamic_term import DynamicTerm
 from hybridsurrogate.effects.in_output import InOutput
+from hybridsurrogate.numerics.digits import interval
 from hybridsurrogate.ode.dynamics import DelayedState, MissingTerm, TimeVaryingParameter
 from hybridsurrogate.ode.simulator import OdeSimulator
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.modification import Modification
+from hybridsurrogate.types import FloatArray
 
 # what rewrites the measured rows: a subclass that overrides one of these has no code any more
 _REWRITES = ("inputs", "gain", "response", "columns", "factors", "noise", "estimates")

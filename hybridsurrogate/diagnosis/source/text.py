@@ -11,9 +11,9 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from hybridsurrogate.digits import interval
 from hybridsurrogate.effects.notation import digits_at
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.numerics.digits import interval
+from hybridsurrogate.types import FloatArray
 
 WIDTH = 88
 # digits of a default beyond those of its interval: rounding is no part of the error

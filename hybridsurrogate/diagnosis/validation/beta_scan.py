@@ -19,8 +19,8 @@ from hybridsurrogate.estimators.beta_path import beta_path
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import HybridSurrogateWarning
 from hybridsurrogate.inference.sampling.settings import SETTINGS
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.scoring.scores import last_of_the_best
+from hybridsurrogate.types import FloatArray
 
 # enough to see whether the best weight moved
 _FEW_BETAS, _SCAN_FOLDS = (0.05, 0.25, 0.5, 0.75, 0.95), 3

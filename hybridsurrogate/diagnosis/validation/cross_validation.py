@@ -13,7 +13,7 @@ from hybridsurrogate.diagnosis.validation.gain import Held, HeldOutGain, gain_ov
 from hybridsurrogate.diagnosis.validation.parallel import in_parallel
 from hybridsurrogate.diagnosis.validation.refit import Refit
 from hybridsurrogate.exceptions import DiagnosisWarning, HybridSurrogateWarning
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 
 class FoldScores(NamedTuple):

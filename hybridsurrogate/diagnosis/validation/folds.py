@@ -11,8 +11,8 @@ from numpy.random import RandomState
 from numpy.typing import ArrayLike, NDArray
 from sklearn.model_selection import KFold
 
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
+from hybridsurrogate.types import FloatArray
 
 Folds = list[tuple[NDArray[np.intp], NDArray[np.intp]]]
 

@@ -11,10 +11,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from hybridsurrogate import digits
 from hybridsurrogate.notebook.tables import table
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.numerics import digits
 from hybridsurrogate.scoring.scores import last_of_the_best
+from hybridsurrogate.types import FloatArray
 
 COVERAGE_LEVEL, HALF = 0.9, 0.5
 _HEADER = ("", "before", "after", "difference")

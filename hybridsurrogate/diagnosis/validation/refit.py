@@ -30,11 +30,11 @@ from hybridsurrogate.estimators.carried import fitted_near
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import HybridSurrogateWarning
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
-from hybridsurrogate.inference.sampling.psis import KHAT_LIMIT
-from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.problem.problem import Problem
+from hybridsurrogate.model.problem import Problem
+from hybridsurrogate.numerics.psis import KHAT_LIMIT
 from hybridsurrogate.simulation.outputs import OUTPUT, AllOutputs
 from hybridsurrogate.simulation.simulator import Simulator
+from hybridsurrogate.types import FloatArray
 
 # enough for scores whose own standard error is that of a handful of rows, and for what has less
 # than half of the weight

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from hybridsurrogate.effects.base import Cause, Context, Rows
 from hybridsurrogate.exceptions import did_you_mean
-from hybridsurrogate.priors import Prior
 from hybridsurrogate.simulation.modification import Modification
+from hybridsurrogate.types import Prior
 
 NEEDS_ODE = (
     "{}: causes inside the dynamics need simulation=OdeSimulator(...), or runs of one, and "

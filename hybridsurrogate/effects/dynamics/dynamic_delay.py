@@ -13,7 +13,8 @@ from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.over_column import span_and_spacing
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.ode.dynamics import DelayedState
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.priors import frozen
+from hybridsurrogate.types import Prior
 
 
 class DynamicDelay(Dynamic):

@@ -22,7 +22,8 @@ from hybridsurrogate.effects.notation import (
 from hybridsurrogate.effects.over_column import period_nodes, period_prior, span_and_spacing
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.ode.dynamics import TimeVaryingParameter
-from hybridsurrogate.priors import Prior, frozen, prior_sd, truncated_normal
+from hybridsurrogate.priors import frozen, prior_sd, truncated_normal
+from hybridsurrogate.types import Prior
 
 _N_LOCATIONS, _N_WIDTHS = 20, 4
 # halving and doubling are ordinary, but not of what is known to a per cent

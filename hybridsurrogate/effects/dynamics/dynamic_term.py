@@ -14,7 +14,8 @@ from hybridsurrogate.effects.notation import SIMULATION, number, signed, word
 from hybridsurrogate.effects.over_column import period_nodes, period_prior, span_and_spacing
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.ode.dynamics import MissingTerm
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.priors import frozen
+from hybridsurrogate.types import Prior
 
 # a level in the middle of the state's range leaves about a quarter of it above
 _OF_WHAT_IS_ABOVE = 4.0

@@ -15,7 +15,7 @@ from hybridsurrogate.effects.notation import SIMULATION, signed, word
 from hybridsurrogate.effects.over_column import position_among
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.ode.dynamics import MissingTerm
-from hybridsurrogate.priors import Prior
+from hybridsurrogate.types import Prior
 
 # with more experiments a rate that they share predicts nearly as well
 _MOST = 6

@@ -13,7 +13,8 @@ from hybridsurrogate.effects.notation import SIMULATION, minus, plus
 from hybridsurrogate.effects.over_column import span_and_spacing
 from hybridsurrogate.effects.registry import Form, over_inputs, register
 from hybridsurrogate.exceptions import did_you_mean
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.priors import frozen
+from hybridsurrogate.types import Prior
 
 
 class Delay(Cause):

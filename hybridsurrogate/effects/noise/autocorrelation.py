@@ -12,7 +12,8 @@ from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.over_column import OverColumn, span_and_spacing
 from hybridsurrogate.effects.registry import Form, register
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.priors import frozen
+from hybridsurrogate.types import Prior
 
 # pairs of waves, and their longest period on the column scaled to [-1, 1]: half of what it leaves
 # between the ends of the rows is more than two of the longest correlation lengths

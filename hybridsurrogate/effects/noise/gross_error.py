@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from hybridsurrogate.digits import listing
-from hybridsurrogate.digits import number as rounded
 from hybridsurrogate.effects.base import ROW, Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, word
 from hybridsurrogate.effects.registry import Form, register
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.numerics.digits import listing
+from hybridsurrogate.numerics.digits import number as rounded
+from hybridsurrogate.priors import frozen
+from hybridsurrogate.types import Prior
 
 # rows that are tried one by one, and rows of which pairs are: those that the simulation misses most
 MOST_ROWS, _PAIRED = 200, 12

@@ -12,7 +12,8 @@ from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.effects.registry import Form, over_columns, register
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.priors import frozen
+from hybridsurrogate.types import Prior
 
 
 class Noise(OverColumn):

@@ -12,7 +12,8 @@ from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.ignored.missing_input import trouble_with_levels
 from hybridsurrogate.effects.notation import SIMULATION, number, where
 from hybridsurrogate.effects.registry import Form, register
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.priors import frozen
+from hybridsurrogate.types import Prior
 
 
 class NoiseAtLevel(Cause):

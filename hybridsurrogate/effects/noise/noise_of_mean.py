@@ -11,7 +11,8 @@ from hybridsurrogate.effects.base import SIMULATED, Cause, Context, FloatArray, 
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, number
 from hybridsurrogate.effects.registry import Form, register
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.priors import frozen
+from hybridsurrogate.types import Prior
 
 # an output near zero still has this share of its usual size
 _FLOOR = 0.05

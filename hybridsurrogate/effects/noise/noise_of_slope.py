@@ -9,7 +9,8 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import NOISE_SD, SLOPE, Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.priors import frozen
+from hybridsurrogate.types import Prior
 
 # median and sd of the logarithm of the ratio: from a third of the other noise to ten times it
 _MEDIAN, _LOG_SD = 2.0, 1.0

@@ -12,7 +12,8 @@ from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, number
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.likelihoods.contaminated import LARGEST, SMALLEST
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.priors import frozen
+from hybridsurrogate.types import Prior
 
 
 class Outliers(Cause):

@@ -9,8 +9,9 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.priors import frozen
 from hybridsurrogate.simulation.outputs import OUTPUT
+from hybridsurrogate.types import Prior
 
 # standard deviation of the log of a ratio: one output may be read fifty times as well as another
 _SD = 2.0

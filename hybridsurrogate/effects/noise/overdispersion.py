@@ -11,7 +11,8 @@ from hybridsurrogate.effects.base import SIMULATED, Cause, Context, FloatArray, 
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, number
 from hybridsurrogate.effects.registry import Form, register
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.priors import frozen
+from hybridsurrogate.types import Prior
 
 # the relative scatter beyond Poisson's has this largest value, as in a negative binomial's prior
 _LARGEST_SCATTER = 2.0

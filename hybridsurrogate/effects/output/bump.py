@@ -12,7 +12,8 @@ from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, number, plus, signed
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.effects.registry import Form, over_inputs, register
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.priors import frozen
+from hybridsurrogate.types import Prior
 
 
 class Bump(Located):

@@ -13,8 +13,9 @@ from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.output.discrepancy_process import GaussianProcessDiscrepancy
 from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.effects.registry import Form, register
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.priors import frozen
 from hybridsurrogate.simulation.calendar import is_of_calendar
+from hybridsurrogate.types import Prior
 
 # an experiment with fewer places along the column has an offset, and no curve
 _LEAST_PLACES = 4

@@ -11,7 +11,8 @@ from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION
 from hybridsurrogate.effects.registry import Form, register
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.priors import frozen
+from hybridsurrogate.types import Prior
 
 # basis functions an input: enough for the shortest length scale below (Riutort-Mayol et al. 2023,
 # Statistics and Computing 33:17, eq. 17: m >= 1.75 boundary / length scale); seven for each of two

@@ -17,7 +17,8 @@ from hybridsurrogate.effects.over_column import (
     period_nodes,
 )
 from hybridsurrogate.effects.registry import Form, over_columns, over_inputs, register
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.priors import frozen
+from hybridsurrogate.types import Prior
 
 # more periods than this in the measured span are looked for only where a prior says so; with an
 # overtone those of the overtone

@@ -11,7 +11,7 @@ from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.effects.registry import Form, over_inputs, register
-from hybridsurrogate.priors import Prior
+from hybridsurrogate.types import Prior
 
 
 class Ramp(Located):

@@ -8,7 +8,8 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.priors import frozen
+from hybridsurrogate.types import Prior
 
 # learned from 18 measured data sets and 160 generated cases, half of these with their cause left
 # out of the catalogue: how the standard deviation grows with the distance, and its ends in shares

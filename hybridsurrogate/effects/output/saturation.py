@@ -11,7 +11,8 @@ from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed
 from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
 from hybridsurrogate.effects.registry import Form, over_inputs, register
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.priors import frozen
+from hybridsurrogate.types import Prior
 
 
 class Saturation(FromOrigin):

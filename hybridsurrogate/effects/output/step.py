@@ -11,7 +11,7 @@ from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, signed, where
 from hybridsurrogate.effects.over_column import MOST_GAPS, Located, gaps
 from hybridsurrogate.effects.registry import Form, over_columns, register
-from hybridsurrogate.priors import Prior
+from hybridsurrogate.types import Prior
 
 
 class Step(Located):

@@ -10,7 +10,8 @@ from hybridsurrogate.effects.base import Cause, Context, Rows
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.registry import Form, register
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.priors import frozen
+from hybridsurrogate.types import Prior
 
 # the wide prior of a positive parameter goes this factor beyond either end of the given one, that
 # of another parameter so many times its width

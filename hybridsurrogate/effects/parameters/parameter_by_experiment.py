@@ -14,7 +14,8 @@ from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.over_column import position_among
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.exceptions import did_you_mean
-from hybridsurrogate.priors import Prior, frozen, prior_sd
+from hybridsurrogate.priors import frozen, prior_sd
+from hybridsurrogate.types import Prior
 
 # an experiment that was not measured
 _ANOTHER = "another"

@@ -28,7 +28,8 @@ from hybridsurrogate.effects.over_column import (
 )
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.exceptions import did_you_mean
-from hybridsurrogate.priors import Prior, frozen, prior_sd
+from hybridsurrogate.priors import frozen, prior_sd
+from hybridsurrogate.types import Prior
 
 # the simulation runs at every period that is tried
 _MOST_CYCLES = 25

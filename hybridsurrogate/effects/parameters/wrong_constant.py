@@ -9,7 +9,7 @@ from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.exceptions import did_you_mean
-from hybridsurrogate.priors import Prior
+from hybridsurrogate.types import Prior
 
 
 class WrongConstant(Cause):

@@ -12,7 +12,8 @@ from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, number, plus
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.effects.registry import Form, register
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.priors import frozen
+from hybridsurrogate.types import Prior
 
 # longest scale, in spans of the measured rows: a tenth is lost over a span of twice the mean place
 _LONGEST = 5.0

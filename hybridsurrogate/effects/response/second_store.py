@@ -12,7 +12,8 @@ from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, minus, number, plus
 from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
 from hybridsurrogate.effects.registry import Form, register
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.priors import frozen
+from hybridsurrogate.types import Prior
 
 # of the second store at the origin, in shares of the geometric mean of the measured output
 _LEAST, _MOST = 0.03, 30.0

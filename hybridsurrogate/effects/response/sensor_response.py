@@ -11,7 +11,8 @@ from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.notation import SIMULATION, number, plus, signed
 from hybridsurrogate.effects.registry import Form, register
-from hybridsurrogate.priors import Prior, frozen
+from hybridsurrogate.priors import frozen
+from hybridsurrogate.types import Prior
 
 
 class SensorResponse(Cause):

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from hybridsurrogate.blocks import blocks
 from hybridsurrogate.inference.conditional.local_proposals import log_density_of_pairs
 from hybridsurrogate.inference.conditional.pairwise_squares import (
     MeasuredGiven,
@@ -17,10 +16,11 @@ from hybridsurrogate.inference.conditional.pairwise_squares import (
 )
 from hybridsurrogate.inference.conditional.principal_components import main_directions
 from hybridsurrogate.inference.conjugate.noise_marginal import marginal_over_noise, noise_grid
-from hybridsurrogate.inference.conjugate.sufficient_statistics import ROUNDING
-from hybridsurrogate.inference.model.prior_density import prior_log_density
 from hybridsurrogate.inference.sampling.settings import SETTINGS
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.model.prior_density import prior_log_density
+from hybridsurrogate.model.statistics import ROUNDING
+from hybridsurrogate.numerics.blocks import blocks
+from hybridsurrogate.types import FloatArray
 
 # along each parameter, by the number of parameters
 GRID_NODES = {0: 1, 1: 101, 2: 41}

@@ -11,24 +11,24 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.blocks import blocks
-from hybridsurrogate.cholesky import log_det_of, nudged_cholesky
 from hybridsurrogate.inference.conditional.pairwise_squares import (
     MeasuredGiven,
     node_shares,
     one_node_each,
 )
-from hybridsurrogate.inference.conjugate.sufficient_statistics import ROUNDING
-from hybridsurrogate.inference.model.prior_density import prior_of_unknowns
 from hybridsurrogate.inference.sampling.modes import factors, optimise
 from hybridsurrogate.inference.sampling.proposals import (
     PROPOSAL_SCALE,
     standard_student,
     standard_student_draws,
 )
-from hybridsurrogate.inference.sampling.psis import level_smooth
 from hybridsurrogate.inference.sampling.settings import SETTINGS
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.model.prior_density import prior_of_unknowns
+from hybridsurrogate.model.statistics import ROUNDING
+from hybridsurrogate.numerics.blocks import blocks
+from hybridsurrogate.numerics.cholesky import log_det_of, nudged_cholesky
+from hybridsurrogate.numerics.psis import level_smooth
+from hybridsurrogate.types import FloatArray
 
 _IMPOSSIBLE = -1e300
 

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.inference.conditional.sampler import MeasuredDraws
-from hybridsurrogate.inference.model.observation import MeasuredModel
-from hybridsurrogate.inference.model.prior_density import prior_log_density
 from hybridsurrogate.inference.sampling.differential_evolution import FROM_NEAR, Effort, moved_draws
 from hybridsurrogate.likelihoods.base import Likelihood
-from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.prior_density import prior_log_density
+from hybridsurrogate.types import FloatArray, Prior
 
 
 def conditional_draws(

@@ -11,11 +11,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.blocks import BLOCK, blocks
 from hybridsurrogate.inference.conjugate.factored_rows import FactoredRows
-from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.inference.sampling.settings import SETTINGS
-from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.numerics.blocks import BLOCK, blocks
+from hybridsurrogate.types import FloatArray, Prior
 
 
 @dataclass(frozen=True)

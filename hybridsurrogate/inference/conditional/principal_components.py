@@ -8,7 +8,7 @@ import numpy as np
 
 from hybridsurrogate.inference.conditional.pairwise_squares import MeasuredGiven
 from hybridsurrogate.inference.sampling.settings import SETTINGS
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 
 def main_directions(problem: MeasuredGiven, z: FloatArray, sigma: float) -> MeasuredGiven:

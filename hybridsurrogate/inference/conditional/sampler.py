@@ -13,8 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.blocks import LARGE_BLOCK, blocks
-from hybridsurrogate.cholesky import log_det_of, nudged_cholesky
 from hybridsurrogate.inference.conditional.grid import GRID_NODES, grid_draws
 from hybridsurrogate.inference.conditional.local_proposals import (
     OwnDraws,
@@ -30,9 +28,6 @@ from hybridsurrogate.inference.conditional.pairwise_squares import (
     squares_of_pairs,
 )
 from hybridsurrogate.inference.conditional.principal_components import main_directions
-from hybridsurrogate.inference.conjugate.sufficient_statistics import ROUNDING
-from hybridsurrogate.inference.model.observation import MeasuredModel
-from hybridsurrogate.inference.model.prior_density import prior_of_unknowns
 from hybridsurrogate.inference.sampling.differential_evolution import Effort, moved_draws
 from hybridsurrogate.inference.sampling.hierarchical import standardised
 from hybridsurrogate.inference.sampling.modes import Gaussian, LogDensity, find_modes
@@ -41,9 +36,15 @@ from hybridsurrogate.inference.sampling.proposals import (
     mixture_points,
     moment_match,
 )
-from hybridsurrogate.inference.sampling.psis import KHAT_LIMIT, level_smooth
 from hybridsurrogate.inference.sampling.settings import SETTINGS
-from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.posterior import LEAST_EFFECTIVE
+from hybridsurrogate.model.prior_density import prior_of_unknowns
+from hybridsurrogate.model.statistics import ROUNDING
+from hybridsurrogate.numerics.blocks import LARGE_BLOCK, blocks
+from hybridsurrogate.numerics.cholesky import log_det_of, nudged_cholesky
+from hybridsurrogate.numerics.psis import KHAT_LIMIT, level_smooth
+from hybridsurrogate.types import FloatArray, Prior
 
 # noises that are tried, and nats by which one must be better
 _NOISES, _FAR = 20, 25.0
@@ -210,7 +211,7 @@ def _by_proposals(
     drawn = OwnDraws(u[node], khat, effective)
     # separate proposals for each draw take a Hessian each: in many dimensions only where shared
     # ones are doubtful, and never in a hierarchy, whose ridges they do not follow
-    doubtful = khat > KHAT_LIMIT or effective < SETTINGS.least_effective
+    doubtful = khat > KHAT_LIMIT or effective < LEAST_EFFECTIVE
     wanted = doubtful if first_step.shape[1] > SETTINGS.many_dimensions else not enough
     if wanted and coordinates is None:
         best = u[np.argmax(log_weight + log_proposal[:, None], axis=0)]

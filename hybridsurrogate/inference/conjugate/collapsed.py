@@ -13,15 +13,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.blocks import BLOCK, LARGE_BLOCK
 from hybridsurrogate.inference.conjugate.factored_rows import FactoredRows
 from hybridsurrogate.inference.conjugate.gram import posterior_factor, whitened
 from hybridsurrogate.inference.conjugate.spectral import FixedRows, few_rows, fixed_rows
-from hybridsurrogate.inference.conjugate.sufficient_statistics import ROUNDING, Statistics
 from hybridsurrogate.inference.conjugate.woodbury import draws_given_rows, marginal_of_rows
-from hybridsurrogate.inference.model.observation import MeasuredModel
-from hybridsurrogate.inference.model.prior_density import prior_of_unknowns
-from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.prior_density import prior_of_unknowns
+from hybridsurrogate.model.statistics import ROUNDING, Statistics
+from hybridsurrogate.numerics.blocks import BLOCK, LARGE_BLOCK
+from hybridsurrogate.types import FloatArray, Prior
 
 _LOG_2PI = float(np.log(2 * np.pi))
 

@@ -12,8 +12,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.inference.model.observation import MeasuredModel
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.types import FloatArray
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hybridsurrogate.cholesky import nudged_cholesky
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.numerics.cholesky import nudged_cholesky
+from hybridsurrogate.types import FloatArray
 
 
 def whitened(gram: FloatArray, whitening: FloatArray) -> FloatArray:

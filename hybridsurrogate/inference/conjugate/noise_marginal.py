@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hybridsurrogate.blocks import blocks
-from hybridsurrogate.inference.conjugate.sufficient_statistics import ROUNDING
-from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.model.statistics import ROUNDING
+from hybridsurrogate.numerics.blocks import blocks
+from hybridsurrogate.types import FloatArray, Prior
 
 _N_TABLE = 1500
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hybridsurrogate.cholesky import log_det_of, nudged_cholesky
 from hybridsurrogate.inference.conjugate.spectral import FixedRows
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.numerics.cholesky import log_det_of, nudged_cholesky
+from hybridsurrogate.types import FloatArray
 
 
 def marginal_of_rows(

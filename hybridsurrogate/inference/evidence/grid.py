@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.inference.evidence.settings import SETTINGS
-from hybridsurrogate.inference.model.observation import MeasuredModel
-from hybridsurrogate.priors import FloatArray, Prior, prior_range, to_normal
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.priors import prior_range, to_normal
+from hybridsurrogate.types import FloatArray, Prior
 
 # a constant may have been assumed at the very end of its prior, where z knows no slope: its search
 # begins where the prior has mass. Sizes are counted from there and reach one prior sd, so that from

@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.evidence.settings import SETTINGS
-from hybridsurrogate.inference.model.disjoint_moves import disjoint_moves, single_moves
-from hybridsurrogate.inference.model.observation import MeasuredModel
-from hybridsurrogate.priors import FloatArray, to_normal
+from hybridsurrogate.model.finite_differences import disjoint_moves, single_moves
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.statistics import EmulatorPosterior
+from hybridsurrogate.priors import to_normal
+from hybridsurrogate.types import FloatArray
 
 # places far away: along a size, how far these reach in standard deviations of the prior, and
 # besides; how many are followed, how much better (minus twice the log posterior) one has to be

@@ -14,13 +14,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.blocks import LARGE_BLOCK, blocks, in_blocks
-from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.evidence.settings import SETTINGS
-from hybridsurrogate.inference.model.disjoint_moves import disjoint_moves
-from hybridsurrogate.inference.model.observation import MeasuredModel
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.model.finite_differences import disjoint_moves
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.statistics import EmulatorPosterior
+from hybridsurrogate.numerics.blocks import LARGE_BLOCK, blocks, in_blocks
+from hybridsurrogate.types import FloatArray
 
 # an emulator is smooth to rounding: a short step to one side is enough, at half the price
 _SHORT_STEP = 1e-4

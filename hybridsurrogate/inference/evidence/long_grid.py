@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.evidence.grid import Grid, with_cells
 from hybridsurrogate.inference.evidence.linearised import is_long, linearised_pieces
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
-from hybridsurrogate.inference.model.observation import MeasuredModel
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.statistics import EmulatorPosterior
+from hybridsurrogate.types import FloatArray
 
 # nodes that are kept each, and groups of others
 _BEST, _GROUPS = 300, 100

@@ -15,9 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.blocks import BLOCK
-from hybridsurrogate.cholesky import log_det_of, nudged_cholesky
-from hybridsurrogate.inference.conjugate.emulator_posterior import EmulatorPosterior
 from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
 from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.evidence.linearised import (
@@ -34,8 +31,11 @@ from hybridsurrogate.inference.evidence.node_products import (
 )
 from hybridsurrogate.inference.evidence.outliers import heavy_fit, heavy_scan
 from hybridsurrogate.inference.evidence.settings import SETTINGS
-from hybridsurrogate.inference.model.observation import MeasuredModel
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.statistics import EmulatorPosterior
+from hybridsurrogate.numerics.blocks import BLOCK
+from hybridsurrogate.numerics.cholesky import log_det_of, nudged_cholesky
+from hybridsurrogate.types import FloatArray
 
 # a prior scale that is as good as zero, whose square is a number still
 _NO_SIZE = 1e-100

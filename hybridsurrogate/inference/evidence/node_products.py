@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.cholesky import log_det_of, nudged_cholesky
 from hybridsurrogate.inference.evidence.linearised import Linearised
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.numerics.cholesky import log_det_of, nudged_cholesky
+from hybridsurrogate.types import FloatArray
 
 
 class Covariances(NamedTuple):

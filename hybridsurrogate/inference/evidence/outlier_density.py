@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from hybridsurrogate.likelihoods.contaminated import log_shape, precision_at
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 # nodes of log(1 + |z|), up to where numbers end
 _N_NODES, _FARTHEST = 3000, 1e6

@@ -17,12 +17,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.blocks import blocks
 from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.evidence.linearised import Linearised
 from hybridsurrogate.inference.evidence.outlier_density import Shape, shape_of
 from hybridsurrogate.inference.evidence.settings import SETTINGS
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.numerics.blocks import blocks
+from hybridsurrogate.types import FloatArray
 
 # a robust guess of sigma from the median residual
 _TO_SIGMA = 1.4826

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hybridsurrogate.cholesky import log_det_of, nudged_cholesky
 from hybridsurrogate.inference.laplace.linear_predictor import Design
-from hybridsurrogate.inference.model.prior_density import prior_log_density
 from hybridsurrogate.inference.sampling.settings import SETTINGS
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.model.prior_density import prior_log_density
+from hybridsurrogate.numerics.cholesky import log_det_of, nudged_cholesky
+from hybridsurrogate.types import FloatArray
 
 
 @dataclass(frozen=True)

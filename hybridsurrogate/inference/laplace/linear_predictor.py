@@ -8,28 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.likelihoods.base import Likelihood
-from hybridsurrogate.priors import FloatArray
-
-
-@dataclass(frozen=True)
-class Rows:
-    """Rows with a likelihood: observed values and the powers of their densities.
-
-    Attributes
-    ----------
-    y, weights : ndarray of shape (n,)
-    """
-
-    y: FloatArray
-    weights: FloatArray
-
-
-@dataclass(frozen=True)
-class Runs(Rows):
-    """Simulation runs: inputs (n, n_inputs), parameters (n, n_parameters) and values."""
-
-    X: FloatArray
-    omega: FloatArray
+from hybridsurrogate.model.rows.observed import ObservedRows
+from hybridsurrogate.types import FloatArray
 
 
 @dataclass(frozen=True)
@@ -40,7 +20,7 @@ class Part:
     deviation of eta; None: not computed.
     """
 
-    rows: Rows
+    rows: ObservedRows
     known: FloatArray
     design: FloatArray
     noise: FloatArray

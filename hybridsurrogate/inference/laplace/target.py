@@ -13,19 +13,20 @@ from functools import cached_property
 
 import numpy as np
 
-from hybridsurrogate.blocks import LARGE_BLOCK, blocks
-from hybridsurrogate.inference.conjugate.sufficient_statistics import (
+from hybridsurrogate.inference.laplace.inner_mode import GaussianFit, gaussian_fit
+from hybridsurrogate.inference.laplace.linear_predictor import Design, Part
+from hybridsurrogate.inference.sampling.settings import SETTINGS
+from hybridsurrogate.likelihoods.base import Likelihood
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.prior_density import prior_log_density, prior_of_unknowns
+from hybridsurrogate.model.rows.observed import ObservedRows, SimulatedRows
+from hybridsurrogate.model.statistics import (
     ROUNDING,
     Statistics,
     statistics,
 )
-from hybridsurrogate.inference.laplace.inner_mode import GaussianFit, gaussian_fit
-from hybridsurrogate.inference.laplace.linear_predictor import Design, Part, Rows, Runs
-from hybridsurrogate.inference.model.observation import MeasuredModel
-from hybridsurrogate.inference.model.prior_density import prior_log_density, prior_of_unknowns
-from hybridsurrogate.inference.sampling.settings import SETTINGS
-from hybridsurrogate.likelihoods.base import Likelihood
-from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.numerics.blocks import LARGE_BLOCK, blocks
+from hybridsurrogate.types import FloatArray, Prior
 
 _LOG_2PI = float(np.log(2 * np.pi))
 
@@ -43,7 +44,7 @@ class LaplacePosterior:
     observed : ndarray of shape (n,)
         y as measured.
     likelihood : Likelihood
-    runs : Runs or None
+    runs : SimulatedRows or None
     simulation_power, measured_power : float
     noise_prior : prior of sigma
     scale : float
@@ -56,7 +57,7 @@ class LaplacePosterior:
     weights: FloatArray
     observed: FloatArray
     likelihood: Likelihood
-    runs: Runs | None
+    runs: SimulatedRows | None
     simulation_power: float
     measured_power: float
     noise_prior: Prior
@@ -145,7 +146,7 @@ class LaplacePosterior:
         known = known + features @ basis.coefficient_mean
         whitened = features * basis.coefficient_sd if factor is None else features @ factor
         padding = [(0, 0)] * (whitened.ndim - 1) + [(0, len(self.model.column_sd))]
-        rows = Rows(runs.y, self.simulation_power * runs.weights)
+        rows = ObservedRows(runs.y, self.simulation_power * runs.weights)
         return Part(rows, known, np.pad(whitened, padding), np.ones((1, 1)), self.likelihood)
 
     @cached_property
@@ -161,7 +162,7 @@ class LaplacePosterior:
         whitened = features * basis.coefficient_sd if factor is None else features @ factor
         columns = parts.columns * self.model.column_sd
         design = np.concatenate([whitened, columns], axis=2)
-        rows = Rows(self.observed, self.measured_power * self.weights)
+        rows = ObservedRows(self.observed, self.measured_power * self.weights)
         likelihood = self.model.likelihood_of(self.likelihood, values)
         return Part(rows, known, design, parts.noise, likelihood)
 

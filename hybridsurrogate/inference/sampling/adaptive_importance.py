@@ -25,9 +25,9 @@ from hybridsurrogate.inference.sampling.proposals import (
     slices,
     standard_student,
 )
-from hybridsurrogate.inference.sampling.psis import KHAT_LIMIT, level_smooth
 from hybridsurrogate.inference.sampling.settings import SETTINGS
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.numerics.psis import KHAT_LIMIT, level_smooth
+from hybridsurrogate.types import FloatArray
 
 
 @dataclass(frozen=True)

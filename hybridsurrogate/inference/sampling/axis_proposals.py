@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.inference.sampling.modes import Gaussian, distinct
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.inference.sampling.target import Target
-from hybridsurrogate.priors import FloatArray, to_normal
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.priors import to_normal
+from hybridsurrogate.types import FloatArray
 
 
 class Line(NamedTuple):

@@ -15,7 +15,7 @@ import numpy as np
 
 from hybridsurrogate.inference.sampling.modes import PairLogDensity
 from hybridsurrogate.inference.sampling.settings import SETTINGS
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 
 class Effort(NamedTuple):

@@ -19,7 +19,7 @@ from hybridsurrogate.inference.sampling.modes import Gaussian, LogDensity
 from hybridsurrogate.inference.sampling.proposals import student_draws
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.notebook.bars import filled
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 # differential evolution (Ter Braak 2006, Statistics and Computing 16:239) next to the stretch move,
 # and now and then jumps of full length between modes

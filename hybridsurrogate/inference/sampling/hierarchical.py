@@ -18,12 +18,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.inference.conjugate.sufficient_statistics import Statistics
-from hybridsurrogate.inference.model.observation import MeasuredModel
 from hybridsurrogate.inference.sampling.adaptive_importance import Proposals
 from hybridsurrogate.inference.sampling.modes import LogDensity, find_modes
 from hybridsurrogate.inference.sampling.target import Target
-from hybridsurrogate.priors import FloatArray, Prior, from_normal, prior_sd, to_normal
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.statistics import Statistics
+from hybridsurrogate.priors import from_normal, prior_sd, to_normal
+from hybridsurrogate.types import FloatArray, Prior
 
 # a spread next to nothing, in standard deviations of the parameter's prior
 _LEAST = 1e-9

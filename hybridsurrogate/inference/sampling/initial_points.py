@@ -7,8 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
-from hybridsurrogate.inference.conjugate.sufficient_statistics import ROUNDING
 from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.levenberg_marquardt import (
     best_of_global_starts,
@@ -18,7 +16,9 @@ from hybridsurrogate.inference.evidence.long_grid import shortened
 from hybridsurrogate.inference.evidence.marginal_likelihood import optimise
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.inference.sampling.target import Target
-from hybridsurrogate.priors import FloatArray, to_normal
+from hybridsurrogate.model.statistics import ROUNDING, emulator_posterior
+from hybridsurrogate.priors import to_normal
+from hybridsurrogate.types import FloatArray
 
 # places along one parameter, in standard normal coordinates: beyond, no prior has mass
 _LINE = np.linspace(-6.5, 6.5, 41)

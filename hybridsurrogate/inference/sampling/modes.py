@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.inference.sampling.settings import SETTINGS
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 LogDensity = Callable[[FloatArray], FloatArray]
 # log density of points (K, d) for the draws (K,) of something else that they are given

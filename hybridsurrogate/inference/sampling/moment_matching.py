@@ -12,9 +12,9 @@ from hybridsurrogate.inference.sampling.adaptive_importance import (
     systematic_resample,
 )
 from hybridsurrogate.inference.sampling.modes import LogDensity
-from hybridsurrogate.inference.sampling.psis import KHAT_LIMIT, pareto_smooth
 from hybridsurrogate.inference.sampling.settings import SETTINGS
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.numerics.psis import KHAT_LIMIT, pareto_smooth
+from hybridsurrogate.types import FloatArray
 
 
 def matched_draws(

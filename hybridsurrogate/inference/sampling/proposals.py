@@ -11,7 +11,7 @@ from scipy import special
 
 from hybridsurrogate.inference.sampling.modes import Gaussian
 from hybridsurrogate.inference.sampling.settings import SETTINGS
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 # indices of points
 Cell = NDArray[np.intp]

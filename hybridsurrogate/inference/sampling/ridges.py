@@ -20,7 +20,7 @@ from scipy.interpolate import CubicSpline
 from hybridsurrogate.inference.sampling.modes import Gaussian, distinct, factors, optimise
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.inference.sampling.target import Target
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 
 @dataclass(frozen=True)

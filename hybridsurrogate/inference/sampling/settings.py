@@ -93,8 +93,6 @@ class SamplingSettings:
     many_dimensions : int
         Beyond, coefficient draws have separate proposals only where shared ones are doubtful: with
         13 unknowns separate ones took 100 s, shared ones six, with a k-hat of 0.57.
-    least_effective : float
-        Step 2 is doubtful with fewer effective proposals, or accepted moves, a draw.
     newton_steps, newton_tolerance : int, float
         To the inner mode, which shapes proposals only: a thousandth of a nat is near enough.
     width_steps, width_rounds : int
@@ -164,7 +162,6 @@ class SamplingSettings:
     conditional_proposals: int = 3000
     conditional_rounds: int = 4
     many_dimensions: int = 10
-    least_effective: float = 10.0
     newton_steps: int = 60
     newton_tolerance: float = 1e-3
     width_steps: int = 4

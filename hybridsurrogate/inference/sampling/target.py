@@ -6,9 +6,9 @@ from typing import Protocol
 
 import numpy as np
 
-from hybridsurrogate.inference.conjugate.sufficient_statistics import Statistics
-from hybridsurrogate.inference.model.observation import MeasuredModel
-from hybridsurrogate.priors import FloatArray, Prior
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.statistics import Statistics
+from hybridsurrogate.types import FloatArray, Prior
 
 
 class Target(Protocol):

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.calls.function import Function
 from hybridsurrogate.simulation.calls.jobs import in_words
+from hybridsurrogate.types import FloatArray
 
 
 class TakesNumbersError(Exception):

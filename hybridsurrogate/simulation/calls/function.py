@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 
 @dataclass(frozen=True)

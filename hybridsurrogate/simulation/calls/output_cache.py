@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 _BYTES = 64 * 2**20
 # To find a row takes about 0.4 us: a function of arrays that takes less is called again. Of fewer

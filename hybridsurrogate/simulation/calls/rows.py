@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.simulation.calls.function import Function
 from hybridsurrogate.simulation.calls.jobs import in_words
+from hybridsurrogate.types import FloatArray
 
 # errors of Python's numbers where numpy's give infinity or NaN, or have a method
 _OF_PLAIN_NUMBERS = (ArithmeticError, AttributeError, TypeError)

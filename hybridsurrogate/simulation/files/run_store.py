@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from hybridsurrogate.arguments.paths import local_path
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.numerics.atomic_file import written_whole
 from hybridsurrogate.simulation.files.table_file import RUN
-from hybridsurrogate.whole_file import written_whole
+from hybridsurrogate.types import FloatArray
 
 _ABOUT, _RUNS = "about.json", "runs.csv"
 _ENDING = ["error", "seconds", "last"]

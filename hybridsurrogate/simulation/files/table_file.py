@@ -18,7 +18,7 @@ import pandas as pd
 
 from hybridsurrogate.arguments.paths import check_readable, is_address, local_path
 from hybridsurrogate.arguments.scalars import check_flag
-from hybridsurrogate.whole_file import written_whole
+from hybridsurrogate.numerics.atomic_file import written_whole
 
 # the column of a long table that says which run a row is of
 RUN = "run"

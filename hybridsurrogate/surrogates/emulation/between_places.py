@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 # places and outputs (n_runs, n_places) of runs that have all of them
 Piece = tuple[FloatArray, FloatArray]

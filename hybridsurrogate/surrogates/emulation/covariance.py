@@ -16,8 +16,8 @@ import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.optimize import minimize
 
-from hybridsurrogate.blocks import blocks
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.numerics.blocks import blocks
+from hybridsurrogate.types import FloatArray
 
 # sd of the normal priors of each log length and each bend; the means are half the range, and none
 _LENGTH_SD, _BEND_SD = 2.0, 2.0

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.blocks import blocks, each_with_each
-from hybridsurrogate.cholesky import pivoted_cholesky
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.numerics.blocks import blocks, each_with_each
+from hybridsurrogate.numerics.cholesky import pivoted_cholesky
 from hybridsurrogate.surrogates.emulation.curves import Components, curves_of
 from hybridsurrogate.surrogates.emulation.local_variance import LocalError
 from hybridsurrogate.surrogates.emulation.process import (
@@ -25,6 +24,7 @@ from hybridsurrogate.surrogates.emulation.process import (
     conditioned,
     process_through,
 )
+from hybridsurrogate.types import FloatArray
 
 # the residual of a variance when its factor has enough columns, in shares of the largest
 _NEGLIGIBLE = 1e-6

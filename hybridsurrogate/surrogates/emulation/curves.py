@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
-from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.surrogates.emulation.between_places import (
     BetweenPlaces,
     Piece,
     between_places,
     degree_of,
 )
+from hybridsurrogate.types import FloatArray
 
 # rows are curves where there are so many runs at least and so many rows a run on average
 _LEAST_RUNS, _LEAST_ROWS = 8, 5

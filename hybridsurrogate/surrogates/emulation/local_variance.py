@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 # the weight of a run falls by a factor e for so many runs that lie between; the prior that errors
 # are as the process predicts, in runs

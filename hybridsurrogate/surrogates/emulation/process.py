@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from hybridsurrogate.blocks import in_turn
-from hybridsurrogate.cholesky import nudged_cholesky
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.numerics.blocks import in_turn
+from hybridsurrogate.numerics.cholesky import nudged_cholesky
 from hybridsurrogate.surrogates.emulation.covariance import (
     Apart,
     Covariance,
@@ -23,6 +22,7 @@ from hybridsurrogate.surrogates.emulation.covariance import (
     weighted,
     weighted_in_turn,
 )
+from hybridsurrogate.types import FloatArray
 
 if TYPE_CHECKING:
     from hybridsurrogate.surrogates.basis import Basis

@@ -25,7 +25,7 @@ from hybridsurrogate.diagnosis.source.extended_model import ExtendedModel, Fitte
 from hybridsurrogate.effects.base import NOISE_SD
 from hybridsurrogate.effects.registry import FORMS, kinds
 from hybridsurrogate.likelihoods import Binomial, as_likelihood
-from hybridsurrogate.problem.problem import make_problem
+from hybridsurrogate.model.problem import make_problem
 
 ROOT = Path(__file__).parents[3]
 SIGMA = 0.3

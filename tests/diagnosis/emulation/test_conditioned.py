@@ -10,8 +10,7 @@ from sklearn.gaussian_process.kernels import Matern
 import hybridsurrogate as hs
 from hybridsurrogate.datasets import make_log_sin
 from hybridsurrogate.diagnosis.emulation.conditioned import KrigedBasis, krige
-from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
-from hybridsurrogate.inference.conjugate.sufficient_statistics import statistics
+from hybridsurrogate.model.statistics import emulator_posterior, statistics
 from hybridsurrogate.surrogates import Domain
 from hybridsurrogate.surrogates.emulation.covariance import (
     Apart,
@@ -59,7 +58,7 @@ def test_correlations_are_those_of_scikit_learn():
 
 
 def test_weighed_correlations_and_their_slopes(monkeypatch):
-    monkeypatch.setattr("hybridsurrogate.blocks.blocks.__defaults__", (20,))
+    monkeypatch.setattr("hybridsurrogate.numerics.blocks.blocks.__defaults__", (20,))
     rng = np.random.default_rng(0)
     a, others, weights = rng.normal(size=(9, 3)), Apart.of(rng.normal(size=(6, 3))), np.arange(6.0)
     value, slopes = weighted(Apart.of(a), others, np.column_stack([weights, weights[::-1]]))

@@ -17,10 +17,10 @@ from outcomes import outcome
 from sklearn.base import clone
 
 import hybridsurrogate as hs
-from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.report.mathml import mathml
 from hybridsurrogate.diagnosis.report.summary import plain
 from hybridsurrogate.diagnosis.validation import beta_scan as trust
+from hybridsurrogate.numerics import digits
 
 
 def decay(t, level, rate):

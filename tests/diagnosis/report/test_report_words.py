@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 
 import hybridsurrogate as hs
-from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.answers.finding import CauseFinding
 from hybridsurrogate.diagnosis.checks.emulator import EmulatorCheck
 from hybridsurrogate.diagnosis.report.details import checks, gain, weight
@@ -15,6 +14,7 @@ from hybridsurrogate.diagnosis.report.elements.view import View, label_of_cause
 from hybridsurrogate.diagnosis.report.first_screen import headline
 from hybridsurrogate.diagnosis.validation.gain import FoldGain, HeldOutGain
 from hybridsurrogate.effects.registry import FORMS
+from hybridsurrogate.numerics import digits
 
 
 def scan_of(before, after, error=0.1):

@@ -6,7 +6,6 @@ from scipy import stats
 from scipy.special import logsumexp
 
 import hybridsurrogate as hs
-from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
 from hybridsurrogate.inference.evidence import linearised
 from hybridsurrogate.inference.evidence.grid import make_grid, refine
@@ -17,7 +16,8 @@ from hybridsurrogate.inference.evidence.linearised import (
 )
 from hybridsurrogate.inference.evidence.long_grid import shortened
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
-from hybridsurrogate.problem.problem import make_problem
+from hybridsurrogate.model.problem import make_problem
+from hybridsurrogate.model.statistics import emulator_posterior
 
 SIMULATOR = hs.Simulator(
     lambda t, level: level + 0 * t, {"t": (0, 1000)}, {"level": stats.norm(0, 3)}

@@ -16,8 +16,8 @@ from hybridsurrogate.inference.conditional.pairwise_squares import (
     squares_of_pairs,
 )
 from hybridsurrogate.inference.conditional.sampler import _draw_columns, _log_density, second_step
-from hybridsurrogate.inference.model.observation import MeasuredModel
-from hybridsurrogate.problem.problem import make_problem
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.problem import make_problem
 
 
 def parabola(t, **parameters):

@@ -9,7 +9,7 @@ from hybridsurrogate.inference.conditional.local_proposals import log_density_of
 from hybridsurrogate.inference.conditional.pairwise_squares import MeasuredGiven
 from hybridsurrogate.inference.posterior_sampler import first_step
 from hybridsurrogate.inference.procedure import make_target, measured_draws
-from hybridsurrogate.problem.problem import make_problem
+from hybridsurrogate.model.problem import make_problem
 
 PRIORS = {
     "start": hs.truncated_normal(60, 10, 40, 80),

@@ -8,7 +8,7 @@ from sklearn.kernel_approximation import Nystroem
 import hybridsurrogate as hs
 from hybridsurrogate.inference.conditional.pairwise_squares import MeasuredGiven
 from hybridsurrogate.inference.conditional.principal_components import main_directions
-from hybridsurrogate.problem.problem import make_problem
+from hybridsurrogate.model.problem import make_problem
 
 SIGMA = 0.05
 

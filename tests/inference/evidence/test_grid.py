@@ -8,11 +8,11 @@ from scipy.special import logsumexp
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.search.evidence import search
-from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.inference.evidence.grid import make_grid, refine
 from hybridsurrogate.likelihoods import as_likelihood
-from hybridsurrogate.problem.context import make_context
-from hybridsurrogate.problem.problem import make_problem
+from hybridsurrogate.model.context import make_context
+from hybridsurrogate.model.problem import make_problem
+from hybridsurrogate.model.statistics import emulator_posterior
 
 
 def test_a_constant_assumed_at_the_end_of_its_prior_is_found():

@@ -7,13 +7,13 @@ import pytest
 
 import hybridsurrogate as hs
 from hybridsurrogate.effects.dynamics.dynamic_drift import DynamicDrift
-from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.levenberg_marquardt import best_of_many
 from hybridsurrogate.likelihoods import as_likelihood
+from hybridsurrogate.model.context import make_context
+from hybridsurrogate.model.problem import make_problem
+from hybridsurrogate.model.statistics import emulator_posterior
 from hybridsurrogate.ode.dynamics import TimeVaryingParameter
-from hybridsurrogate.problem.context import make_context
-from hybridsurrogate.problem.problem import make_problem
 
 NOISE = 0.04
 

@@ -8,12 +8,12 @@ from scipy import stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.emulation.conditioned import krige
-from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
 from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.linearised import columns_at_nodes, linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import _whitener, scan
-from hybridsurrogate.problem.problem import make_problem
+from hybridsurrogate.model.problem import make_problem
+from hybridsurrogate.model.statistics import emulator_posterior
 
 SIMULATOR = hs.Simulator(
     lambda t, rate: np.exp(-rate * t), {"t": (0, 10)}, {"rate": stats.uniform(0.1, 0.5)}
@@ -106,7 +106,7 @@ def test_columns_next_to_nothing_stay_so(monkeypatch, block):
         np.exp(-0.3 * t[:, 0]),
     )
     grid = make_grid(problem.model)
-    monkeypatch.setattr("hybridsurrogate.blocks.BLOCK", block)
+    monkeypatch.setattr("hybridsurrogate.numerics.blocks.BLOCK", block)
     found = columns_at_nodes(problem.model, t, grid, grid.neutral)
     spikes = np.exp(-(((t[:, 0] - grid.points) / 0.03) ** 2))
     np.testing.assert_allclose(found.own[:, :, 0] * found.rms[:, :1], spikes, rtol=1e-9)

@@ -14,11 +14,11 @@ from hybridsurrogate.catalogue import catalogue
 from hybridsurrogate.diagnosis.answers.table import form_of
 from hybridsurrogate.diagnosis.search.evidence import kind_of, search
 from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
-from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.linearised import linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
-from hybridsurrogate.problem.context import make_context
+from hybridsurrogate.model.context import make_context
+from hybridsurrogate.model.statistics import emulator_posterior
 
 
 def line(t, level, slope):

@@ -14,12 +14,12 @@ import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.search.evidence import search
 from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
 from hybridsurrogate.diagnosis.search.null_test import null_test, replicates
-from hybridsurrogate.inference.conjugate.emulator_posterior import emulator_posterior
 from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
 from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.linearised import linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
 from hybridsurrogate.likelihoods.contaminated import log_shape
+from hybridsurrogate.model.statistics import emulator_posterior
 
 
 def test_evidence_of_outliers_equals_brute_force():

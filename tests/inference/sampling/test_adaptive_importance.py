@@ -11,7 +11,7 @@ import hybridsurrogate as hs
 from hybridsurrogate.inference.sampling.adaptive_importance import importance_draws
 from hybridsurrogate.inference.sampling.initial_points import further_points
 from hybridsurrogate.inference.sampling.modes import Gaussian, find_modes
-from hybridsurrogate.inference.sampling.psis import level_smooth, pareto_smooth
+from hybridsurrogate.numerics.psis import level_smooth, pareto_smooth
 
 _MEAN = np.array([1.0, -2.0, 0.5])
 _ROOT = np.array([[2.0, 0.0, 0.0], [0.9, 0.3, 0.0], [-0.4, 0.05, 0.1]])

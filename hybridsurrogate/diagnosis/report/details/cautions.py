@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.answers.table import is_compared
 from hybridsurrogate.diagnosis.checks.identifiability import confounded, sentences
 from hybridsurrogate.diagnosis.checks.residuals import STRANGE
@@ -10,6 +9,7 @@ from hybridsurrogate.diagnosis.report.details.evidence import probability_of_smo
 from hybridsurrogate.diagnosis.report.details.gain import is_worse
 from hybridsurrogate.diagnosis.report.elements.settings import SETTINGS
 from hybridsurrogate.diagnosis.report.elements.view import View
+from hybridsurrogate.numerics import digits
 
 
 def cautions(view: View) -> list[str]:

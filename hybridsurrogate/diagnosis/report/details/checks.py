@@ -7,13 +7,13 @@ from functools import partial
 
 import pandas as pd
 
-from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.checks.emulator import MOST_MISSED, advice
 from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.details.cautions import cautions
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
 from hybridsurrogate.diagnosis.report.elements.view import View, averaged
-from hybridsurrogate.posterior import KHAT_LIMIT
+from hybridsurrogate.model.posterior import KHAT_LIMIT
+from hybridsurrogate.numerics import digits
 
 
 def section(view: View) -> Section:

@@ -7,7 +7,6 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.answers.table import NOT_COMPARED, is_compared
 from hybridsurrogate.diagnosis.checks.outside import DOCUMENTED, N_CASES, NOT_HELD
 from hybridsurrogate.diagnosis.report.details import pictures
@@ -15,6 +14,7 @@ from hybridsurrogate.diagnosis.report.elements import tables
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
 from hybridsurrogate.diagnosis.report.elements.settings import SETTINGS
 from hybridsurrogate.diagnosis.report.elements.view import View, label, label_of, label_of_cause
+from hybridsurrogate.numerics import digits
 
 
 def section(view: View) -> Section:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.report.elements.section import Section, Table
 from hybridsurrogate.diagnosis.report.elements.tables import estimate_table
 from hybridsurrogate.diagnosis.report.elements.view import View, averaged, label_of_cause
@@ -12,6 +11,7 @@ from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.effects.notation import word
 from hybridsurrogate.effects.output.remainder import GROWTH
 from hybridsurrogate.effects.registry import meaning_of
+from hybridsurrogate.numerics import digits
 
 
 def section(view: View) -> Section:

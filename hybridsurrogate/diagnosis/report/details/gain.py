@@ -9,11 +9,11 @@ from functools import partial
 
 import pandas as pd
 
-from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
 from hybridsurrogate.diagnosis.report.elements.view import View
 from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, HALF, HeldOutGain
+from hybridsurrogate.numerics import digits
 
 _EXPLAINED = (
     "The log score (ELPD) is the logarithm of the probability density that a model gave to a "

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from functools import partial
 
-from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
 from hybridsurrogate.diagnosis.report.elements.tables import output_table
 from hybridsurrogate.diagnosis.report.elements.view import View, label_of_cause
 from hybridsurrogate.effects.in_output import InOutput
+from hybridsurrogate.numerics import digits
 
 
 def section(view: View) -> tuple[Section, ...]:

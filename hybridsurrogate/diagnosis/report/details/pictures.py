@@ -6,13 +6,14 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from hybridsurrogate import digits, plotting
+from hybridsurrogate import plotting
 from hybridsurrogate.diagnosis.answers.experimental_design import information_at
 from hybridsurrogate.diagnosis.report.elements.drawing import logarithmic, rendered
 from hybridsurrogate.diagnosis.report.elements.section import Drawn
 from hybridsurrogate.diagnosis.report.elements.view import View, label_of
 from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, HeldOutGain, best_beta
 from hybridsurrogate.effects.context import MOST_EXPERIMENTS
+from hybridsurrogate.numerics import digits
 from hybridsurrogate.plotting import AFTER, BEFORE
 
 

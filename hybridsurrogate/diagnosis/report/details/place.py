@@ -6,12 +6,12 @@ from functools import partial
 
 import numpy as np
 
-from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.answers.discrepancy import Third
 from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
 from hybridsurrogate.diagnosis.report.elements.tables import third_table, thirds
 from hybridsurrogate.diagnosis.report.elements.view import View
+from hybridsurrogate.numerics import digits
 
 _MOST_STRETCHES = 4
 

@@ -6,10 +6,10 @@ from functools import partial
 
 import pandas as pd
 
-from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section
 from hybridsurrogate.diagnosis.report.elements.view import View
+from hybridsurrogate.numerics import digits
 from hybridsurrogate.scoring.scores import last_of_the_best
 
 

@@ -15,7 +15,7 @@ from matplotlib.patches import Rectangle
 from hybridsurrogate.diagnosis.report.elements.section import Drawn
 from hybridsurrogate.diagnosis.report.elements.settings import SETTINGS
 from hybridsurrogate.diagnosis.report.elements.view import View
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 
 def rendered(axes: Sequence[Axes], description: str, data: pd.DataFrame | None = None) -> Drawn:

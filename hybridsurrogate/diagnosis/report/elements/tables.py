@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.answers.discrepancy import Third, shares_of_thirds
 from hybridsurrogate.diagnosis.answers.table import form_of
 from hybridsurrogate.diagnosis.report.elements.view import View
@@ -15,7 +14,8 @@ from hybridsurrogate.diagnosis.search.evidence import total_evidence
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.numerics import digits
+from hybridsurrogate.types import FloatArray
 
 Interval = tuple[float, float, float]
 

@@ -12,7 +12,6 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import special
 
-from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.report.elements.settings import SETTINGS
 from hybridsurrogate.diagnosis.search.evidence import Candidate, Search, kind_of
 from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
@@ -25,9 +24,10 @@ from hybridsurrogate.effects.noise.output_noise import OutputNoise
 from hybridsurrogate.estimators.averaged import AveragedSurrogate, leading
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import did_you_mean
-from hybridsurrogate.priors import FloatArray
-from hybridsurrogate.problem.stacking import Stacking
+from hybridsurrogate.model.rows.stacking import Stacking
+from hybridsurrogate.numerics import digits
 from hybridsurrogate.simulation.outputs import OUTPUT
+from hybridsurrogate.types import FloatArray
 
 if TYPE_CHECKING:
     from hybridsurrogate.diagnosis.answers.discrepancy import Discrepancy

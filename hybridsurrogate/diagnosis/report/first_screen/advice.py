@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.report.details.evidence import probability_of_smooth_curve
 from hybridsurrogate.diagnosis.report.details.gain import is_worse
 from hybridsurrogate.diagnosis.report.elements.section import Advice
 from hybridsurrogate.diagnosis.report.elements.settings import SETTINGS
 from hybridsurrogate.diagnosis.report.elements.view import View, label_of, label_of_cause
+from hybridsurrogate.numerics import digits
 
 
 def advice(view: View) -> tuple[Advice, ...]:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.report.details.gain import is_better, is_worse
 from hybridsurrogate.diagnosis.report.elements.section import Card
 from hybridsurrogate.diagnosis.report.elements.view import View
 from hybridsurrogate.diagnosis.search.evidence import kind_shares
 from hybridsurrogate.diagnosis.validation.gain import HeldOutGain
+from hybridsurrogate.numerics import digits
 
 WRONG = "Is something wrong?"
 CAUSE = "How sure is the cause?"

@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 from typing import Any
 
-from hybridsurrogate import digits
 from hybridsurrogate.diagnosis.answers.finding import CauseFinding
 from hybridsurrogate.diagnosis.report.elements.tables import noise_of, unit_of
 from hybridsurrogate.diagnosis.report.elements.view import View, label_of_cause
@@ -14,6 +13,7 @@ from hybridsurrogate.diagnosis.search.evidence import kind_shares
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.effects.registry import headline_of, meaning_of
+from hybridsurrogate.numerics import digits
 
 # estimates in the sentence below the headline; kinds that an ambiguous headline lists
 _MOST_ESTIMATES, _MOST_KINDS = 4, 3

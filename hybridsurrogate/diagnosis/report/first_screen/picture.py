@@ -10,13 +10,14 @@ import pandas as pd
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
-from hybridsurrogate import digits, plotting
+from hybridsurrogate import plotting
 from hybridsurrogate.diagnosis.report.elements.drawing import logarithmic, rendered
 from hybridsurrogate.diagnosis.report.elements.section import Drawn
 from hybridsurrogate.diagnosis.report.elements.settings import SETTINGS
 from hybridsurrogate.diagnosis.report.elements.view import View
+from hybridsurrogate.numerics import digits
 from hybridsurrogate.plotting import Predicted
-from hybridsurrogate.priors import FloatArray
+from hybridsurrogate.types import FloatArray
 
 Test = tuple[ArrayLike, ArrayLike] | None
 

@@ -1,0 +1,255 @@
+"""What causes do to measured rows: whatever of it needs no surrogate, wired into arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybridsurrogate.effects.base import ROW, SIMULATED, SLOPE, Cause, Rows
+from hybridsurrogate.likelihoods import Contaminated, Likelihood, TransformedNormal
+from hybridsurrogate.numerics.blocks import in_blocks
+from hybridsurrogate.types import FloatArray, Prior
+
+# the name under which rows carry their own noise factor
+_ROW_NOISE = "noise of the row"
+
+
+@dataclass(frozen=True)
+class CausesOnRows:
+    """Causes together with a simulation's inputs and parameters, before any data.
+
+    Attributes
+    ----------
+    columns : tuple of str
+        Names of the measured columns, inputs of the simulation first.
+    n_inputs : int
+    parameters : dict of name to prior
+    constants : dict of name to float
+        Assumed constants at their assumed values; they follow the parameters in omega.
+    effects : tuple of Cause
+        Prepared causes.
+    default_sd : float
+        Prior sd of column coefficients for causes that name none.
+    has_row_noise : bool
+        Whether rows X carry, in a last column that has no name, a factor on their noise.
+    """
+
+    columns: tuple[str, ...]
+    n_inputs: int
+    parameters: dict[str, Prior]
+    constants: dict[str, float]
+    effects: tuple[Cause, ...]
+    default_sd: float
+    has_row_noise: bool = field(default=False, kw_only=True)
+
+    @cached_property
+    def theta_names(self) -> tuple[tuple[int, str], ...]:
+        """Position of the cause and name of each theta."""
+        return tuple((k, name) for k, e in enumerate(self.effects) for name in e.parameters)
+
+    @cached_property
+    def priors(self) -> list[Prior]:
+        """Priors of omega, then of theta."""
+        own = [self.effects[k].parameters[name] for k, name in self.theta_names]
+        return [*self.parameters.values(), *own]
+
+    @property
+    def n_parameters(self) -> int:
+        """Number of unknown parameters of the simulation."""
+        return len(self.parameters)
+
+    @property
+    def n_unknowns(self) -> int:
+        """Number of omega and theta."""
+        return len(self.priors)
+
+    @cached_property
+    def column_names(self) -> tuple[tuple[int, str], ...]:
+        """Position of the cause and name of each added column."""
+        return tuple((k, name) for k, e in enumerate(self.effects) for name in e.coefficients)
+
+    @cached_property
+    def column_sd(self) -> FloatArray:
+        """Prior sd of the coefficients of the added columns, (q,)."""
+        own = [self.effects[k].coefficient_sd for k, _ in self.column_names]
+        return np.array([self.default_sd if sd is None else sd for sd in own], dtype=float)
+
+    @property
+    def noise_follows(self) -> bool:
+        """Whether noise looks at the simulation's output or at its slope."""
+        return any(effect.follows_mean or effect.follows_slope for effect in self.effects)
+
+    @property
+    def touches_noise(self) -> bool:
+        """Whether the noise differs between rows."""
+        return self.has_row_noise or any(effect.touches_noise for effect in self.effects)
+
+    @property
+    def _by_position(self) -> bool:
+        """Whether a cause concerns single measurements."""
+        return any(effect.concerns == "data" for effect in self.effects)
+
+    def rows(self, X: FloatArray, values: FloatArray) -> tuple[Rows, Rows, list[Rows]]:
+        """Return columns, omega and each cause's theta, every row of every draw after another."""
+        J, n = len(values), len(X)
+        names = (*self.columns, _ROW_NOISE) if self.has_row_noise else self.columns
+        rows: Rows = dict(zip(names, np.tile(X.T, J), strict=False))
+        if self._by_position:
+            rows = {**rows, ROW: np.tile(np.arange(n, dtype=float), J)}
+        repeated = np.repeat(values.T, n, axis=1).T  # columns in one piece
+        omega: Rows = {
+            **{name: repeated[:, k] for k, name in enumerate(self.parameters)},
+            **{name: np.full(J * n, value) for name, value in self.constants.items()},
+        }
+        return rows, omega, self.theta(repeated)
+
+    def theta(self, values: FloatArray) -> list[Rows]:
+        """Return each cause's own parameters by name, for draws of `values`."""
+        theta: list[Rows] = [{} for _ in self.effects]
+        for column, (k, name) in enumerate(self.theta_names, start=self.n_parameters):
+            theta[k] = {**theta[k], name: values[:, column]}
+        return theta
+
+    def rows_moved(self, X: FloatArray) -> NDArray[np.bool_] | None:
+        """Return which rows each unknown may change, (n_unknowns, n); None: each of them all."""
+        once = {name: X[:, k] for k, name in enumerate(self.columns)}
+        own = [effect.rows_of(once) for effect in self.effects]
+        if not any(own):
+            return None
+        moved = np.ones((self.n_unknowns, len(X)), dtype=bool)
+        for position, (k, name) in enumerate(self.theta_names, start=self.n_parameters):
+            if name in own[k]:
+                moved[position] = own[k][name]
+        return moved
+
+    def _places(
+        self, rows: Rows, omega: Rows, theta: Sequence[Rows]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return inputs and parameters of every row of every draw as causes move them."""
+        n = len(rows[self.columns[0]])
+        for effect, own in zip(self.effects, theta, strict=True):
+            rows, omega = effect.inputs(rows, omega, own)
+        # column by column, as simulations take them
+        inputs = np.stack([rows[name] for name in self.columns[: self.n_inputs]]).T
+        points: FloatArray = np.empty((n, 0))
+        if omega:
+            points = np.stack([omega[k] for k in (*self.parameters, *self.constants)]).T
+        return inputs, points
+
+    def _response(
+        self, simulated: FloatArray, rows: Rows, theta: Sequence[Rows]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return what causes make of the simulated output (J n,), and its slope over that."""
+        slope = np.ones_like(simulated)
+        for effect, own in zip(self.effects, theta, strict=True):
+            changed = effect.response(simulated, rows, own)
+            if changed is not None:
+                simulated, slope = changed[0], slope * changed[1]
+        return simulated, slope
+
+    def _omega(self, values: FloatArray) -> FloatArray:
+        constants = np.tile(list(self.constants.values()), (len(values), 1))
+        return np.hstack([values[:, : self.n_parameters], constants])
+
+    def added(self, X: FloatArray, values: FloatArray) -> FloatArray:
+        """Return the columns that causes add, (J, n, q); the simulation is not run."""
+        return self.added_by(range(len(self.effects)), X, values)
+
+    def added_by(self, chosen: Sequence[int], X: FloatArray, values: FloatArray) -> FloatArray:
+        """As `added`, of some of the causes, by position."""
+        adding = [k for k in chosen if self.effects[k].coefficients]
+        q = sum(len(self.effects[k].coefficients) for k in adding)
+        if not q:
+            return np.empty((len(values), len(X), 0))
+        (added,) = in_blocks(lambda block: (self._added(adding, X, block),), values, len(X) * q)
+        return added
+
+    def _added(self, adding: Sequence[int], X: FloatArray, values: FloatArray) -> FloatArray:
+        shape = len(values), len(X), -1
+        added: list[FloatArray] = []
+        formed = [k for k in adding if not self.effects[k].factorises]
+        rows, _, theta = self.rows(X, values) if formed else ({}, {}, [])
+        once = {name: X[:, k] for k, name in enumerate(self.columns)}
+        for k in adding:
+            if k in formed:
+                columns = self.effects[k].columns(rows, theta[k])
+                assert columns is not None
+                added.append(np.reshape(columns, shape))
+            else:
+                factors = self.effects[k].factors(once, self.theta(values)[k])
+                assert factors is not None
+                added.append(factors[0] * factors[1][:, None])
+        return added[0] if len(added) == 1 else np.concatenate(added, axis=2)
+
+    def noise(
+        self,
+        X: FloatArray,
+        values: FloatArray,
+        simulated: FloatArray,
+        slopes: Sequence[FloatArray | None],
+    ) -> FloatArray:
+        """Return noise factors (J, n), or (J, 1) when no cause changes it; nothing is simulated.
+
+        ``simulated`` (n,) is the simulation's output, for noise that follows it; `slopes` (n,) are
+        for each cause the one that it asks for, or None.
+        """
+        J = len(values)
+        if not self.touches_noise:
+            return np.ones((J, 1))
+        rows, _, theta = self.rows(X, values)
+        rows = {**rows, SIMULATED: np.tile(simulated, J)}
+        tiled = [None if slope is None else np.tile(slope, J) for slope in slopes]
+        return self._noise(rows, theta, tiled, J, len(X))
+
+    def _noise(
+        self,
+        rows: Rows,
+        theta: Sequence[Rows],
+        slopes: Sequence[FloatArray | None],
+        J: int,
+        n: int,
+    ) -> FloatArray:
+        noise: FloatArray = np.ones((J, 1))
+        if self.has_row_noise:
+            noise = np.array(rows[_ROW_NOISE]).reshape(J, n)
+        for effect, own, slope in zip(self.effects, theta, slopes, strict=True):
+            here = rows if slope is None else {**rows, SLOPE: slope}
+            factor = np.asarray(effect.noise(here, own))
+            if factor.ndim or factor != 1.0:
+                noise = noise * np.broadcast_to(factor, J * n).reshape(J, n)
+        return noise
+
+    def outlier_share(self, values: FloatArray) -> FloatArray | None:
+        """Return the share of rows that are outliers for draws of `values`, (J,), or None."""
+        if not any(effect.has_outliers for effect in self.effects):
+            return None
+        rest = np.ones(len(values))
+        for effect, own in zip(self.effects, self.theta(values), strict=True):
+            rest = rest * (1 - np.asarray(effect.outliers(own)))
+        return 1 - rest
+
+    def likelihood_of(self, likelihood: Likelihood, values: FloatArray) -> Likelihood:
+        """Return the likelihood of measured rows for draws of `values`.
+
+        A cause may make some rows outliers, or increase the scatter of counts.
+        """
+        wider = self._overdispersed(likelihood, values)
+        if wider is not None:
+            return wider
+        share = self.outlier_share(values)
+        if share is None:
+            return likelihood
+        assert isinstance(likelihood, TransformedNormal)
+        return Contaminated(likelihood, share[:, None])
+
+    def _overdispersed(self, likelihood: Likelihood, values: FloatArray) -> Likelihood | None:
+        if not any(effect.overdisperses for effect in self.effects):
+            return None
+        squares = np.zeros(len(values))
+        for effect, own in zip(self.effects, self.theta(values), strict=True):
+            squares = squares + np.square(effect.overdispersion(own))
+        return likelihood.overdispersed(np.sqrt(squares)[:, None])

@@ -1,0 +1,323 @@
+"""The model of measured rows: surrogate, causes and priors wired into arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from hybridsurrogate.effects.base import SIMULATED, Cause, Rows
+from hybridsurrogate.model.effects import CausesOnRows
+from hybridsurrogate.numerics.blocks import blocks, in_blocks
+from hybridsurrogate.priors import from_normal
+from hybridsurrogate.surrogates.basis import Basis, Factors
+from hybridsurrogate.types import FloatArray, Prior
+
+# differences along a parameter of a smooth simulation
+_STEP = 1e-3
+
+
+class Parts(NamedTuple):
+    """What measured rows are made of, for J draws and n rows.
+
+    ``eta = known + features @ c + columns @ a``, noise scale ``noise * sigma``.
+
+    Attributes
+    ----------
+    known : ndarray of shape (J, n)
+    features : ndarray of shape (J, n, p)
+    noise : ndarray of shape (J, n), or (J, 1) when no cause changes it
+    columns : ndarray of shape (J, n, q)
+    """
+
+    known: FloatArray
+    features: FloatArray
+    noise: FloatArray
+    columns: FloatArray
+
+
+@dataclass(frozen=True)
+class MeasuredModel(CausesOnRows):
+    """How measured rows follow from the simulation, before any data.
+
+    Unknowns are the simulation's parameters omega and the causes' own parameters theta, both also
+    as standard normal coordinates ``z = [z_omega, z_theta]``.
+
+    Attributes
+    ----------
+    basis : Basis
+        The surrogate on its domain.
+    reference : ndarray of shape (p,) or None
+        Coefficients of the surrogate with which noise follows the simulation's output. None: their
+        prior means.
+    least_step : float
+        Differences over less, in standard deviations of the priors, mean nothing: how rough the
+        simulation is, see `finite_differences.py`. Zero for a smooth one.
+    unchanged : tuple of Basis and dict, or None
+        Basis and constants before causes changed the right-hand side; None where none did.
+    """
+
+    basis: Basis
+    reference: FloatArray | None = None
+    least_step: float = 0.0
+    unchanged: tuple[Basis, dict[str, float]] | None = None
+
+    def __repr__(self) -> str:
+        causes = ", ".join(effect.kind for effect in self.effects) or "none"
+        return (
+            f"MeasuredModel({type(self.basis).__name__}; columns: {', '.join(self.columns)}; "
+            f"unknowns: {', '.join([*self.parameters, *(n for _, n in self.theta_names)])}; "
+            f"causes: {causes})"
+        )
+
+    def with_effects(self, effects: Sequence[Cause]) -> MeasuredModel:
+        """Return the model with these causes instead; some may change an ODE's right-hand side."""
+        basis, constants = self.unchanged or (self.basis, self.constants)
+        changes = [e.modification for e in effects if e.modification is not None]
+        if not changes:
+            return replace(
+                self, basis=basis, constants=constants, effects=tuple(effects), unchanged=None
+            )
+        numbers = {name: value for change in changes for name, value in change.constants.items()}
+        return replace(
+            self,
+            basis=basis.modified(changes),
+            constants={**constants, **numbers},
+            effects=tuple(effects),
+            unchanged=(basis, constants),
+        )
+
+    @cached_property
+    def all_priors(self) -> list[Prior]:
+        """Priors of omega, of theta, then of the surrogate's hyperparameters."""
+        return [*self.priors, *self.basis.hyperpriors.values()]
+
+    @property
+    def step(self) -> float:
+        """Length of a difference along a parameter, in standard deviations of the priors."""
+        return max(_STEP, self.least_step)
+
+    @property
+    def n_hyper(self) -> int:
+        """Number of hyperparameters of the surrogate."""
+        return len(self.basis.hyperpriors)
+
+    def values(self, z: FloatArray) -> FloatArray:
+        """Map standard normal coordinates to [omega, theta], and hyperparameters if z has them."""
+        return from_normal(self.all_priors[: z.shape[-1]], z)
+
+    def parts(self, X: FloatArray, values: FloatArray) -> Parts:
+        """Return the parts for measured rows X (n, n_columns) and draws of `values`.
+
+        Hyperparameters (the last columns) are needed where the surrogate's known part has some.
+        """
+        return Parts(*self.simulated(X, values), self.added(X, values))
+
+    def simulated(
+        self, X: FloatArray, values: FloatArray, c: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return known (J, n), features (J, n, p) and noise (J, n) or (J, 1).
+
+        With one draw ``c`` (p,) of the surrogate's coefficients known is the whole output, and
+        there are no features.
+        """
+        numbers = len(X) * (1 + (len(self.basis.coefficient_mean) if c is None else 0))
+        known, features, noise = in_blocks(
+            lambda block: self._simulated(X, block, c), values, numbers
+        )
+        return known, features, noise
+
+    def outputs(
+        self, X: FloatArray, values: FloatArray, c: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the output (J, n) and noise (J, n) or (J, 1), each draw with its own c (J, p)."""
+        # such noise follows the reference, whatever the draw
+        if not self.noise_follows and not self.basis.known_depends_on_hyper:
+            output, _, noise = self._simulated(X, values, c)
+            return output, noise
+        output, noise = np.empty((2, len(values), len(X)))
+        for some in blocks(len(values), len(X) * (1 + c.shape[1])):
+            known, features, noise[some] = self.simulated(X, values[some])
+            output[some] = known + (features @ c[some, :, None])[..., 0]
+        return output, noise
+
+    def close_by(self, X: FloatArray, values: FloatArray, c: FloatArray, moves: int) -> FloatArray:
+        """Return the output (J, n) of draws of which so many at a time are close to the first."""
+        return self._output(X, values, c, moves)[0]
+
+    def _simulated(
+        self, X: FloatArray, values: FloatArray, c: FloatArray | None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return what `simulated` does; c may be one draw (p,) or one for each of values (J, p)."""
+        known, features = self._output(X, values, c)
+        if not self.touches_noise:
+            return known, features, np.ones((len(values), 1))
+        rows, _, theta = self.rows(X, values)
+        slopes: Sequence[FloatArray | None] = [None] * len(self.effects)
+        if self.noise_follows:
+            output = known if c is not None else known + features @ self._reference
+            rows = {**rows, SIMULATED: output.ravel()}
+            slopes = [None if s is None else s.ravel() for s in self.slopes(X, values, c, output)]
+        return known, features, self._noise(rows, theta, slopes, len(values), len(X))
+
+    def _output(
+        self, X: FloatArray, values: FloatArray, c: FloatArray | None, moves: int = 1
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return known and features of the simulated output with what causes make of it."""
+        touched = any(effect.touches_simulation for effect in self.effects)
+        if not touched and not self.basis.known_depends_on_hyper:
+            return self._unchanged(X, values, c)
+        rows, omega, theta = self.rows(X, values)
+        known, features = self._moved(X, values, c, rows, omega, theta, moves)
+        if self._responds:
+            known, features = self._responded(known, features, rows, theta)
+        return known, features
+
+    def slopes(
+        self, X: FloatArray, values: FloatArray, c: FloatArray | None, output: FloatArray
+    ) -> list[FloatArray | None]:
+        """Return for each cause the slope (J, n) of the output (J, n) that its noise needs."""
+        return [
+            None
+            if effect.follows_slope is None
+            else self.slope(*effect.follows_slope, X, values, c, output)
+            for effect in self.effects
+        ]
+
+    def slope(
+        self,
+        name: str,
+        usual: float,
+        X: FloatArray,
+        values: FloatArray,
+        c: FloatArray | None,
+        output: FloatArray,
+    ) -> FloatArray:
+        """Return the slope (J, n) of the output over an input, a parameter or a constant.
+
+        A difference over a small share of a usual change. Without coefficients ``c`` (p,) the
+        output is that of the reference, estimated from the runs.
+        """
+        step, model = self.step * usual, self
+        if not step > 0:
+            return np.zeros_like(output)
+        if name in self.constants:
+            model = replace(self, constants={**self.constants, name: self.constants[name] + step})
+        elif name in self.parameters:
+            at = list(self.parameters).index(name)
+            values = values.copy()
+            values[:, at] += step
+        else:
+            X = X.copy()
+            X[:, self.columns.index(name)] += step
+        known, features = model._output(X, values, c)
+        if c is None:
+            known = known + features @ self._reference
+        return (known - output) / step
+
+    def _unchanged(
+        self, X: FloatArray, values: FloatArray, c: FloatArray | None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return known and features of all rows at the parameters of each draw."""
+        inputs, omega = X[:, : self.n_inputs], self._omega(values)
+        if c is None:
+            return self.basis.outer(inputs, omega)
+        return self.basis.outer_output(inputs, omega, c), np.empty((len(omega), len(X), 0))
+
+    def _moved(
+        self,
+        X: FloatArray,
+        values: FloatArray,
+        c: FloatArray | None,
+        rows: Rows,
+        omega: Rows,
+        theta: Sequence[Rows],
+        moves: int,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return known and features at the inputs and parameters that causes may have moved."""
+        J, n, by_row = len(values), len(X), self.basis.known_depends_on_hyper
+        if not by_row and not any(effect.moves_inputs for effect in self.effects):
+            return self._unchanged(X, values, c)
+        inputs, points = self._places(rows, omega, theta)
+        if c is not None and not by_row:
+            if c.ndim == 2:
+                output = self.basis.output_in_turn(inputs, points, c)
+            else:
+                output = self.basis.output_close_by(inputs, points, c, (J // moves, moves, n))
+            return output.reshape(J, n), np.empty((J, n, 0))
+        hyper = np.repeat(values[:, self.n_unknowns :], n, axis=0) if by_row else None
+        known, features = self.basis.known_and_features(inputs, points, hyper)
+        if c is not None:
+            known, features = known + features @ c, features[:, :0]
+        return known.reshape(J, n), features.reshape(J, n, features.shape[1])
+
+    def _responded(
+        self, known: FloatArray, features: FloatArray, rows: Rows, theta: Sequence[Rows]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return known and features of what causes make of the simulated output.
+
+        To first order around the output of the reference, where there are features.
+        """
+        shape, of_features = known.shape, features.shape[2]
+        output = known + features @ self._reference if of_features else known
+        values, slope = self._response(output.ravel(), rows, theta)
+        values, slope = values.reshape(shape), slope.reshape(shape)
+        if not of_features:
+            return values, features
+        return values + slope * (known - output), slope[..., None] * features
+
+    @property
+    def _responds(self) -> bool:
+        """Whether a cause makes something else of the simulated output."""
+        return any(effect.responds for effect in self.effects)
+
+    def places(self, X: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return inputs and parameters (J n, ...) at which the simulation is evaluated."""
+        return self._places(*self.rows(X, values))
+
+    def emulator_error(self, X: FloatArray, values: FloatArray, factor: FloatArray) -> FloatArray:
+        """Return U (n, r): the emulator's error at one draw has covariance U U'.
+
+        ``factor`` (p, p) is that of the covariance of its coefficients.
+        """
+        if self.basis.is_simulation:
+            return np.empty((len(X), 0))
+        rows, omega, theta = self.rows(X, values)
+        inputs, points = self._places(rows, omega, theta)
+        output = np.zeros(len(X))  # the slope of a factor is the same everywhere
+        if any(effect.bends for effect in self.effects):
+            known, many = self._moved(X, values, None, rows, omega, theta, 1)
+            features, output = many[0], (known + many @ self._reference)[0]
+        else:
+            features = self.basis.features(inputs, points)
+        U = np.hstack([features @ factor, self.basis.error(inputs, points)])
+        return U * self._response(output, rows, theta)[1][:, None] if self._responds else U
+
+    @property
+    def factorises(self) -> bool:
+        """Whether `factors` are to be had: causes may only add to the simulation."""
+        return (
+            type(self.basis).factors is not Basis.factors
+            and not self.basis.known_depends_on_hyper
+            and self._only_added
+        )
+
+    @property
+    def _only_added(self) -> bool:
+        """Whether causes leave simulation and noise as they are."""
+        return not self.has_row_noise and not any(
+            e.touches_simulation or e.touches_noise for e in self.effects
+        )
+
+    def factors(self, X: FloatArray, values: FloatArray) -> Factors | None:
+        """Return the surrogate's `Factors` of rows X and draws of `values`."""
+        if not self.factorises:
+            return None
+        return self.basis.factors(X[:, : self.n_inputs], self._omega(values))
+
+    @property
+    def _reference(self) -> FloatArray:
+        return self.basis.coefficient_mean if self.reference is None else self.reference

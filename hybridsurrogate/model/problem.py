@@ -1,0 +1,410 @@
+"""From checked data to a problem that can be fitted: surrogate, causes and priors wired up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.in_output import prepared_for
+from hybridsurrogate.effects.noise.output_noise import OutputNoise
+from hybridsurrogate.exceptions import did_you_mean
+from hybridsurrogate.likelihoods import Likelihood
+from hybridsurrogate.model.context import (
+    at_medians,
+    make_context,
+    mismatch,
+    of_each_output,
+    with_slopes,
+)
+from hybridsurrogate.model.finite_differences import least_step
+from hybridsurrogate.model.observation import MeasuredModel
+from hybridsurrogate.model.rows.experiments import Experiments
+from hybridsurrogate.model.rows.observed import SimulatedRows
+from hybridsurrogate.model.rows.stacking import Stacking
+from hybridsurrogate.model.statistics import (
+    Statistics,
+    emulator_posterior,
+    statistics,
+    statistics_of_runs,
+)
+from hybridsurrogate.model.transformed_simulation import TransformedSimulation
+from hybridsurrogate.model.validation import check_effects
+from hybridsurrogate.model.working_point import WorkingPoint
+from hybridsurrogate.numerics.blocks import LARGE_BLOCK, blocks
+from hybridsurrogate.simulation.simulator import SimulationData, Simulator
+from hybridsurrogate.surrogates.base import Surrogate
+from hybridsurrogate.surrogates.basis import Basis
+from hybridsurrogate.surrogates.domain import Domain
+from hybridsurrogate.surrogates.stacked import built_for_each
+from hybridsurrogate.types import FloatArray, Prior
+
+# beyond the first number of coefficients there may be no more than the second for each row of runs:
+# the time of a fit grows with the square of their number, 8 CPU seconds for 496
+_MANY_COEFFICIENTS, _MOST_A_ROW, _MOST_COEFFICIENTS = 1000, 10, 2000
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Everything a fit needs, checked.
+
+    Attributes
+    ----------
+    model : MeasuredModel
+    X, y, weights : ndarray of shape (n, n_columns), (n,), (n,)
+        Measured rows, y on the scale of eta, and their weights.
+    observed : ndarray of shape (n,)
+        y as measured.
+    likelihood : Likelihood
+    simulation : Statistics or None
+        Of the runs, on the scale of eta; None when there is no surrogate to train.
+    runs : SimulatedRows or None
+        The runs themselves.
+    noise_prior : prior of sigma
+    scale : float
+        Spread of the measured output on the scale of eta.
+    reach : float
+        Size of an effect that may be needed to get from the simulation to what was measured.
+    good : ndarray of shape (k, n_parameters)
+        Parameters, as standard normal z, that are known to fit well.
+    working_point : WorkingPoint or None
+        In a search over a likelihood that is not normal: where its rows are expanded. ``y`` is then
+        their working response, and the last column of ``X`` their noise.
+    stacking : Stacking or None
+        Of several outputs: how their rows are laid out.
+    """
+
+    model: MeasuredModel
+    X: FloatArray
+    y: FloatArray
+    weights: FloatArray
+    observed: FloatArray
+    likelihood: Likelihood
+    simulation: Statistics | None
+    runs: SimulatedRows | None
+    noise_prior: Prior
+    scale: float
+    reach: float = 0.0
+    good: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    working_point: WorkingPoint | None = None
+    stacking: Stacking | None = None
+
+    def __repr__(self) -> str:
+        causes = ", ".join(effect.kind for effect in self.model.effects) or "none"
+        return (
+            f"Problem({len(self.y)} rows, columns: {', '.join(self.model.columns)}; "
+            f"parameters: {', '.join(self.model.parameters) or 'none'}; causes: {causes})"
+        )
+
+    @property
+    def noise_is_known(self) -> bool:
+        """Whether rows have the noise that they carry, and no scale of it is inferred."""
+        return self.working_point is not None and not self.likelihood.scales_noise
+
+    @property
+    def unit_noise(self) -> float:
+        """Typical noise of a row where sigma is one; of rows with weights that of weight one."""
+        if not self.model.has_row_noise or self.working_point is None:
+            return 1.0
+        return float(np.exp(np.mean(np.log(self.X[:, -1]))))
+
+    @property
+    def collapses(self) -> bool:
+        """Whether the coefficients are Gaussian given everything else."""
+        linear = not self.model.basis.known_depends_on_hyper
+        linear &= not any(effect.has_outliers for effect in self.model.effects)
+        return linear and self.likelihood.gaussian
+
+    def with_noise(self, X: FloatArray) -> FloatArray:
+        """Return rows of the user's with the typical noise of the measured ones, if rows carry it.
+
+        Rows that carry it already stay as they are.
+        """
+        if X.shape[1] == self.X.shape[1]:
+            return X
+        return np.column_stack([X, np.full(len(X), self.unit_noise)])
+
+    def given(self, hyper: FloatArray) -> Problem:
+        """Return the problem with the surrogate's hyperparameters fixed at values (n_hyper,)."""
+        if not self.model.n_hyper:
+            return self
+        basis = self.model.basis.given(hyper)
+        simulation = None
+        if self.runs is not None and len(basis.coefficient_mean):
+            X, omega = self.runs.X, self.runs.omega
+            eta = self.likelihood.working_runs(self.runs.y)
+            scale = spread(eta - basis.known(X, omega))
+            simulation = statistics_of_runs(basis, X, omega, eta, scale, self.runs.weights)
+        model = replace(self.model, basis=basis, reference=None)
+        return replace(self, model=model, simulation=simulation)
+
+
+def spread(values: FloatArray, weights: FloatArray | None = None) -> float:
+    """Return the standard deviation, or the size, or one: a scale that is never zero."""
+    if weights is None:
+        sd = float(np.std(values))
+    else:
+        mean = np.average(values, weights=weights)
+        sd = float(np.sqrt(np.average((values - mean) ** 2, weights=weights)))
+    size = max(float(np.max(values, initial=0.0)), -float(np.min(values, initial=0.0)))
+    # a constant has the rounding error of its mean as sd
+    if sd > 1e-14 * size:
+        return sd
+    return size or 1.0
+
+
+def within_outputs(
+    X: FloatArray, eta: FloatArray, weights: FloatArray, stacking: Stacking | None
+) -> FloatArray:
+    """Return outputs eta (n,) less the mean of each of several: these have no level in common."""
+    if stacking is None:
+        return eta
+    out = eta.copy()
+    for k in range(len(stacking.names)):
+        here = X[:, stacking.at] == k
+        out[here] -= np.average(eta[here], weights=weights[here])
+    return out
+
+
+def make_problem(
+    simulation: SimulationData | Simulator | None,
+    surrogate: Surrogate,
+    likelihood: Likelihood,
+    noise_prior: Prior | None,
+    effects: tuple[Cause, ...],
+    columns: tuple[str, ...],
+    X: FloatArray,
+    y: FloatArray,
+    measured_only: bool = False,
+    weights: FloatArray | None = None,
+    run_weights: FloatArray | None = None,
+    stacking: Stacking | None = None,
+    experiments: Experiments | None = None,
+) -> Problem:
+    """Wire surrogate, causes and priors; compute the statistics of the simulation runs once.
+
+    With ``measured_only`` the simulation lends its input ranges and nothing else. Weights are
+    powers of the likelihoods of single rows and runs. Of several outputs the rows are stacked, and
+    the noise of each is a part of the model. ``experiments`` names the column of their labels.
+    """
+    weights = np.ones(len(y)) if weights is None else weights
+    eta = likelihood.working(y)
+    scale = spread(within_outputs(X, eta, weights, stacking), weights)
+    runs = simulation if isinstance(simulation, SimulationData) and not measured_only else None
+    run_eta, refused = (None, None) if runs is None else _working(likelihood, runs.y)
+    outputs = eta if run_eta is None else run_eta
+    shares = weights if run_eta is None else None
+    n_inputs = len(simulation.input_names) if simulation is not None else X.shape[1]
+    world = None if measured_only else simulation
+    ranges = dict(world.parameter_ranges) if world else {}
+    domain = Domain(
+        _ranges_of_inputs(simulation, X[:, :n_inputs]),
+        np.array(list(ranges.values())).reshape(-1, 2),
+        float(np.average(outputs, weights=shares)),
+        spread(outputs, shares),
+        _callable(world, likelihood),
+        X[:, :n_inputs] if runs is None else runs.X,
+        np.tile(np.mean(list(ranges.values()) or np.empty((0, 2)), axis=1), (len(X), 1))
+        if runs is None
+        else runs.omega,
+        outputs,
+        columns[:n_inputs],
+        tuple(ranges),
+    )
+    try:
+        basis = _built(surrogate, domain, stacking)
+    except (IndexError, ValueError) as error:
+        # rows of a simulation have all that it gives; the hint is for those without
+        if world is not None or (simulation is None and isinstance(error, ValueError)):
+            raise
+        raise ValueError(
+            f"{type(surrogate).__name__} cannot be trained on measured data alone, where omega has "
+            f"no columns ({error}). If it needs parameters, override of_measured_data to return a "
+            "surrogate without, such as PolynomialChaos(), for predictive weighting."
+        ) from error
+    if refused is not None and not basis.holds_runs:
+        raise refused
+    trained = bool(len(basis.coefficient_mean) or basis.hyperpriors)
+    if isinstance(world, Simulator) and trained:
+        raise ValueError(
+            f"{type(surrogate).__name__} is trained on runs, but simulation is a Simulator that "
+            "has not been run: pass simulator.run(100), or surrogate=ExactSurrogate()."
+        )
+    if runs is not None:
+        _check_size(basis, runs.n_rows)
+    plain = MeasuredModel(
+        columns,
+        n_inputs,
+        dict(world.parameters) if world else {},
+        {name: c.value for name, c in world.assumed.items()} if world else {},
+        (),
+        3 * scale,
+        basis,
+    )
+    plain = replace(plain, least_step=least_step(plain, X))
+    if stacking is not None and likelihood.scales_noise:
+        effects = (*effects, OutputNoise(stacking.names))
+    if effects:
+        reference = _reference(basis, domain, run_weights)
+        location = float(np.average(eta, weights=weights))
+        far = mismatch(plain, X, reference, eta, weights)
+        each = of_each_output(plain, X, reference, eta, weights, stacking, likelihood)
+        context = make_context(
+            world, columns, n_inputs, X, scale, likelihood, basis, location, far, each, experiments
+        )
+        if stacking is None:
+            context = with_slopes(context, plain, X, reference, at_medians(plain))
+        effects = tuple(prepared_for(effect, context) for effect in effects)
+    model = plain.with_effects(effects)
+    try:
+        check_effects(model, X)
+    except KeyError as error:
+        there = [*columns, *model.parameters, *model.constants]
+        name = error.args[0] if error.args else ""
+        raise ValueError(
+            f"A cause needs {error}; there are {there}.{did_you_mean(name, there)}"
+        ) from error
+    if any(effect.has_outliers for effect in effects):
+        _check_outliers(likelihood)
+    if any(effect.overdisperses for effect in effects):
+        _check_overdispersed(likelihood)
+    if model.noise_follows or any(effect.bends for effect in effects):
+        model = replace(model, reference=_reference(basis, domain, run_weights))
+    kept, run_statistics = None, None
+    if runs is not None and run_eta is not None and trained and not basis.holds_runs:
+        ones = np.broadcast_to(1.0, runs.y.shape)  # takes no memory
+        kept = SimulatedRows(
+            runs.y, ones if run_weights is None else run_weights, runs.X, runs.omega
+        )
+        if not basis.known_depends_on_hyper:
+            run_statistics = statistics_of_runs(
+                basis, runs.X, runs.omega, run_eta, domain.scale, run_weights
+            )
+    prior = noise_prior if noise_prior is not None else likelihood.noise_prior(scale)
+    return Problem(
+        model,
+        X,
+        eta,
+        weights,
+        y,
+        likelihood,
+        run_statistics,
+        kept,
+        prior,
+        scale,
+        stacking=stacking,
+    )
+
+
+def _working(likelihood: Likelihood, y: FloatArray) -> tuple[FloatArray, ValueError | None]:
+    """Return simulated outputs on the scale of eta, and why they cannot be draws of y.
+
+    An emulator that interpolates them needs no likelihood of them.
+    """
+    try:
+        likelihood.check_training(y, "simulated")
+    except ValueError as error:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            eta = likelihood.link(y)
+        if not np.isfinite(eta).all():
+            raise
+        return eta, error
+    return likelihood.working_runs(y), None
+
+
+def _check_outliers(likelihood: Likelihood) -> None:
+    if not likelihood.gaussian:
+        raise ValueError(
+            "Outliers need a normal or log-normal likelihood for the other rows, not a "
+            f"{likelihood.name} one."
+        )
+
+
+def _reference(basis: Basis, domain: Domain, weights: FloatArray | None) -> FloatArray:
+    """Return coefficients (p,) estimated from the rows that train the surrogate, at full power."""
+    if not len(basis.coefficient_mean):
+        return basis.coefficient_mean
+    hyper = np.array([prior.median() for prior in basis.hyperpriors.values()])
+    given = basis.given(hyper)
+    centred = domain.eta - given.known(domain.X, domain.omega)
+    features = given.features(domain.X, domain.omega)
+    weights = weights if weights is not None and len(weights) == len(centred) else None
+    mean = emulator_posterior(given, statistics(features, centred, domain.scale, weights)).mean
+    factor = basis.factor(hyper[None]) if len(hyper) else None
+    return mean if factor is None else basis.coefficient_mean + factor[0] @ mean
+
+
+def _built(surrogate: Surrogate, domain: Domain, stacking: Stacking | None = None) -> Basis:
+    if stacking is None:
+        basis = surrogate.build(domain)
+    else:
+        basis = built_for_each(surrogate, domain, stacking.names)
+    if not isinstance(basis, Basis):
+        raise TypeError(f"{type(surrogate).__name__}.build must return a Basis, got {basis!r}.")
+    _check_basis(basis, domain)
+    return basis
+
+
+def _check_basis(basis: Basis, domain: Domain) -> None:
+    """Raise ValueError, by name, for a surrogate whose arrays do not fit its training rows."""
+    p, name = len(basis.coefficient_mean), type(basis).__name__.lstrip("_")
+    if len(basis.coefficient_sd) != p or not (basis.coefficient_sd > 0).all():
+        raise ValueError(f"{name} needs a positive prior sd for each of its {p} coefficients.")
+    has_known = not basis.known_depends_on_hyper and not basis.is_simulation
+    # some rows at a time: there may be millions, on disk
+    for some in blocks(len(domain.X), 3 * (1 + p), LARGE_BLOCK):
+        X, omega = domain.X[some], domain.omega[some]
+        if has_known:
+            _check_shape(f"{name}.known", np.asarray(basis.known(X, omega)), (len(X),))
+        _check_shape(f"{name}.features", np.asarray(basis.features(X, omega)), (len(X), p))
+
+
+def _check_shape(what: str, values: FloatArray, shape: tuple[int, ...]) -> None:
+    if values.shape != shape:
+        raise ValueError(
+            f"{what} must return shape {shape} for {shape[0]} rows of inputs and parameters, got "
+            f"{values.shape}."
+        )
+    if not np.isfinite(values).all():
+        raise ValueError(f"{what} returned NaN or infinity on the training rows.")
+
+
+def _ranges_of_inputs(
+    simulation: SimulationData | Simulator | None, inputs: FloatArray
+) -> FloatArray:
+    if simulation is not None:
+        return np.array(list(simulation.input_ranges.values()), dtype=float)
+    low, high = inputs.min(axis=0), inputs.max(axis=0)
+    return np.column_stack([low, np.where(high > low, high, low + 1.0)])
+
+
+def _callable(
+    simulation: SimulationData | Simulator | None, likelihood: Likelihood
+) -> TransformedSimulation | None:
+    if simulation is None or simulation.simulator is None:
+        return None
+    return TransformedSimulation(simulation.simulator, likelihood)
+
+
+def _check_size(basis: Basis, n_rows: int) -> None:
+    """Raise ValueError for far too many coefficients, before a fit that hangs."""
+    n = len(basis.coefficient_mean)
+    if n > max(_MANY_COEFFICIENTS, _MOST_A_ROW * n_rows):
+        raise ValueError(
+            f"The surrogate has {n} coefficients, more than {_MOST_A_ROW} for each of the {n_rows} "
+            "rows of the runs: choose a lower degree, sparse=True, or Kriging()."
+        )
+    if n > _MOST_COEFFICIENTS:
+        raise ValueError(
+            f"The surrogate has {n} coefficients, of which {_MOST_COEFFICIENTS} are the most that "
+            "can be inferred together: choose a lower degree, sparse=True, or Kriging()."
+        )
+
+
+def _check_overdispersed(likelihood: Likelihood) -> None:
+    if likelihood.overdispersed(np.zeros((1, 1))) is None:
+        raise ValueError(
+            "Overdispersion is a scatter beyond that of a Poisson likelihood; a "
+            f"{likelihood.name} one already has a scale, or no such form."
+        )

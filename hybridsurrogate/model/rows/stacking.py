@@ -1,0 +1,102 @@
+"""Measured rows of several outputs as rows of one output each, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from hybridsurrogate.exceptions import did_you_mean
+from hybridsurrogate.simulation.arrays import as_numbers, check_size
+from hybridsurrogate.types import FloatArray
+
+# values of an output from which its noise can be estimated
+_LEAST = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Stacking:
+    """How rows of several outputs are laid out as rows of one.
+
+    The outputs of a row follow each other, each divided by its scale.
+
+    Attributes
+    ----------
+    names : tuple of str
+    scale : ndarray of shape (k,)
+        Standard deviation of each measured output; ones where the likelihood needs y as it is.
+    at : int
+        Position of the column `OUTPUT`.
+    """
+
+    names: tuple[str, ...]
+    scale: FloatArray
+    at: int
+
+    def rows(self, X: FloatArray) -> FloatArray:
+        """Return rows (n k, n_columns + 1) of X (n, n_columns)."""
+        k = len(self.names)
+        which = np.tile(np.arange(k, dtype=float), len(X))
+        return np.insert(np.repeat(X, k, axis=0), self.at, which, axis=1)
+
+    def values(self, Y: FloatArray) -> FloatArray:
+        """Return outputs (n k,) of Y (n, k); NaN where none was measured."""
+        return (Y / self.scale).ravel()
+
+    def back(self, values: FloatArray) -> FloatArray:
+        """Return values (..., n k) on the scale of the stacked outputs as (..., n, k) of Y's."""
+        k = len(self.names)
+        return values.reshape(*values.shape[:-1], -1, k) * self.scale
+
+    def log_scale(self, X: FloatArray) -> FloatArray:
+        """Return the log of the scale of each stacked row (n,): a density of y has less by it."""
+        return np.log(self.scale)[X[:, self.at].astype(np.intp)]
+
+
+def as_several(y: Any, names: Sequence[str], word: str = "y") -> FloatArray:
+    """Return outputs (n, k), NaN where one was not measured; columns of a DataFrame by name.
+
+    Raises
+    ------
+    ValueError
+        For another shape, a missing column or infinite values.
+    """
+    if isinstance(y, pd.DataFrame) and all(isinstance(name, str) for name in y.columns):
+        missing = [name for name in names if name not in y.columns]
+        if missing:
+            raise ValueError(
+                f"{word} lacks the outputs {missing}; its columns are {list(y.columns)}. Fill a "
+                "column with NaN for what was not measured."
+                f"{did_you_mean(missing, y.columns)}"
+            )
+        y = y[list(names)]
+    values = as_numbers(y, word)
+    if values.ndim != 2 or values.shape[1] != len(names):
+        raise ValueError(
+            f"{word} must have shape (n, {len(names)}), a column for each of the outputs "
+            f"{', '.join(names)} with NaN for what was not measured, got {values.shape}."
+        )
+    if np.isinf(values).any():
+        raise ValueError(f"Input {word} contains infinity.")
+    check_size(values, word)
+    return values
+
+
+def stacking_of(Y: FloatArray, names: Sequence[str], at: int, scaled: bool) -> Stacking:
+    """Return how measured outputs Y (n, k) are stacked; ValueError for one never measured."""
+    there = np.isfinite(Y)
+    few = [name for name, n in zip(names, there.sum(axis=0), strict=True) if n < _LEAST]
+    if few:
+        raise ValueError(
+            f"The output {few[0]!r} has fewer than {_LEAST} measured values: leave it out of the "
+            "simulation's outputs, or measure it."
+        )
+    scale = np.ones(len(names))
+    if scaled:
+        sd = np.nanstd(Y, axis=0)
+        size = np.nanmax(np.abs(Y), axis=0)
+        scale = np.where(sd > 1e-14 * size, sd, np.where(size > 0, size, 1.0))
+    return Stacking(tuple(names), scale, at)

@@ -1,0 +1,102 @@
+"""Sufficient statistics of rows: all that a conditionally Gaussian fit needs of them.
+
+And the posterior of a surrogate's coefficients given the simulation alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from hybridsurrogate.numerics.blocks import LARGE_BLOCK, blocks
+from hybridsurrogate.surrogates.basis import Basis
+from hybridsurrogate.types import FloatArray
+
+# a fit can be exact to the last digit (a polynomial fitted to a polynomial): this share of the
+# output's spread stands for the rounding of the numbers and keeps sigma away from zero
+ROUNDING = 1e-6
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """Sufficient statistics of rows ``y = features @ c + noise``: all that a fit needs of them."""
+
+    n: float
+    ff: FloatArray
+    fy: FloatArray
+    yy: float
+
+
+def statistics(
+    features: FloatArray, y: FloatArray, scale: float, weights: FloatArray | None = None
+) -> Statistics:
+    """Return the sufficient statistics of n rows with features (n, p) and weights (n,)."""
+    n = float(len(y))
+    if weights is not None:
+        n = float(weights.sum())
+        features, y = features * np.sqrt(weights)[:, None], y * np.sqrt(weights)
+    rounding = n * (ROUNDING * scale) ** 2
+    return Statistics(n, features.T @ features, features.T @ y, float(y @ y) + rounding)
+
+
+def statistics_of_runs(
+    basis: Basis,
+    X: FloatArray,
+    omega: FloatArray,
+    eta: FloatArray,
+    scale: float,
+    weights: FloatArray | None = None,
+) -> Statistics:
+    """Return the sufficient statistics of runs, some at a time: they may be on disk.
+
+    Parameters
+    ----------
+    basis : Basis
+    X, omega, eta : ndarray of shape (n, n_inputs), (n, n_parameters), (n,)
+    scale : float
+        Spread of the outputs.
+    weights : ndarray of shape (n,) or None
+    """
+    p = len(basis.coefficient_mean)
+    total = Statistics(0.0, np.zeros((p, p)), np.zeros(p), 0.0)
+    for some in blocks(len(eta), 3 * (1 + p), LARGE_BLOCK):
+        inputs, parameters = X[some], omega[some]
+        part = statistics(
+            basis.features(inputs, parameters),
+            eta[some] - basis.known(inputs, parameters),
+            scale,
+            None if weights is None else weights[some],
+        )
+        total = Statistics(
+            total.n + part.n, total.ff + part.ff, total.fy + part.fy, total.yy + part.yy
+        )
+    return total
+
+
+class EmulatorPosterior(NamedTuple):
+    """Gaussian posterior of the surrogate's coefficients: mean (p,) and factor (p, p) of V."""
+
+    mean: FloatArray
+    factor: FloatArray
+
+
+def emulator_posterior(
+    basis: Basis, simulation: Statistics | None, power: float = 1.0
+) -> EmulatorPosterior:
+    """Return the posterior of the coefficients given the simulation alone, its noise estimated."""
+    precision = basis.coefficient_sd**-2.0
+    mean = basis.coefficient_mean
+    if simulation is None or not power or not simulation.n or not len(mean):
+        return EmulatorPosterior(mean, np.diag(basis.coefficient_sd))
+    variance = max(simulation.yy / simulation.n, 1e-300)
+    for _ in range(8):
+        matrix = np.diag(precision) + power * simulation.ff / variance
+        right = precision * basis.coefficient_mean + power * simulation.fy / variance
+        mean = np.linalg.solve(matrix, right)
+        squares = simulation.yy - 2 * mean @ simulation.fy + mean @ simulation.ff @ mean
+        used = np.trace(np.linalg.solve(matrix, power * simulation.ff / variance))
+        variance = max(squares, 1e-14 * simulation.yy) / max(simulation.n - used, 1.0)
+    lower = np.linalg.cholesky(np.diag(precision) + power * simulation.ff / variance)
+    return EmulatorPosterior(mean, np.linalg.inv(lower).T)

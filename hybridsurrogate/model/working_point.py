@@ -1,0 +1,46 @@
+"""Where the likelihood of measured rows is expanded, so that they are normal to first order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hybridsurrogate.likelihoods import Likelihood
+from hybridsurrogate.types import FloatArray
+
+
+@dataclass(frozen=True)
+class WorkingPoint:
+    """Where the likelihood of measured rows is expanded.
+
+    Attributes
+    ----------
+    likelihood : Likelihood
+    eta : ndarray of shape (n,)
+        Output without a cause, on the scale of eta.
+    sigma : float
+        The likelihood's second parameter there.
+    draws : ndarray of shape (S,)
+        Draws of that parameter, for replicates.
+    """
+
+    likelihood: Likelihood
+    eta: FloatArray
+    sigma: float
+    draws: FloatArray
+
+    def response(self, y: FloatArray) -> FloatArray:
+        """Return the working response of measured values (..., n)."""
+        eta = np.broadcast_to(self.eta, np.shape(y))
+        return self.likelihood.working_rows(y, eta, np.array(self.sigma))[0]
+
+    def replicates(self, eta: FloatArray, random_state: np.random.RandomState) -> FloatArray:
+        """Draw working responses of new data at outputs eta (R, n)."""
+        sigma = random_state.choice(self.draws, size=len(eta))[:, None]
+        return self.response(self.likelihood.sample(eta, sigma, random_state))
+
+    def noise(self) -> FloatArray:
+        """Return the noise of each row, (n,); in units of sigma where that is its scale."""
+        _, noise = self.likelihood.working_rows(self.eta, self.eta, np.array(self.sigma))
+        return noise / self.sigma if self.likelihood.scales_noise else noise
