@@ -51,8 +51,8 @@ from hybridsurrogate.simulation.arrays import (
 from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
-from hybridsurrogate.surrogates.exact import ExactSurrogate
-from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
+from hybridsurrogate.surrogates.families.exact import ExactSurrogate
+from hybridsurrogate.surrogates.families.polynomial_chaos import PolynomialChaos
 from hybridsurrogate.types import FloatArray
 
 # what a fit keeps of the measured data

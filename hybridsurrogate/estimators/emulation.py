@@ -29,7 +29,7 @@ from hybridsurrogate.numerics.digits import number
 from hybridsurrogate.simulation.design import draw_design
 from hybridsurrogate.simulation.files.table_file import RUN
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
-from hybridsurrogate.surrogates.kriging import Kriging
+from hybridsurrogate.surrogates.families.kriging import Kriging
 from hybridsurrogate.types import FloatArray
 
 # seconds of a set of parameters from which runs are made beforehand; the most sets that are timed,

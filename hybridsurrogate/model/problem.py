@@ -37,7 +37,7 @@ from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.domain import Domain
-from hybridsurrogate.surrogates.stacked import built_for_each
+from hybridsurrogate.surrogates.families.stacked import built_for_each
 from hybridsurrogate.types import FloatArray, Prior
 
 # beyond the first number of coefficients there may be no more than the second for each row of runs:

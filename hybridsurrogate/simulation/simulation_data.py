@@ -6,7 +6,7 @@ import os
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -45,9 +45,6 @@ from hybridsurrogate.simulation.variables import (
     with_uniform_priors,
 )
 from hybridsurrogate.types import FloatArray, Prior
-
-if TYPE_CHECKING:
-    from hybridsurrogate.simulation.simulator import Simulator
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
@@ -126,7 +123,7 @@ class SimulationData:
     assumed: dict[str, Assumed]
     output: str
     outputs: tuple[str, ...]
-    simulator: Simulator | None
+    simulator: Any | None
     input_names: tuple[str, ...]
     parameter_names: tuple[str, ...]
     assumed_names: tuple[str, ...]
@@ -142,7 +139,7 @@ class SimulationData:
         parameters: Mapping[str, Prior | None] | Sequence[str] | None = None,
         assumed: Mapping[str, Assumed] | None = None,
         output: str | Sequence[str] = "y",
-        simulator: Simulator | None = None,
+        simulator: Any | None = None,
         run: ArrayLike | None = None,
     ) -> None:
         inputs = check_inputs(inputs)

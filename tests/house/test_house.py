@@ -37,22 +37,40 @@ def room_of(module: str) -> str:
     return module if parent == ROOT.name else parent
 
 
-def imports_of(path: Path) -> list[ast.ImportFrom]:
-    """Return the imports from the package that are made at run time."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    typing_only = {
-        id(inner)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING"
-        for inner in ast.walk(node)
+def imports_of(path: Path) -> list[tuple[str, ast.ImportFrom]]:
+    """Return the imports from the package, each with the module it names.
+
+    Relative ones, those of functions and those for type checkers alone are imports, too.
+    """
+    room = module_of(path).split(".")[:-1]
+    out = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if not isinstance(node, ast.ImportFrom):
+            continue
+        above = room[: len(room) + 1 - node.level] if node.level else []
+        module = ".".join([*above, *([node.module] if node.module else [])])
+        if module.startswith(f"{ROOT.name}."):
+            out.append((module, node))
+    return out
+
+
+def files_imported(path: Path) -> set[str]:
+    """Return the modules that are files, not a room's face."""
+    known = {module_of(path) for path in FILES}
+    return {
+        name
+        for module, node in imports_of(path)
+        for name in (module, *(f"{module}.{one.name}" for one in node.names))
+        if name in known and name != module_of(path)
     }
-    return [
-        node
-        for node in ast.walk(tree)
-        if isinstance(node, ast.ImportFrom)
-        and (node.module or "").startswith(f"{ROOT.name}.")
-        and id(node) not in typing_only
-    ]
+
+
+def circle_among(edges: dict[str, set[str]]) -> dict[str, set[str]]:
+    """Return what is left when all that points only outwards is taken away again and again."""
+    left = dict(edges)
+    while ends := {one for one in left if not left[one] & left.keys()}:
+        left = {one: to for one, to in left.items() if one not in ends}
+    return left
 
 
 @pytest.mark.parametrize("room", sorted(ROOMS))
@@ -67,20 +85,21 @@ def test_imports_point_one_way():
         if path.stem == "__init__":  # a room's face shows what lies in it
             continue
         here = room_of(module_of(path))
-        there = {room_of(str(node.module)) for node in imports_of(path)}
+        there = {room_of(module) for module, _ in imports_of(path)}
         edges.setdefault(here, set()).update(there - {here})
-    left = dict(edges)
-    while True:
-        ends = {room for room in left if not left[room] & left.keys()}
-        if not ends:
-            break
-        left = {room: to for room, to in left.items() if room not in ends}
+    left = circle_among(edges)
+    assert not left, f"a circle among {sorted(left)}"
+
+
+def test_no_circle_among_files():
+    edges = {module_of(path): files_imported(path) for path in FILES if path.stem != "__init__"}
+    left = circle_among(edges)
     assert not left, f"a circle among {sorted(left)}"
 
 
 @pytest.mark.parametrize("path", FILES, ids=module_of)
 def test_no_private_names_of_another_file(path):
-    for node in imports_of(path):
+    for _, node in imports_of(path):
         assert not [name.name for name in node.names if name.name.startswith("_")]
 
 

@@ -7,7 +7,7 @@ from sklearn.model_selection import LeaveOneOut, cross_val_predict
 
 import hybridsurrogate as hs
 from hybridsurrogate.surrogates import Domain
-from hybridsurrogate.surrogates.polynomial_chaos import _least_left_out
+from hybridsurrogate.surrogates.families.polynomial_chaos import _least_left_out
 
 
 def friedman(u):

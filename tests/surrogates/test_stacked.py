@@ -6,7 +6,7 @@ from scipy.stats import uniform
 
 import hybridsurrogate as hs
 from hybridsurrogate.surrogates.domain import Domain
-from hybridsurrogate.surrogates.stacked import built_for_each
+from hybridsurrogate.surrogates.families.stacked import built_for_each
 
 
 def domain_of(X, omega, eta, names):

@@ -7,7 +7,7 @@ from shared_files import needs_reference, reference_values
 
 import hybridsurrogate as hs
 from hybridsurrogate.surrogates import Basis, Domain, Surrogate
-from hybridsurrogate.surrogates.polynomial_chaos import legendre, multi_indices
+from hybridsurrogate.surrogates.families.polynomial_chaos import legendre, multi_indices
 
 DOMAIN = Domain(
     np.array([[0.0, 4.0], [-1.0, 1.0]]), np.array([[10.0, 20.0]]), location=3.0, scale=2.0

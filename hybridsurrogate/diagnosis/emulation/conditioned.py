@@ -28,8 +28,8 @@ from hybridsurrogate.surrogates.emulation.process import (
     conditioned,
     process_through,
 )
-from hybridsurrogate.surrogates.kriging import CurveBasis, KrigingBasis
-from hybridsurrogate.surrogates.stacked import StackedBasis, stacked
+from hybridsurrogate.surrogates.families.kriging import CurveBasis, KrigingBasis
+from hybridsurrogate.surrogates.families.stacked import StackedBasis, stacked
 from hybridsurrogate.types import FloatArray
 
 # the rest of a variance when its factor has enough columns, in shares of the median

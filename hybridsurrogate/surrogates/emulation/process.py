@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from scipy.linalg import solve_triangular
 
 from hybridsurrogate.numerics.blocks import in_turn
 from hybridsurrogate.numerics.cholesky import nudged_cholesky
+from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.emulation.covariance import (
     Apart,
     Covariance,
@@ -23,9 +24,6 @@ from hybridsurrogate.surrogates.emulation.covariance import (
     weighted_in_turn,
 )
 from hybridsurrogate.types import FloatArray
-
-if TYPE_CHECKING:
-    from hybridsurrogate.surrogates.basis import Basis
 
 # the covariance is learned from at most this many runs; as many as the second limit are used,
 # drawn at random, as files of runs are often in order

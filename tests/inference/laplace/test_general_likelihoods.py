@@ -9,7 +9,7 @@ from scipy.stats import halfnorm, norm
 
 import hybridsurrogate as hs
 from hybridsurrogate.datasets import make_log_sin, make_sir
-from hybridsurrogate.surrogates.polynomial_chaos import multi_indices
+from hybridsurrogate.surrogates.families.polynomial_chaos import multi_indices
 
 
 def legendre_features(points, ranges, degree):

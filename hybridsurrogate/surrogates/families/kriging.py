@@ -20,7 +20,7 @@ from hybridsurrogate.surrogates.emulation.process import (
     conditioned,
     process_through,
 )
-from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
+from hybridsurrogate.surrogates.families.polynomial_chaos import PolynomialChaos
 from hybridsurrogate.types import FloatArray
 
 # runs, and places between them, on which the features stand: at most so many, fewer where all

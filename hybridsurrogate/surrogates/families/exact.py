@@ -12,7 +12,7 @@ from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.surrogates.base import Surrogate, register
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.domain import Domain
-from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
+from hybridsurrogate.surrogates.families.polynomial_chaos import PolynomialChaos
 from hybridsurrogate.types import FloatArray
 
 

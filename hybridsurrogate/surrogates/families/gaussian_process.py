@@ -15,7 +15,7 @@ from hybridsurrogate.priors import check_prior
 from hybridsurrogate.surrogates.base import Surrogate, register
 from hybridsurrogate.surrogates.basis import Basis, Factors
 from hybridsurrogate.surrogates.domain import Domain
-from hybridsurrogate.surrogates.polynomial_chaos import legendre, multi_indices
+from hybridsurrogate.surrogates.families.polynomial_chaos import legendre, multi_indices
 from hybridsurrogate.types import FloatArray, Prior
 
 KERNELS = ("squared-exponential", "matern-5/2", "matern-3/2")

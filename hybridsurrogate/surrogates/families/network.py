@@ -16,8 +16,8 @@ from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.surrogates.base import Surrogate, register
 from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.domain import Domain
-from hybridsurrogate.surrogates.feature import FeatureSurrogate
-from hybridsurrogate.surrogates.polynomial_chaos import PolynomialChaos
+from hybridsurrogate.surrogates.families.feature import FeatureSurrogate
+from hybridsurrogate.surrogates.families.polynomial_chaos import PolynomialChaos
 from hybridsurrogate.types import FloatArray
 
 ACTIVATIONS: dict[str, Callable[[FloatArray], FloatArray]] = {

@@ -1,0 +1,1 @@
+"""Families of surrogates: one file each, which registers an instance."""
