@@ -29,7 +29,8 @@ class SearchSettings:
         with another process in addition: 24 of 94 change its evidence by 0.02.
     behind, behind_nearby, pruned_nearby : float
         A cause so far behind the best one, prior odds included, is not refined: after a first
-        optimisation, or from where that in other rows ended; and where nothing is looked at again.
+        optimisation, or from where that in other rows ended. So far behind in all rows it is not
+        compared in some of them.
     exact_fit : float
         A fit this many times closer than without the cause is as good as exact.
     displaced : float
@@ -111,7 +112,7 @@ class SearchSettings:
     lengths_with_process: int = 24
     behind: float = 12.0
     behind_nearby: float = 4.0
-    pruned_nearby: float = 30.0
+    pruned_nearby: float = 12.0
     exact_fit: float = 1e-3
     displaced: float = 2.0
     looked_between: int = 8
