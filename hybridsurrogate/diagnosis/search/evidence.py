@@ -380,7 +380,8 @@ def probabilities(
     """Return the probability of each cause, of a remainder and of correlated noise given it."""
     parts = _alone_and_given(candidates)
     log_total = special.logsumexp(parts, axis=1)
-    shares = np.exp(parts - log_total[:, None])
+    # of what is impossible there are no shares
+    shares = np.exp(parts - np.where(np.isfinite(log_total), log_total, 0.0)[:, None])
     log_total = log_total + np.log(prior_odds([w.cause for w in candidates]))
     return np.exp(log_total - special.logsumexp(log_total)), shares[:, 1], shares[:, 2]
 

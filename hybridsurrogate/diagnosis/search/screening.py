@@ -75,7 +75,10 @@ def best_modes(
             model, grid, mode, sigma = fits[k]
             if model.effects[-1].is_correlated_noise or is_followed(model.effects[-1]):
                 continue
-            fits[k] = settled(problem, emulator, noise, Fitted(model, grid, mode, sigma))
+            # where those in other rows ended the grid is fine already
+            rounds = SETTINGS.max_refinements if nearby is None else SETTINGS.refinements_nearby
+            fit = Fitted(model, grid, mode, sigma)
+            fits[k] = settled(problem, emulator, noise, fit, rounds)
     except KeyboardInterrupt as stop:
         raise InterruptedSearch(fits) from stop
     return fits, behind

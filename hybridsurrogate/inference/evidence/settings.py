@@ -44,9 +44,10 @@ class SearchSettings:
         at effects of eight times the noise.
     converged_noise : float
         Noise that a further optimisation lowers by less than this share has converged.
-    max_refinements, fruitless_refinements, same_evidence : int, int, float
-        Refinements of a grid at most, and how many in a row may gain no more than the last number:
-        a wave in measurements that are precise to a millionth needs all of them.
+    max_refinements, refinements_nearby, fruitless_refinements, same_evidence : int, int, int, float
+        Refinements of a grid at most, and from where that in other rows ended; how many in a row
+        may gain no more than the last number: a wave in measurements that are precise to a
+        millionth needs all of them.
     nodes_enough, cell_pruned, most_split : int, float, int
         A grid is fine enough with so many nodes an axis within two nats of the best; cells so far
         behind are never split; cells split at a time.
@@ -120,6 +121,7 @@ class SearchSettings:
     much_closer: float = 0.5
     converged_noise: float = 0.1
     max_refinements: int = 12
+    refinements_nearby: int = 3
     fruitless_refinements: int = 4
     same_evidence: float = 1e-3
     nodes_enough: int = 4
