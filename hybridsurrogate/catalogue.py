@@ -120,7 +120,7 @@ def _reason_to_skip(form: Form, cause: Cause, context: Context) -> str | None:
     if cause.has_outliers and not context.gaussian:
         return "the likelihood is not normal, and outliers are part of it or impossible"
     if cause.overdisperses and not context.overdisperses:
-        return "it is a scatter beyond that of a Poisson likelihood"
+        return "it is a scatter beyond that of a Poisson or binomial likelihood"
     if cause.touches_noise and not (context.scales_noise or cause.overdisperses):
         return "the likelihood has no scale of the noise that could change"
     if cause.modification is not None and context.states:

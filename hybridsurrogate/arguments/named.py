@@ -46,6 +46,24 @@ def check_mapping(
     return dict(value)
 
 
+def check_units(units: Any) -> dict[str, str]:
+    """Return units by name, none for None; TypeError for anything else.
+
+    Examples
+    --------
+    >>> check_units({"co2": "ppm"}), check_units(None)
+    ({'co2': 'ppm'}, {})
+    """
+    if units is None:
+        return {}
+    if not isinstance(units, Mapping) or not all(isinstance(u, str) for u in units.values()):
+        raise TypeError(
+            'units must be a dict of names and units as text, such as {"co2": "ppm"}, got '
+            f"{described(units)}."
+        )
+    return dict(units)
+
+
 def as_names(value: Any, name: str, example: str) -> tuple[str, ...]:
     """Return one name or several as a tuple; TypeError for anything else, and for a set.
 

@@ -15,6 +15,8 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_consistent_length, check_scalar
 from sklearn.utils.validation import check_is_fitted
 
+from hybridsurrogate.arguments.description import described
+from hybridsurrogate.arguments.scalars import check_flag
 from hybridsurrogate.diagnosis.answers.experimental_design import (
     batch,
     costs_of,
@@ -31,7 +33,7 @@ from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans, scan_beta,
 from hybridsurrogate.diagnosis.validation.gain import HeldOutGain, gain_from, pointwise
 from hybridsurrogate.model.rows.measured_rows import without_gaps
 from hybridsurrogate.numerics.atomic_file import check_writable, written_whole
-from hybridsurrogate.simulation.arrays import complete_table
+from hybridsurrogate.simulation.arrays import as_numbers, complete_table
 from hybridsurrogate.types import FloatArray
 
 if TYPE_CHECKING:
@@ -281,7 +283,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         if (X is None) != (y is None):
             raise ValueError("beta_scan takes X and y, or neither for the data of fit.")
-        if out_of_range and not (X is None and betas is None):
+        if check_flag(out_of_range, "out_of_range") and not (X is None and betas is None):
             raise ValueError(
                 "out_of_range=True scans the data of fit at five weights: leave out X, y and betas."
             )
@@ -289,7 +291,7 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
             return self.beta_scans_.few(out_of_range, bool(self.progress))
         given = X is None or y is None
         rows, values = self._rows if X is None or y is None else (X, y)
-        grid = np.linspace(0, 1, 11) if betas is None else np.unique(np.asarray(betas, dtype=float))
+        grid = np.linspace(0, 1, 11) if betas is None else np.unique(as_numbers(betas, "betas"))
         labels = self.estimator_.experiment
         rows, values, _ = without_gaps(rows, values)
         rows, values = complete_table(rows, labels=labels), self.measured_outputs(values, "y")
@@ -430,7 +432,16 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         from .report import make_report
 
-        return make_report(self, test, beta_scan, units, full)
+        beta_scan, full = check_flag(beta_scan, "beta_scan"), check_flag(full, "full")
+        return make_report(self, self._held_out(test), beta_scan, units, full)
+
+    def _held_out(self, test: Any) -> tuple[Any, FloatArray] | None:
+        """Return held-out rows and outputs; TypeError where these are no pair."""
+        if test is None:
+            return None
+        if not isinstance(test, tuple | list) or len(test) != 2:
+            raise TypeError(f"test must be a pair (X_test, y_test), got {described(test)}.")
+        return test[0], self.measured_outputs(test[1], "y_test")
 
     def plot(
         self,
@@ -459,8 +470,8 @@ class FittedDiagnosis(RegressorMixin, BaseEstimator):
         from .report.elements.view import view_of
         from .report.first_screen.picture import overview
 
+        # before a figure is made
+        view, held_out = view_of(self, units), self._held_out(test)
         if axes is None:
             axes = plt.subplots(2, 1, sharex=True, figsize=(7.2, 4.8), layout="constrained")[1]
-        if test is not None:
-            test = test[0], self.measured_outputs(test[1], "y_test")
-        return overview(view_of(self, units), test, axes)
+        return overview(view, held_out, axes)

@@ -70,7 +70,9 @@ class Context:
     gaussian, scales_noise : bool
         Whether the likelihood is normal on the scale of eta, and whether it has a scale of noise.
     overdisperses : bool
-        Whether it has a form whose values scatter more than it allows: Poisson has.
+        Whether it has a form whose values scatter more than it allows: Poisson and binomial have.
+    trials : int or None
+        Of a binomial likelihood.
     outputs : tuple of str
         Names of several outputs, each in units of its measured standard deviation; a column of the
         rows then numbers them. Empty where there is one.
@@ -118,6 +120,7 @@ class Context:
     gaussian: bool = True
     scales_noise: bool = True
     overdisperses: bool = False
+    trials: int | None = None
     outputs: tuple[str, ...] = ()
     of_outputs: tuple[OfOutput, ...] = ()
     experiment: str | None = None

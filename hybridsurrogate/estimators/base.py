@@ -15,6 +15,7 @@ from sklearn.base import RegressorMixin
 from sklearn.utils import _safe_indexing, check_random_state
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
+from hybridsurrogate.arguments.named import check_units
 from hybridsurrogate.arguments.scalars import check_flag, check_number
 from hybridsurrogate.arviz_groups import arviz_of
 from hybridsurrogate.estimators.checked_estimator import CheckedEstimator
@@ -323,6 +324,8 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         ------
         ValueError
             For units of what is no parameter, output or column.
+        TypeError
+            For units that are no dict of text.
 
         Examples
         --------
@@ -336,7 +339,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         check_is_fitted(self)
         table = summary_of(self._parts())
         if units is not None:
-            table.insert(0, "unit", self._units_of(list(table.index), units))
+            table.insert(0, "unit", self._units_of(list(table.index), check_units(units)))
         if self.emulation_ is None:
             return table
         return table.assign(simulation=f"emulated, {self.emulation_.runs.n_runs} runs")

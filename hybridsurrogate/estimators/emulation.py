@@ -10,7 +10,7 @@ import copy
 import time
 import warnings
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import pandas as pd
@@ -329,29 +329,3 @@ def _furthest(points: FloatArray, known: FloatArray, n: int) -> NDArray[np.intp]
         chosen.append(k)
         distance = np.minimum(distance, np.sum((points - points[k]) ** 2, axis=1))
     return np.array(chosen)
-
-
-def first_failure(simulation: Any, X: FloatArray) -> str:
-    """Return where a simulation fails at the middle of its priors, and what it raised; "" if not.
-
-    Parameters
-    ----------
-    simulation : Simulator or other
-        Runs made elsewhere have nothing to try.
-    X : ndarray of shape (n, n_columns)
-        Measured rows, the simulation's inputs first.
-    """
-    if not isinstance(simulation, Simulator):
-        return ""
-    middle = [np.mean(ends) for ends in simulation.parameter_ranges.values()]
-    inputs = X[:, : len(simulation.input_names)]
-    outputs, said = simulation.tried(inputs, np.tile(middle, (len(inputs), 1)))
-    failed = ~np.isfinite(outputs.reshape(len(inputs), -1)).all(axis=1)
-    if not failed.any():
-        return ""
-    first = int(np.flatnonzero(failed)[0])
-    why = said or "the output is NaN or infinite"
-    return (
-        f"At the middle of the priors the simulation fails at {int(failed.sum())} of "
-        f"{len(inputs)} measured rows, first in row {first + 1} (index {first}): {why}."
-    )

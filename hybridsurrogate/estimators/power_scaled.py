@@ -15,7 +15,7 @@ from hybridsurrogate.effects.argument_checks import check_arguments
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.checked_estimator import CheckedData
-from hybridsurrogate.estimators.emulation import emulated, first_failure, take
+from hybridsurrogate.estimators.emulation import emulated, take
 from hybridsurrogate.inference.loo import PointwiseLoo
 from hybridsurrogate.inference.procedure import Fit, fit_problem
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
@@ -172,11 +172,7 @@ class PowerScaledSurrogate(SurrogateEstimator):
         rows = self._all_rows(data, likelihood)
         problem = self._problem(surrogate, likelihood, data, rows)
         random, powers = check_random_state(self.random_state), self._powers(rows.X)
-        try:
-            fit = fit_problem(problem, powers, self.sampler, int(self.n_draws), random)
-        except ValueError as error:
-            failure = first_failure(self.simulation, rows.X)
-            raise (ValueError(f"{error} {failure}") if failure else error) from None
+        fit = fit_problem(problem, powers, self.sampler, int(self.n_draws), random)
         fit.diagnostics.warn()
         return self._keep(data, rows, problem, fit)
 

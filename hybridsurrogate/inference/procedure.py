@@ -18,10 +18,12 @@ from hybridsurrogate.inference.sampling.differential_evolution import (
     Effort,
 )
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
+from hybridsurrogate.inference.sampling.modes import NothingPossibleError
 from hybridsurrogate.inference.sampling.target import Target
 from hybridsurrogate.model.posterior import Diagnostics, Posterior
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.numerics.threads import one_blas_thread
+from hybridsurrogate.surrogates.families.exact import ExactBasis
 from hybridsurrogate.types import FloatArray
 
 
@@ -105,8 +107,18 @@ def fit_problem(
     """
     powers = powers_used(problem, powers)
     with one_blas_thread():
-        drawn = first_step(make_target(problem, *powers), sampler, n_draws, random_state)
+        try:
+            drawn = first_step(make_target(problem, *powers), sampler, n_draws, random_state)
+        except NothingPossibleError as error:
+            raise ValueError(f"{error}{_failure(problem)}") from None
         return finish(problem, powers, drawn, random_state)
+
+
+def _failure(problem: Problem) -> str:
+    """Return how a simulation that is its own surrogate failed, with a space before it."""
+    basis = problem.model.basis
+    failure = basis.simulate.failure(problem.X) if isinstance(basis, ExactBasis) else ""
+    return failure and f" {failure}"
 
 
 def powers_used(

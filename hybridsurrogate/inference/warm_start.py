@@ -8,11 +8,10 @@ from hybridsurrogate.inference.posterior_sampler import FirstStep, of_importance
 from hybridsurrogate.inference.procedure import Fit, finish, make_target, powers_used
 from hybridsurrogate.inference.sampling.adaptive_importance import Proposals
 from hybridsurrogate.inference.sampling.moment_matching import matched_draws
+from hybridsurrogate.model.posterior import MIN_EFFECTIVE
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.numerics.psis import KHAT_LIMIT
 from hybridsurrogate.types import FloatArray
-
-_MIN_EFFECTIVE = 200.0
 
 
 def carried(
@@ -25,8 +24,8 @@ def carried(
 ) -> Fit | None:
     """Return the fit of a problem from proposals made for another, None where they do not serve.
 
-    They do not where their k-hat exceeds 0.7 or fewer than 200 effective draws are left, after
-    moment matching. Of fewer proposals there are none.
+    They do not where, after moment matching, their k-hat exceeds 0.7 or so few effective draws
+    are left that they are doubtful.
 
     Parameters
     ----------
@@ -36,7 +35,7 @@ def carried(
     n_proposals : int
         At most so many of them are used.
     """
-    if proposals is None or len(proposals.points) < _MIN_EFFECTIVE:
+    if proposals is None or len(proposals.points) < MIN_EFFECTIVE:
         return None
     powers = powers_used(problem, powers)
     target = make_target(problem, *powers)
@@ -47,7 +46,7 @@ def carried(
         random_state,
         n_noise=target.n_noise,
     )
-    if not (sampled.khat <= KHAT_LIMIT and sampled.effective_draws >= _MIN_EFFECTIVE):
+    if not (sampled.khat <= KHAT_LIMIT and sampled.effective_draws >= MIN_EFFECTIVE):
         return None
     drawn = target.resolved(sampled.draws, random_state)
     step = FirstStep(*drawn, of_importance(target, sampled, 1), sampled.proposals)

@@ -10,8 +10,7 @@ from hybridsurrogate.likelihoods.normal import TransformedNormal
 from hybridsurrogate.registration import import_all
 
 if TYPE_CHECKING:  # for type checkers and editors, which do not run `import_all`
-    from hybridsurrogate.likelihoods.beta_binomial import BetaBinomial
-    from hybridsurrogate.likelihoods.binomial import Binomial
+    from hybridsurrogate.likelihoods.binomial import BetaBinomial, Binomial
     from hybridsurrogate.likelihoods.counts import NegativeBinomial, Poisson
     from hybridsurrogate.likelihoods.normal import LogNormal, Normal
     from hybridsurrogate.likelihoods.student_t import StudentT

@@ -227,7 +227,7 @@ class Likelihood(ABC):
         Parameters
         ----------
         scatter : ndarray of shape (J, 1)
-            Relative scatter of the means for each draw; zero is this likelihood.
+            Its second parameter for each draw; zero is this likelihood.
         """
         return None
 

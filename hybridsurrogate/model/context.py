@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hybridsurrogate.effects.context import Context, OfOutput
-from hybridsurrogate.likelihoods import Likelihood
+from hybridsurrogate.likelihoods import Binomial, Likelihood
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.rows.experiments import Experiments
 from hybridsurrogate.model.rows.stacking import Stacking
@@ -61,6 +61,7 @@ def make_context(
         gaussian=likelihood.gaussian,
         scales_noise=likelihood.scales_noise,
         overdisperses=likelihood.overdispersed(np.zeros((1, 1))) is not None,
+        trials=int(likelihood.trials) if isinstance(likelihood, Binomial) else None,
         outputs=tuple(outputs or ()),
         of_outputs=tuple((outputs or {}).values()),
         experiment=experiments.column if experiments else None,

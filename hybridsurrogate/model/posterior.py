@@ -18,7 +18,8 @@ from hybridsurrogate.numerics.digits import number
 from hybridsurrogate.numerics.psis import KHAT_LIMIT
 from hybridsurrogate.types import FloatArray
 
-_MIN_EFFECTIVE = 100.0
+# step 1 is doubtful with fewer effective draws
+MIN_EFFECTIVE = 100.0
 # step 2 is doubtful with fewer effective proposals, or accepted moves, a draw
 LEAST_EFFECTIVE = 10.0
 
@@ -72,10 +73,10 @@ class Diagnostics:
         found = []
         if self.khat > KHAT_LIMIT:
             found.append(f"the Pareto k-hat of step 1 is {self.khat:.2f} (limit {KHAT_LIMIT})")
-        if self.effective_draws < _MIN_EFFECTIVE:
+        if self.effective_draws < MIN_EFFECTIVE:
             found.append(
                 f"step 1 has only {self.effective_draws:.0f} effective draws "
-                f"(at least {_MIN_EFFECTIVE:.0f} wanted)"
+                f"(at least {MIN_EFFECTIVE:.0f} wanted)"
             )
         if not self.converged:
             found.append(

@@ -405,6 +405,7 @@ def _check_size(basis: Basis, n_rows: int) -> None:
 def _check_overdispersed(likelihood: Likelihood) -> None:
     if likelihood.overdispersed(np.zeros((1, 1))) is None:
         raise ValueError(
-            "Overdispersion is a scatter beyond that of a Poisson likelihood; a "
+            "Overdispersion is a scatter beyond that of a Poisson likelihood, or of a binomial one "
+            "of several trials; a "
             f"{likelihood.name} one already has a scale, or no such form."
         )

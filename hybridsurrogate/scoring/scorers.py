@@ -72,6 +72,7 @@ def neg_crps_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
     sample = _method(estimator, "sample_posterior_predictive", "neg_crps_scorer")
     draws = sample(X, n_draws=_N_DRAWS, random_state=0)
     values, there = _measured(estimator, y)
+    _check_rows("each draw of sample_posterior_predictive(X)", draws[0], values)
     return -float(crps(draws[:, there], values[there]).mean())
 
 
@@ -133,6 +134,7 @@ def interval_score_scorer(estimator: Any, X: ArrayLike, y: ArrayLike) -> float:
     interval = _method(estimator, "predict_interval", "interval_score_scorer")
     lower, upper = interval(X, level=_LEVEL)
     values, there = _measured(estimator, y)
+    _check_rows("predict_interval(X)", lower, values)
     return -float(interval_score(values[there], lower[there], upper[there], _LEVEL).mean())
 
 
@@ -154,6 +156,15 @@ def _measured(estimator: Any, y: ArrayLike) -> tuple[FloatArray, NDArray[np.bool
     read = getattr(last, "measured_outputs", as_outputs)
     values = read(y)
     return values, np.isfinite(values)
+
+
+def _check_rows(name: str, predicted: FloatArray, y: FloatArray) -> None:
+    """Raise ValueError where rows that were predicted are not those of y."""
+    if np.shape(predicted) != y.shape:
+        raise ValueError(
+            f"X and y must have the same rows and outputs: {name} has shape "
+            f"{np.shape(predicted)}, y has {y.shape}."
+        )
 
 
 def _method(estimator: Any, name: str, scorer: str) -> Callable[..., Any]:

@@ -225,6 +225,14 @@ def fit_sources(*sources):
         (lambda: fit().interval_holds([[1.0]], [95.0], ["a"]), "levels must hold numbers"),
         (lambda: fit().interval_holds([[1.0]], [95.0], [2]), "levels == 2.0, must be < 1"),
         (lambda: fit().predict([[1.0]], return_std="yes"), "return_std must be True or False"),
+        *[
+            (lambda units=units: fit().summary(units=units), "units must be a dict of names and")
+            for units in (5, "t", [], np.zeros((2, 2)), {"t": 5})
+        ],
+        (lambda: fit().score([[1.0]], []), r"inconsistent numbers of samples|0 sample"),
+        (lambda: fit().fit([[1.0], [2.0]], []), r"inconsistent numbers of samples|0 sample"),
+        (lambda: scoring.interval_score_scorer(fit(), [[1.0]], [1.0, 2.0]), "the same rows"),
+        (lambda: scoring.neg_crps_scorer(fit(), [[1.0]], [1.0, 2.0]), "the same rows"),
         (lambda: hs.sobol_indices(fit(), [[1.0]], after="yes"), "after must be True or False"),
         (lambda: hs.beta_path(5, [[1.0]], [1.0], [0.5]), "model must be an estimator such as"),
         (

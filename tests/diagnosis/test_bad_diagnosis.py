@@ -8,6 +8,7 @@ from sklearn.base import clone
 
 import hybridsurrogate as hs
 from hybridsurrogate.effects.base import Context
+from hybridsurrogate.effects.registry import kinds
 
 SIMULATOR = hs.Simulator(lambda t, a: a * t, {"t": (0, 10)}, {"a": hs.truncated_normal(3, 1, 0, 6)})
 T = np.linspace(0, 10, 20)
@@ -94,3 +95,29 @@ def test_a_cause_that_overrides_one_of_the_catalogue_stays_itself(kind, argument
         {"t": T, "day": T % 3}, 1, {"a": norm(3, 1)}, {"g": hs.Assumed(9.8, norm(9.8, 1))}, 1.0
     )
     assert type(Mine(*arguments).prepare(context)) is Mine
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    few = [kind for kind in kinds() if kind != "offset"]
+    diagnosis = hs.DiscrepancyDiagnosis(
+        MODEL, exclude=few, cv=None, n_replicates=19, random_state=0
+    )
+    return diagnosis.fit(T[:, None], Y)
+
+
+@pytest.mark.parametrize(
+    ("method", "given", "words"),
+    [
+        ("report", {"test": 2.5}, r"test must be a pair \(X_test, y_test\), got 2.5"),
+        ("plot", {"test": {"X": T, "y": Y}}, r"test must be a pair \(X_test, y_test\)"),
+        ("report", {"beta_scan": pd.Timestamp("2020")}, "beta_scan must be True or False"),
+        ("report", {"full": "yes"}, "full must be True or False"),
+        ("beta_scan", {"out_of_range": pd.DataFrame()}, "out_of_range must be True or False"),
+        ("beta_scan", {"betas": ["a"]}, "betas must hold numbers"),
+        ("next_measurements", {"cost": set()}, "cost must hold numbers"),
+    ],
+)
+def test_what_a_fitted_diagnosis_is_asked(fitted, method, given, words):
+    with pytest.raises((TypeError, ValueError), match=words):
+        getattr(fitted, method)(**given)

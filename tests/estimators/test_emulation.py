@@ -317,25 +317,50 @@ def test_a_fit_and_a_diagnosis_of_a_function_of_5_ms_take_less_than_a_minute():
     assert report.summary["emulation"]["n_runs"] == slow.estimator_.emulation_.runs.n_runs
 
 
-def test_what_a_simulation_raises_is_quoted():
-    def blows(wind, k):
-        if wind > 3:
-            raise RuntimeError("wind too strong")
-        return k * wind
+def of_wind(fails, vectorized=False, output="y"):
+    """Return a simulator of k * wind that raises where ``fails(wind, k)``."""
 
-    simulator = hs.Simulator(
-        blows,
-        {"wind": (0, 4)},
-        {"k": hs.truncated_normal(1, 0.5, 0, 2)},
-        vectorized=False,
-    )
-    wind = np.linspace(0, 4, 9)
-    model = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate(), random_state=0)
+    def blows(wind, k):
+        if np.any(fails(wind, k)):
+            raise RuntimeError("wind too strong")
+        return k * wind if output == "y" else (k * wind, k + wind)
+
+    prior = {"k": hs.truncated_normal(1, 0.5, 0, 2)}
+    return hs.Simulator(blows, {"wind": (0, 4)}, prior, vectorized=vectorized, output=output)
+
+
+WIND = np.linspace(0, 4, 9)
+
+
+@pytest.mark.parametrize("vectorized", [False, True])
+@pytest.mark.parametrize("kind", [hs.PowerScaledSurrogate, hs.PredictiveWeightedSurrogate])
+def test_what_a_simulation_raises_is_quoted(kind, vectorized):
+    simulator = of_wind(lambda wind, k: wind > 3, vectorized)
+    model = kind(simulator, surrogate=hs.ExactSurrogate(), random_state=0)
     said = (
         r"fails at 2 of 9 measured rows, first in row 8 \(index 7\): RuntimeError: wind too strong"
     )
     with pytest.raises(ValueError, match=said):
-        model.fit(wind[:, None], wind)
+        model.fit(WIND[:, None], WIND)
+
+
+@pytest.mark.parametrize("vectorized", [False, True])
+def test_an_error_beside_the_middle_of_the_priors_is_quoted(vectorized):
+    """The middle of the priors works, and explains no count at wind zero."""
+    simulator = of_wind(lambda wind, k: np.abs(k - 1) > 1e-3, vectorized)
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), likelihood="poisson", random_state=0
+    )
+    said = r"At wind = \S+, k = \S+ the simulation fails: RuntimeError: wind too strong\.$"
+    with pytest.raises(ValueError, match=said):
+        model.fit(WIND[:, None], np.round(WIND) + 1)
+
+
+def test_an_error_of_one_of_several_outputs_is_quoted():
+    simulator = of_wind(lambda wind, k: wind > 3, output=("load", "sum"))
+    model = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate(), random_state=0)
+    with pytest.raises(ValueError, match=r"fails at 2 of 9 measured rows.*wind too strong"):
+        model.fit(WIND[:, None], np.column_stack([WIND, 1 + WIND]))
 
 
 def test_the_first_call_is_not_timed():

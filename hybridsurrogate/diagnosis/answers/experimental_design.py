@@ -22,6 +22,7 @@ from hybridsurrogate.diagnosis.answers.alternative_predictions import (
 from hybridsurrogate.diagnosis.search.evidence import Search
 from hybridsurrogate.model.rows.experiments import Experiments
 from hybridsurrogate.numerics.blocks import LARGE_BLOCK, blocks
+from hybridsurrogate.simulation.arrays import as_numbers
 from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.types import FloatArray
 
@@ -151,7 +152,7 @@ def costs_of(
     """
     if cost is None:
         return np.ones(len(places))
-    costs = np.asarray(cost(places) if callable(cost) else cost, dtype=float)
+    costs = as_numbers(cost(places) if callable(cost) else cost, "cost")
     if costs.shape != (len(places),):
         raise ValueError(
             f"cost must give one number for each of the {len(places)} places, got shape "

@@ -150,8 +150,6 @@ def make_report(
     Report
     """
     view = view_of(diagnosis, units)
-    if test is not None:
-        test = test[0], diagnosis.measured_outputs(test[1], "y_test")
     on_test = diagnosis.gain_on(*test) if test is not None else None
     gains: dict[str, HeldOutGain | None] = {
         "within": diagnosis.gain_,

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from hybridsurrogate.diagnosis.search.conditioning import nothing_further
@@ -41,6 +42,8 @@ from hybridsurrogate.model.statistics import EmulatorPosterior
 from hybridsurrogate.types import FloatArray
 
 _VERDICTS = {"none": "adequate", "unexplained": "unexplained"}
+# probability of a cause together with correlated noise
+_MATTERS = 0.01
 
 
 class Candidate(NamedTuple):
@@ -154,21 +157,40 @@ def search(
     else:
         null = nothing_further(problem, Fitted(*accepted[1:5]), emulator, noise)
     ends = _ends_of(nearby, problem, causes)
-    odds = prior_odds([None, *causes])
+    compared = _within_reach(nearby, causes) if ends is not None else np.arange(len(causes))
+    some = [causes[k] for k in compared]
+    log_prior = np.log(prior_odds([None, *causes]))[[0, *(1 + compared)]]
     fits: Sequence[Fitted] = []
     try:
-        fits, behind = best_modes(problem, causes, emulator, noise, null, np.log(odds), ends)
-        known = np.append(np.nan, behind)
-        quick = _compare(problem, causes, emulator, noise, [null, *fits], known)
+        near = None if ends is None else [ends[k] for k in compared]
+        fits, behind = best_modes(problem, some, emulator, noise, null, log_prior, near)
+        every, known = list(ends or fits), np.full(1 + len(causes), -np.inf)
+        for k, fit in zip(compared, fits, strict=True):
+            every[k] = fit
+        known[0], known[1 + compared] = np.nan, behind
+        quick = _compare(problem, causes, emulator, noise, [null, *every], known)
         # given an accepted cause a quick search is for a second one, which may be noise itself
         if accepted is not None and not with_remainder:
             return quick
-        return with_processes(quick, with_remainder)
+        return with_processes(quick, with_remainder, None if ends is None else nearby)
     except KeyboardInterrupt as stop:
         kept = [null, *(stop.kept if isinstance(stop, InterruptedSearch) else fits)]
         unknown = np.full(len(kept), np.nan)
-        candidates = _compare(problem, causes, emulator, noise, kept, unknown)
+        candidates = _compare(problem, some, emulator, noise, kept, unknown)
         raise InterruptedSearch(candidates) from stop
+
+
+def _within_reach(nearby: Search | None, causes: Sequence[Cause]) -> NDArray[np.intp]:
+    """Return the causes that may explain some of the rows best, given a search in all of them.
+
+    Processes are always compared: what has no other explanation in few rows is theirs.
+    """
+    assert nearby is not None
+    with np.errstate(divide="ignore"):
+        log_share = np.log(nearby.probability[1:])
+    best = np.max(log_share, initial=-np.inf)
+    always = np.array([cause.is_process or cause.is_correlated_noise for cause in causes])
+    return np.flatnonzero(always | (log_share > best - SETTINGS.pruned_nearby))
 
 
 def _compare(
@@ -181,9 +203,11 @@ def _compare(
 ) -> Search:
     """Compare "nothing is wrong" and the first so many causes at their best fits.
 
-    ``known`` is the log evidence where it is known well enough already, NaN elsewhere.
+    ``known`` is the log evidence where it is known well enough already, NaN elsewhere; minus
+    infinity for causes that are not compared.
     """
-    sizes = effect_sizes(problem, modes)
+    compared = [fit for fit, evidence in zip(modes, known, strict=False) if evidence != -np.inf]
+    sizes = effect_sizes(problem, compared)
     candidates = []
     for cause, fit, evidence in zip([None, *causes], modes, known, strict=False):
         if np.isnan(evidence):
@@ -192,13 +216,15 @@ def _compare(
     return Search(problem, emulator, candidates, *probabilities(candidates), sizes, noise)
 
 
-def with_processes(result: Search, with_remainder: bool = True) -> Search:
+def with_processes(
+    result: Search, with_remainder: bool = True, nearby: Search | None = None
+) -> Search:
     """Return the search with its winners also compared given what none of them explains.
 
     That is noise that neighbouring rows share and, where it is asked for, a smooth discrepancy of
-    unknown shape.
+    unknown shape. Of a search ``nearby``, in other rows, those causes that such noise mattered to.
     """
-    return _given_noise(_given_curve(result) if with_remainder else result)
+    return _given_noise(_given_curve(result) if with_remainder else result, nearby)
 
 
 def total_evidence(candidates: Sequence[Candidate]) -> FloatArray:
@@ -242,7 +268,7 @@ def _given_curve(result: Search) -> Search:
     return result.reweighed(out)
 
 
-def _given_noise(result: Search) -> Search:
+def _given_noise(result: Search, nearby: Search | None) -> Search:
     """Compare the causes that explain most, given noise that neighbouring rows share.
 
     Such noise is no alternative to what a simulation lacks: both may be present, and alone it
@@ -257,6 +283,7 @@ def _given_noise(result: Search) -> Search:
         k
         for k, w in enumerate(result.candidates)
         if w.cause is not None and w.cause.changes_output and kind_of(w) not in _VERDICTS
+        if nearby is None or nearby.probability[k] * nearby.correlated[k] > _MATTERS
     ]
     out = list(result.candidates)
     for k in sorted(able, key=lambda k: -value[k])[: SETTINGS.given_noise]:
@@ -353,7 +380,8 @@ def probabilities(
     """Return the probability of each cause, of a remainder and of correlated noise given it."""
     parts = _alone_and_given(candidates)
     log_total = special.logsumexp(parts, axis=1)
-    shares = np.exp(parts - log_total[:, None])
+    # of what is impossible there are no shares
+    shares = np.exp(parts - np.where(np.isfinite(log_total), log_total, 0.0)[:, None])
     log_total = log_total + np.log(prior_odds([w.cause for w in candidates]))
     return np.exp(log_total - special.logsumexp(log_total)), shares[:, 1], shares[:, 2]
 

@@ -81,7 +81,8 @@ def scored(result: Search) -> Search:
     nearest = max(exact, key=lambda k: weight[k])
     candidates = []
     for k, w in enumerate(result.candidates):
-        moved = exact.get(k, screened[k] + exact[nearest] - screened[nearest]) - screened[k]
+        like = k if k in exact else nearest
+        moved = exact[like] - screened[like]
         candidates.append(
             w._replace(
                 log_evidence=w.log_evidence + moved,

@@ -130,7 +130,11 @@ def node_evidence(
 
 
 def settled(
-    problem: Problem, emulator: EmulatorPosterior, noise: LogMarginal, fit: Fitted
+    problem: Problem,
+    emulator: EmulatorPosterior,
+    noise: LogMarginal,
+    fit: Fitted,
+    rounds: int = SETTINGS.max_refinements,
 ) -> Fitted:
     """Climb on with the noise that the fit suggests, and a finer grid where the evidence is."""
     model, grid, mode, sigma = fit
@@ -140,7 +144,7 @@ def settled(
     columns = columns_at_nodes(model, problem.X, grid, mode.z)
     levels: FloatArray = np.empty(0)
     fruitless = 0
-    for round_ in range(SETTINGS.max_refinements):
+    for round_ in range(rounds):
         before, sigma = sigma, sigma_of(problem, mode, sigma)
         steady = round_ > 0 and sigma > (1 - SETTINGS.converged_noise) * before
         finer = grid

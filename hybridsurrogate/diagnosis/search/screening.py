@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -32,13 +31,6 @@ from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.statistics import EmulatorPosterior
 from hybridsurrogate.types import FloatArray
-
-
-class Margins(NamedTuple):
-    """How far (in nats, prior odds included) behind the best is far, and what is pruned."""
-
-    behind: float
-    pruned: float
 
 
 def best_modes(
@@ -77,15 +69,16 @@ def best_modes(
                 fits.append(_unchanged(problem, model, grid, nearby[k], null))
         # a first fit may have found a lower mode on too coarse a grid; where those in other rows
         # ended is nearly it, and what had a chance there has a finer grid already
-        margins = Margins(SETTINGS.behind, np.inf)
-        if nearby is not None:
-            margins = Margins(SETTINGS.behind_nearby, SETTINGS.pruned_nearby)
-        behind = _far_behind(problem, emulator, noise, [null, *fits], log_prior, margins)
+        margin = SETTINGS.behind if nearby is None else SETTINGS.behind_nearby
+        behind = _far_behind(problem, emulator, noise, [null, *fits], log_prior, margin)
         for k in map(int, np.flatnonzero(np.isnan(behind))):
             model, grid, mode, sigma = fits[k]
             if model.effects[-1].is_correlated_noise or is_followed(model.effects[-1]):
                 continue
-            fits[k] = settled(problem, emulator, noise, Fitted(model, grid, mode, sigma))
+            # where those in other rows ended the grid is fine already
+            rounds = SETTINGS.max_refinements if nearby is None else SETTINGS.refinements_nearby
+            fit = Fitted(model, grid, mode, sigma)
+            fits[k] = settled(problem, emulator, noise, fit, rounds)
     except KeyboardInterrupt as stop:
         raise InterruptedSearch(fits) from stop
     return fits, behind
@@ -157,9 +150,11 @@ def _far_behind(
     noise: LogMarginal,
     fits: Sequence[Fitted],
     log_prior: FloatArray,
-    margins: Margins,
+    margin: float,
 ) -> FloatArray:
     """Return the log evidence of causes that are far behind; NaN for the others, failed or not.
+
+    By more than ``margin``, in nats with the prior odds.
 
     The first of the fits is that of "nothing is wrong". The stronger the data, the more a grid
     misses between its nodes: what a finer one reaches counts, too.
@@ -171,14 +166,13 @@ def _far_behind(
     # could not be followed at all gets its other starting points, too
     of_any_shape = [any(e.kind == "unexplained" for e in fit.model.effects[-1:]) for fit in fits]
     weight = np.where(np.isfinite(reached), reached + log_prior, -np.inf)
-    enough = np.max(weight[~np.array(of_any_shape)], initial=-np.inf) - margins.behind
+    enough = np.max(weight[~np.array(of_any_shape)], initial=-np.inf) - margin
     behind = weight < enough
-    pruned = enough - margins.pruned
-    for k in map(int, np.flatnonzero(behind & np.isfinite(reached) & (weight > pruned))):
+    for k in map(int, np.flatnonzero(behind & np.isfinite(reached))):
         if len(fits[k].grid.nodes):
             missed = _between_nodes(problem, emulator, noise, fits[k], scans[k], sizes)
             # what gains so much without an optimisation may gain as much again by one
-            behind[k] = weight[k] + missed < enough and missed < margins.behind
+            behind[k] = weight[k] + missed < enough and missed < margin
     return np.where(behind & np.isfinite(reached), reached, np.nan)[1:]
 
 

@@ -14,21 +14,28 @@ from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
 
-# the relative scatter beyond Poisson's has this largest value, as in a negative binomial's prior
+# the second parameter of the wider distribution has this largest value, as in its prior
 _LARGEST_SCATTER = 2.0
+# trials of one row that are all alike: the largest correlation
+_ALIKE = 0.999
 
 
 class Overdispersion(Cause):
-    """Counts that scatter more than a Poisson distribution allows; the simulation is right.
+    """Counts that scatter more than their likelihood allows; the simulation is right.
 
-    With mean mu the variance is ``mu + scatter^2 mu^2``, that of a negative binomial distribution
-    (Cameron and Trivedi 2013, Regression Analysis of Count Data, section 3.3), whose second
-    parameter ``scatter`` is the relative scatter of the means. The unknown is ``ratio``: by how
-    much the standard deviation of a count of usual size exceeds that of a Poisson distribution,
-    ``ratio^2 = 1 + scatter^2 size``. It is log-uniform from 1 to the ratio at a scatter of 200 %.
+    Of Poisson counts with mean mu the variance is ``mu + scatter^2 mu^2``, that of a negative
+    binomial distribution (Cameron and Trivedi 2013, Regression Analysis of Count Data, section
+    3.3), whose second parameter ``scatter`` is the relative scatter of the means. The unknown is
+    ``ratio``: by how much the standard deviation of a count of usual size exceeds that of a Poisson
+    distribution, ``ratio^2 = 1 + scatter^2 size``. It is log-uniform from 1 to the ratio at a
+    scatter of 200 %.
 
-    It is compared under ``likelihood="poisson"``. A fit with this effect is one under
-    ``likelihood="negative-binomial"``, with another prior.
+    Of successes among n trials it is that of a beta-binomial distribution, ``n p (1 - p) ratio^2``
+    with ``ratio^2 = 1 + (n - 1) correlation``. Trials of one row are correlated by
+    ``scatter^2 / (1 + scatter^2)`` (Prentice 1986, J. Am. Stat. Assoc. 81:321).
+
+    It is compared under ``likelihood="poisson"`` and ``Binomial(trials)``. A fit with this effect
+    is one under ``"negative-binomial"`` or ``BetaBinomial(trials)``, with another prior.
 
     Parameters
     ----------
@@ -36,6 +43,8 @@ class Overdispersion(Cause):
         Prior of the ratio of standard deviations, from 1 on.
     center : float or None, default=None
         Logarithm of the usual size of a count.
+    trials : int or None, default=None
+        Of each row, where successes are counted.
 
     Examples
     --------
@@ -47,12 +56,15 @@ class Overdispersion(Cause):
     """
 
     kind = "noise"
-    meaning = "counts of {output} scatter more than a Poisson distribution allows"
+    meaning = "counts of {output} scatter more than independent events or trials do"
     follows_mean = True
 
-    def __init__(self, ratio: Prior | None = None, center: float | None = None):
+    def __init__(
+        self, ratio: Prior | None = None, center: float | None = None, trials: int | None = None
+    ):
         self.ratio = ratio
         self.center = center
+        self.trials = trials
 
     @property
     def variant(self) -> str:
@@ -70,34 +82,52 @@ class Overdispersion(Cause):
         return {"ratio": self.ratio}
 
     def prepare(self, context: Context) -> Cause:
-        """Fill in the usual size of a count and the prior."""
+        """Fill in the usual size of a count or the number of trials, and the prior."""
         center = context.location if self.center is None else self.center
+        trials = context.trials if self.trials is None else self.trials
         ratio = self.ratio
+        if ratio is None and trials is not None:
+            correlation = _LARGEST_SCATTER**2 / (1 + _LARGEST_SCATTER**2)
+            ratio = frozen(stats.loguniform, 1.0, float(np.sqrt(1 + (trials - 1) * correlation)))
         if ratio is None:
             largest = np.hypot(1.0, _LARGEST_SCATTER * np.exp(0.5 * center))
             ratio = frozen(stats.loguniform, 1.0, max(float(largest), 2.0))
-        return self.filled(ratio=ratio, center=center)
+        return self.filled(ratio=ratio, center=center, trials=trials)
 
     def _scatter(self, theta: Rows) -> FloatArray:
-        assert self.center is not None
         beyond = np.maximum(np.square(theta["ratio"]) - 1, 0.0)
+        if self.trials is not None:
+            correlation = np.minimum(beyond / (self.trials - 1), _ALIKE)
+            return np.asarray(np.sqrt(correlation / (1 - correlation)))
+        assert self.center is not None
         return np.asarray(np.sqrt(beyond * np.exp(-self.center)))
 
     def noise(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the factor on the noise of a row, around which a search expands."""
+        if self.trials is not None:
+            return np.maximum(theta["ratio"], 1.0)
         mean = np.exp(np.clip(X[SIMULATED], -50, 50))
         return np.sqrt(1 + np.square(self._scatter(theta)) * mean)
 
     def overdispersion(self, theta: Rows) -> FloatArray:
-        """Return the relative scatter of the means."""
+        """Return the second parameter of the wider distribution."""
         return self._scatter(theta)
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
-        """Return the ratio of standard deviations, and the relative scatter."""
+        """Return the ratio of standard deviations, and the second parameter."""
         return {"ratio": np.asarray(theta["ratio"]), "scatter": self._scatter(theta)}
 
     def code(self) -> Code:
         """Return the cause as Python."""
+        if self.trials is not None:
+            n, share = self.trials, "{scatter} ** 2 / (1 + {scatter} ** 2)"
+            return Code(
+                f"{{mean}} * (1 - {{mean}} / {n}) * (1 + {n - 1} * {share})",
+                {"scatter": "1"},
+                arguments={"mean": "expected number of successes"},
+                does="scatters",
+                name="noise_variance",
+            )
         return Code(
             "{mean} + ({scatter} * {mean}) ** 2",
             {"scatter": "1"},
@@ -108,6 +138,11 @@ class Overdispersion(Cause):
 
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
+        if self.trials is not None:
+            return (
+                f"simulation, with successes whose standard deviation is {values['ratio']:.3g} "
+                f"times that of {self.trials} independent trials: beta-binomial"
+            )
         assert self.center is not None
         return (
             f"simulation, with counts whose standard deviation is {values['ratio']:.3g} times that "
@@ -117,6 +152,9 @@ class Overdispersion(Cause):
     def latex(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in LaTeX."""
         scatter = number(values["scatter"], 3)
+        if self.trials is not None:
+            square = number(values["ratio"] ** 2, 3)
+            return rf"{SIMULATION}, \quad \text{{variance }} {square} \, n p (1 - p)"
         return rf"{SIMULATION}, \quad \text{{variance }} \mu + {scatter}^2 \mu^2"
 
 
@@ -126,11 +164,12 @@ register(
         Overdispersion,
         lambda context: [Overdispersion()] if context.overdisperses else [],
         least_rows=8,
-        headline="The counts of {output} scatter more than a Poisson distribution has it",
+        headline="The counts of {output} scatter more than independent events or trials do",
         call="`Overdispersion()`",
-        formula="counts of mean mu with variance mu + scatter² mu²",
-        priors="ratio of standard deviations at a usual count: log-uniform from 1 on",
+        formula="counts of mean mu with variance mu + scatter² mu²; successes of n trials with "
+        "variance ratio² n p (1 - p)",
+        priors="ratio of standard deviations, at a usual count: log-uniform from 1 on",
         estimates="ratio, scatter",
-        left_out="a likelihood other than Poisson; fewer than 8 rows",
+        left_out="a likelihood other than Poisson or binomial; single trials; fewer than 8 rows",
     )
 )

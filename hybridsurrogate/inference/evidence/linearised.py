@@ -302,7 +302,13 @@ def _slopes_along(
         response[~(np.abs(response) < _ABSURD)] = np.nan
         response = response.reshape(len(runs), len(points), len(X))
         ahead, behind = response[:, 1 : 1 + len(moves)], response[:, 1 + len(moves) :]
-        change = (ahead - behind) / (2 * step) if both else (ahead - response[:, :1]) / step
+        here = response[:, :1]
+        change = (ahead - here) / step
+        if both:
+            # where the simulation runs on one side alone, the difference to that side
+            center = (ahead - behind) / (2 * step)
+            change = np.where(np.isnan(change), (here - behind) / step, change)
+            change = np.where(np.isnan(center), change, center)
         slope = together.of_directions(change)
         # a node that fails at a row is impossible, and what other rows have there may be any size
         broken = ~np.isfinite(response[:, 0]).all(axis=1)

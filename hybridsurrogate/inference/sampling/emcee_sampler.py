@@ -15,7 +15,7 @@ from sklearn.utils import check_scalar
 from hybridsurrogate.arguments.description import described
 from hybridsurrogate.arguments.paths import local_path
 from hybridsurrogate.arguments.scalars import check_flag, check_number
-from hybridsurrogate.inference.sampling.modes import Gaussian, LogDensity
+from hybridsurrogate.inference.sampling.modes import Gaussian, LogDensity, NothingPossibleError
 from hybridsurrogate.inference.sampling.proposals import student_draws
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.notebook.bars import filled
@@ -292,7 +292,7 @@ def _spread_over(
     if bad.any():
         start[bad] = modes[0].mean + 1e-3 * random_state.standard_normal((bad.sum(), d))
     if not np.isfinite(log_density(start)).any():
-        raise ValueError(
+        raise NothingPossibleError(
             "The ensemble sampler cannot start: the log density is minus infinity at every "
             "walker. Check priors and units."
         )

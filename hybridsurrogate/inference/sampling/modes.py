@@ -19,6 +19,10 @@ LogDensity = Callable[[FloatArray], FloatArray]
 PairLogDensity = Callable[[FloatArray, NDArray[np.intp]], FloatArray]
 
 
+class NothingPossibleError(ValueError):
+    """The log density is minus infinity wherever it was computed."""
+
+
 @dataclass(frozen=True)
 class Gaussian:
     """A Gaussian approximation: mean (d,), lower Cholesky factor of its covariance (d, d)."""
@@ -52,14 +56,16 @@ def find_modes(
 
     Raises
     ------
+    NothingPossibleError
+        If no start is possible.
     ValueError
-        If no start is possible, or the density at the best is lost in rounding.
+        If the density at the best is lost in rounding.
     """
     x = np.array(starts, dtype=float)
     value = log_density(x)
     alive = np.isfinite(value)
     if not alive.any():
-        raise ValueError(
+        raise NothingPossibleError(
             "The log density is minus infinity at every starting point: the priors and the data "
             "contradict each other, or the simulation fails everywhere. Check priors and units."
         )

@@ -100,7 +100,7 @@ def has_measurement(y: Any) -> NDArray[np.bool_]:
     array([ True, False])
     """
     there = np.atleast_1d(~np.asarray(pd.isna(y), dtype=bool))
-    return np.asarray(there.reshape(len(there), -1).any(axis=1))
+    return np.asarray(there.any(axis=tuple(range(1, there.ndim))))
 
 
 def check_outcomes(y: Any, likelihood: Likelihood) -> None:

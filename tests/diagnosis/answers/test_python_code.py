@@ -177,6 +177,14 @@ def test_counts_scatter_more():
     np.testing.assert_allclose(variance, [4 + 0.25 * 16, 10 + 0.25 * 100])
 
 
+def test_successes_scatter_more():
+    cause = hs.effects.Overdispersion().prepare(context_of(likelihood=hs.Binomial(20)))
+    source, _ = written([cause], likelihood=hs.Binomial(20))
+    # the variance of a beta-binomial of sigma 0.5, at a share of a half and of a fifth
+    variance = imported(source)["noise_variance"](mean=np.array([10.0, 4.0]), scatter=0.5)
+    np.testing.assert_allclose(variance, np.array([5.0, 3.2]) * (1 + 19 * 0.2))
+
+
 def test_parameters_and_numbers_are_arguments():
     cause = hs.Periodic("t").prepare(context_of())
     source, _ = written([cause])

@@ -138,3 +138,67 @@ def test_of_twenty_sets_each():
     assert sum(bool(one.cautions_) for one in alarms) <= 1
     assert sum(one.best_cause_.kind == "periodic" for one in waves) >= 18
     assert sum(bool(one.cautions_) for one in waves) <= 2
+
+
+def _of_trials(t, a, k):
+    return 20 / (1 + np.exp(-(a - k * t)))
+
+
+def _successes_diagnosed(y, t):
+    simulator = hs.Simulator(
+        _of_trials,
+        inputs={"t": (0, 10)},
+        parameters={"a": uniform(0, 3), "k": uniform(0.1, 0.7)},
+        output="survivors",
+    )
+    model = hs.PowerScaledSurrogate(
+        simulator, surrogate=hs.ExactSurrogate(), likelihood=Binomial(20), random_state=0
+    )
+    return hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(t[:, None], y)
+
+
+def _survivors(random, n=70, correlation=0.0):
+    """Return times, survivors of 20; a share that differs between rows correlates these."""
+    t = np.sort(random.uniform(0, 10, n))
+    share = _of_trials(t, 1.5, 0.4) / 20
+    if correlation:
+        size = 1 / correlation - 1
+        share = random.beta(share * size, (1 - share) * size)
+    return t, random.binomial(20, share).astype(float)
+
+
+def test_successes_that_scatter_more_are_named_so_and_the_cure_is_said():
+    t, y = _survivors(np.random.default_rng(100), correlation=0.1)
+    with pytest.warns(hs.DiagnosisWarning, match=r"likelihood=BetaBinomial\(trials=...\)"):
+        diagnosis = _successes_diagnosed(y, t)
+    assert diagnosis.causes_["form"].iloc[0] == "noise: overdispersed"
+    assert diagnosis.verdict_ == "named"
+    told = diagnosis.best_cause_.estimates
+    for name, true in (("ratio", (1 + 19 * 0.1) ** 0.5), ("scatter", (0.1 / 0.9) ** 0.5)):
+        mean, low, high = told[name]
+        # three standard deviations; from 5 to 95 % are 3.29
+        assert abs(mean - true) < 3 * (high - low) / 3.29
+    assert diagnosis.extended_simulator_ is None
+    assert "beta-binomial" in diagnosis.best_cause_.formula
+    assert "BetaBinomial" in str(diagnosis.report(full=True))
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::hybridsurrogate.DiagnosisWarning")
+def test_of_ten_sets_of_successes_each():
+    seeds = [np.random.default_rng(500 + seed) for seed in range(10)]
+    over = []
+    for random in seeds:
+        t, y = _survivors(random, correlation=0.1)
+        over.append(_successes_diagnosed(y, t))
+    clean = []
+    for random in seeds:
+        t, y = _survivors(random)
+        clean.append(_successes_diagnosed(y, t))
+    told = [any("BetaBinomial" in c.sentence for c in one.cautions_) for one in over]
+    overdispersed = [one.causes_["form"].iloc[0] == "noise: overdispersed" for one in over]
+    assert np.sum(np.logical_or(told, overdispersed)) >= 9
+    named = [one.verdict_ in ("named", "nearest") for one in over]
+    assert np.sum(np.logical_and(named, np.logical_not(overdispersed))) == 0
+    assert sum(one.verdict_ != "adequate" for one in clean) <= 2
+    assert sum(bool(one.cautions_) for one in clean) <= 1

@@ -128,6 +128,28 @@ class Shift(hs.Cause):
         return {"t": X["t"] - theta["lag"]}, omega
 
 
+@pytest.mark.parametrize("side", [-1, 1])
+def test_slopes_at_the_edge_of_where_a_simulation_runs(side):
+    """On one side alone it does: a slope of zero would hold an optimiser there for good."""
+    t = np.linspace(0, 8, 12)
+
+    def decay(t, level, rate):
+        return np.where(side * (rate - 0.25) < 0, np.nan, level * np.exp(-rate * t))
+
+    priors = {"level": stats.norm(10, 2), "rate": stats.norm(0.25, 0.1)}
+    simulator = hs.Simulator(decay, {"t": (0, 8)}, priors)
+    y = 10 * np.exp(-0.25 * t)
+    model = make_problem(
+        simulator, hs.ExactSurrogate(), hs.Normal(), None, (), ("t",), t[:, None], y
+    ).model
+    emulator, grid = emulator_posterior(model.basis, None), make_grid(model)
+    found = linearise(model, t[:, None], emulator, grid, np.zeros(2))
+    # by hand, times the standard deviations of the priors
+    level = 2 * np.exp(-0.25 * t)
+    rate = 0.1 * -t * 10 * np.exp(-0.25 * t)
+    np.testing.assert_allclose(found.G[0], np.column_stack([level, rate]), rtol=2e-3, atol=1e-6)
+
+
 def test_a_node_that_fails_at_a_row_has_no_slopes_there_or_elsewhere():
     """Slopes of 1e60 beside a row without a number are no reason to give up the other nodes."""
 

@@ -12,6 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import special
 
+from hybridsurrogate.arguments.named import check_units
 from hybridsurrogate.diagnosis.report.elements.settings import SETTINGS
 from hybridsurrogate.diagnosis.search.evidence import Candidate, Search, kind_of
 from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
@@ -385,13 +386,7 @@ def view_of(diagnosis: DiscrepancyDiagnosis, units: Mapping[str, str] | None = N
     TypeError
         For units that are no dict of text.
     """
-    units = {} if units is None else units
-    if not isinstance(units, Mapping) or not all(isinstance(u, str) for u in units.values()):
-        raise TypeError(
-            'units must be a dict of names and units as text, such as {"co2": "ppm"}, got '
-            f"{units!r}."
-        )
-    view = View(diagnosis, units=dict(units))
+    view = View(diagnosis, units=check_units(units))
     simulation = diagnosis.estimator_.simulation
     known = [*view.columns, *view.outputs, *simulation.parameter_names, *simulation.assumed_names]
     unknown = [name for name in view.units if name not in known]
