@@ -1,6 +1,8 @@
 """Surrogates trained on simulations and measurements, and what the simulation gets wrong."""
 
-from hybridsurrogate.diagnosis import CauseFinding, DiscrepancyDiagnosis, refine
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from hybridsurrogate.effects import (
     SIMULATED,
     SLOPE,
@@ -99,6 +101,9 @@ from hybridsurrogate.surrogates import (
     ParametricSurrogate,
     PolynomialChaos,
 )
+
+if TYPE_CHECKING:  # imported when they are first used, see `__getattr__`
+    from hybridsurrogate.diagnosis import CauseFinding, DiscrepancyDiagnosis, refine
 
 __version__ = "0.2.0"
 
@@ -204,3 +209,16 @@ _REGISTERED = {
 }
 globals().update(_REGISTERED)
 __all__ += sorted(_REGISTERED.keys() - {*__all__})
+
+# a fifth of the time of an import, which a fit has no use for
+_OF_DIAGNOSIS = ("CauseFinding", "DiscrepancyDiagnosis", "refine")
+
+
+def __getattr__(name: str) -> Any:
+    if name in _OF_DIAGNOSIS:
+        return getattr(import_module("hybridsurrogate.diagnosis"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

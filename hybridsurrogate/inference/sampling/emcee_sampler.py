@@ -5,9 +5,8 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from numbers import Integral, Real
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import emcee
 import numpy as np
 from sklearn.base import BaseEstimator
 from sklearn.utils import check_scalar
@@ -21,13 +20,8 @@ from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.notebook.bars import filled
 from hybridsurrogate.types import FloatArray
 
-# differential evolution (Ter Braak 2006, Statistics and Computing 16:239) next to the stretch move,
-# and now and then jumps of full length between modes
-_MOVES = (
-    (emcee.moves.DEMove(), 0.6),
-    (emcee.moves.DEMove(gamma0=1.0), 0.1),
-    (emcee.moves.StretchMove(), 0.3),
-)
+if TYPE_CHECKING:  # it is loaded by a fit that needs it
+    import emcee
 
 
 @dataclass(frozen=True)
@@ -155,6 +149,8 @@ class EnsembleSampler(BaseEstimator):
         self, log_density: LogDensity, start: FloatArray, about: Gaussian, seed: int
     ) -> tuple[emcee.EnsembleSampler, float, bool]:
         """Return the sampler after its run, its autocorrelation time, whether it converged."""
+        import emcee
+
         sampler = emcee.EnsembleSampler(
             *start.shape,
             log_density,
@@ -185,6 +181,8 @@ class EnsembleSampler(BaseEstimator):
     def _check(self, d: int) -> None:
         check_scalar(self.max_steps, "max_steps", Integral, min_val=1)
         check_flag(self.progress, "progress")
+        import emcee
+
         if not (self.moves is None or isinstance(self.moves, emcee.moves.Move | list)):
             raise TypeError(
                 "moves must be None, a move of emcee's, such as emcee.moves.StretchMove(), or a "
@@ -211,6 +209,8 @@ class EnsembleSampler(BaseEstimator):
                 "EnsembleSampler(file=...) keeps its steps in HDF5, which needs h5py: "
                 "pip install h5py, or leave file=None."
             ) from None
+        import emcee
+
         digest = hashlib.sha256(start.tobytes() + str(seed).encode()).hexdigest()[:16]
         backend = emcee.backends.HDFBackend(str(self.file), name=f"run_{digest}")
         if not backend.initialized:
@@ -233,6 +233,8 @@ def _moves_about(approximation: Gaussian) -> list[tuple[Any, float]]:
     it is near, draws are nearly independent in any dimension; where not, small steps are among
     them.
     """
+    import emcee
+
     mean, factor = approximation.mean, approximation.factor
 
     def proposal(points: FloatArray, random_state: Any) -> tuple[FloatArray, FloatArray]:
@@ -243,7 +245,14 @@ def _moves_about(approximation: Gaussian) -> list[tuple[Any, float]]:
         log_ratio = 0.5 * (np.sum(moved**2, axis=1) - np.sum(standard**2, axis=1))
         return mean + moved @ factor.T, log_ratio
 
-    others = [(move, (1 - SETTINGS.gaussian_moves) * share) for move, share in _MOVES]
+    # differential evolution (Ter Braak 2006, Statistics and Computing 16:239) next to the stretch
+    # move, and now and then jumps of full length between modes
+    shares = {
+        emcee.moves.DEMove(): 0.6,
+        emcee.moves.DEMove(gamma0=1.0): 0.1,
+        emcee.moves.StretchMove(): 0.3,
+    }
+    others = [(move, (1 - SETTINGS.gaussian_moves) * share) for move, share in shares.items()]
     return [(emcee.moves.MHMove(proposal), SETTINGS.gaussian_moves), *others]
 
 
@@ -267,6 +276,8 @@ def _thinned(
 
 
 def _state(start: FloatArray, seed: int) -> emcee.State:
+    import emcee
+
     return emcee.State(start, random_state=np.random.RandomState(seed).get_state())
 
 

@@ -8,7 +8,6 @@ from numbers import Integral
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.linear_model import lars_path
 from sklearn.utils import check_scalar
 
 from hybridsurrogate.priors import check_prior
@@ -97,6 +96,9 @@ def _few_terms(
     powers: NDArray[np.int_], degree: int, domain: Domain, ranges: FloatArray
 ) -> NDArray[np.int_]:
     """Return the powers (k, d) of the terms that predict the rows best, the intercept first."""
+    # scikit-learn's linear models take a tenth of a second to import
+    from sklearn.linear_model import lars_path
+
     kept = np.sum(powers**_NORM, axis=1) <= degree**_NORM + 1e-9
     powers = powers[kept]
     n_inputs = len(domain.input_ranges)
