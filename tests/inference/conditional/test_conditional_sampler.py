@@ -17,6 +17,7 @@ from hybridsurrogate.inference.conditional.pairwise_squares import (
 )
 from hybridsurrogate.inference.conditional.sampler import _draw_columns, _log_density, second_step
 from hybridsurrogate.inference.model.observation import MeasuredModel
+from hybridsurrogate.inference.procedure import given_draws
 from hybridsurrogate.problem.problem import make_problem
 
 
@@ -86,17 +87,8 @@ def test_second_step_draws_from_the_exact_conditional(names):
     rough = np.column_stack(
         [rng.normal(0.3, 0.6, (S, len(names))), rng.normal(np.log(0.3), 0.3, S)]
     )
-    drawn = second_step(
-        problem.model,
-        X,
-        y,
-        problem.weights,
-        coefficients,
-        noise_prior,
-        problem.scale,
-        rough,
-        np.random.RandomState(0),
-    )
+    given = given_draws(problem, coefficients)
+    drawn = second_step(given, rough, np.random.RandomState(0))
     values = problem.model.values(drawn.z)
 
     # where each parameter lies given sigma: standard normal after whitening
