@@ -16,12 +16,15 @@ from hybridsurrogate.inference.conditional.sampler import (
     near_step,
 )
 from hybridsurrogate.inference.loo import PointwiseLoo, pointwise_loo
+from hybridsurrogate.inference.posterior_sampler import first_step
 from hybridsurrogate.inference.procedure import (
     Fit,
     fit_problem,
     given_draws,
+    make_target,
     moved_again,
     posterior_of,
+    powers_used,
     with_again,
 )
 from hybridsurrogate.inference.sampling.differential_evolution import FROM_DRAWS, FROM_NEAR
@@ -36,9 +39,13 @@ from hybridsurrogate.priors import FloatArray
 from hybridsurrogate.problem.problem import Problem
 from hybridsurrogate.problem.rows import MeasuredRows
 
-# draws of coefficients that a score is made from, and that of a row that is fitted anew; draws of
-# step 2 for each of them; proposals for each where step 1 is weighed anew
-_DRAWS, _REFITTED, _REPEATS, _PROPOSALS = 400, 200, 4, 4
+# draws of coefficients that a score is made from: all their numbers' squares, at least, at most
+_SQUARED, _LEAST, _MOST = 4e5, 200, 2000
+# draws of step 2 for each of them
+_REPEATS = 8
+# of a row that is fitted anew: draws of coefficients, of step 2 for each of them, and proposals
+# where step 1 is weighed anew
+_REFITTED, _OF_EACH, _PROPOSALS = 200, 2, 1600
 
 
 class _Starts(NamedTuple):
@@ -170,7 +177,7 @@ def _loo_of_distinct(
         found = pointwise_loo(first, less, first[:, None], np.zeros(len(y)))
     else:
         first = _log_likelihood(fit.first, X, y)
-        some = _spread(len(first), _DRAWS)
+        some = _spread(len(first), _most_draws(problem, fit))
         starts = _repeats(problem, fit, some, random_state)
         of_first = fit.first.take(starts.draw), fit.unknowns[starts.draw]
         again = _at(*of_first, starts.u, starts.columns)
@@ -182,7 +189,9 @@ def _loo_of_distinct(
     for i in counted(np.flatnonzero(found.failed), "Fits without one row", progress):
         without, powers = _without(problem, fit.powers, index[i], less[i])
         if fit.again is None:
-            again = _fit_without(without, powers, fit, _DRAWS, sampler, random_state)
+            again = _fit_without(
+                without, powers, fit, min(fit.first.n_draws, 2 * _REFITTED), sampler, random_state
+            )
         else:
             log_weight = -power[i] * less[i] * first[:, i]
             kept = -removed[:, i].reshape(len(some), -1)
@@ -197,6 +206,11 @@ def _loo_of_distinct(
 def _integrates(problem: Problem) -> bool:
     """Return whether the coefficients of causes are integrated out of a row's density."""
     return problem.collapses and len(problem.model.column_sd) > 0
+
+
+def _most_draws(problem: Problem, fit: Fit) -> int:
+    n_coefficients = max(fit.first.coefficients.shape[1] + len(problem.model.column_sd), 1)
+    return int(np.clip(_SQUARED / n_coefficients**2, _LEAST, _MOST))
 
 
 def _given_others(
@@ -242,16 +256,17 @@ def _step_without(
     share = special.softmax((kept + of_first).ravel())
     begun = starts.take(_evenly(share, n, random_state))
     if khat > khat_limit(len(log_weight)):
-        step = carried_step(without, powers, fit.proposals, n, _PROPOSALS * n, random_state)
+        step = carried_step(without, powers, fit.proposals, n, _PROPOSALS, random_state)
         if step is None:
-            return fit_problem(without, powers, sampler, n, random_state).second
+            target = make_target(without, *powers_used(without, powers))
+            step = first_step(target, sampler, n, random_state)
         first, unknowns = posterior_of(without, step), step.u
     else:
         first, unknowns = fit.first.take(begun.draw), fit.unknowns[begun.draw]
     u, which = with_again(unknowns, begun.u), np.arange(n)
     if without.collapses:
         given, near = given_draws(without, first.coefficients), around(starts.u, share)
-        which, last = near_step(given, begun.u, near, _REPEATS, random_state)
+        which, last = near_step(given, begun.u, near, _OF_EACH, random_state)
         return _at(first.take(which), unknowns[which], last, begun.columns[which])
     drawn = moved_again(without, u, first.coefficients, begun.columns, random_state, FROM_NEAR)
     return _at(first, unknowns, _unknowns_of(drawn), drawn.coefficients)
@@ -273,7 +288,7 @@ def _fit_without(
     random_state: np.random.RandomState,
 ) -> Posterior:
     """Return draws given all rows but one, from those given all of them where these serve."""
-    known = carried(without, powers, fit.proposals, n, _PROPOSALS * n, random_state)
+    known = carried(without, powers, fit.proposals, n, _PROPOSALS, random_state)
     if known is None:
         known = fit_problem(without, powers, sampler, n, random_state)
     return known.second

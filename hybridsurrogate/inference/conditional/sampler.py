@@ -52,6 +52,8 @@ from hybridsurrogate.priors import FloatArray
 
 # noises that are tried, and nats by which one must be better
 _NOISES, _FAR = 20, 25.0
+# proposals by which a few rounds find the place of those that are weighed
+_SCOUTS = 250
 # rounds in which shares of a mixture are scaled, and the change of their sums at which they end
 _MIXTURE_STEPS, _MIXTURE_TOLERANCE = 100, 1e-2
 
@@ -296,16 +298,15 @@ def near_step(
     which, u
         Coefficient draws (K,) and what was drawn given them, (K, d).
     """
+
+    def weighed(first: Gaussian, n: int) -> _Weighed:
+        sigma = float(np.exp(first.mean[-1]))
+        return _weighed(problem, first, [], sigma, lambda u: (u, 0.0), n, random_state)
+
     S = len(start)
-    found = _weighed(
-        problem,
-        around,
-        [],
-        float(np.exp(around.mean[-1])),
-        lambda points: (points, 0.0),
-        SETTINGS.min_proposals,
-        random_state,
-    )
+    scouts = weighed(around, _SCOUTS)
+    moved_there = moment_match(scouts.u, scouts.share.mean(axis=1), around)
+    found = weighed(moved_there, SETTINGS.min_proposals)
     if found.khat > KHAT_LIMIT or found.effective < SETTINGS.least_effective:
         moved = moved_step(problem, start, random_state, FROM_NEAR)
         return np.arange(S), np.column_stack([moved.z, np.log(moved.sigma)])
