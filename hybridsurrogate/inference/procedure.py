@@ -8,11 +8,7 @@ import numpy as np
 
 from hybridsurrogate.inference.conditional.mcmc import conditional_draws
 from hybridsurrogate.inference.conditional.pairwise_squares import MeasuredGiven
-from hybridsurrogate.inference.conditional.sampler import (
-    MeasuredDraws,
-    moved_step,
-    second_step,
-)
+from hybridsurrogate.inference.conditional.sampler import MeasuredDraws, moved_step, second_step
 from hybridsurrogate.inference.conjugate.collapsed import CollapsedPosterior
 from hybridsurrogate.inference.laplace.target import LaplacePosterior
 from hybridsurrogate.inference.posterior_sampler import FirstStep, first_step

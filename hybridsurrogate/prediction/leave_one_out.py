@@ -11,8 +11,8 @@ from scipy import special
 
 from hybridsurrogate.inference.conditional.sampler import (
     MeasuredDraws,
-    around,
     exchanged,
+    near_draws,
     near_step,
 )
 from hybridsurrogate.inference.loo import PointwiseLoo, pointwise_loo
@@ -263,11 +263,11 @@ def _step_without(
         first, unknowns = posterior_of(without, step), step.u
     else:
         first, unknowns = fit.first.take(begun.draw), fit.unknowns[begun.draw]
-    u, which = with_again(unknowns, begun.u), np.arange(n)
     if without.collapses:
-        given, near = given_draws(without, first.coefficients), around(starts.u, share)
+        given, near = given_draws(without, first.coefficients), near_draws(starts.u, share)
         which, last = near_step(given, begun.u, near, _OF_EACH, random_state)
         return _at(first.take(which), unknowns[which], last, begun.columns[which])
+    u = with_again(unknowns, begun.u)
     drawn = moved_again(without, u, first.coefficients, begun.columns, random_state, FROM_NEAR)
     return _at(first, unknowns, _unknowns_of(drawn), drawn.coefficients)
 

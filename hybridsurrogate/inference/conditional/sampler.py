@@ -52,8 +52,6 @@ from hybridsurrogate.priors import FloatArray
 
 # noises that are tried, and nats by which one must be better
 _NOISES, _FAR = 20, 25.0
-# proposals by which a few rounds find the place of those that are weighed
-_SCOUTS = 250
 # rounds in which shares of a mixture are scaled, and the change of their sums at which they end
 _MIXTURE_STEPS, _MIXTURE_TOLERANCE = 100, 1e-2
 
@@ -183,12 +181,9 @@ def _by_proposals(
         return at_centre(u) + log_volume
 
     modes = find_modes(at_centre_of, starts)
-    n = len(first_step)
-    spread = Gaussian(first_step[0], np.eye(first_step.shape[1]), modes[0].log_mass)
-    first = moment_match(first_step, np.full(n, 1 / n), spread)
     found = _weighed(
         problem,
-        first,
+        _near_all(first_step, modes[0].log_mass),
         [modes[0]],
         _noise_of(first_step),
         plain,
@@ -228,6 +223,16 @@ class _Weighed(NamedTuple):
     enough: bool
 
 
+def near_draws(u: FloatArray, weight: FloatArray) -> Gaussian:
+    """Return the Gaussian with the moments of weighted draws (S, d), of all where few weigh."""
+    return moment_match(u, weight, _near_all(u))
+
+
+def _near_all(u: FloatArray, log_mass: float = 0.0) -> Gaussian:
+    n, d = u.shape
+    return moment_match(u, np.full(n, 1 / n), Gaussian(u[0], np.eye(d), log_mass))
+
+
 def _weighed(
     problem: MeasuredGiven,
     first: Gaussian,
@@ -265,48 +270,38 @@ def _weighed(
     return _Weighed(u, log_density, share, khat, effective, enough)
 
 
-def around(u: FloatArray, weight: FloatArray, log_mass: float = 0.0) -> Gaussian:
-    """Return the Gaussian with the weighted moments of draws, leaning on all where few weigh."""
-    spread = Gaussian(u[0], np.eye(u.shape[1]), log_mass)
-    n = len(u)
-    return moment_match(u, weight, moment_match(u, np.full(n, 1 / n), spread))
-
-
 def near_step(
     problem: MeasuredGiven,
     start: FloatArray,
-    around: Gaussian,
+    near: Gaussian,
     n: int,
     random_state: np.random.RandomState,
 ) -> tuple[NDArray[np.intp], FloatArray]:
-    """Draw u = [z, log sigma] n times given each coefficient draw; no mode is sought.
+    """Draw u = [z, log sigma] n times given each coefficient draw, from draws near to it.
 
-    By proposals, and where these are doubtful by moves, of which each draw has one.
+    No mode is sought. Where shared proposals are doubtful, each coefficient draw has one draw, by
+    moves.
 
     Parameters
     ----------
     problem : MeasuredGiven
     start : ndarray of shape (S, d)
-        Draws near to the answer for each coefficient draw, from which moves start.
-    around : Gaussian
+        Where moves of each coefficient draw start.
+    near : Gaussian
         Where proposals are made first.
     n : int
     random_state : RandomState
 
     Returns
     -------
-    which, u
-        Coefficient draws (K,) and what was drawn given them, (K, d).
+    which : ndarray of int of shape (K,)
+        Coefficient draws.
+    u : ndarray of shape (K, d)
+        A draw given each of these.
     """
-
-    def weighed(first: Gaussian, n: int) -> _Weighed:
-        sigma = float(np.exp(first.mean[-1]))
-        return _weighed(problem, first, [], sigma, lambda u: (u, 0.0), n, random_state)
-
-    S = len(start)
-    scouts = weighed(around, _SCOUTS)
-    moved_there = moment_match(scouts.u, scouts.share.mean(axis=1), around)
-    found = weighed(moved_there, SETTINGS.min_proposals)
+    sigma, S = float(np.exp(near.mean[-1])), len(start)
+    number = SETTINGS.min_proposals
+    found = _weighed(problem, near, [], sigma, lambda u: (u, 0.0), number, random_state)
     if found.khat > KHAT_LIMIT or found.effective < SETTINGS.least_effective:
         moved = moved_step(problem, start, random_state, FROM_NEAR)
         return np.arange(S), np.column_stack([moved.z, np.log(moved.sigma)])
