@@ -12,8 +12,8 @@ from scipy import special
 from hybridsurrogate.inference.conditional.sampler import (
     MeasuredDraws,
     exchanged,
+    held_out,
     near_draws,
-    near_step,
 )
 from hybridsurrogate.inference.loo import PointwiseLoo, pointwise_loo
 from hybridsurrogate.inference.posterior_sampler import first_step
@@ -29,6 +29,7 @@ from hybridsurrogate.inference.procedure import (
 )
 from hybridsurrogate.inference.sampling.differential_evolution import FROM_DRAWS, FROM_NEAR
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
+from hybridsurrogate.inference.sampling.modes import Gaussian
 from hybridsurrogate.inference.sampling.psis import khat_limit, pareto_smooth
 from hybridsurrogate.inference.warm_start import carried, carried_step
 from hybridsurrogate.notebook.bars import counted
@@ -43,9 +44,8 @@ from hybridsurrogate.problem.rows import MeasuredRows
 _SQUARED, _LEAST, _MOST = 4e5, 200, 2000
 # draws of step 2 for each of them
 _REPEATS = 8
-# of a row that is fitted anew: draws of coefficients, of step 2 for each of them, and proposals
-# where step 1 is weighed anew
-_REFITTED, _OF_EACH, _PROPOSALS = 200, 2, 1600
+# of a row that is fitted anew: draws of coefficients, and proposals where step 1 is weighed anew
+_REFITTED, _PROPOSALS = 200, 1600
 
 
 class _Starts(NamedTuple):
@@ -64,6 +64,25 @@ class _Starts(NamedTuple):
     def take(self, chosen: NDArray[np.intp]) -> _Starts:
         """Return some of them."""
         return _Starts(self.draw[chosen], self.u[chosen], self.columns[chosen])
+
+
+class _Step(NamedTuple):
+    """Draws of step 1 without a row, and where step 2 lies.
+
+    Attributes
+    ----------
+    first : Posterior
+    unknowns : ndarray of shape (n, d)
+    begun : _Starts
+        Draws of step 2 for each, or near to them.
+    near : tuple of Gaussian
+        What step 2 infers without the row, about, and with it.
+    """
+
+    first: Posterior
+    unknowns: FloatArray
+    begun: _Starts
+    near: tuple[Gaussian, Gaussian]
 
 
 @dataclass(frozen=True)
@@ -195,9 +214,14 @@ def _loo_of_distinct(
         else:
             log_weight = -power[i] * less[i] * first[:, i]
             kept = -removed[:, i].reshape(len(some), -1)
-            again = _step_without(
+            step = _step_without(
                 without, powers, fit, starts, some, log_weight, kept, sampler, random_state
             )
+            known = _held_out(problem, without, step, index[i], less[i], random_state)
+            if known is not None:
+                found.log_density[i] = known
+                continue
+            again = _moved(without, step, random_state)
         density = _given_others(problem, again, index[i : i + 1], less[i : i + 1])[0]
         found.log_density[i] = special.logsumexp(density) - np.log(len(density))
     return found
@@ -238,8 +262,8 @@ def _step_without(
     kept: FloatArray,
     sampler: str | EnsembleSampler,
     random_state: np.random.RandomState,
-) -> Posterior:
-    """Return draws given all rows but one, from those of a fit with it.
+) -> _Step:
+    """Return draws of step 1 given all rows but one, from those of a fit with it.
 
     Parameters
     ----------
@@ -255,21 +279,42 @@ def _step_without(
     of_first = smoothed[some][:, None] - special.logsumexp(kept, axis=1, keepdims=True)
     share = special.softmax((kept + of_first).ravel())
     begun = starts.take(_evenly(share, n, random_state))
-    if khat > khat_limit(len(log_weight)):
-        step = carried_step(without, powers, fit.proposals, n, _PROPOSALS, random_state)
-        if step is None:
-            target = make_target(without, *powers_used(without, powers))
-            step = first_step(target, sampler, n, random_state)
-        first, unknowns = posterior_of(without, step), step.u
-    else:
-        first, unknowns = fit.first.take(begun.draw), fit.unknowns[begun.draw]
-    if without.collapses:
-        given, near = given_draws(without, first.coefficients), near_draws(starts.u, share)
-        which, last = near_step(given, begun.u, near, _OF_EACH, random_state)
-        return _at(first.take(which), unknowns[which], last, begun.columns[which])
-    u = with_again(unknowns, begun.u)
-    drawn = moved_again(without, u, first.coefficients, begun.columns, random_state, FROM_NEAR)
-    return _at(first, unknowns, _unknowns_of(drawn), drawn.coefficients)
+    near = near_draws(starts.u, share), near_draws(starts.u, np.full(len(share), 1 / len(share)))
+    if khat <= khat_limit(len(log_weight)):
+        return _Step(fit.first.take(begun.draw), fit.unknowns[begun.draw], begun, near)
+    step = carried_step(without, powers, fit.proposals, n, _PROPOSALS, random_state)
+    if step is None:
+        target = make_target(without, *powers_used(without, powers))
+        step = first_step(target, sampler, n, random_state)
+    return _Step(posterior_of(without, step), step.u, begun, near)
+
+
+def _held_out(
+    problem: Problem,
+    without: Problem,
+    step: _Step,
+    i: np.intp,
+    less: float,
+    random_state: np.random.RandomState,
+) -> float | None:
+    """Return the log density of row i given the others, None where proposals do not serve."""
+    if not problem.collapses:
+        return None
+    c = step.first.coefficients
+    # the others, and a measurement of weight one
+    more = _without(problem, (0.0, 1.0), i, less - 1)[0]
+    found = held_out(given_draws(without, c), given_draws(more, c), step.near, random_state)
+    if found is None:
+        return None
+    constant = problem.likelihood.log_density(problem.observed[i], problem.y[i], np.ones(()))
+    return float(special.logsumexp(found) - np.log(len(found)) + constant)
+
+
+def _moved(without: Problem, step: _Step, random_state: np.random.RandomState) -> Posterior:
+    """Return draws of step 2 given all rows but one, by moves."""
+    u, c = with_again(step.unknowns, step.begun.u), step.first.coefficients
+    drawn = moved_again(without, u, c, step.begun.columns, random_state, FROM_NEAR)
+    return _at(step.first, step.unknowns, _unknowns_of(drawn), drawn.coefficients)
 
 
 def _evenly(share: FloatArray, n: int, random_state: np.random.RandomState) -> NDArray[np.intp]:

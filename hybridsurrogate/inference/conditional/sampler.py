@@ -8,12 +8,13 @@ draws are too narrow for shared proposals, each draw has separate ones.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 from hybridsurrogate.blocks import LARGE_BLOCK, blocks
 from hybridsurrogate.cholesky import log_det_of, nudged_cholesky
@@ -34,11 +35,7 @@ from hybridsurrogate.inference.conditional.pairwise_squares import (
 from hybridsurrogate.inference.conditional.principal_components import main_directions
 from hybridsurrogate.inference.conjugate.sufficient_statistics import ROUNDING
 from hybridsurrogate.inference.model.prior_density import prior_of_unknowns
-from hybridsurrogate.inference.sampling.differential_evolution import (
-    FROM_NEAR,
-    Effort,
-    moved_draws,
-)
+from hybridsurrogate.inference.sampling.differential_evolution import Effort, moved_draws
 from hybridsurrogate.inference.sampling.hierarchical import standardised
 from hybridsurrogate.inference.sampling.modes import Gaussian, LogDensity, find_modes
 from hybridsurrogate.inference.sampling.proposals import (
@@ -207,6 +204,8 @@ def _by_proposals(
 class _Weighed(NamedTuple):
     """Nodes u (J, d), and of each with each coefficient draw (J, S) log density and share.
 
+    The density (J,) of the proposals is that of u.
+
     Attributes
     ----------
     khat, effective : float
@@ -217,6 +216,7 @@ class _Weighed(NamedTuple):
 
     u: FloatArray
     log_density: FloatArray
+    log_proposal: FloatArray
     share: FloatArray
     khat: float
     effective: float
@@ -252,7 +252,6 @@ def _weighed(
         From the proposals' coordinates to u, and the log of the volume.
     """
     components = [first, *others]
-    some = np.linspace(0, len(problem.c) - 1, min(25, len(problem.c))).astype(int)
     for round_ in range(SETTINGS.conditional_rounds):
         points = mixture_points(components, n, random_state)
         u, log_volume = plain(points)
@@ -261,52 +260,59 @@ def _weighed(
         log_density = _log_density(given, u, given.draws)
         log_weight = log_density - log_proposal[:, None]
         share = node_shares(log_weight)
-        effective = float(np.median(1 / np.sum(share**2, axis=0)))
-        khat = float(np.median([level_smooth(log_weight[:, s])[1] for s in some]))
+        khat, effective = _quality(log_weight)
         enough = effective > 0.1 * n and khat <= KHAT_LIMIT
         if enough or round_ == SETTINGS.conditional_rounds - 1:
             break
         components = [moment_match(points, share.mean(axis=1), first), *others]
-    return _Weighed(u, log_density, share, khat, effective, enough)
+    return _Weighed(u, log_density, log_proposal, share, khat, effective, enough)
 
 
-def near_step(
-    problem: MeasuredGiven,
-    start: FloatArray,
-    near: Gaussian,
-    n: int,
+def _quality(log_weight: FloatArray) -> tuple[float, float]:
+    """Return k-hat and effective number of weights (J, S), medians over draws."""
+    S, share = log_weight.shape[1], node_shares(log_weight)
+    some = np.linspace(0, S - 1, min(25, S)).astype(int)
+    khat = float(np.median([level_smooth(log_weight[:, s])[1] for s in some]))
+    return khat, float(np.median(1 / np.sum(share**2, axis=0)))
+
+
+def _as_is(points: FloatArray) -> tuple[FloatArray, float]:
+    return points, 0.0
+
+
+def held_out(
+    others: MeasuredGiven,
+    all_rows: MeasuredGiven,
+    near: Sequence[Gaussian],
     random_state: np.random.RandomState,
-) -> tuple[NDArray[np.intp], FloatArray]:
-    """Draw u = [z, log sigma] n times given each coefficient draw, from draws near to it.
+) -> FloatArray | None:
+    """Return the log density (S,) of held-out rows given the others and each coefficient draw.
 
-    No mode is sought. Where shared proposals are doubtful, each coefficient draw has one draw, by
-    moves.
+    It is the ratio of the evidence of all rows to that of the others, both from the same
+    proposals: draws given the others say little of rows that are improbable given them.
+
+    None where the proposals do not serve. The constant of the normal distribution is left out.
 
     Parameters
     ----------
-    problem : MeasuredGiven
-    start : ndarray of shape (S, d)
-        Where moves of each coefficient draw start.
-    near : Gaussian
-        Where proposals are made first.
-    n : int
+    others, all_rows : MeasuredGiven
+        With the same S coefficient draws.
+    near : sequence of Gaussian
+        Around what is inferred from the others, and from all rows.
     random_state : RandomState
-
-    Returns
-    -------
-    which : ndarray of int of shape (K,)
-        Coefficient draws.
-    u : ndarray of shape (K, d)
-        A draw given each of these.
     """
-    sigma, S = float(np.exp(near.mean[-1])), len(start)
-    number = SETTINGS.min_proposals
-    found = _weighed(problem, near, [], sigma, lambda u: (u, 0.0), number, random_state)
-    if found.khat > KHAT_LIMIT or found.effective < SETTINGS.least_effective:
-        moved = moved_step(problem, start, random_state, FROM_NEAR)
-        return np.arange(S), np.column_stack([moved.z, np.log(moved.sigma)])
-    nodes = np.concatenate([one_node_each(found.share, random_state) for _ in range(n)])
-    return np.tile(np.arange(S), n), found.u[nodes]
+    sigma, n = float(np.exp(near[0].mean[-1])), SETTINGS.min_proposals
+    found = _weighed(others, near[0], list(near[1:]), sigma, _as_is, n, random_state)
+    given = main_directions(all_rows, found.u[:, :-1], sigma)
+    log_weight = found.log_density - found.log_proposal[:, None]
+    with_them = _log_density(given, found.u, given.draws) - found.log_proposal[:, None]
+    khat, effective = _quality(with_them)
+    if max(khat, found.khat) > KHAT_LIMIT:
+        return None
+    if min(effective, found.effective) < SETTINGS.least_effective:
+        return None
+    ratio: FloatArray = special.logsumexp(with_them, axis=0) - special.logsumexp(log_weight, axis=0)
+    return ratio
 
 
 def exchanged(
