@@ -49,7 +49,7 @@ from hybridsurrogate.priors import FloatArray
 
 # noises that are tried, and nats by which one must be better
 _NOISES, _FAR = 20, 25.0
-# rounds in which shares of a mixture are scaled, and the change of their sums at which they end
+# rounds in which shares of a mixture are scaled, and the difference of sums at which they end
 _MIXTURE_STEPS, _MIXTURE_TOLERANCE = 100, 1e-2
 
 
@@ -289,7 +289,8 @@ def held_out(
     """Return the log density (S,) of held-out rows given the others and each coefficient draw.
 
     It is the ratio of the evidence of all rows to that of the others, both from the same
-    proposals: draws given the others say little of rows that are improbable given them.
+    proposals: the mean density of draws given the others would rest on their tails where rows are
+    improbable given them (11 nats too low for a row at -25 to -32).
 
     None where the proposals do not serve. The constant of the normal distribution is left out.
 
