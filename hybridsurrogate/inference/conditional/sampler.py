@@ -290,7 +290,7 @@ def held_out(
 
     It is the ratio of the evidence of all rows to that of the others, both from the same
     proposals: the mean density of draws given the others would rest on their tails where rows are
-    improbable given them (11 nats too low for a row at -25 to -32).
+    improbable given them (2 to 17 nats too low for rows at -25 to -32).
 
     None where the proposals do not serve. The constant of the normal distribution is left out.
 
