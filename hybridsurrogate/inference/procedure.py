@@ -135,15 +135,7 @@ def finish(
     random_state: np.random.RandomState,
 ) -> Fit:
     """Run step 2 on the draws of step 1 at `powers_used`."""
-    model = problem.model
-    first = Posterior(
-        model,
-        problem.likelihood,
-        model.values(drawn.u[:, :-1]),
-        np.exp(drawn.u[:, -1]),
-        drawn.c,
-        drawn.a,
-    )
+    model, first = problem.model, posterior_of(problem, drawn)
     if powers[0] == 0 and np.all(powers[1] == 1):
         # measured rows alone were used, at full power: step 2 would repeat step 1
         return Fit(first, first, drawn.u, drawn.diagnostics, powers, drawn.proposals)
@@ -162,6 +154,18 @@ def finish(
     return Fit(first, second, drawn.u, diagnostics, powers, drawn.proposals, unknowns)
 
 
+def posterior_of(problem: Problem, drawn: FirstStep) -> Posterior:
+    """Return the posterior of step 1."""
+    return Posterior(
+        problem.model,
+        problem.likelihood,
+        problem.model.values(drawn.u[:, :-1]),
+        np.exp(drawn.u[:, -1]),
+        drawn.c,
+        drawn.a,
+    )
+
+
 def with_again(u: FloatArray, again: FloatArray) -> FloatArray:
     """Return unknowns [z, z_hyper, log sigma] with those of step 2, [z, log sigma], in place."""
     m = again.shape[1] - 1
@@ -174,40 +178,43 @@ def measured_draws(
     c: FloatArray,
     a: FloatArray,
     random_state: np.random.RandomState,
-    effort: Effort | None = None,
 ) -> MeasuredDraws:
-    """Draw the unknowns of the measured rows given each coefficient draw.
-
-    By grid, proposals or moves. With an ``effort`` by moves, from u and a that are draws of this
-    posterior or of one near to it.
-    """
+    """Draw the unknowns of the measured rows given each coefficient draw."""
     if not problem.collapses:
-        return conditional_draws(
-            problem.model,
-            problem.X,
-            problem.observed,
-            problem.weights,
-            problem.likelihood,
-            problem.noise_prior,
-            u,
-            c,
-            a,
-            random_state,
-            FROM_NEAR if effort is None else effort,
-        )
-    without_hyper = np.delete(u, np.s_[problem.model.n_unknowns : u.shape[1] - 1], axis=1)
-    if effort is not None:
-        given = MeasuredGiven(
-            problem.model,
-            problem.X,
-            problem.y,
-            problem.weights,
-            c,
-            problem.noise_prior,
-            problem.scale,
-        )
-        return moved_step(given, without_hyper, random_state, effort)
-    return second_step(
+        return moved_again(problem, u, c, a, random_state, FROM_NEAR)
+    return second_step(given_draws(problem, c), without_hyper(problem, u), random_state)
+
+
+def moved_again(
+    problem: Problem,
+    u: FloatArray,
+    c: FloatArray,
+    a: FloatArray,
+    random_state: np.random.RandomState,
+    effort: Effort,
+) -> MeasuredDraws:
+    """Draw the same by moves from u and a, which are draws of this posterior or of one near."""
+    if problem.collapses:
+        start = without_hyper(problem, u)
+        return moved_step(given_draws(problem, c), start, random_state, effort)
+    return conditional_draws(
+        problem.model,
+        problem.X,
+        problem.observed,
+        problem.weights,
+        problem.likelihood,
+        problem.noise_prior,
+        u,
+        c,
+        a,
+        random_state,
+        effort,
+    )
+
+
+def given_draws(problem: Problem, c: FloatArray) -> MeasuredGiven:
+    """Return the measured rows of a problem given coefficient draws (S, p)."""
+    return MeasuredGiven(
         problem.model,
         problem.X,
         problem.y,
@@ -215,6 +222,9 @@ def measured_draws(
         c,
         problem.noise_prior,
         problem.scale,
-        without_hyper,
-        random_state,
     )
+
+
+def without_hyper(problem: Problem, u: FloatArray) -> FloatArray:
+    """Return [z, log sigma] of unknowns [z, z_hyper, log sigma]."""
+    return np.delete(u, np.s_[problem.model.n_unknowns : u.shape[1] - 1], axis=1)

@@ -14,15 +14,15 @@ from hybridsurrogate.numerics.psis import KHAT_LIMIT
 from hybridsurrogate.types import FloatArray
 
 
-def carried(
+def carried_step(
     problem: Problem,
     powers: tuple[float, float | FloatArray],
     proposals: Proposals | None,
     n_draws: int,
     n_proposals: int,
     random_state: np.random.RandomState,
-) -> Fit | None:
-    """Return the fit of a problem from proposals made for another, None where they do not serve.
+) -> FirstStep | None:
+    """Return step 1 of a problem from proposals made for another, None where they do not serve.
 
     They do not where, after moment matching, their k-hat exceeds 0.7 or so few effective draws
     are left that they are doubtful.
@@ -49,8 +49,22 @@ def carried(
     if not (sampled.khat <= KHAT_LIMIT and sampled.effective_draws >= MIN_EFFECTIVE):
         return None
     drawn = target.resolved(sampled.draws, random_state)
-    step = FirstStep(*drawn, of_importance(target, sampled, 1), sampled.proposals)
-    return finish(problem, powers, step, random_state)
+    return FirstStep(*drawn, of_importance(target, sampled, 1), sampled.proposals)
+
+
+def carried(
+    problem: Problem,
+    powers: tuple[float, float | FloatArray],
+    proposals: Proposals | None,
+    n_draws: int,
+    n_proposals: int,
+    random_state: np.random.RandomState,
+) -> Fit | None:
+    """Return the fit of a problem whose step 1 is `carried_step`, None where that is."""
+    step = carried_step(problem, powers, proposals, n_draws, n_proposals, random_state)
+    if step is None:
+        return None
+    return finish(problem, powers_used(problem, powers), step, random_state)
 
 
 def thinned(proposals: Proposals, n: int) -> Proposals:

@@ -9,11 +9,28 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from hybridsurrogate.inference.conditional.sampler import (
+    MeasuredDraws,
+    exchanged,
+    held_out,
+    near_draws,
+)
 from hybridsurrogate.inference.loo import PointwiseLoo, pointwise_loo
-from hybridsurrogate.inference.procedure import Fit, fit_problem, measured_draws, with_again
-from hybridsurrogate.inference.sampling.differential_evolution import FROM_DRAWS, FROM_NEAR, Effort
+from hybridsurrogate.inference.posterior_sampler import first_step
+from hybridsurrogate.inference.procedure import (
+    Fit,
+    fit_problem,
+    given_draws,
+    make_target,
+    moved_again,
+    posterior_of,
+    powers_used,
+    with_again,
+)
+from hybridsurrogate.inference.sampling.differential_evolution import FROM_DRAWS, FROM_NEAR
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
-from hybridsurrogate.inference.warm_start import carried
+from hybridsurrogate.inference.sampling.modes import Gaussian
+from hybridsurrogate.inference.warm_start import carried, carried_step
 from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.rows.measured_rows import MeasuredRows
@@ -23,20 +40,12 @@ from hybridsurrogate.prediction.cavity import without_each
 from hybridsurrogate.prediction.mixture import MixtureAt, log_density_of
 from hybridsurrogate.types import FloatArray
 
-# draws of a fit without one row where there is no step 2, and proposals for each
-_REFITTED, _PROPOSALS = 400, 4
-
-
-class _Draws(NamedTuple):
-    """How many draws a score is made from: its error is a few hundredths of a nat from them.
-
-    Step 2 is repeated so often, for so many draws of the coefficients. Without one row there are
-    ``refitted`` draws.
-    """
-
-    repeats: int
-    conditional: int
-    refitted: int
+# draws of coefficients that a score is made from: all their numbers' squares, at least, at most
+_SQUARED, _LEAST, _MOST = 4e5, 200, 2000
+# draws of step 2 for each of them
+_REPEATS = 8
+# of a row that is fitted anew: draws of coefficients, and proposals where step 1 is weighed anew
+_REFITTED, _PROPOSALS = 200, 1600
 
 
 class _Starts(NamedTuple):
@@ -57,10 +66,23 @@ class _Starts(NamedTuple):
         return _Starts(self.draw[chosen], self.u[chosen], self.columns[chosen])
 
 
-# of a density in which the coefficients of causes are integrated out few draws say as much
-_FEW = _Draws(4, 40, 200)
-# a draw of step 2 costs the square of the coefficients: 2 s of 60 and 40 rows
-_SQUARED, _LEAST, _MOST = 4e5, 50, 4000
+class _Step(NamedTuple):
+    """Draws of step 1 without a row, and where step 2 lies.
+
+    Attributes
+    ----------
+    first : Posterior
+    unknowns : ndarray of shape (n, d)
+    begun : _Starts
+        Draws of step 2 for each, or near to them.
+    near : tuple of Gaussian
+        What step 2 infers without the row, about, and with it.
+    """
+
+    first: Posterior
+    unknowns: FloatArray
+    begun: _Starts
+    near: tuple[Gaussian, Gaussian]
 
 
 @dataclass(frozen=True)
@@ -174,27 +196,32 @@ def _loo_of_distinct(
         found = pointwise_loo(first, less, first[:, None], np.zeros(len(y)))
     else:
         first = _log_likelihood(fit.first, X, y)
-        n = _draws_of(problem, fit)
-        some = _spread(len(first), n.conditional)
-        starts = _Starts.of_fit(fit, np.repeat(some, n.repeats))
-        starts, again = _repeated(problem, fit, starts, random_state)
+        some = _spread(len(first), _most_draws(problem, fit))
+        starts = _repeats(problem, fit, some, random_state)
+        of_first = fit.first.take(starts.draw), fit.unknowns[starts.draw]
+        again = _at(*of_first, starts.u, starts.columns)
         second, removed = _given_others(problem, again, index, less)
-        shape = len(some), n.repeats, len(y)
+        shape = len(some), _REPEATS, len(y)
         found = pointwise_loo(
             first, power * less, second.reshape(shape), less, removed.reshape(shape), some
         )
     for i in counted(np.flatnonzero(found.failed), "Fits without one row", progress):
         without, powers = _without(problem, fit.powers, index[i], less[i])
-        most = _REFITTED if fit.again is None else _draws_of(problem, fit).refitted
-        n_draws = min(fit.first.n_draws, most)
-        chosen = None
-        if fit.again is not None:
-            log_weight = -power[i] * less[i] * first[:, i]
-            chosen = _without_row(log_weight, some, removed[:, i], n_draws, random_state)
-        if chosen is not None:
-            again = _repeated(without, fit, starts.take(chosen), random_state, FROM_NEAR)[1]
+        if fit.again is None:
+            again = _fit_without(
+                without, powers, fit, min(fit.first.n_draws, 2 * _REFITTED), sampler, random_state
+            )
         else:
-            again = _fit_without(without, powers, fit, n_draws, sampler, random_state)
+            log_weight = -power[i] * less[i] * first[:, i]
+            kept = -removed[:, i].reshape(len(some), -1)
+            step = _step_without(
+                without, powers, fit, starts, some, log_weight, kept, sampler, random_state
+            )
+            known = _held_out(problem, without, step, index[i], less[i], random_state)
+            if known is not None:
+                found.log_density[i] = known
+                continue
+            again = _moved(without, step, random_state)
         density = _given_others(problem, again, index[i : i + 1], less[i : i + 1])[0]
         found.log_density[i] = special.logsumexp(density) - np.log(len(density))
     return found
@@ -205,11 +232,9 @@ def _integrates(problem: Problem) -> bool:
     return problem.collapses and len(problem.model.column_sd) > 0
 
 
-def _draws_of(problem: Problem, fit: Fit) -> _Draws:
-    if _integrates(problem):
-        return _FEW
-    n_coefficients = max(fit.first.coefficients.shape[1], 1)
-    return _Draws(8, int(np.clip(_SQUARED / n_coefficients**2, _LEAST, _MOST)), 400)
+def _most_draws(problem: Problem, fit: Fit) -> int:
+    n_coefficients = max(fit.first.coefficients.shape[1] + len(problem.model.column_sd), 1)
+    return int(np.clip(_SQUARED / n_coefficients**2, _LEAST, _MOST))
 
 
 def _given_others(
@@ -227,32 +252,76 @@ def _spread(n: int, most: int) -> NDArray[np.intp]:
     return np.linspace(0, n - 1, min(most, n)).astype(int)
 
 
-def _without_row(
-    first: FloatArray,
+def _step_without(
+    without: Problem,
+    powers: tuple[float, float | FloatArray],
+    fit: Fit,
+    starts: _Starts,
     some: NDArray[np.intp],
-    removed: FloatArray,
-    n: int,
+    log_weight: FloatArray,
+    kept: FloatArray,
+    sampler: str | EnsembleSampler,
     random_state: np.random.RandomState,
-) -> NDArray[np.intp] | None:
-    """Choose n repeats of step 2 as if their row were not there, None where step 1 leaves too few.
+) -> _Step:
+    """Return draws of step 1 given all rows but one, from those of a fit with it.
 
     Parameters
     ----------
-    first : ndarray of shape (S,)
-        Log weights of draws of step 1.
     some : ndarray of int of shape (T,)
         Draws of step 1 that have repeats.
-    removed : ndarray of shape (T * M,)
-        What leaving the row out takes from the log density of each repeat.
+    log_weight : ndarray of shape (S,)
+        Of draws of step 1 as if their row were not there.
+    kept : ndarray of shape (T, M)
+        The same of the repeats, given their draw of step 1.
     """
-    smoothed, khat = pareto_smooth(first) if np.ptp(first) else (0 * first, 0.0)
-    if khat > khat_limit(len(first)):
+    n = min(fit.first.n_draws, _REFITTED)
+    smoothed, khat = pareto_smooth(log_weight) if np.ptp(log_weight) else (0 * log_weight, 0.0)
+    of_first = smoothed[some][:, None] - special.logsumexp(kept, axis=1, keepdims=True)
+    share = special.softmax((kept + of_first).ravel())
+    begun = starts.take(_evenly(share, n, random_state))
+    near = near_draws(starts.u, share), near_draws(starts.u, np.full(len(share), 1 / len(share)))
+    if khat <= khat_limit(len(log_weight)):
+        return _Step(fit.first.take(begun.draw), fit.unknowns[begun.draw], begun, near)
+    step = carried_step(without, powers, fit.proposals, n, _PROPOSALS, random_state)
+    if step is None:
+        target = make_target(without, *powers_used(without, powers))
+        step = first_step(target, sampler, n, random_state)
+    return _Step(posterior_of(without, step), step.u, begun, near)
+
+
+def _held_out(
+    problem: Problem,
+    without: Problem,
+    step: _Step,
+    i: np.intp,
+    less: float,
+    random_state: np.random.RandomState,
+) -> float | None:
+    """Return the log density of row i given the others, None where proposals do not serve."""
+    if not problem.collapses:
         return None
-    kept = -removed.reshape(len(some), -1)
-    log_weight = smoothed[some][:, None] + kept - special.logsumexp(kept, axis=1, keepdims=True)
-    share = np.cumsum(special.softmax(log_weight.ravel()))
+    c = step.first.coefficients
+    # the others, and a measurement of weight one
+    more = _without(problem, (0.0, 1.0), i, less - 1)[0]
+    found = held_out(given_draws(without, c), given_draws(more, c), step.near, random_state)
+    if found is None:
+        return None
+    constant = problem.likelihood.log_density(problem.observed[i], problem.y[i], np.ones(()))
+    return float(special.logsumexp(found) - np.log(len(found)) + constant)
+
+
+def _moved(without: Problem, step: _Step, random_state: np.random.RandomState) -> Posterior:
+    """Return draws of step 2 given all rows but one, by moves."""
+    u, c = with_again(step.unknowns, step.begun.u), step.first.coefficients
+    drawn = moved_again(without, u, c, step.begun.columns, random_state, FROM_NEAR)
+    return _at(step.first, step.unknowns, _unknowns_of(drawn), drawn.coefficients)
+
+
+def _evenly(share: FloatArray, n: int, random_state: np.random.RandomState) -> NDArray[np.intp]:
+    """Return n positions by their shares, from one random number."""
+    cumulative = np.cumsum(share)
     even = (np.arange(n) + random_state.uniform()) / n
-    return np.minimum(np.searchsorted(share, even * share[-1]), len(share) - 1)
+    return np.minimum(np.searchsorted(cumulative, even * cumulative[-1]), len(share) - 1)
 
 
 def _fit_without(
@@ -264,7 +333,7 @@ def _fit_without(
     random_state: np.random.RandomState,
 ) -> Posterior:
     """Return draws given all rows but one, from those given all of them where these serve."""
-    known = carried(without, powers, fit.proposals, n, _PROPOSALS * n, random_state)
+    known = carried(without, powers, fit.proposals, n, _PROPOSALS, random_state)
     if known is None:
         known = fit_problem(without, powers, sampler, n, random_state)
     return known.second
@@ -290,29 +359,39 @@ def _without(
     return without, (powers[0], powers[1][rest])
 
 
-def _repeated(
-    problem: Problem,
-    fit: Fit,
-    starts: _Starts,
-    random_state: np.random.RandomState,
-    effort: Effort = FROM_DRAWS,
-) -> tuple[_Starts, Posterior]:
-    """Return draws of step 2 given draws of the coefficients, by moves from draws of the same.
+def _repeats(
+    problem: Problem, fit: Fit, some: NDArray[np.intp], random_state: np.random.RandomState
+) -> _Starts:
+    """Return `_REPEATS` draws of step 2 for some draws of the coefficients, in turn.
 
-    Given the rows of the fit they have the distribution of step 2, however few moves there are.
+    Draws that belong to other coefficients serve where their posteriors overlap, and are moved
+    where they do not.
     """
-    given = fit.first.take(starts.draw)
+    starts = _Starts.of_fit(fit, np.repeat(some, _REPEATS))
+    c = fit.first.coefficients
+    if problem.collapses:
+        own = _Starts.of_fit(fit, some)
+        chosen = exchanged(given_draws(problem, c[some]), own.u, _REPEATS, random_state)
+        if chosen is not None:
+            return starts._replace(u=own.u[chosen.ravel()])
     u = with_again(fit.unknowns[starts.draw], starts.u)
-    drawn = measured_draws(problem, u, given.coefficients, starts.columns, random_state, effort)
-    z = np.hstack([drawn.z, u[:, problem.model.n_unknowns : -1]])
-    posterior = replace(
-        given,
-        values=problem.model.values(z),
-        sigma=drawn.sigma,
-        effect_coefficients=drawn.coefficients,
+    drawn = moved_again(problem, u, c[starts.draw], starts.columns, random_state, FROM_DRAWS)
+    return _Starts(starts.draw, _unknowns_of(drawn), drawn.coefficients)
+
+
+def _unknowns_of(drawn: MeasuredDraws) -> FloatArray:
+    return np.column_stack([drawn.z, np.log(drawn.sigma)])
+
+
+def _at(first: Posterior, unknowns: FloatArray, u: FloatArray, columns: FloatArray) -> Posterior:
+    """Return draws of step 1, of given unknowns, with u of step 2 in place."""
+    u = with_again(unknowns, u)
+    return replace(
+        first,
+        values=first.model.values(u[:, :-1]),
+        sigma=np.exp(u[:, -1]),
+        effect_coefficients=columns,
     )
-    u = np.column_stack([drawn.z, np.log(drawn.sigma)])
-    return _Starts(starts.draw, u, drawn.coefficients), posterior
 
 
 def _log_likelihood(posterior: Posterior, X: FloatArray, y: FloatArray) -> FloatArray:

@@ -8,10 +8,13 @@ draws are too narrow for shared proposals, each draw has separate ones.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 from hybridsurrogate.inference.conditional.grid import GRID_NODES, grid_draws
 from hybridsurrogate.inference.conditional.local_proposals import (
@@ -37,17 +40,18 @@ from hybridsurrogate.inference.sampling.proposals import (
     moment_match,
 )
 from hybridsurrogate.inference.sampling.settings import SETTINGS
-from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.posterior import LEAST_EFFECTIVE
 from hybridsurrogate.model.prior_density import prior_of_unknowns
 from hybridsurrogate.model.statistics import ROUNDING
 from hybridsurrogate.numerics.blocks import LARGE_BLOCK, blocks
 from hybridsurrogate.numerics.cholesky import log_det_of, nudged_cholesky
 from hybridsurrogate.numerics.psis import KHAT_LIMIT, level_smooth
-from hybridsurrogate.types import FloatArray, Prior
+from hybridsurrogate.types import FloatArray
 
 # noises that are tried, and nats by which one must be better
 _NOISES, _FAR = 20, 25.0
+# rounds in which shares of a mixture are scaled, and the difference of sums at which they end
+_MIXTURE_STEPS, _MIXTURE_TOLERANCE = 100, 1e-2
 
 
 @dataclass(frozen=True)
@@ -78,27 +82,13 @@ class MeasuredDraws:
 
 
 def second_step(
-    model: MeasuredModel,
-    X: FloatArray,
-    y: FloatArray,
-    weights: FloatArray,
-    coefficients: FloatArray,
-    noise_prior: Prior,
-    scale: float,
-    first_step: FloatArray,
-    random_state: np.random.RandomState,
+    problem: MeasuredGiven, first_step: FloatArray, random_state: np.random.RandomState
 ) -> MeasuredDraws:
     """Draw (omega, theta, sigma, a) given each coefficient draw.
 
     Parameters
     ----------
-    model : MeasuredModel
-    X, y, weights : ndarray of shape (n, n_columns), (n,), (n,)
-        Measured rows, y on the scale of eta, and powers of their likelihoods.
-    coefficients : ndarray of shape (S, p)
-    noise_prior : prior of sigma
-    scale : float
-        Spread of the output.
+    problem : MeasuredGiven
     first_step : ndarray of shape (S, d)
         Draws of u from step 1, around which the proposals should lie.
     random_state : RandomState
@@ -107,7 +97,7 @@ def second_step(
     -------
     MeasuredDraws
     """
-    problem = MeasuredGiven(model, X, y, weights, coefficients, noise_prior, scale)
+    model = problem.model
     if model.n_unknowns in GRID_NODES and not model.effects:
         u, resolved = grid_draws(problem, _noise_of(first_step), random_state)
         if resolved:
@@ -189,35 +179,186 @@ def _by_proposals(
         return at_centre(u) + log_volume
 
     modes = find_modes(at_centre_of, starts)
-    n, sigma = len(first_step), _noise_of(first_step)
-    spread = Gaussian(first_step[0], np.eye(first_step.shape[1]), modes[0].log_mass)
-    first = moment_match(first_step, np.full(n, 1 / n), spread)
-    components = [first, modes[0]]
-    some = np.linspace(0, len(problem.c) - 1, min(25, len(problem.c))).astype(int)
-    for round_ in range(SETTINGS.conditional_rounds):
-        points = mixture_points(components, SETTINGS.conditional_proposals, random_state)
-        u, log_volume = plain(points)
-        log_proposal = mixture_log_density(components, points) - log_volume
-        given = main_directions(problem, u[:, :-1], sigma)
-        log_weight = _log_density(given, u, given.draws) - log_proposal[:, None]
-        share = node_shares(log_weight)
-        effective = float(np.median(1 / np.sum(share**2, axis=0)))
-        khat = float(np.median([level_smooth(log_weight[:, s])[1] for s in some]))
-        enough = effective > 0.1 * SETTINGS.conditional_proposals and khat <= KHAT_LIMIT
-        if enough or round_ == SETTINGS.conditional_rounds - 1:
-            break
-        components = [moment_match(points, share.mean(axis=1), first), modes[0]]
+    found = _weighed(
+        problem,
+        _near_all(first_step, modes[0].log_mass),
+        [modes[0]],
+        _noise_of(first_step),
+        plain,
+        SETTINGS.conditional_proposals,
+        random_state,
+    )
+    u, share, khat, effective = found.u, found.share, found.khat, found.effective
     node = one_node_each(share, random_state)
     drawn = OwnDraws(u[node], khat, effective)
     # separate proposals for each draw take a Hessian each: in many dimensions only where shared
     # ones are doubtful, and never in a hierarchy, whose ridges they do not follow
     doubtful = khat > KHAT_LIMIT or effective < LEAST_EFFECTIVE
-    wanted = doubtful if first_step.shape[1] > SETTINGS.many_dimensions else not enough
+    wanted = doubtful if first_step.shape[1] > SETTINGS.many_dimensions else not found.enough
     if wanted and coordinates is None:
-        best = u[np.argmax(log_weight + log_proposal[:, None], axis=0)]
+        best = u[np.argmax(found.log_density, axis=0)]
         own = own_draws(problem, np.stack([best, plain(first_step)[0]]), random_state)
         drawn = own if own.khat < max(khat, KHAT_LIMIT) else drawn
     return _drawn(problem, *drawn, "importance", random_state)
+
+
+class _Weighed(NamedTuple):
+    """Nodes u (J, d), and of each with each coefficient draw (J, S) log density and share.
+
+    The density (J,) of the proposals is that of u.
+
+    Attributes
+    ----------
+    khat, effective : float
+        Medians over draws.
+    enough : bool
+        Whether further proposals would not be better.
+    """
+
+    u: FloatArray
+    log_density: FloatArray
+    log_proposal: FloatArray
+    share: FloatArray
+    khat: float
+    effective: float
+    enough: bool
+
+
+def near_draws(u: FloatArray, weight: FloatArray) -> Gaussian:
+    """Return the Gaussian with the moments of weighted draws (S, d), of all where few weigh."""
+    return moment_match(u, weight, _near_all(u))
+
+
+def _near_all(u: FloatArray, log_mass: float = 0.0) -> Gaussian:
+    n, d = u.shape
+    return moment_match(u, np.full(n, 1 / n), Gaussian(u[0], np.eye(d), log_mass))
+
+
+def _weighed(
+    problem: MeasuredGiven,
+    first: Gaussian,
+    others: list[Gaussian],
+    sigma: float,
+    plain: Callable[[FloatArray], tuple[FloatArray, FloatArray | float]],
+    n: int,
+    random_state: np.random.RandomState,
+) -> _Weighed:
+    """Weigh n proposals that all coefficient draws share, in rounds, until they suit these.
+
+    Parameters
+    ----------
+    first, others : Gaussian, list of Gaussian
+        Around which proposals are made; the first moves to where the weights are.
+    plain : callable
+        From the proposals' coordinates to u, and the log of the volume.
+    """
+    components = [first, *others]
+    for round_ in range(SETTINGS.conditional_rounds):
+        points = mixture_points(components, n, random_state)
+        u, log_volume = plain(points)
+        log_proposal = mixture_log_density(components, points) - log_volume
+        given = main_directions(problem, u[:, :-1], sigma)
+        log_density = _log_density(given, u, given.draws)
+        log_weight = log_density - log_proposal[:, None]
+        share = node_shares(log_weight)
+        khat, effective = _quality(log_weight)
+        enough = effective > 0.1 * n and khat <= KHAT_LIMIT
+        if enough or round_ == SETTINGS.conditional_rounds - 1:
+            break
+        components = [moment_match(points, share.mean(axis=1), first), *others]
+    return _Weighed(u, log_density, log_proposal, share, khat, effective, enough)
+
+
+def _quality(log_weight: FloatArray) -> tuple[float, float]:
+    """Return k-hat and effective number of weights (J, S), medians over draws."""
+    S, share = log_weight.shape[1], node_shares(log_weight)
+    some = np.linspace(0, S - 1, min(25, S)).astype(int)
+    khat = float(np.median([level_smooth(log_weight[:, s])[1] for s in some]))
+    return khat, float(np.median(1 / np.sum(share**2, axis=0)))
+
+
+def _as_is(points: FloatArray) -> tuple[FloatArray, float]:
+    return points, 0.0
+
+
+def held_out(
+    others: MeasuredGiven,
+    all_rows: MeasuredGiven,
+    near: Sequence[Gaussian],
+    random_state: np.random.RandomState,
+) -> FloatArray | None:
+    """Return the log density (S,) of held-out rows given the others and each coefficient draw.
+
+    It is the ratio of the evidence of all rows to that of the others, both from the same
+    proposals: the mean density of draws given the others would rest on their tails where rows are
+    improbable given them (2 to 17 nats too low for rows at -25 to -32).
+
+    None where the proposals do not serve. The constant of the normal distribution is left out.
+
+    Parameters
+    ----------
+    others, all_rows : MeasuredGiven
+        With the same S coefficient draws.
+    near : sequence of Gaussian
+        Around what is inferred from the others, and from all rows.
+    random_state : RandomState
+    """
+    sigma, n = float(np.exp(near[0].mean[-1])), SETTINGS.min_proposals
+    first, further = near[0], list(near[1:])
+    found = _weighed(others, first, further, sigma, _as_is, n, random_state)
+    if found.khat > KHAT_LIMIT:
+        # half of the proposals lie elsewhere: further rounds take 1 s, moves 6 to 9
+        first = moment_match(found.u, found.share.mean(axis=1), first)
+        found = _weighed(others, first, further, sigma, _as_is, n, random_state)
+    given = main_directions(all_rows, found.u[:, :-1], sigma)
+    log_weight = found.log_density - found.log_proposal[:, None]
+    with_them = _log_density(given, found.u, given.draws) - found.log_proposal[:, None]
+    khat, effective = _quality(with_them)
+    if max(khat, found.khat) > KHAT_LIMIT:
+        return None
+    if min(effective, found.effective) < LEAST_EFFECTIVE:
+        return None
+    ratio: FloatArray = special.logsumexp(with_them, axis=0) - special.logsumexp(log_weight, axis=0)
+    return ratio
+
+
+def exchanged(
+    problem: MeasuredGiven, u: FloatArray, n: int, random_state: np.random.RandomState
+) -> NDArray[np.intp] | None:
+    """Return for each coefficient draw n draws u out of those of all, (S, n) positions.
+
+    Draws of all conditional posteriors together are draws of their mixture, whose density follows
+    from the condition that each posterior has mass one (Shirts and Chodera 2008, Journal of
+    Chemical Physics 129:124105). None where too few serve each coefficient draw.
+
+    Parameters
+    ----------
+    problem : MeasuredGiven
+        With S coefficient draws.
+    u : ndarray of shape (S, d)
+        A draw of the posterior of each.
+    n : int
+    random_state : RandomState
+    """
+    given = main_directions(problem, u[:, :-1], _noise_of(u))
+    log_density = _log_density(given, u, given.draws)
+    share = _shares_of_mixture(np.exp(log_density - log_density.max(axis=0)))
+    if not np.median(1 / np.sum(share**2, axis=0)) >= LEAST_EFFECTIVE:
+        return None
+    return np.stack([one_node_each(share, random_state) for _ in range(n)], axis=1)
+
+
+def _shares_of_mixture(density: FloatArray) -> FloatArray:
+    """Return the shares (J, S) in posteriors with such densities of one draw of each of them."""
+    share = density / density.sum(axis=0)
+    for _ in range(_MIXTURE_STEPS):
+        mixture = share.sum(axis=1, keepdims=True)
+        share = share / np.where(mixture > 0, mixture, 1.0)
+        total = share.sum(axis=0)
+        share /= total
+        if np.ptp(np.log(total)) < _MIXTURE_TOLERANCE:
+            break
+    return share
 
 
 def _drawn(

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import special, stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.inference.conditional.grid import _finer, _grid
@@ -12,10 +12,19 @@ from hybridsurrogate.inference.conditional.local_proposals import log_density_of
 from hybridsurrogate.inference.conditional.pairwise_squares import (
     MeasuredGiven,
     SharedDraws,
+    one_node_each,
     squares_of_factors,
     squares_of_pairs,
 )
-from hybridsurrogate.inference.conditional.sampler import _draw_columns, _log_density, second_step
+from hybridsurrogate.inference.conditional.sampler import (
+    _draw_columns,
+    _log_density,
+    exchanged,
+    held_out,
+    near_draws,
+    second_step,
+)
+from hybridsurrogate.inference.procedure import given_draws
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.problem import make_problem
 
@@ -86,17 +95,8 @@ def test_second_step_draws_from_the_exact_conditional(names):
     rough = np.column_stack(
         [rng.normal(0.3, 0.6, (S, len(names))), rng.normal(np.log(0.3), 0.3, S)]
     )
-    drawn = second_step(
-        problem.model,
-        X,
-        y,
-        problem.weights,
-        coefficients,
-        noise_prior,
-        problem.scale,
-        rough,
-        np.random.RandomState(0),
-    )
+    given = given_draws(problem, coefficients)
+    drawn = second_step(given, rough, np.random.RandomState(0))
     values = problem.model.values(drawn.z)
 
     # where each parameter lies given sigma: standard normal after whitening
@@ -237,3 +237,66 @@ def test_only_cells_that_hold_mass_and_their_neighbours_are_cut():
     np.testing.assert_allclose(finer.max(axis=0) + cell / 2, [3.0, 18.0])
     # each cell once
     assert len(np.unique(np.round(finer, 9), axis=0)) == 81
+
+
+def constant_and_line(n, S, outlier=0.0):
+    """Rows y = c + a t + noise: given c, the posterior of a and sigma is known on a grid."""
+    runs = hs.Simulator(parabola, {"t": (-1, 1)}, {"b": stats.norm(0, 1)}).run(64, random_state=0)
+    rng = np.random.default_rng(5)
+    X = np.linspace(-1, 1, n)[:, None]
+    y = 0.4 * X[:, 0] + rng.normal(0, 0.3, n)
+    y[n // 2] += outlier
+    prior = stats.halfnorm(scale=0.5)
+    problem = make_problem(
+        runs, hs.PolynomialChaos(2, stats.norm(0, 10)), hs.Normal(), prior, (), ("t",), X, y
+    )
+    c = np.tile(np.linalg.solve(problem.simulation.ff, problem.simulation.fy), (S, 1))
+    c[:, 0] += rng.normal(0, 0.1, S)
+    return problem, c
+
+
+def on_a_grid(given):
+    """Nodes u, and their log densities with each coefficient draw, close together."""
+    z, log_sigma = np.linspace(-2, 3, 61), np.linspace(-2.5, 1.5, 60)
+    u = np.stack(np.meshgrid(z, log_sigma, indexing="ij"), axis=-1).reshape(-1, 2)
+    values = given.model.values(u[:, :-1])
+    parts = given.model.parts(given.X, values)
+    sigma = np.exp(u[:, 1])
+    out = stats.norm.logpdf(u[:, 0]) + given.noise_prior.logpdf(sigma) + u[:, 1]
+    mean = parts.features @ given.c.T + parts.known[..., None]
+    rows = stats.norm.logpdf(given.y[:, None], mean, sigma[:, None, None])
+    return u, out[:, None] + rows.sum(axis=1)
+
+
+def test_draws_of_other_coefficients_serve_by_their_shares():
+    """A draw of each conditional posterior becomes many of each, with its moments."""
+    problem, c = constant_and_line(12, 400)
+    given = given_draws(problem, c)
+    u, log_density = on_a_grid(given)
+    exact = np.exp(log_density - special.logsumexp(log_density, axis=0))
+    random = np.random.RandomState(0)
+    own = u[one_node_each(exact, random)]
+    told = own[exchanged(given, own, 100, random)]
+    mean, square = exact.T @ u, exact.T @ u**2
+    error = np.sqrt(square - mean**2) / np.sqrt(100)
+    assert np.std((told.mean(axis=1) - mean) / error) < 1.3
+    np.testing.assert_allclose(told.mean(axis=(0, 1)), mean.mean(axis=0), atol=0.03)
+    np.testing.assert_allclose(
+        (told**2).mean(axis=(0, 1)), square.mean(axis=0), rtol=0.1, atol=0.02
+    )
+    # noises follow the intercepts
+    assert np.polyfit(mean[:, 1], told.mean(axis=1)[:, 1], 1)[0] == pytest.approx(1, abs=0.15)
+
+
+@pytest.mark.parametrize("outlier", [0.0, 4.0])
+def test_a_held_out_row_has_its_exact_density(outlier):
+    """Also of a row that is 13 standard deviations away, of which draws without it say nothing."""
+    problem, c = constant_and_line(12, 30, outlier)
+    rest = np.arange(12) != 6
+    others = replace(problem, X=problem.X[rest], y=problem.y[rest], weights=problem.weights[rest])
+    all_rows, others = given_draws(problem, c), given_draws(others, c)
+    (u, log_all), (_, log_others) = on_a_grid(all_rows), on_a_grid(others)
+    expected = special.logsumexp(log_all, axis=0) - special.logsumexp(log_others, axis=0)
+    near = [near_draws(u, special.softmax(given.mean(axis=1))) for given in (log_others, log_all)]
+    told = held_out(others, all_rows, near, np.random.RandomState(0))
+    np.testing.assert_allclose(told - 0.5 * np.log(2 * np.pi), expected, atol=0.15)
