@@ -15,9 +15,8 @@ MOST_FILES, MOST_LINES = 13, 60
 # read from top to bottom, by file: wiring, the fields of a summary, a
 # section's sentences, a constructor's arguments
 LONG = {
-    ("problem.problem", "make_problem"),
+    ("model.problem", "make_problem"),
     ("diagnosis.report.summary", "summary"),
-    ("diagnosis.report.findings", "where"),
     ("ode.simulator", "__init__"),
 }
 

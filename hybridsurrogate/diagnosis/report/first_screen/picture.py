@@ -63,9 +63,9 @@ def _drawn(
     shown = np.ones(len(view.x), dtype=bool) if low is None else view.x >= low
     x, y = view.x[shown], view.y[shown]
     last = x if held is None else np.concatenate([x, held[0]])
-    models = [view.diagnosis.estimator_]
+    models = [view.result.before]
     if view.extended:
-        models.append(view.diagnosis.extended_estimator_)
+        models.append(view.result.extension.estimator)
     table = pd.DataFrame({view.name: x, f"measured {view.output}": y})
     drawn = []
     for name, model in zip(("simulation", "extended model"), models, strict=False):
