@@ -133,7 +133,8 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
           correlated;
         - note: why a cause was not compared, or how often the simulation fails under it.
     beta_scans_ : BetaScans
-        What `beta_scan` tries at a few weights when it is first asked for.
+        What `beta_scan` tries at a few weights when it is first asked for. Its methods
+        `best_beta_before` and `best_beta_after` return the best weight of the simulation.
     best_cause_ : CauseFinding
     found_causes_ : list of CauseFinding
         Every accepted cause in the order of acceptance, ``best_cause_`` the first.
@@ -160,8 +161,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         pair where the correlation is at least 0.9, the parameter keeps half of its prior
         uncertainty, and it could absorb half of the curve.
     gain_ : HeldOutGain or None
-        On held-out rows within the measured range, the search repeated in each fold. Its methods
-        return the best weight of the simulation before and after.
+        On held-out rows within the measured range, the search repeated in each fold.
     gain_out_of_range_ : HeldOutGain or None
         The same beyond it: the last 40 % of the rows in three blocks, each predicted from all rows
         before it. None where rows are few, or have no order: of several inputs without an
@@ -182,14 +182,15 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
     search_ : Search
         All causes at their best in the first search, given no other cause.
     result_ : DiagnosisResult
-        All searches, and the settings of this fit, which `set_params` does not change.
+        All of these in one frozen object, with every search and the settings of this fit, which
+        `set_params` does not change.
 
     Notes
     -----
     An interrupted ``fit`` (KeyboardInterrupt) keeps its results: ``search_`` and ``causes_`` list
     the causes that were compared by then. A `DiagnosisWarning` reports it, and the interrupt is
     raised. The diagnosis does not count as fitted, unless only folds remained: then only the gain
-    is missing.
+    is missing. A ``fit`` that raises an error leaves the results of an earlier one.
 
     Examples
     --------
