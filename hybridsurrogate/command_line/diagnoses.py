@@ -63,7 +63,8 @@ def report(given: argparse.Namespace) -> int:
     """Report a saved diagnosis; return the exit code."""
     check_outputs(given)
     diagnosis = read_saved(given.saved, DiscrepancyDiagnosis)
-    simulation, columns = diagnosis.estimator_.simulation, diagnosis.search_.problem.model.columns
+    result = diagnosis.result_
+    simulation, columns = result.before.simulation, result.search.problem.model.columns
     known = dict.fromkeys([*columns, *simulation.parameter_ranges, *simulation.outputs])
     return _reported(diagnosis, given, checked_units(given.units, known))
 
@@ -94,7 +95,7 @@ def _diagnosed(
     )
     with stage("Search", given, shown=False):
         diagnosis.fit(study.X, study.y)
-    say(first_words(report_of(diagnosis, given, units, None), diagnosis))
+    say(first_words(report_of(diagnosis, given, units, None), diagnosis.result_))
     if not given.no_folds:
         say(
             "\nNow the gain on held-out rows: the search is repeated without them. --no-folds "

@@ -15,6 +15,7 @@ from typing import Any
 import pandas as pd
 
 from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
+from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult
 from hybridsurrogate.diagnosis.report.report import Report, ending_of
 from hybridsurrogate.diagnosis.validation.progress import doing
 from hybridsurrogate.numerics.atomic_file import check_writable, written_whole
@@ -110,15 +111,15 @@ def stage(what: str, given: argparse.Namespace, shown: bool = True) -> Iterator[
         print(f"{what}: {time.perf_counter() - began:.1f} s", file=sys.stderr, flush=True)
 
 
-def first_words(report: Report, diagnosis: DiscrepancyDiagnosis) -> str:
+def first_words(report: Report, result: DiagnosisResult) -> str:
     """Return what is printed as soon as the search is done: headline and table of causes.
 
     Parameters
     ----------
     report : Report
-    diagnosis : DiscrepancyDiagnosis
+    result : DiagnosisResult
     """
-    return "\n".join([report.headline, *report.lead, "", table_of_causes(diagnosis.causes_)])
+    return "\n".join([report.headline, *report.lead, "", table_of_causes(result.causes)])
 
 
 def table_of_causes(causes: pd.DataFrame) -> str:

@@ -1,15 +1,14 @@
 """What the simulation gets wrong: search, verdict, extension, gain, report.
 
-diagnosis   DiscrepancyDiagnosis: checks, wires and stores
-verdict     what it concludes: one rule for all who ask
-fitted      what a fitted diagnosis answers
+diagnosis   DiscrepancyDiagnosis: checks its arguments, keeps the result, answers
 refinement  a diagnosis with further runs where they inform most
 checks      data, simulation and emulator: is there something to doubt?
 emulation   the simulation conditioned on its runs alone
 search      screen every cause, score the most probable, accept, repeat
 answers     verdict tables, discrepancy, findings, extended simulation, next measurement
-source      the extended model as Python source
 validation  the whole search repeated on folds: what the extension gains
+fitting     what a fit does with all of these, and its result
+source      the extended model as Python source
 report      text and HTML
 """
 

@@ -2,101 +2,66 @@
 
 from __future__ import annotations
 
+import os
 import warnings
-from collections.abc import Sequence
-from contextlib import nullcontext
-from copy import deepcopy
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
 from numbers import Integral
-from typing import Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
-import numpy as np
-from joblib import parallel_config
+import pandas as pd
 from numpy.typing import ArrayLike
-from sklearn.base import clone
+from sklearn import get_config
+from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_consistent_length, check_random_state, check_scalar
 from sklearn.utils.validation import check_is_fitted
 
-from hybridsurrogate.diagnosis.answers.discrepancy import estimate_discrepancies
-from hybridsurrogate.diagnosis.answers.experimental_design import next_measurement
-from hybridsurrogate.diagnosis.answers.finding import finding_of
-from hybridsurrogate.diagnosis.answers.result import DiagnosisResult
-from hybridsurrogate.diagnosis.answers.table import cause_table, not_reached
-from hybridsurrogate.diagnosis.checks.caution import Caution, warn_of
-from hybridsurrogate.diagnosis.checks.columns import (
-    better_columns,
-    check_columns,
-    doubtful_columns,
-)
-from hybridsurrogate.diagnosis.checks.cost import warn_if_slow
-from hybridsurrogate.diagnosis.checks.data import (
-    check_digits,
-    copied_rows,
-    counted_rows,
-    exact,
-    gross_errors,
-    is_exact,
-    mirrored,
-    single_rows,
-)
-from hybridsurrogate.diagnosis.checks.detectable import smallest_detectable
-from hybridsurrogate.diagnosis.checks.dispersion import (
-    cautions_of_dispersion,
-    cautions_of_rounding,
-)
-from hybridsurrogate.diagnosis.checks.emulator import check_emulator
-from hybridsurrogate.diagnosis.checks.identifiability import confounded, confounding, sentences
-from hybridsurrogate.diagnosis.checks.outside import probability_right
-from hybridsurrogate.diagnosis.checks.parameters import (
-    check_each_output,
-    check_rows,
-    check_settings,
-)
-from hybridsurrogate.diagnosis.checks.residuals import check_residuals
-from hybridsurrogate.diagnosis.checks.roughness import warn_if_rough
-from hybridsurrogate.diagnosis.fitted import FittedDiagnosis
-from hybridsurrogate.diagnosis.search.backfitting import backfitted
-from hybridsurrogate.diagnosis.search.evidence import credible_kinds
-from hybridsurrogate.diagnosis.search.forward_selection import (
-    SearchStep,
-    forward_search,
-    searches,
-    with_correlated_noise,
-)
-from hybridsurrogate.diagnosis.search.local_fit import InterruptedSearch, blurred
-from hybridsurrogate.diagnosis.search.setup import Prepared, prepare, trained_emulator
-from hybridsurrogate.diagnosis.search.working_rows import on_working_rows
-from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans, FewScan
-from hybridsurrogate.diagnosis.validation.cross_validation import cross_validated
-from hybridsurrogate.diagnosis.validation.folds import folds_beyond, random_folds
-from hybridsurrogate.diagnosis.validation.gain import HeldOutGain, in_one_word
-from hybridsurrogate.diagnosis.validation.progress import doing
-from hybridsurrogate.diagnosis.validation.refit import (
-    Pair,
-    Refit,
-    accepted,
-    extended,
-    extended_simulator,
-)
-from hybridsurrogate.diagnosis.validation.rows_left_out import with_rows
-from hybridsurrogate.diagnosis.verdict import Verdict, conclude
+from hybridsurrogate.arguments.description import described
+from hybridsurrogate.arguments.scalars import check_flag
+from hybridsurrogate.diagnosis.answers.discrepancy import Discrepancy
+from hybridsurrogate.diagnosis.answers.experimental_design import next_measurements
+from hybridsurrogate.diagnosis.answers.finding import CauseFinding
+from hybridsurrogate.diagnosis.answers.monitor import Monitor, followed, monitored
+from hybridsurrogate.diagnosis.answers.next_runs import next_runs
+from hybridsurrogate.diagnosis.checks.caution import Caution
+from hybridsurrogate.diagnosis.checks.columns import check_columns
+from hybridsurrogate.diagnosis.checks.data import counted_rows
+from hybridsurrogate.diagnosis.checks.emulator import EmulatorCheck
+from hybridsurrogate.diagnosis.checks.parameters import check_settings
+from hybridsurrogate.diagnosis.checks.residuals import ResidualCheck
+from hybridsurrogate.diagnosis.fitting.diagnose import InterruptedDiagnosis, diagnose
+from hybridsurrogate.diagnosis.fitting.folds import with_gain
+from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult, Settings
+from hybridsurrogate.diagnosis.search.evidence import Search
+from hybridsurrogate.diagnosis.source.python_code import extended_model, python_source
+from hybridsurrogate.diagnosis.stored import restored, stored
+from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans
+from hybridsurrogate.diagnosis.validation.gain import HeldOutGain, gain_on
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.effects.in_output import InOutput
-from hybridsurrogate.effects.noise.gross_error import GrossError
-from hybridsurrogate.estimators.averaged import leading
-from hybridsurrogate.estimators.emulation import as_given
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
-from hybridsurrogate.exceptions import ConfoundingWarning, DiagnosisWarning
-from hybridsurrogate.inference.prior_ends import AtPriorEnd, at_prior_ends
+from hybridsurrogate.exceptions import DiagnosisWarning
+from hybridsurrogate.inference.prior_ends import AtPriorEnd
 from hybridsurrogate.likelihoods import as_likelihood
-from hybridsurrogate.model.posterior import Posterior
-from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.rows.measured_rows import check_outcomes, without_gaps
-from hybridsurrogate.numerics.threads import one_blas_thread
+from hybridsurrogate.numerics.atomic_file import check_writable, written_whole
 from hybridsurrogate.simulation.arrays import complete_table
+from hybridsurrogate.simulation.simulator import Simulator
+from hybridsurrogate.types import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from hybridsurrogate.diagnosis.report.report import Report
+
+# names of earlier versions, and what stands in their place
+_FORMER = {
+    "averaged_estimator_": "extended_estimator_ is the average",
+    "averaged_estimator": "extended_estimator_ is the average",
+    "beta_scan_": "it takes fits, and so is a method, beta_scan()",
+    "beta_scan_out_of_range_": "it takes fits, and so is a method, beta_scan(out_of_range=True)",
+}
 
 
-class DiscrepancyDiagnosis(FittedDiagnosis):
+class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
     """Find out what a simulation gets wrong, name the cause, extend the model, measure the gain.
 
     Parameters
@@ -170,7 +135,8 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
           correlated;
         - note: why a cause was not compared, or how often the simulation fails under it.
     beta_scans_ : BetaScans
-        What `beta_scan` tries at a few weights when it is first asked for.
+        What `beta_scan` tries at a few weights when it is first asked for. Its methods
+        `best_beta_before` and `best_beta_after` return the best weight of the simulation.
     best_cause_ : CauseFinding
     found_causes_ : list of CauseFinding
         Every accepted cause in the order of acceptance, ``best_cause_`` the first.
@@ -197,8 +163,7 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         pair where the correlation is at least 0.9, the parameter keeps half of its prior
         uncertainty, and it could absorb half of the curve.
     gain_ : HeldOutGain or None
-        On held-out rows within the measured range, the search repeated in each fold. Its methods
-        return the best weight of the simulation before and after.
+        On held-out rows within the measured range, the search repeated in each fold.
     gain_out_of_range_ : HeldOutGain or None
         The same beyond it: the last 40 % of the rows in three blocks, each predicted from all rows
         before it. None where rows are few, or have no order: of several inputs without an
@@ -219,14 +184,15 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     search_ : Search
         All causes at their best in the first search, given no other cause.
     result_ : DiagnosisResult
-        All searches, and the settings of this fit, which `set_params` does not change.
+        All of these in one frozen object, with every search and the settings of this fit, which
+        `set_params` does not change.
 
     Notes
     -----
     An interrupted ``fit`` (KeyboardInterrupt) keeps its results: ``search_`` and ``causes_`` list
     the causes that were compared by then. A `DiagnosisWarning` reports it, and the interrupt is
     raised. The diagnosis does not count as fitted, unless only folds remained: then only the gain
-    is missing.
+    is missing. A ``fit`` that raises an error leaves the results of an earlier one.
 
     Examples
     --------
@@ -239,6 +205,38 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
     >>> diagnosis.best_cause_.kind
     'periodic'
     """
+
+    result_: DiagnosisResult
+    estimator_: Any
+    search_: Search
+    p_value_: float
+    causes_: pd.DataFrame
+    indistinguishable_: list[str]
+    emulator_check_: EmulatorCheck | None
+    next_measurement_: dict[str, Any]
+    next_information_: float
+    verdict_: str
+    concerns_: str | None
+    undecided_by_: str | None
+    probability_right_: float | None
+    residual_check_: ResidualCheck | None
+    smallest_detectable_: float | None
+    extended_estimator_: Any
+    extended_simulator_: Simulator | None
+    best_cause_: CauseFinding
+    found_causes_: list[CauseFinding]
+    discrepancies_: dict[str, Discrepancy]
+    discrepancy_: Discrepancy
+    confounded_: pd.DataFrame
+    at_prior_end_: list[AtPriorEnd]
+    beta_scans_: BetaScans
+    cautions_: list[Caution]
+    gain_: HeldOutGain | None
+    gain_out_of_range_: HeldOutGain | None
+    refinement_: pd.DataFrame
+    monitor_: Monitor
+    n_features_in_: int
+    _new: tuple[Any, FloatArray]
 
     def __init__(
         self,
@@ -264,6 +262,37 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         self.random_state = random_state
         self.progress = progress
 
+    def __getattr__(self, name: str) -> NoReturn:
+        # a notebook asks for the value of every attribute that there is: none may take a fit
+        text = f"{type(self).__name__!r} object has no attribute {name!r}"
+        if name in _FORMER:
+            text += f": {_FORMER[name]}"
+        raise AttributeError(text, name=name, obj=self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # for pickle, joblib and skops, which stores no tables of pandas
+        return dict(stored(dict(super().__getstate__())))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        super().__setstate__(restored(state))
+
+    def _repr_html_inner(self) -> str:
+        if not self.__sklearn_is_fitted__():
+            return str(super()._repr_html_inner())
+        from hybridsurrogate.diagnosis.report.report import short_html
+
+        return short_html(self.result_, repr(self))
+
+    def _repr_mimebundle_(self, **kwargs: Any) -> dict[str, str]:
+        # scikit-learn's own prints every fitted attribute
+        out = {"text/plain": repr(self)}
+        if get_config()["display"] == "diagram":
+            out["text/html"] = self._repr_html_inner()
+        return out
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "n_features_in_")
+
     def fit(
         self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None
     ) -> DiscrepancyDiagnosis:
@@ -288,56 +317,35 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         -------
         self
         """
-        check_settings(self)
+        check_settings(
+            estimator=self.estimator,
+            causes=self.causes,
+            exclude=self.exclude,
+            false_alarm_rate=self.false_alarm_rate,
+            n_replicates=self.n_replicates,
+            cv=self.cv,
+            max_causes=self.max_causes,
+            n_jobs=self.n_jobs,
+            progress=self.progress,
+        )
         labels = getattr(self.estimator, "experiment", None)
         check_outcomes(y, as_likelihood(getattr(self.estimator, "likelihood", "normal")))
         check_consistent_length(X, y)
         X, y, weights = without_gaps(X, y, sample_weight)
         X = complete_table(X, labels=labels)
         X, y, weights = counted_rows(X, y, weights)
-        self._forget()
-        self._weights = weights
-        self.cautions_: list[Caution] = []
         check_columns(X, y, getattr(self.estimator, "simulation", None))
-        random = check_random_state(self.random_state)
-        # where the fit makes runs processes share them
-        with nullcontext() if self.n_jobs is None else parallel_config(n_jobs=self.n_jobs):
-            self.estimator_ = as_given(clone(self.estimator).fit(X, y, weights))
-        check_each_output(self.estimator_.measured_[1], self.estimator_.simulation.outputs)
-        own, excluded = tuple(self.causes), tuple(self.exclude)
-        prepared = prepare(self.estimator_, own, excluded, int(self.max_causes))
-        prepared.warn()
-        model = prepared.problem.model
-        check_rows(len(prepared.problem.y), model.columns, [*model.parameters, *model.constants])
-        check_digits(prepared.problem)
-        ranges = self.estimator_.simulation_.input_ranges
-        self.cautions_ += copied_rows(prepared.problem.X, prepared.problem.y)
-        self.cautions_ += doubtful_columns(prepared.problem, ranges)
-        warn_if_slow(prepared.problem, self.cv)
-        warn_if_rough(prepared.problem)
+        settings, random = self._settings(), check_random_state(self.random_state)
         try:
-            with one_blas_thread(), doing("Search", bool(self.progress)):
-                steps, verdict = self._search(prepared, random)
-                self._extend(steps, verdict.same_curve, X, y)
-            self.cautions_ += cautions_of_dispersion(prepared.problem, self._of_mean())
-            self.cautions_ += cautions_of_rounding(
-                self.estimator_.likelihood_, self.emulator_check_
-            )
-        except KeyboardInterrupt as stop:
-            self._keep(prepared, stop)
+            result = diagnose(self.estimator, X, y, weights, settings, random)
+        except InterruptedDiagnosis as stop:
+            known = {"search_": stop.search, "causes_": stop.causes}
+            self._set({} if stop.search is None else known)
+            warnings.warn(stop.sentence, DiagnosisWarning, stacklevel=2)
             raise
-        finally:
-            warn_of(self.cautions_)
-        self.n_features_in_ = self.estimator_.n_features_in_
-        if hasattr(self.estimator_, "feature_names_in_"):
-            self.feature_names_in_ = self.estimator_.feature_names_in_
-        self.gain_: HeldOutGain | None = None
-        self.gain_out_of_range_: HeldOutGain | None = None
-        # of this fit, whatever set_params changes until the folds are run
-        self._searched_with = own, excluded, int(self.max_causes)
-        self._fold_random = deepcopy(random)
-        if self.cv is not None:
-            self._cross_validate(int(self.cv))
+        self._set(result.attributes())
+        if settings.cv is not None:
+            self._add_gain(settings.cv)
         return self
 
     def cross_validate(self, cv: int = 5) -> DiscrepancyDiagnosis:
@@ -379,171 +387,385 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
         """
         check_is_fitted(self)
         check_scalar(cv, "cv", Integral, min_val=2)
-        self._cross_validate(int(cv))
+        self._add_gain(int(cv))
         return self
 
-    def _doubts_of(
-        self, steps: Sequence[SearchStep], problem: Problem, verdict: str
-    ) -> list[Caution]:
-        """Return what makes a search doubtful: single rows, columns and their units."""
-        first, ranges = steps[0], self.estimator_.simulation_.input_ranges
-        found = with_rows(accepted(steps), steps)
-        left_out = [
-            one for cause in found if isinstance(cause, GrossError) for one in gross_errors(cause)
-        ]
-        if left_out:
-            return left_out
-        out = list(single_rows(first.search, first.chosen))
-        if verdict != "adequate":
-            out += better_columns(first.search, ranges, first.chosen)
-        return out if verdict in ("named", "nearest") else [*out, *mirrored(problem)]
+    def gain_on(self, X_test: ArrayLike, y_test: ArrayLike) -> HeldOutGain:
+        """Return the gain on a test set, from the fitted models before and after.
 
-    def _forget(self) -> None:
-        """Drop the results of an earlier fit: after an interrupt they would remain with the new."""
+        Parameters
+        ----------
+        X_test : array-like of shape (n, n_columns)
+        y_test : array-like of shape (n,)
+        """
+        check_is_fitted(self)
+        y = self.measured_outputs(y_test, "y_test")
+        return gain_on(self.estimator_, self.extended_estimator_, X_test, y)
+
+    def next_runs(self, n: int = 10) -> pd.DataFrame:
+        """Return the runs that would reduce the uncertainty of the emulator most.
+
+        At the measured rows, for the models before and after and for the alternatives. Run them and
+        add them to the data (`SimulationData.with_rows`), or let `refine` do both.
+
+        Parameters
+        ----------
+        n : int, default=10
+
+        Returns
+        -------
+        pandas.DataFrame of n rows
+            Inputs, parameters and assumed constants; where runs are curves without the input along
+            which they are.
+
+        Raises
+        ------
+        ValueError
+            Where the simulation is run itself, or its emulator has no uncertainty.
+        """
+        check_is_fitted(self)
+        check_scalar(n, "n", Integral, min_val=1)
+        simulation = self.estimator_.simulation_
+        models = self.estimator_, self.extended_estimator_
+        names = [*simulation.input_names, *simulation.parameter_ranges]
+        return next_runs(self.search_, [m.posterior_ for m in models], int(n), names)
+
+    def next_measurements(
+        self,
+        n: int = 5,
+        places: ArrayLike | None = None,
+        cost: ArrayLike | Callable[[pd.DataFrame], ArrayLike] | None = None,
+    ) -> pd.DataFrame:
+        """Return where to take n further measurements together, to separate the alternatives.
+
+        Each in turn is the place that informs most, for its cost, about which alternative is true.
+        Those before it are taken as measured, on average over their possible values. Beyond the
+        measured range every alternative has a remainder as large as its effect (`Remainder`), so
+        its predictions there count for less.
+
+        Parameters
+        ----------
+        n : int, default=5
+            Measurements; a place may be measured more than once.
+        places : array-like of shape (m, n_columns), default=None
+            Where a measurement is possible, with the columns of the measured data. None: at up to
+            400 places within the ranges that were simulated.
+        cost : array-like of shape (m,) or callable, default=None
+            Of one measurement at each place, of several outputs of each output in turn; a callable
+            takes the table of places and returns their costs. None: all cost the same.
+
+        Returns
+        -------
+        pandas.DataFrame of n rows
+            In the order in which they were chosen: the measured columns, of several outputs which
+            "output", "information" (expected further reduction of the uncertainty about which
+            alternative is true, in bits, to about 0.02) and "cost".
+
+        Raises
+        ------
+        ValueError
+            For costs that are not positive and finite, or not one for each place.
+
+        Examples
+        --------
+        >>> import hybridsurrogate as hs
+        >>> from hybridsurrogate.datasets import make_log_sin
+        >>> case = make_log_sin(random_state=0)
+        >>> model = hs.PowerScaledSurrogate(
+        ...     case.simulator, surrogate=hs.ExactSurrogate(), random_state=0)
+        >>> diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0)
+        >>> following = diagnosis.fit(case.X, case.y).next_measurements(3)
+        >>> list(following)
+        ['x', 'information', 'cost']
+        """
+        check_is_fitted(self)
+        check_scalar(n, "n", Integral, min_val=1)
+        return next_measurements(self.result_.asked, self.estimator_, int(n), places, cost)
+
+    def update(self, X: ArrayLike, y: ArrayLike) -> Monitor:
+        """Test whether the extension is still right, as measurements come in.
+
+        A test that may be looked at after every measurement: a right extension ever raises an alarm
+        with probability ``false_alarm_rate`` at most. It looks for a shift, or a wider spread, that
+        begins at some measurement and lasts. Nothing is fitted anew but the extension's numbers;
+        after an alarm diagnose again, with the new measurements.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_columns)
+            New rows, in the order in which they were measured, after those of earlier calls.
+        y : array-like of shape (n,), or (n, n_outputs) of several outputs
+
+        Returns
+        -------
+        Monitor
+            Of all new measurements since ``fit``; also ``monitor_``.
+
+        Examples
+        --------
+        >>> import hybridsurrogate as hs
+        >>> from hybridsurrogate.datasets import make_log_sin
+        >>> case = make_log_sin(random_state=0)
+        >>> model = hs.PowerScaledSurrogate(
+        ...     case.simulator, surrogate=hs.ExactSurrogate(), random_state=0)
+        >>> diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0)
+        >>> now = diagnosis.fit(case.X, case.y).update(case.X_in[:20], case.y_in[:20] + 5.0)
+        >>> now.holds
+        False
+        """
+        check_is_fitted(self)
+        before, after, result = self.estimator_, self.extended_estimator_, self.result_
+        known_X = complete_table(result.X, labels=before.experiment)
+        known_y = self.measured_outputs(result.y)
+        earlier = self._new if hasattr(self, "monitor_") else (known_X[:0], known_y[:0])
+        self._new = followed(before, after, X, y, earlier)
+        known, rate = (known_X, known_y, result.weights), result.settings.false_alarm_rate
+        self.monitor_ = monitored(after, self.search_, known, self._new, rate)
+        return self.monitor_
+
+    def beta_scan(
+        self,
+        X: ArrayLike | None = None,
+        y: ArrayLike | None = None,
+        betas: ArrayLike | None = None,
+        *,
+        out_of_range: bool = False,
+    ) -> pd.DataFrame | None:
+        """Return held-out ELPD against beta, before and after the extension.
+
+        How far the best beta rises (the largest of those that are as good) is how far trust in the
+        simulation rises once its fault is named. Three folds, the cause held fixed, importance
+        draws alone: seconds for a polynomial, minutes for a surrogate with hyperparameters.
+
+        Parameters
+        ----------
+        X, y : array-like of shape (n, n_columns), (n,), or None
+            Measured data, as for ``fit``. None: those of ``fit``, at five weights from 0.05 to
+            0.95, tried when first asked for.
+        betas : array-like, in any order, default=0, 0.1, ..., 1
+        out_of_range : bool, default=False
+            On the rows of ``gain_out_of_range_`` instead: of the measured data at the five
+            weights.
+
+        Returns
+        -------
+        pandas.DataFrame or None
+            Columns beta, before, after, and before_error and after_error: the standard error of
+            each score's difference from that at the best weight, paired by rows. At the five
+            weights None where there is no weight to choose, as of a simulation that is itself run.
+            None too where it takes minutes (hyperparameters or more than 100 coefficients), and
+            out of range without such rows.
+        """
+        check_is_fitted(self)
+        if (X is None) != (y is None):
+            raise ValueError("beta_scan takes X and y, or neither for the data of fit.")
+        if check_flag(out_of_range, "out_of_range") and not (X is None and betas is None):
+            raise ValueError(
+                "out_of_range=True scans the data of fit at five weights: leave out X, y and betas."
+            )
+        if X is None and betas is None:
+            return self.beta_scans_.few(out_of_range, bool(self.progress))
+        return self.beta_scans_.own(X, y, betas, bool(self.progress))
+
+    def measured_outputs(self, y: ArrayLike, word: str = "y") -> FloatArray:
+        """Return outputs as the fitted models read them, (n,), or (n, k) with NaN of several.
+
+        Parameters
+        ----------
+        y : array-like of shape (n,) or (n, k)
+        word : str, default="y"
+            What to call it in an error.
+        """
+        return self.estimator_.measured_outputs(y, word)
+
+    def predict(self, X: ArrayLike, return_std: bool = False) -> Any:
+        """Return predictions of the extended estimator.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_columns)
+            The columns of the measured data.
+        return_std : bool, default=False
+            Also return the standard deviation of y, noise included.
+
+        Returns
+        -------
+        mean : ndarray of shape (n,)
+        std : ndarray of shape (n,)
+            Only with ``return_std=True``.
+        """
+        check_is_fitted(self)
+        return self.extended_estimator_.predict(X, return_std=return_std)
+
+    def score(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
+        """Return the mean ELPD per row of the extended estimator.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_columns)
+        y : array-like of shape (n,)
+        sample_weight : array-like of shape (n,) or None
+            Weights of the rows in the mean.
+        """
+        check_is_fitted(self)
+        return self.extended_estimator_.score(X, y, sample_weight)
+
+    def to_python(
+        self,
+        path: str | os.PathLike[str] | None = None,
+        units: Mapping[str, str] | None = None,
+    ) -> str | None:
+        """Write the extended model as a separate Python module, or return its source.
+
+        Its function ``extended`` takes your simulation, measured columns and, with their estimates
+        as defaults, the parameters; each cause is a separate function. Of an `OdeSimulator` it
+        takes ``rhs`` and ``observe``, and solves the changed equations by scipy. It contains the
+        detected causes, not the average over all explanations.
+
+        Parameters
+        ----------
+        path : str, path or None, default=None
+            The file; None: the source is returned.
+        units : mapping of name to str or None, default=None
+            Units of measured columns, outputs and parameters, such as ``{"co2": "ppm"}``; without
+            them a column's name stands for its unit.
+
+        Returns
+        -------
+        str or None
+            None where a file was written.
+
+        Raises
+        ------
+        OSError
+            Where no such file can be written; one that is there is replaced as a whole.
+        ValueError, TypeError
+            For units of what there is not, and for a user-defined cause or likelihood that
+            has no expression.
+
+        Examples
+        --------
+        >>> import hybridsurrogate as hs
+        >>> from hybridsurrogate.datasets import make_log_sin
+        >>> case = make_log_sin(random_state=0)
+        >>> model = hs.PowerScaledSurrogate(
+        ...     case.simulator, surrogate=hs.ExactSurrogate(), random_state=0)
+        >>> diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0)
+        >>> source = diagnosis.fit(case.X, case.y).to_python()
+        >>> "def periodic(" in source, "def extended(" in source
+        (True, True)
+        """
+        check_is_fitted(self)
+        if path is not None:
+            check_writable(path)
+        source = python_source(extended_model(self.result_, units))
+        if path is None:
+            return source
+        with written_whole(path) as part:
+            part.write_text(source, encoding="utf-8")
+        return None
+
+    def report(
+        self,
+        test: tuple[ArrayLike, ArrayLike] | None = None,
+        beta_scan: bool = False,
+        units: Mapping[str, str] | None = None,
+        full: bool = False,
+    ) -> Report:
+        """Return the report: prints as text, shows as HTML, ``.save("report.html")``.
+
+        Parameters
+        ----------
+        test : (X_test, y_test) or None, default=None
+            Rows held out, for example beyond the measured range, to be drawn and scored too.
+        beta_scan : bool, default=False
+            Also report ``beta_scan()``, within the measured range and beyond it, which takes
+            longer than all else in the report. Scans that were tried before are reported anyway.
+        units : dict of str to str or None, default=None
+            Units of columns, outputs and parameters, such as ``{"co2": "ppm"}``.
+        full : bool, default=False
+            Whether the text has the details too; HTML always has them, folded.
+
+        Returns
+        -------
+        Report
+
+        Raises
+        ------
+        ValueError
+            For units of unknown columns.
+        """
+        check_is_fitted(self)
+        from hybridsurrogate.diagnosis.report.report import make_report
+
+        beta_scan, full = check_flag(beta_scan, "beta_scan"), check_flag(full, "full")
+        return make_report(self.result_, self._held_out(test), beta_scan, units, full)
+
+    def _held_out(self, test: Any) -> tuple[Any, FloatArray] | None:
+        """Return held-out rows and outputs; TypeError where these are no pair."""
+        if test is None:
+            return None
+        if not isinstance(test, tuple | list) or len(test) != 2:
+            raise TypeError(f"test must be a pair (X_test, y_test), got {described(test)}.")
+        return test[0], self.measured_outputs(test[1], "y_test")
+
+    def plot(
+        self,
+        test: tuple[ArrayLike, ArrayLike] | None = None,
+        units: Mapping[str, str] | None = None,
+        axes: Sequence[Axes] | None = None,
+    ) -> list[Axes]:
+        """Draw the one picture of the report: data, simulation and extended model, residuals.
+
+        Parameters
+        ----------
+        test : (X_test, y_test) or None, default=None
+            Rows held out.
+        units : dict of str to str or None, default=None
+            Units of columns and outputs, for the labels.
+        axes : sequence of two matplotlib Axes, default=None
+            Where to draw, predictions above residuals; None: on a new pyplot figure.
+
+        Returns
+        -------
+        list of two matplotlib Axes
+        """
+        check_is_fitted(self)
+        import matplotlib.pyplot as plt
+
+        from hybridsurrogate.diagnosis.report.elements.view import view_of
+        from hybridsurrogate.diagnosis.report.first_screen.picture import overview
+
+        # before a figure is made
+        view, held_out = view_of(self.result_, units), self._held_out(test)
+        if axes is None:
+            axes = plt.subplots(2, 1, sharex=True, figsize=(7.2, 4.8), layout="constrained")[1]
+        return overview(view, held_out, axes)
+
+    def _settings(self) -> Settings:
+        return Settings(
+            causes=tuple(self.causes),
+            exclude=tuple(self.exclude),
+            false_alarm_rate=self.false_alarm_rate,
+            n_replicates=int(self.n_replicates),
+            cv=None if self.cv is None else int(self.cv),
+            max_causes=int(self.max_causes),
+            n_jobs=self.n_jobs,
+            random_state=self.random_state,
+            progress=bool(self.progress),
+            text=repr(self),
+        )
+
+    def _set(self, found: Mapping[str, Any]) -> None:
+        """Put what was found in place of all that an earlier fit found."""
         for name in [name for name in vars(self) if name.endswith("_")]:
             delattr(self, name)
+        for name, value in found.items():
+            setattr(self, name, value)
 
-    def _search(
-        self, prepared: Prepared, random_state: np.random.RandomState
-    ) -> tuple[list[SearchStep], Verdict]:
-        problem, emulator = trained_emulator(prepared.problem, self.estimator_)
-        problem = on_working_rows(problem, self.estimator_.posterior_)
-        settings = int(self.max_causes), self.false_alarm_rate, int(self.n_replicates)
-        steps = forward_search(problem, prepared.causes, emulator, *settings, random_state)
-        doubts: list[Caution] = []
-        if is_exact(steps[0].search):
-            steps = forward_search(
-                blurred(problem), prepared.causes, emulator, *settings, random_state
-            )
-            doubts += exact(steps[0].search)
-        test = steps[0].test
-        assert test is not None  # only folds have none
-        self.search_, self.p_value_ = steps[0].search, test.p_value
-        self.emulator_check_ = check_emulator(
-            self.search_, prepared.problem.model.basis, self.estimator_.simulation_
-        )
-        if self.emulator_check_ is not None:
-            self.cautions_ += self.emulator_check_.cautions(self.estimator_.surrogate_)
-        steps = backfitted(steps, self.search_.problem, prepared.causes)
-        steps = with_correlated_noise(steps, prepared.causes, emulator)
-        found = steps[0].conditional
-        self.causes_ = cause_table(found, prepared.skipped)
-        self.indistinguishable_ = credible_kinds(found)
-        verdict = self._conclude(steps)
-        doubts += self._doubts_of(steps, prepared.problem, verdict.word)
-        first = steps[0].chosen.cause
-        rests_on_it = any(one.about in ("data", "columns") for one in doubts)
-        if verdict.word == "named" and rests_on_it and first is not None and first.changes_output:
-            self.verdict_ = "nearest"
-        self.probability_right_ = self._probability_right(steps[0], verdict.share)
-        self.cautions_ += doubts
-        ranges = self.estimator_.simulation_.input_ranges
-        places = [next_measurement(step.conditional, ranges) for step in steps]
-        most = max(range(len(steps)), key=lambda k: places[k].information)
-        self.result_ = DiagnosisResult(
-            tuple(steps),
-            steps[most].conditional,
-            test,
-            self.false_alarm_rate,
-            int(self.n_replicates),
-        )
-        self.next_measurement_ = places[most].place
-        self.next_information_ = places[most].information
-        return steps, verdict
-
-    def _conclude(self, steps: Sequence[SearchStep]) -> Verdict:
-        last = [step for step in steps if step.is_accepted][-1:]
-        self.residual_check_ = None
-        for step in last:
-            self.residual_check_ = check_residuals(step.conditional, step.chosen)
-        check, basis = self.emulator_check_, self.estimator_.posterior_.model.basis
-        verdict = conclude(
-            steps,
-            self.false_alarm_rate,
-            self.residual_check_,
-            0.0 if check is None else check.hidden,
-            not basis.is_simulation and bool(at_prior_ends(self.estimator_.posterior_)),
-        )
-        self.verdict_, self.concerns_ = verdict.word, verdict.concerns
-        self.undecided_by_ = verdict.open
-        self.smallest_detectable_ = None
-        if not last:
-            self.smallest_detectable_ = smallest_detectable(
-                self.search_, steps[0].test, self.false_alarm_rate
-            )
-        return verdict
-
-    def _of_mean(self) -> list[Posterior]:
-        """Return the posterior before and, where the cause is in the mean, that after."""
-        causes = accepted(self.result_.steps)
-        of_any_shape = any(cause.is_process for cause in causes)
-        after = [] if of_any_shape or not causes else [leading(self.extended_estimator_).posterior_]
-        return [self.estimator_.posterior_, *after]
-
-    def _probability_right(self, first: SearchStep, share: float) -> float | None:
-        if self.verdict_ in ("adequate", "unexplained", "undecided"):
-            return None
-        wrong = 1 - float(first.conditional.probability[0])
-        return wrong * probability_right(share, self.verdict_ == "nearest")
-
-    def _extend(
-        self, steps: Sequence[SearchStep], same_curve: tuple[str, ...], X: ArrayLike, y: ArrayLike
-    ) -> None:
-        causes, problem = accepted(steps), self.search_.problem
-        self._rows = deepcopy((X, y))
-        self.extended_estimator_ = extended(self.estimator_, steps, X, y, self._weights)
-        found = leading(self.extended_estimator_)
-        self.beta_scans_ = BetaScans(
-            (self.estimator_, found), *self._rows, self.n_jobs, self._weights
-        )
-        posterior = found.posterior_
-        self.at_prior_end_ = self._at_prior_end(causes, posterior)
-        self.found_causes_ = [
-            finding_of(step, k, posterior, () if k else same_curve) for k, step in enumerate(steps)
-        ]
-        self.best_cause_ = self.found_causes_[0]
-        self.extended_simulator_ = extended_simulator(
-            self.estimator_.simulation.simulator, causes, problem
-        )
-        first = steps[0].chosen.cause
-        outputs = self.estimator_.simulation.outputs
-        bands = estimate_discrepancies(self.search_, first)
-        self.discrepancies_ = dict(zip(outputs, bands, strict=True))
-        self.discrepancy_ = self.discrepancies_[
-            first.output if isinstance(first, InOutput) else outputs[0]
-        ]
-        self.confounded_ = confounding(self.estimator_, found, self.estimator_.single_rows_[0])
-        for sentence in sentences(confounded(self.confounded_)):
-            warnings.warn(sentence, ConfoundingWarning, stacklevel=3)
-
-    def _at_prior_end(self, causes: Sequence[Cause], posterior: Posterior) -> list[AtPriorEnd]:
-        """Return what is at an end of its prior in the extended model, else in the calibrated."""
-        replaced = {cause.replaces for cause in causes}
-        found = at_prior_ends(posterior)
-        before = at_prior_ends(self.estimator_.posterior_) if self.verdict_ == "undecided" else []
-        every = {one.name: one for one in (*before, *found)}
-        return [one for name, one in every.items() if name not in replaced]
-
-    def _cross_validate(self, cv: int) -> None:
-        X, y = self._rows[0], self.estimator_.measured_[1]
-        own, excluded, max_causes = self._searched_with
-        kinds = in_one_word([cause.kind for cause in self.found_causes_])
-        refitted = Refit(
-            clone(self.estimator_),
-            own,
-            excluded,
-            searches(self.result_.steps),
-            Pair(self.estimator_, self.extended_estimator_, kinds),
-            max_causes,
-            self.result_.false_alarm_rate,
-        )
-        within = random_folds(len(y), cv, deepcopy(self._fold_random))
-        beyond = folds_beyond(self.estimator_.simulation, self.estimator_.measured_[0])
+    def _add_gain(self, cv: int) -> None:
         try:
-            with one_blas_thread():
-                gains = cross_validated(
-                    refitted, within, beyond, X, y, self.n_jobs, bool(self.progress), self._weights
-                )
+            result = with_gain(self.result_, cv, self.n_jobs, bool(self.progress))
         except KeyboardInterrupt:
             warnings.warn(
                 "The folds of the diagnosis were interrupted: there is no gain. All else is kept, "
@@ -552,23 +774,5 @@ class DiscrepancyDiagnosis(FittedDiagnosis):
                 stacklevel=3,
             )
             raise
-        # the weights are tried when they are asked for
-        self.gain_, self.gain_out_of_range_ = (
-            gain and replace(gain, scan=FewScan(self.beta_scans_, out_of_range))
-            for gain, out_of_range in zip(gains, (False, True), strict=True)
-        )
-
-    def _keep(self, prepared: Prepared, stop: KeyboardInterrupt) -> None:
-        """Keep what an interrupted search had compared, with a warning."""
-        if not hasattr(self, "search_") and isinstance(stop, InterruptedSearch) and stop.kept:
-            self.search_ = stop.kept
-        if hasattr(self, "search_") and not hasattr(self, "causes_"):
-            left = not_reached(self.search_, prepared.causes)
-            self.causes_ = cause_table(self.search_, [*left, *prepared.skipped])
-        n = len(self.search_.candidates) - 1 if hasattr(self, "search_") else 0
-        warnings.warn(
-            f"The diagnosis was interrupted: {n} of {len(prepared.causes)} causes had been compared"
-            f"{', and causes_ lists them' if n else ''}. There is no gain, and no report.",
-            DiagnosisWarning,
-            stacklevel=3,
-        )
+        self.result_ = result
+        self.gain_, self.gain_out_of_range_ = result.gain, result.gain_out_of_range

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from numbers import Integral, Real
 from typing import Any
 
@@ -134,6 +135,7 @@ def refine(
         for warning in caught:
             warnings.warn(warning.message, warning.category, stacklevel=2)
     current.refinement_ = pd.DataFrame(rounds)
+    current.result_ = replace(current.result_, refinement=current.refinement_)
     if check is not None and not settled:
         ended = _why_ended(check, int(budget), int(budget) - left, open_below)
         warnings.warn(ended, DiagnosisWarning, stacklevel=2)

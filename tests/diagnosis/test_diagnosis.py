@@ -116,7 +116,7 @@ def test_a_scan_of_beta_scores_both_models_on_the_same_folds(periodic):
 
 def test_a_simulation_that_is_itself_run_has_no_weight(periodic):
     assert periodic.beta_scan() is None
-    assert periodic.gain_.best_beta_before() is None
+    assert periodic.beta_scans_.best_beta_before() is None
 
 
 def test_predict_and_score_are_those_of_the_extended_estimator(periodic):

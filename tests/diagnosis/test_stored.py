@@ -73,7 +73,9 @@ def test_what_is_read_is_what_was_stored(fitted, way):
     # methods go on from what was stored
     following = [one.next_measurements(2, places=X) for one in (again, diagnosis)]
     pd.testing.assert_frame_equal(*following)
-    assert again.gain_.scan.scans is again.beta_scans_
+    # what is shared stays shared
+    assert again.result_.extension.beta_scans is again.beta_scans_
+    assert again.result_.causes is again.causes_
 
 
 def test_tables_keep_their_types():

@@ -51,7 +51,7 @@ def step(t):
 def without_gain(diagnosis):
     """Return a diagnosis whose extension predicts worse on held-out rows."""
     gain = replace(diagnosis.gain_, elpd_difference=-3.0, standard_error=0.5)
-    diagnosis.gain_ = gain
+    diagnosis.result_ = replace(diagnosis.result_, gain=gain)
     return diagnosis
 
 

@@ -17,7 +17,6 @@ MOST_FILES, MOST_LINES = 13, 60
 LONG = {
     ("model.problem", "make_problem"),
     ("diagnosis.report.summary", "summary"),
-    ("diagnosis.report.findings", "where"),
     ("ode.simulator", "__init__"),
 }
 

@@ -9,7 +9,7 @@ from scipy.stats import norm
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.validation import beta_scan as trust
-from hybridsurrogate.diagnosis.validation.gain import best_beta
+from hybridsurrogate.diagnosis.validation.beta_scan import best_beta
 
 CALLS = []
 
@@ -123,8 +123,9 @@ def test_methods_compute_once(emulated, monkeypatch):
     monkeypatch.setattr(trust, "beta_path", None)
     assert emulated.beta_scan() is scan
     assert emulated.beta_scan(out_of_range=True) is beyond
-    assert emulated.gain_.best_beta_after() == best_beta(scan, "after")
-    assert emulated.gain_out_of_range_.best_beta_before() == best_beta(beyond, "before")
+    scans = emulated.beta_scans_
+    assert scans.best_beta_after() == best_beta(scan, "after")
+    assert scans.best_beta_before(out_of_range=True) == best_beta(beyond, "before")
 
 
 def test_data_or_weights_of_ones_own_are_scanned_within_the_range(emulated, data):

@@ -1,12 +1,10 @@
 """What a search reports to its user.
 
-result                   the parts of a search that all others read
 table                    the table of all causes
 failures                 parameters for which the simulation fails
 discrepancy              where and how much the simulation is wrong
 finding                  the detected causes, in numbers and formulas
 extension                the user's simulation with a cause in it
-python_code              the extended model as a Python module
 alternative_predictions  what each alternative predicts
 unknown_beyond           the remainder that an extension keeps beyond the measured range
 experimental_design      where one more measurement informs most

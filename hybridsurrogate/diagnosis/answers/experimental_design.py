@@ -140,6 +140,36 @@ def table_of(result: Search, rows: FloatArray, experiments: Experiments | None) 
     return table.rename(columns={OUTPUT: "output"})
 
 
+def next_measurements(
+    found: Search,
+    fitted: Any,
+    n: int,
+    places: ArrayLike | None,
+    cost: ArrayLike | Callable[[pd.DataFrame], ArrayLike] | None,
+) -> pd.DataFrame:
+    """Return where to take n further measurements together, as `DiscrepancyDiagnosis` does.
+
+    Parameters
+    ----------
+    found : Search
+        Whose alternatives are to be separated.
+    fitted : PowerScaledSurrogate
+        To the measured data.
+    n : int
+    places : array-like of shape (m, n_columns) or None
+    cost : array-like of shape (m,), callable or None
+    """
+    if places is None:
+        rows = places_between(found, fitted.simulation_.input_ranges)
+    else:
+        rows = fitted.checked_rows(places)
+    table = table_of(found, rows, fitted.experiments_)
+    costs = costs_of(table, cost)
+    chosen, bits = zip(*batch(found, rows, n, costs), strict=True)
+    table = table.iloc[list(chosen)].reset_index(drop=True)
+    return table.assign(information=bits, cost=costs[list(chosen)])
+
+
 def costs_of(
     places: pd.DataFrame, cost: ArrayLike | Callable[[pd.DataFrame], ArrayLike] | None
 ) -> FloatArray:

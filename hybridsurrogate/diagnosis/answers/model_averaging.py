@@ -61,7 +61,7 @@ def averaged_over(
                 f"{' and '.join(cause.name for cause in causes)}, with {100 * share:.0f} % of the "
                 f"probability, could not be fitted and is not averaged over: {error}",
                 DiagnosisWarning,
-                stacklevel=5,
+                stacklevel=6,
             )
             continue
         models.append(model)

@@ -16,17 +16,19 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy import special
 from sklearn.base import clone
+from sklearn.utils import check_consistent_length
 
 from hybridsurrogate.diagnosis.answers.experimental_design import table_of
 from hybridsurrogate.diagnosis.search.evidence import Search
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.likelihoods import Likelihood, TransformedNormal
+from hybridsurrogate.model.rows.measured_rows import without_gaps
 from hybridsurrogate.numerics.blocks import blocks
-from hybridsurrogate.simulation.arrays import as_numbers
+from hybridsurrogate.simulation.arrays import as_numbers, complete_table
 from hybridsurrogate.types import FloatArray
 
 # prior standard deviations of a shift, and factors of a wider spread, in those of the prediction
@@ -138,6 +140,31 @@ def monitored(
     if not len(passed):
         return Monitor(table.reset_index(drop=True), None, None, false_alarm_rate)
     return Monitor(table.reset_index(drop=True), end - 1, int(began[end - 1]), false_alarm_rate)
+
+
+def followed(
+    before: Any,
+    after: PowerScaledSurrogate | AveragedSurrogate,
+    X: ArrayLike,
+    y: ArrayLike,
+    earlier: tuple[Any, FloatArray],
+) -> tuple[Any, FloatArray]:
+    """Return new rows as the fitted models read them, after those that came earlier.
+
+    Parameters
+    ----------
+    before, after : estimator
+        Fitted.
+    X, y : array-like of shape (n, n_columns), (n,) or (n, n_outputs)
+    earlier : X and y
+        Without rows where none came.
+    """
+    if len(before.simulation.outputs) == 1:
+        X, y, _ = without_gaps(X, y)
+    X, y = complete_table(X, labels=before.experiment), before.measured_outputs(y)
+    check_consistent_length(X, y)
+    after.checked_rows(X)
+    return joined(earlier[0], X), np.concatenate([earlier[1], y])
 
 
 def joined(first: Any, second: Any) -> Any:

@@ -25,13 +25,13 @@ class Caution(NamedTuple):
     sentence: str
 
 
-def warn_of(cautions: Sequence[Caution], stacklevel: int = 3) -> None:
+def warn_of(cautions: Sequence[Caution], stacklevel: int) -> None:
     """Warn the caller of ``fit`` of each.
 
     Parameters
     ----------
     cautions : sequence of Caution
-    stacklevel : int, default=3
+    stacklevel : int
     """
     for one in cautions:
         warnings.warn(one.sentence, DiagnosisWarning, stacklevel=stacklevel)

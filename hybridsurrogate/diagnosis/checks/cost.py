@@ -57,5 +57,5 @@ def warn_if_slow(problem: Problem, n_folds: int | None = None) -> None:
         "surrogate=None runs of it are made and searched in seconds, as with "
         f"simulation=simulator.run(200, n_jobs=-1) and surrogate=Kriging().{without}",
         DiagnosisWarning,
-        stacklevel=3,
+        stacklevel=4,
     )

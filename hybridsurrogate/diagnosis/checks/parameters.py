@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from numbers import Integral, Real
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from sklearn.utils import check_scalar
@@ -17,20 +17,27 @@ from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_cau
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.types import FloatArray
 
-if TYPE_CHECKING:
-    from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
 
-
-def check_settings(diagnosis: DiscrepancyDiagnosis) -> None:
+def check_settings(
+    *,
+    estimator: Any,
+    causes: Any,
+    exclude: Any,
+    false_alarm_rate: Any,
+    n_replicates: Any,
+    cv: Any,
+    max_causes: Any,
+    n_jobs: Any,
+    progress: Any,
+) -> None:
     """Raise TypeError or ValueError, with a way out, for parameters that cannot work."""
-    _check_estimator(diagnosis.estimator)
-    check_scalar(diagnosis.max_causes, "max_causes", Integral, min_val=1)
-    if diagnosis.cv is not None:
-        check_scalar(diagnosis.cv, "cv", Integral, min_val=2)
-    check_n_jobs(diagnosis.n_jobs)
-    check_flag(diagnosis.progress, "progress")
-    as_causes(diagnosis.causes, "causes")
-    exclude = diagnosis.exclude
+    _check_estimator(estimator)
+    check_scalar(max_causes, "max_causes", Integral, min_val=1)
+    if cv is not None:
+        check_scalar(cv, "cv", Integral, min_val=2)
+    check_n_jobs(n_jobs)
+    check_flag(progress, "progress")
+    as_causes(causes, "causes")
     listed = isinstance(exclude, Collection) and not isinstance(exclude, str)
     unknown = [kind for kind in exclude if kind not in kinds()] if listed else exclude
     if not listed or unknown:
@@ -38,9 +45,9 @@ def check_settings(diagnosis: DiscrepancyDiagnosis) -> None:
             f"exclude must be a sequence of kinds of the catalogue, got {exclude!r}; the kinds are "
             f"{', '.join(kinds())}.{did_you_mean(unknown, kinds())}"
         )
-    check_number(diagnosis.false_alarm_rate, "false_alarm_rate", Real)
-    check_scalar(diagnosis.n_replicates, "n_replicates", Integral)
-    rate, n = diagnosis.false_alarm_rate, diagnosis.n_replicates
+    check_number(false_alarm_rate, "false_alarm_rate", Real)
+    check_scalar(n_replicates, "n_replicates", Integral)
+    rate, n = false_alarm_rate, n_replicates
     if not 0 < rate < 1:
         raise ValueError(f"false_alarm_rate must be in (0, 1), got {rate}.")
     # the smallest p-value is 1 / (n + 1); 1 / rate of a rate such as 1 / 49 is not quite whole
@@ -86,7 +93,7 @@ def check_each_output(Y: FloatArray, names: Sequence[str]) -> None:
             )
 
 
-def _check_estimator(estimator: PowerScaledSurrogate | None) -> None:
+def _check_estimator(estimator: Any) -> None:
     if not isinstance(estimator, PowerScaledSurrogate):
         raise TypeError(
             "estimator must be a PowerScaledSurrogate, whose effects a diagnosis can extend; "

@@ -40,5 +40,5 @@ def warn_if_rough(problem: Problem) -> None:
         "Effects of this size get lost. A smoother output helps, or runs of it: "
         "simulator.run(200) with surrogate=PolynomialChaos() averages over jumps.",
         DiagnosisWarning,
-        stacklevel=3,
+        stacklevel=4,
     )

@@ -9,9 +9,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from hybridsurrogate.arguments.paths import local_path
+from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult
 from hybridsurrogate.diagnosis.report import html, text
 from hybridsurrogate.diagnosis.report.details import (
     checks,
@@ -30,14 +31,10 @@ from hybridsurrogate.diagnosis.report.elements.view import View, view_of
 from hybridsurrogate.diagnosis.report.first_screen.advice import advice
 from hybridsurrogate.diagnosis.report.first_screen.cards import cards
 from hybridsurrogate.diagnosis.report.first_screen.headline import headline, lead, subject
-from hybridsurrogate.diagnosis.report.first_screen.picture import picture
+from hybridsurrogate.diagnosis.report.first_screen.picture import Test, picture
 from hybridsurrogate.diagnosis.report.summary import summary
-from hybridsurrogate.diagnosis.validation.gain import HeldOutGain
+from hybridsurrogate.diagnosis.validation.gain import HeldOutGain, gain_on
 from hybridsurrogate.numerics.atomic_file import check_writable, written_whole
-
-if TYPE_CHECKING:
-    from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
-    from hybridsurrogate.diagnosis.report.first_screen.picture import Test
 
 
 @dataclass(frozen=True)
@@ -125,7 +122,7 @@ def ending_of(path: str | os.PathLike[str]) -> str:
 
 
 def make_report(
-    diagnosis: DiscrepancyDiagnosis,
+    result: DiagnosisResult,
     test: Test = None,
     beta_scan: bool = False,
     units: Mapping[str, str] | None = None,
@@ -135,7 +132,7 @@ def make_report(
 
     Parameters
     ----------
-    diagnosis : DiscrepancyDiagnosis
+    result : DiagnosisResult
     test : (X_test, y_test) or None
         Rows held out.
     beta_scan : bool
@@ -149,14 +146,14 @@ def make_report(
     -------
     Report
     """
-    view = view_of(diagnosis, units)
-    on_test = diagnosis.gain_on(*test) if test is not None else None
+    view, after = view_of(result, units), result.extension.estimator
+    on_test = None if test is None else gain_on(result.before, after, *test)
     gains: dict[str, HeldOutGain | None] = {
-        "within": diagnosis.gain_,
-        "beyond": diagnosis.gain_out_of_range_,
+        "within": result.gain,
+        "beyond": result.gain_out_of_range,
         "held out": on_test,
     }
-    scans = diagnosis.beta_scans_
+    scans = result.extension.beta_scans
     within, beyond = (
         scans.few(out_of_range) if beta_scan else scans.known.get(out_of_range)
         for out_of_range in (False, True)
@@ -188,12 +185,12 @@ def first_screen(view: View, test: Test = None, on_test: HeldOutGain | None = No
     on_test : HeldOutGain or None
         On these rows.
     """
-    d = view.diagnosis
+    result = view.result
     doubts = cautions(view)
     rest = f" ({len(doubts) - 1} more under Checks.)" if len(doubts) > 1 else ""
     return FirstScreen(
         f"{subject(view)} · hybridsurrogate {provenance.installed('hybridsurrogate')} · "
-        f"seed {d.random_state}",
+        f"seed {result.settings.random_state}",
         headline(view),
         lead(view),
         cards(view, on_test),
@@ -203,15 +200,17 @@ def first_screen(view: View, test: Test = None, on_test: HeldOutGain | None = No
     )
 
 
-def short_html(diagnosis: DiscrepancyDiagnosis) -> str:
+def short_html(result: DiagnosisResult, text: str) -> str:
     """Return what a notebook shows of a fitted diagnosis: the first screen, without its picture.
 
     Nothing is drawn and nothing is fitted.
 
     Parameters
     ----------
-    diagnosis : DiscrepancyDiagnosis
+    result : DiagnosisResult
+    text : str
+        The diagnosis as it prints.
     """
-    screen = html.screen(first_screen(view_of(diagnosis)), with_picture=False)
-    settings = f"<details><summary>Settings</summary><pre>{escape(repr(diagnosis))}</pre></details>"
+    screen = html.screen(first_screen(view_of(result)), with_picture=False)
+    settings = f"<details><summary>Settings</summary><pre>{escape(text)}</pre></details>"
     return f"{screen}\n{settings}"

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from hybridsurrogate.diagnosis.checks.residuals import ResidualCheck
 from hybridsurrogate.diagnosis.report.elements.section import FirstScreen, Section
 from hybridsurrogate.diagnosis.report.elements.tables import parameter_intervals, thirds
 from hybridsurrogate.diagnosis.report.elements.view import View, averaged
-from hybridsurrogate.diagnosis.validation.gain import HeldOutGain, best_beta
+from hybridsurrogate.diagnosis.validation.beta_scan import best_beta
+from hybridsurrogate.diagnosis.validation.gain import HeldOutGain
 from hybridsurrogate.estimators.emulation import Emulation
 
 # raised whenever a key changes its meaning or goes away
@@ -28,7 +30,7 @@ def summary(
     scans: tuple[pd.DataFrame | None, pd.DataFrame | None],
 ) -> dict[str, Any]:
     """Return the numbers and the sentences of a report; ``json.dumps`` takes it as it is."""
-    diagnosis = view.diagnosis
+    result = view.result
     band = view.band
     within, beyond = scans
     values = {
@@ -38,24 +40,24 @@ def summary(
         "cards": [card._asdict() for card in first.cards],
         "next": [one._asdict() for one in first.advice],
         "units": dict(view.units),
-        "verdict": diagnosis.verdict_,
-        "concerns": diagnosis.concerns_,
-        "undecided_by": diagnosis.undecided_by_,
-        "smallest_detectable": diagnosis.smallest_detectable_,
-        "cautions": [one._asdict() for one in diagnosis.cautions_],
-        "probability_right": diagnosis.probability_right_,
-        "p_value": diagnosis.p_value_,
-        "false_alarm_rate": diagnosis.result_.false_alarm_rate,
-        "n_replicates": diagnosis.result_.n_replicates,
+        "verdict": result.conclusion.verdict,
+        "concerns": result.conclusion.concerns,
+        "undecided_by": result.conclusion.undecided_by,
+        "smallest_detectable": result.conclusion.smallest_detectable,
+        "cautions": [one._asdict() for one in result.cautions],
+        "probability_right": result.conclusion.probability_right,
+        "p_value": result.test.p_value,
+        "false_alarm_rate": result.settings.false_alarm_rate,
+        "n_replicates": result.settings.n_replicates,
         "n_rows": len(view.y),
         "output": view.output,
         "columns": list(view.columns),
         "log_scale": view.log_scale,
-        "best_cause": asdict(diagnosis.best_cause_),
-        "found_causes": [asdict(finding) for finding in diagnosis.found_causes_],
-        "indistinguishable": list(diagnosis.indistinguishable_),
+        "best_cause": asdict(result.extension.best_cause),
+        "found_causes": [asdict(finding) for finding in result.extension.found_causes],
+        "indistinguishable": list(result.indistinguishable),
         "averaged": [{"causes": label, "weight": weight} for _, label, weight in averaged(view)],
-        "causes": diagnosis.causes_.to_dict("records"),
+        "causes": result.causes.to_dict("records"),
         "parameters": parameter_intervals(view),
         "discrepancy": {
             "column": band.column,
@@ -70,26 +72,22 @@ def summary(
             "before": np.sqrt(np.mean((view.y - view.before) ** 2)),
             "after": np.sqrt(np.mean((view.y - view.after) ** 2)),
         },
-        "gain": _of(gains["within"]),
-        "gain_out_of_range": _of(gains["beyond"]),
-        "gain_on_test": _of(gains["held out"]),
+        "gain": _record(gains["within"]),
+        "gain_out_of_range": _record(gains["beyond"]),
+        "gain_on_test": _record(gains["held out"]),
         "beta_scan": _records(within),
         "beta_scan_out_of_range": _records(beyond),
         "best_beta": _best(within),
         "best_beta_out_of_range": _best(beyond),
-        "next_measurement": diagnosis.next_measurement_,
-        "next_information": diagnosis.next_information_,
-        "residual_check": None
-        if diagnosis.residual_check_ is None
-        else asdict(diagnosis.residual_check_),
-        "at_prior_end": [one._asdict() for one in diagnosis.at_prior_end_],
-        "confounded": diagnosis.confounded_.to_dict("records"),
-        "emulator": None
-        if diagnosis.emulator_check_ is None
-        else diagnosis.emulator_check_._asdict(),
-        "emulation": _emulation(diagnosis.estimator_.emulation_),
+        "next_measurement": result.next_measurement.place,
+        "next_information": result.next_measurement.information,
+        "residual_check": _record(result.conclusion.residual_check),
+        "at_prior_end": [one._asdict() for one in result.extension.at_prior_end],
+        "confounded": result.extension.confounded.to_dict("records"),
+        "emulator": None if result.emulator_check is None else result.emulator_check._asdict(),
+        "emulation": _emulation(result.before.emulation_),
         "draws": {
-            "before": asdict(diagnosis.estimator_.diagnostics_),
+            "before": asdict(result.before.diagnostics_),
             "after": asdict(view.found.diagnostics_),
         },
         "sections": [
@@ -108,19 +106,14 @@ def summary(
     return plain(values)
 
 
-def _of(gain: HeldOutGain | None) -> dict[str, Any] | None:
-    if gain is None:
-        return None
-    # the scans are given apart, as there are some without folds
-    fields = asdict(replace(gain, scan=None))
-    del fields["scan"]
-    return fields
-
-
 def _emulation(made: Emulation | None) -> dict[str, float] | None:
     if made is None:
         return None
     return {"n_runs": made.runs.n_runs, "seconds": made.seconds, "left_open": made.left_open}
+
+
+def _record(one: HeldOutGain | ResidualCheck | None) -> dict[str, Any] | None:
+    return None if one is None else asdict(one)
 
 
 def _records(table: pd.DataFrame | None) -> list[dict[Hashable, Any]] | None:

@@ -63,7 +63,7 @@ class Prepared(NamedTuple):
             warnings.warn(
                 f"Your cause {name!r} was not compared: {left.reason}.",
                 DiagnosisWarning,
-                stacklevel=3,
+                stacklevel=4,
             )
 
 

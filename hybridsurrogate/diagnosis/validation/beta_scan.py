@@ -19,7 +19,9 @@ from hybridsurrogate.estimators.beta_path import beta_path
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import HybridSurrogateWarning
 from hybridsurrogate.inference.sampling.settings import SETTINGS
+from hybridsurrogate.model.rows.measured_rows import without_gaps
 from hybridsurrogate.scoring.scores import last_of_the_best
+from hybridsurrogate.simulation.arrays import as_numbers, complete_table
 from hybridsurrogate.types import FloatArray
 
 # enough to see whether the best weight moved
@@ -67,6 +69,56 @@ class BetaScans:
             self.known[out_of_range] = self._few(out_of_range, progress)
         return self.known[out_of_range]
 
+    def best_beta_before(self, out_of_range: bool = False) -> float | None:
+        """Return the weight of the simulation with the best held-out score, before.
+
+        The largest of those as good; None where there is no scan. The weights are tried when they
+        are first asked for, which may take longer than the diagnosis.
+
+        Parameters
+        ----------
+        out_of_range : bool, default=False
+            Beyond the measured range, instead of within it.
+        """
+        return self._best_beta("before", out_of_range)
+
+    def best_beta_after(self, out_of_range: bool = False) -> float | None:
+        """Return the same after: larger where the simulation is worth more, its fault named.
+
+        Parameters
+        ----------
+        out_of_range : bool, default=False
+        """
+        return self._best_beta("after", out_of_range)
+
+    def _best_beta(self, word: str, out_of_range: bool) -> float | None:
+        scan = self.few(out_of_range)
+        return None if scan is None else best_beta(scan, word)
+
+    def own(
+        self, X: ArrayLike | None, y: ArrayLike | None, betas: ArrayLike | None, progress: bool
+    ) -> pd.DataFrame:
+        """Return the scan of a user's rows or weights, within the measured range.
+
+        Parameters
+        ----------
+        X, y : array-like of shape (n, n_columns), (n,), or None
+            None: the measured data.
+        betas : array-like or None
+            None: 0, 0.1, ..., 1.
+        progress : bool
+        """
+        before, measured = self.models[0], X is None or y is None
+        rows, values = (self.X, self.y) if X is None or y is None else (X, y)
+        grid = np.linspace(0, 1, 11) if betas is None else np.unique(as_numbers(betas, "betas"))
+        rows, values, _ = without_gaps(rows, values)
+        rows = complete_table(rows, labels=before.experiment)
+        values = before.measured_outputs(values, "y")
+        weights = self.weights if measured else None
+        return scan_beta(
+            self.models, grid, scan_folds(values), rows, values, self.n_jobs, weights, progress
+        )
+
     def _few(self, out_of_range: bool, progress: bool) -> pd.DataFrame | None:
         before = self.models[0]
         if not has_weight(before) or any(is_slow(model) for model in self.models):
@@ -85,22 +137,9 @@ class BetaScans:
         )
 
 
-@dataclass(frozen=True)
-class FewScan:
-    """One of the two scans of a fitted diagnosis; calling it tries the weights.
-
-    Attributes
-    ----------
-    scans : BetaScans
-    out_of_range : bool
-    """
-
-    scans: BetaScans
-    out_of_range: bool
-
-    def __call__(self) -> pd.DataFrame | None:
-        """Return the scan, tried when it is first asked for."""
-        return self.scans.few(self.out_of_range)
+def best_beta(scan: pd.DataFrame, word: str) -> float:
+    """Return the largest weight with the best score in one column of a scan over beta."""
+    return float(scan["beta"].iloc[last_of_the_best(scan[word])])
 
 
 def scan_folds(y: ArrayLike) -> Folds:

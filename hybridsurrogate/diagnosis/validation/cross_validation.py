@@ -67,7 +67,7 @@ def cross_validated(
             f"{len(doubtful)} of the fits behind the gain have doubtful draws, for example: "
             f"{doubtful[0]}",
             DiagnosisWarning,
-            stacklevel=4,
+            stacklevel=5,
         )
     held = [fold.held for fold in scored]
     inside, outside = held[: len(within)], held[len(within) :]

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike
 
 from hybridsurrogate.notebook.tables import table
 from hybridsurrogate.numerics import digits
-from hybridsurrogate.scoring.scores import last_of_the_best
 from hybridsurrogate.types import FloatArray
 
 COVERAGE_LEVEL, HALF = 0.9, 0.5
@@ -64,9 +62,6 @@ class HeldOutGain:
         What each fold's search chose, as ``kind`` of its `FoldGain`; empty for a test set.
     folds : tuple of FoldGain
         The same fold by fold; empty for a test set.
-    scan : callable or None
-        Returns the held-out scores over the weight beta on which the best weights rest. It is
-        called when they are first asked for, and may take longer than the diagnosis.
     rmse_error, coverage_error, half_error : float
         Standard errors of the paired differences of RMSE (by the delta method) and of coverage.
         NaN with a single row.
@@ -98,7 +93,6 @@ class HeldOutGain:
     n_rows: int
     kinds: tuple[str, ...] = ()
     folds: tuple[FoldGain, ...] = ()
-    scan: Callable[[], pd.DataFrame | None] | None = field(default=None, repr=False, compare=False)
     rmse_error: float = field(default=np.nan, compare=False)
     coverage_error: float = field(default=np.nan, compare=False)
     half_error: float = field(default=np.nan, compare=False)
@@ -166,22 +160,6 @@ class HeldOutGain:
             for level, a, b, error in pairs
         ]
 
-    def best_beta_before(self) -> float | None:
-        """Return the weight of the simulation with the best held-out score, before.
-
-        The largest of those as good; None for a test set, and where there is no weight to choose
-        or trying takes minutes.
-        """
-        return self._best_beta("before")
-
-    def best_beta_after(self) -> float | None:
-        """Return the same after: larger where the simulation is worth more, its fault named."""
-        return self._best_beta("after")
-
-    def _best_beta(self, word: str) -> float | None:
-        scan = None if self.scan is None else self.scan()
-        return None if scan is None else best_beta(scan, word)
-
 
 class Scores(NamedTuple):
     """Pointwise scores of one fitted estimator on held-out rows, and the weights of the rows."""
@@ -199,11 +177,6 @@ class Held(NamedTuple):
     before: Scores
     after: Scores
     kind: str
-
-
-def best_beta(scan: pd.DataFrame, word: str) -> float:
-    """Return the largest weight with the best score in one column of a scan over beta."""
-    return float(scan["beta"].iloc[last_of_the_best(scan[word])])
 
 
 def in_one_word(kinds: Sequence[str]) -> str:
@@ -235,6 +208,11 @@ def pointwise(
         )
     there = np.isfinite(y)
     return Scores(*(values[there] for values in scores))
+
+
+def gain_on(before: Any, after: Any, X: ArrayLike, y: FloatArray) -> HeldOutGain:
+    """Return the gain of a fitted model after over one before, on a test set."""
+    return gain_from(pointwise(before, X, y), pointwise(after, X, y))
 
 
 def gain_from(before: Scores, after: Scores, folds: tuple[FoldGain, ...] = ()) -> HeldOutGain:

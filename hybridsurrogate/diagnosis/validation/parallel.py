@@ -41,6 +41,6 @@ def in_parallel(tasks: Sequence[Any], n_jobs: int | None, progress: bool = False
             "one. Write its function as `def name(...)` at the top of a module, without open files "
             "or locks around it, and pass that; or use n_jobs=None.",
             DiagnosisWarning,
-            stacklevel=5,
+            stacklevel=6,
         )
         return list(Parallel(n_jobs=1)(counted(tasks, "Folds", progress)))

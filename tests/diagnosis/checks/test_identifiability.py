@@ -80,5 +80,5 @@ def test_the_diagnosis_warns_and_its_report_says_so():
     with pytest.warns(hs.ConfoundingWarning, match="from the parameter level"):
         diagnosis.fit(t[:, None], y)
     assert set(diagnosis.confounded_["parameter"]) == {"level", "slope"}
-    said = " ".join(cautions(View(diagnosis)))
+    said = " ".join(cautions(View(diagnosis.result_)))
     assert "How the two share it depends on their priors" in said

@@ -256,7 +256,7 @@ def test_an_adequate_simulation():
 
 def test_without_cross_validation_or_held_out_rows(named):
     diagnosis = copy.copy(named)
-    diagnosis.gain_ = diagnosis.gain_out_of_range_ = None
+    diagnosis.result_ = replace(named.result_, gain=None, gain_out_of_range=None)
     # what is set after a fit is for the next one
     report = diagnosis.set_params(n_replicates=1000, false_alarm_rate=0.5).report()
     assert "none of 40 data sets" in cards(report)["Is something wrong?"]
@@ -320,19 +320,18 @@ def test_residual_structure_is_the_caution():
 def test_what_to_predict_with(named):
     def first(**gains):
         changed = copy.copy(named)
-        for name, gain in gains.items():
-            setattr(changed, name, gain)
+        changed.result_ = replace(named.result_, **gains)
         return changed.report().first
 
     worse = replace(named.gain_, elpd_difference=-3.0, standard_error=0.5)
     unclear = replace(worse, standard_error=2.0)
-    fine = first(gain_=unclear, gain_out_of_range_=unclear)
+    fine = first(gain=unclear, gain_out_of_range=unclear)
     assert fine.advice[0] == ("Use the extended model:", "diagnosis.predict(X)")
     assert fine.cards[2].answer == "No clear gain"
-    near = first(gain_out_of_range_=worse)
+    near = first(gain_out_of_range=worse)
     assert near.advice[0].sentence == "Use the extended model, within the measured range:"
     assert "predicts worse" in near.cards[3].detail
-    bad = first(gain_=worse)
+    bad = first(gain=worse)
     assert bad.advice[0].call == "diagnosis.estimator_.predict(X)"
     assert bad.cards[2].answer == "Worse"
     assert "predicts worse than the simulation" in bad.caution

@@ -101,7 +101,7 @@ def test_the_sentences_of_a_gain():
 def test_the_words_for_what_runs_leave_open():
     estimator = SimpleNamespace(surrogate_=hs.PolynomialChaos(), emulation_=None)
     check = EmulatorCheck(4e-7, 163.4, {"distance": 3, "t": 1})
-    view = SimpleNamespace(diagnosis=SimpleNamespace(emulator_check_=check, estimator_=estimator))
+    view = SimpleNamespace(result=SimpleNamespace(emulator_check=check, before=estimator))
     known, missed, beyond = checks.emulator(view)
     assert "(3 along distance, 1 along t)" in beyond
     assert "leave the simulation uncertain by less than a thousandth of the noise, which" in known
@@ -184,14 +184,14 @@ def test_each_form_has_a_headline(sentence):
     cause, means = FOUND[sentence]
     estimates = {name: (mean, mean - 0.3, mean + 0.3) for name, mean in means.items()}
     view = View(
-        diagnosis_of("mass", ("t",), log_scale=False), units={"mass": "mg", "t": "h", "prey": "1"}
+        result_of("mass", ("t",), log_scale=False), units={"mass": "mg", "t": "h", "prey": "1"}
     )
     finding = CauseFinding(cause.kind, cause.target, "", 0.9, estimates)
     assert headline.sentence_of(view, finding, cause) == sentence
 
 
 def test_on_a_logarithmic_scale_an_amplitude_is_a_factor():
-    view = View(diagnosis_of("mass", ("t",), log_scale=True), units={"mass": "mg", "t": "h"})
+    view = View(result_of("mass", ("t",), log_scale=True), units={"mass": "mg", "t": "h"})
     estimates = {"location": (7.0, 6.7, 7.3), "amplitude": (np.log(2), 0.6, 0.8)}
     finding = CauseFinding("step", "t", "", 0.9, estimates)
     sentence = headline.sentence_of(view, finding, hs.Step("t"))
@@ -207,12 +207,12 @@ def test_every_form_has_a_headline_of_its_own_or_of_its_kind():
     )
 
 
-def diagnosis_of(output, inputs, log_scale):
-    """Return as much of a diagnosis as a headline reads."""
+def result_of(output, inputs, log_scale):
+    """Return as much of a result as a headline reads."""
     simulation = SimpleNamespace(outputs=(output,), input_names=inputs)
     problem = SimpleNamespace(stacking=None, likelihood=SimpleNamespace(log_scale=log_scale))
     return SimpleNamespace(
-        estimator_=SimpleNamespace(simulation=simulation), search_=SimpleNamespace(problem=problem)
+        before=SimpleNamespace(simulation=simulation), search=SimpleNamespace(problem=problem)
     )
 
 

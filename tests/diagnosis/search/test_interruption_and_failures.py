@@ -79,7 +79,7 @@ def test_an_interrupt_in_the_folds_keeps_everything_but_the_gain(monkeypatch):
 
     diagnosis = diagnosis_of().set_params(cv=2)
     with monkeypatch.context() as patched:
-        patched.setattr("hybridsurrogate.diagnosis.diagnosis.cross_validated", stop)
+        patched.setattr("hybridsurrogate.diagnosis.fitting.folds.cross_validated", stop)
         with (
             pytest.warns(hs.DiagnosisWarning, match="folds .* were interrupted: there is no gain"),
             pytest.raises(KeyboardInterrupt),

@@ -10,9 +10,8 @@ from sklearn.base import clone
 
 import hybridsurrogate as hs
 from hybridsurrogate.datasets import make_log_sin
-from hybridsurrogate.diagnosis.validation.beta_scan import scan_beta
+from hybridsurrogate.diagnosis.validation.beta_scan import best_beta, scan_beta
 from hybridsurrogate.diagnosis.validation.folds import random_folds
-from hybridsurrogate.diagnosis.validation.gain import best_beta
 
 
 def line(t, level, slope):
@@ -59,16 +58,15 @@ def test_the_gain_says_by_how_much_the_simulation_is_worth_more():
         case.simulation, surrogate=surrogate, n_draws=300, random_state=0
     )
     diagnosis = hs.DiscrepancyDiagnosis(model, cv=2, random_state=0).fit(case.X, case.y)
-    within, beyond = diagnosis.gain_, diagnosis.gain_out_of_range_
-    assert beyond.best_beta_after() > beyond.best_beta_before()
+    scans = diagnosis.beta_scans_
+    assert scans.best_beta_after(out_of_range=True) > scans.best_beta_before(out_of_range=True)
     scan = diagnosis.beta_scan()
     assert len(scan) == len(diagnosis.beta_scan(out_of_range=True)) == 5
     # the largest weight that costs less than a hundredth of a nat
-    for word, best in (("before", within.best_beta_before), ("after", within.best_beta_after)):
+    for word, best in (("before", scans.best_beta_before), ("after", scans.best_beta_after)):
         assert best() == scan["beta"][scan[word] > scan[word].max() - 0.01].max()
-    assert diagnosis.gain_on(case.X, case.y).best_beta_after() is None
-    # a gain that was stored knows it, too, and one that was kept stays that of its fit
-    assert pickle.loads(pickle.dumps(beyond)).best_beta_after() == beyond.best_beta_after()
-    scan = beyond.scan()
+    # scans that were stored know it, too, and those that were kept stay those of their fit
+    assert pickle.loads(pickle.dumps(scans)).best_beta_after() == scans.best_beta_after()
+    scan = scans.few(True)
     diagnosis.set_params(cv=None).fit(case.X, case.y)
-    assert beyond.scan() is scan
+    assert scans.few(True) is scan

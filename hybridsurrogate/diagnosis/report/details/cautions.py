@@ -14,17 +14,17 @@ from hybridsurrogate.numerics import digits
 
 def cautions(view: View) -> list[str]:
     """Return every reason to doubt the headline, the most important first."""
-    d = view.diagnosis
-    out = [one.sentence for one in d.cautions_]
+    result = view.result
+    out = [one.sentence for one in result.cautions]
     out += _at_prior_ends(view) + _residual_structure(view) + _worse(view)
     out += _failed_runs(view) + _doubtful_draws(view)
-    return [*out, *sentences(confounded(d.confounded_))]
+    return [*out, *sentences(confounded(result.extension.confounded))]
 
 
 def _at_prior_ends(view: View) -> list[str]:
     """Return which parameters the data push against the end of their prior."""
     out = []
-    for name, side, mean, end in view.diagnosis.at_prior_end_:
+    for name, side, mean, end in view.result.extension.at_prior_end:
         beyond = "less" if side == "low" else "more"
         what = "the cause may stand for that" if view.extended else "widen it if that may be"
         out.append(
@@ -37,9 +37,9 @@ def _at_prior_ends(view: View) -> list[str]:
 
 def _residual_structure(view: View) -> list[str]:
     """Report that the residuals are not noise."""
-    d = view.diagnosis
-    check = d.residual_check_
-    if d.verdict_ in ("adequate", "undecided", "unexplained") or not view.extended:
+    result = view.result
+    check = result.conclusion.residual_check
+    if result.conclusion.verdict in ("adequate", "undecided", "unexplained") or not view.extended:
         return []
     if check is not None and check.p_value <= STRANGE:
         what, _, column = check.worst.partition(" over ")
@@ -55,7 +55,7 @@ def _residual_structure(view: View) -> list[str]:
             "something that the catalogue does not hold may be at work too."
         ]
     share = probability_of_smooth_curve(view)
-    if d.verdict_ == "nearest" or share > SETTINGS.smooth_curve_said:
+    if result.conclusion.verdict == "nearest" or share > SETTINGS.smooth_curve_said:
         return [
             f"A smooth curve is needed in addition, with probability {digits.probability(share)}: "
             "something that the catalogue does not hold may be at work too."
@@ -64,10 +64,10 @@ def _residual_structure(view: View) -> list[str]:
 
 
 def _worse(view: View) -> list[str]:
-    d = view.diagnosis
-    if d.gain_ is not None and is_worse(d.gain_):
+    result = view.result
+    if result.gain is not None and is_worse(result.gain):
         return ["On held-out rows the extended model predicts worse than the simulation as it is."]
-    if d.gain_out_of_range_ is not None and is_worse(d.gain_out_of_range_):
+    if result.gain_out_of_range is not None and is_worse(result.gain_out_of_range):
         return [
             "Beyond the measured range the extended model predicts worse than the simulation as "
             "it is."
@@ -77,7 +77,7 @@ def _worse(view: View) -> list[str]:
 
 def _failed_runs(view: View) -> list[str]:
     """Report that causes were compared only where the simulation runs."""
-    table = view.diagnosis.causes_
+    table = view.result.causes
     failing = table[is_compared(table) & (table["note"] != "")]
     if failing.empty:
         return []
@@ -92,7 +92,7 @@ def _failed_runs(view: View) -> list[str]:
 
 
 def _doubtful_draws(view: View) -> list[str]:
-    models = [("simulation", view.diagnosis.estimator_)]
+    models = [("simulation", view.result.before)]
     if view.extended:
         models.append(("extended model", view.found))
     return [

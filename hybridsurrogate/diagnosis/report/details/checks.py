@@ -37,8 +37,8 @@ def section(view: View) -> Section:
 
 def emulator(view: View) -> list[str]:
     """Report how well the runs, and the surrogate, determine the simulation."""
-    d = view.diagnosis
-    check, made = d.emulator_check_, d.estimator_.emulation_
+    result = view.result
+    check, made = result.emulator_check, result.before.emulation_
     if check is None:
         return []
     out = [
@@ -47,7 +47,7 @@ def emulator(view: View) -> list[str]:
         " the noise, which is part of every comparison.",
         f"The surrogate, trained on the runs alone, differs from them by {_times(check.missed)} "
         "the noise there. The comparisons do without it, and the predictions rest on it"
-        + (f": {advice(d.estimator_.surrogate_)}." if check.missed > MOST_MISSED else "."),
+        + (f": {advice(result.before.surrogate_)}." if check.missed > MOST_MISSED else "."),
     ]
     if check.beyond:
         where = ", ".join(f"{rows} along {name}" for name, rows in check.beyond.items())
@@ -63,7 +63,7 @@ def _times(ratio: float) -> str:
 
 
 def _refinement(view: View) -> list[str]:
-    rounds = getattr(view.diagnosis, "refinement_", None)
+    rounds = view.result.refinement
     if rounds is None or len(rounds) < 2:
         return []
     first, last = rounds.iloc[0], rounds.iloc[-1]
@@ -77,7 +77,7 @@ def _refinement(view: View) -> list[str]:
 
 
 def _draws(view: View) -> pd.DataFrame:
-    models = [("simulation", view.diagnosis.estimator_)]
+    models = [("simulation", view.result.before)]
     if view.extended:
         models.append(("extended model", view.found))
     rows = []
@@ -91,7 +91,7 @@ def _draws(view: View) -> pd.DataFrame:
 
 
 def _residuals(view: View) -> tuple[Table, ...]:
-    check = view.diagnosis.residual_check_
+    check = view.result.conclusion.residual_check
     if check is None:
         return ()
     rows = [(name, digits.number(p, 2)) for name, p in check.statistics.items()]

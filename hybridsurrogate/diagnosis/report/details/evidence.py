@@ -19,8 +19,8 @@ from hybridsurrogate.numerics import digits
 
 def section(view: View) -> Section:
     """Return the section."""
-    d = view.diagnosis
-    compared = is_compared(d.causes_)
+    result = view.result
+    compared = is_compared(result.causes)
     n = int(compared.sum()) - 1
     left = _not_compared(view)
     sentences = [
@@ -46,17 +46,17 @@ def section(view: View) -> Section:
 
 def probability_of_smooth_curve(view: View) -> float:
     """Return the probability that a smooth curve is needed in addition to all that was found."""
-    d = view.diagnosis
-    if d.verdict_ not in ("named", "nearest", "ambiguous") or not view.findings:
+    result = view.result
+    if result.conclusion.verdict not in ("named", "nearest", "ambiguous") or not view.findings:
         return 0.0
-    cause, search = view.findings[-1][1], d.result_.steps[-1].conditional
+    cause, search = view.findings[-1][1], result.steps[-1].conditional
     place = [w.cause is cause for w in search.candidates].index(True)
     share = float(search.remainder[place])
     return share if np.isfinite(share) else 0.0
 
 
 def _conditional(view: View) -> str:
-    first = view.diagnosis.result_.steps[0]
+    first = view.result.steps[0]
     if first.conditional is first.search:
         return (
             "The table is about the first cause. Each was compared with and without correlated "
@@ -71,7 +71,7 @@ def _conditional(view: View) -> str:
 def _probabilities(view: View) -> list[str]:
     """Report how probable the cause is, its kind and the nearest alternative."""
     own = digits.probability(view.own_probability)
-    kind = digits.probability(view.diagnosis.best_cause_.probability)
+    kind = digits.probability(view.result.extension.best_cause.probability)
     of_kind = f", its kind in all its forms {kind}" if kind != own else ""
     other = next((pair for pair in view.candidates if pair[0].cause is not view.cause), None)
     nearest = (
@@ -90,7 +90,7 @@ def _probabilities(view: View) -> list[str]:
 
 def _alike(view: View) -> list[str]:
     """Report how far the most probable cause and its alternatives differ, in units of the noise."""
-    if view.diagnosis.verdict_ in ("named", "nearest"):
+    if view.result.conclusion.verdict in ("named", "nearest"):
         return []
     found = view.search
     first = next(w for w in found.candidates if w.cause is view.cause)
@@ -113,7 +113,7 @@ def _alike(view: View) -> list[str]:
 
 def _outside(view: View) -> list[str]:
     """Report how sure the name is, where causes outside the catalogue count."""
-    right = view.diagnosis.probability_right_
+    right = view.result.conclusion.probability_right
     if right is None:
         return []
     return [
@@ -125,7 +125,7 @@ def _outside(view: View) -> list[str]:
 
 
 def _failing(view: View) -> list[str]:
-    table = view.diagnosis.causes_
+    table = view.result.causes
     failing = table[is_compared(table) & (table["note"] != "")]
     out = []
     columns = ["kind", "target", "form", "note"]
@@ -139,7 +139,7 @@ def _failing(view: View) -> list[str]:
 
 
 def _not_compared(view: View) -> pd.DataFrame:
-    table = view.diagnosis.causes_
+    table = view.result.causes
     left = table[~is_compared(table)]
     names = [
         label(kind, target if isinstance(target, str) else None)

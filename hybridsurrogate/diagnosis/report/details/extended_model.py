@@ -5,6 +5,7 @@ from __future__ import annotations
 from hybridsurrogate.diagnosis.report.elements.section import Section, Table
 from hybridsurrogate.diagnosis.report.elements.tables import estimate_table
 from hybridsurrogate.diagnosis.report.elements.view import View, averaged, label_of_cause
+from hybridsurrogate.diagnosis.source.python_code import extended_model, python_source
 from hybridsurrogate.effects import Remainder
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.in_output import InOutput
@@ -53,7 +54,7 @@ def formulas(view: View) -> tuple[tuple[str, str, str], ...]:
 def _code(view: View) -> str:
     """Return the extended model as Python, "" where a cause has no expression."""
     try:
-        return view.diagnosis.to_python(units=dict(view.units)) or ""
+        return python_source(extended_model(view.result, view.units))
     except (ValueError, TypeError):  # a user-defined likelihood or cause
         return ""
 
@@ -96,7 +97,7 @@ def _averaged(view: View) -> list[str]:
 
 def _beyond(view: View) -> list[str]:
     """Report what the extension allows for beyond the measured range."""
-    kept = [e for e in view.diagnosis.extended_estimator_.effects if not e.is_learned]
+    kept = [e for e in view.result.extension.estimator.effects if not e.is_learned]
     own = [e for e in kept if not isinstance(e, InOutput) or e.output == view.output]
     plain = [e.cause if isinstance(e, InOutput) else e for e in own]
     found = next((e for e in plain if isinstance(e, Remainder)), None)
@@ -114,7 +115,7 @@ def _beyond(view: View) -> list[str]:
 
 
 def _simulator(view: View) -> list[str]:
-    simulator = view.diagnosis.extended_simulator_
+    simulator = view.result.extension.simulator
     if simulator is None:
         return []
     # the waves of curves mean nothing one by one; not every curve is part of the simulator

@@ -18,8 +18,8 @@ _SCALE = "1 bit decides between two explanations that are equally probable."
 
 def section(view: View) -> Section:
     """Return the section."""
-    d = view.diagnosis
-    worth = digits.at_least(d.next_information_)
+    result = view.result
+    worth = digits.at_least(result.next_measurement.information)
     return Section(
         "What to measure next",
         f"worth {worth} bits",
@@ -29,18 +29,18 @@ def section(view: View) -> Section:
 
 
 def _sentences(view: View, worth: str) -> list[str]:
-    d = view.diagnosis
-    view = view.of(d.next_measurement_["output"]) if view.stacking is not None else view
+    result = view.result
+    view = view.of(result.next_measurement.place["output"]) if view.stacking is not None else view
     place = digits.listing(
-        [f"{name} = {digits.number(d.next_measurement_[name])}" for name in view.columns]
+        [f"{name} = {digits.number(result.next_measurement.place[name])}" for name in view.columns]
     )
     if view.stacking is not None:
         place += f" in {view.output}"
-    asked = d.result_.asked
+    asked = result.asked
     first, *others = view.alternatives(asked)
     if not others:
         return ["There is one explanation only: nothing to separate."]
-    if d.next_information_ < SETTINGS.little_information:
+    if result.next_measurement.information < SETTINGS.little_information:
         why = (
             "the data have decided between them"
             if asked.probability.max() > SETTINGS.decided
@@ -50,7 +50,7 @@ def _sentences(view: View, worth: str) -> list[str]:
             f"No single measurement would separate the explanations: {why}. The best place is "
             f"{place}, worth {worth} bits on average. {_SCALE}"
         ]
-    at = np.array([[d.next_measurement_[name] for name in view.columns]])
+    at = np.array([[result.next_measurement.place[name] for name in view.columns]])
     here, there = (float(view.expected(asked, one, at)[0]) for one in (first, others[0]))
     return [
         f"One more measurement would best separate the explanations at {place}.",

@@ -11,7 +11,8 @@ from hybridsurrogate.diagnosis.answers.experimental_design import information_at
 from hybridsurrogate.diagnosis.report.elements.drawing import logarithmic, rendered
 from hybridsurrogate.diagnosis.report.elements.section import Drawn
 from hybridsurrogate.diagnosis.report.elements.view import View, label_of
-from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, HeldOutGain, best_beta
+from hybridsurrogate.diagnosis.validation.beta_scan import best_beta
+from hybridsurrogate.diagnosis.validation.gain import COVERAGE_LEVEL, HeldOutGain
 from hybridsurrogate.effects.context import MOST_EXPERIMENTS
 from hybridsurrogate.numerics import digits
 from hybridsurrogate.plotting import AFTER, BEFORE
@@ -51,8 +52,8 @@ def picture_experiments(view: View, column: str) -> Drawn:
     own = [k for k in range(len(view.inputs)) if np.ptp(view.X[:, k]) > 0] or [0]
     shown = view.shown if view.shown in own else own[0]
     x = view.X[:, shown]
-    residual = view.working_residuals(view.diagnosis.estimator_)
-    known = view.diagnosis.estimator_.experiments_
+    residual = view.working_residuals(view.result.before)
+    known = view.result.before.experiments_
     labels = known.labels if known is not None and known.column == column else None
     across = min(4, len(levels))
     down = -(-len(levels) // across)
@@ -90,7 +91,7 @@ def picture_experiments(view: View, column: str) -> Drawn:
 def picture_output(view: View) -> Drawn:
     """Draw another of several outputs with the extended model, and its residuals."""
     top, bottom = axes = plotting.new_axes(2, 1, height=5.0, share=True)
-    model = view.diagnosis.extended_estimator_
+    model = view.result.extension.estimator
     name, colour = "simulation, calibrated", BEFORE
     if view.extended:
         name, colour = "extended model", AFTER
@@ -124,7 +125,7 @@ def picture_causes(view: View) -> Drawn:
 
 def picture_residuals(view: View) -> Drawn:
     """Draw residuals before and after over the shown column, and their quantiles."""
-    models = [("before", view.diagnosis.estimator_, BEFORE, "o")]
+    models = [("before", view.result.before, BEFORE, "o")]
     if view.extended:
         models.append(("after", view.found, AFTER, "s"))
     n = len(models)
@@ -190,13 +191,13 @@ def picture_gain(gains: dict[str, HeldOutGain]) -> Drawn:
 
 def picture_next(view: View) -> Drawn:
     """Draw the alternatives' predictions and where one more measurement would separate them."""
-    place = view.diagnosis.next_measurement_
+    place = view.result.next_measurement.place
     view = view.of(place["output"]) if view.stacking is not None else view
     at = np.array([place[name] for name in view.columns])
     low, high = view.simulated_range()
     rows = view.grid(min(low, at[view.shown]), max(high, at[view.shown]), at)
     x = rows[:, view.shown]
-    found = view.diagnosis.result_.asked
+    found = view.result.asked
     alternatives = view.alternatives(found)
     means = [view.expected(found, one, rows) for one in alternatives]
     axes = plotting.new_axes(2, 1, height=5.0, share=True)
@@ -240,7 +241,7 @@ def picture_weight(within: pd.DataFrame, beyond: pd.DataFrame | None) -> Drawn:
 
 
 def _draw_column(ax: Axes, view: View) -> None:
-    residual = view.working_residuals(view.diagnosis.estimator_)
+    residual = view.working_residuals(view.result.before)
     ax.axhline(0, color=plotting.QUIET, lw=1)
     plotting.plot_measured(ax, view.x, residual, "measured - simulated")
     moved = residual - view.working_residuals(view.found)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import platform
+from dataclasses import fields
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult
 from hybridsurrogate.diagnosis.report.elements.section import Section, Table
 from hybridsurrogate.diagnosis.report.elements.view import View
 
@@ -25,7 +27,7 @@ _BIBTEX = """@article{reiser2024bayesian,
 
 def section(view: View) -> Section:
     """Return the section."""
-    d = view.diagnosis
+    result = view.result
     return Section(
         "How this was computed",
         "settings, versions, priors, citation",
@@ -33,9 +35,9 @@ def section(view: View) -> Section:
             f"Fingerprint of the measured data (SHA-256): {fingerprint(view)}.",
             "To cite: the paper below, and the version of the package.",
         ),
-        code=f"{d!r}\n\n{_BIBTEX}",
+        code=f"{result.settings.text}\n\n{_BIBTEX}",
         tables=(
-            Table(_settings(d), "Settings of this diagnosis"),
+            Table(_settings(result), "Settings of this diagnosis"),
             Table(_priors(view), "Priors of the simulation's parameters"),
             Table(_versions(), "Versions"),
         ),
@@ -53,22 +55,22 @@ def installed(name: str) -> str:
 def fingerprint(view: View) -> str:
     """Return the SHA-256 of the measured inputs and outputs, as little-endian doubles."""
     made = hashlib.sha256()
-    for values in view.diagnosis.estimator_.measured_:
+    for values in view.result.before.measured_:
         made.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
     return made.hexdigest()
 
 
-def _settings(d: Any) -> pd.DataFrame:
-    own = d.get_params(deep=False)
-    rows = [(name, str(value)) for name, value in own.items() if name != "estimator"]
-    model = d.estimator_.get_params(deep=False)
+def _settings(result: DiagnosisResult) -> pd.DataFrame:
+    own = {f.name: getattr(result.settings, f.name) for f in fields(result.settings) if f.repr}
+    rows = [(name, str(own[name])) for name in sorted(own)]
+    model = result.before.get_params(deep=False)
     shown = ("beta", "likelihood", "sampler", "n_draws", "random_state", "experiment")
     rows += [(f"estimator: {name}", str(model[name])) for name in shown if name in model]
     return pd.DataFrame(rows, columns=["setting", "value"])
 
 
 def _priors(view: View) -> pd.DataFrame:
-    priors = view.diagnosis.estimator_.simulation.parameters
+    priors = view.result.before.simulation.parameters
     rows = [(name, view.units.get(name, ""), _distribution(p)) for name, p in priors.items()]
     return pd.DataFrame(rows, columns=["parameter", "unit", "prior"])
 

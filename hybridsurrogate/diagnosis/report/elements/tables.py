@@ -65,12 +65,12 @@ def third_table(view: View) -> pd.DataFrame | None:
 def parameter_intervals(view: View) -> dict[str, dict[str, Interval]]:
     """Return mean and 90 % interval of parameters and noise, before and after the extension."""
     out: dict[str, dict[str, Interval]] = {}
-    models = (view.diagnosis.estimator_, view.found)
+    models = (view.result.before, view.found)
     # what a cause replaces has its value there
     replaced = {cause.replaces for _, cause in view.findings}
     for word, model in zip(("before", "after"), models, strict=True):
         draws = model.posterior_.named()
-        names = view.diagnosis.estimator_.simulation.parameter_names
+        names = view.result.before.simulation.parameter_names
         for name in (*names, "noise_sigma" if "sigma" in names else "sigma"):
             # each of several outputs has separate noise, and a separate table
             if word == "after" and name in replaced:
@@ -176,13 +176,13 @@ def _interval(draws: np.ndarray) -> Interval:
 
 def noise_of(view: View, after: bool = False) -> str:
     """Return the size of the noise before or after the extension, with its unit."""
-    model = view.found if after else view.diagnosis.estimator_
+    model = view.found if after else view.result.before
     return view.amount(view.noise(model))
 
 
 def output_table(view: View) -> pd.DataFrame:
     """Return the residuals of each of several outputs as a root mean square, and its noise."""
-    models = (view.diagnosis.estimator_, view.found)
+    models = (view.result.before, view.found)
     rows = []
     for name in view.outputs:
         one = view.of(name)

@@ -1,4 +1,4 @@
-"""A diagnosis as its report needs it: the column that matters, predictions, residuals, units."""
+"""A result as its report needs it: the column that matters, predictions, residuals, units."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from hybridsurrogate.arguments.named import check_units
+from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult
 from hybridsurrogate.diagnosis.report.elements.settings import SETTINGS
 from hybridsurrogate.diagnosis.search.evidence import Candidate, Search, kind_of
 from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
@@ -33,73 +34,72 @@ from hybridsurrogate.types import FloatArray
 if TYPE_CHECKING:
     from hybridsurrogate.diagnosis.answers.discrepancy import Discrepancy
     from hybridsurrogate.diagnosis.answers.finding import CauseFinding
-    from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
     from hybridsurrogate.plotting import Prediction
 
 
 @dataclass(frozen=True)
 class View:
-    """A fitted diagnosis, seen as a report needs it; rows have the simulation's inputs first.
+    """What a fit found, seen as a report needs it; rows have the simulation's inputs first.
 
     Attributes
     ----------
-    diagnosis : DiscrepancyDiagnosis
+    result : DiagnosisResult
     position : int
         Which of several outputs is looked at.
     units : dict of str to str
         Units of columns, outputs, parameters and constants, as far as they are given.
     """
 
-    diagnosis: DiscrepancyDiagnosis
+    result: DiagnosisResult
     position: int = 0
     units: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def stacking(self) -> Stacking | None:
         """How several outputs are laid out, None of a single one."""
-        return self.diagnosis.search_.problem.stacking
+        return self.result.search.problem.stacking
 
     @property
     def outputs(self) -> tuple[str, ...]:
         """Names of all outputs."""
-        return self.diagnosis.estimator_.simulation.outputs
+        return self.result.before.simulation.outputs
 
     def of(self, output: str) -> View:
         """Return the view of another output."""
-        return View(self.diagnosis, self.outputs.index(output), self.units)
+        return View(self.result, self.outputs.index(output), self.units)
 
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of the measured columns, the simulation's inputs first."""
-        names = self.diagnosis.search_.problem.model.columns
+        names = self.result.search.problem.model.columns
         return tuple(name for name in names if name != OUTPUT)
 
     @property
     def inputs(self) -> tuple[str, ...]:
         """Names of the simulation's inputs."""
-        return self.diagnosis.estimator_.simulation.input_names
+        return self.result.before.simulation.input_names
 
     @property
     def labels(self) -> tuple[str, ...]:
         """Names of the columns that label experiments."""
         rows = dict(zip(self.columns, self.X.T, strict=True))
-        return label_columns(rows, len(self.inputs), self.diagnosis.estimator_.experiment)
+        return label_columns(rows, len(self.inputs), self.result.before.experiment)
 
     @cached_property
     def _there(self) -> NDArray[np.bool_]:
         """Which rows have this output."""
-        y = self.diagnosis.estimator_.measured_[1]
+        y = self.result.before.measured_[1]
         return np.isfinite(y if self.stacking is None else y[:, self.position])
 
     @property
     def X(self) -> FloatArray:
         """Measured rows."""
-        return self.diagnosis.estimator_.measured_[0][self._there]
+        return self.result.before.measured_[0][self._there]
 
     @property
     def y(self) -> FloatArray:
         """Measured outputs."""
-        return self.of_output(self.diagnosis.estimator_.measured_[1])[self._there]
+        return self.of_output(self.result.before.measured_[1])[self._there]
 
     def of_output(self, values: FloatArray) -> FloatArray:
         """Return the values of this output, of (n,) or (n, k)."""
@@ -144,7 +144,7 @@ class View:
     @property
     def band(self) -> Discrepancy:
         """The smooth discrepancy of the output."""
-        return self.diagnosis.discrepancies_[self.output]
+        return self.result.extension.discrepancies[self.output]
 
     def noise(self, model: Any) -> float:
         """Return the mean of the noise of the output in a fitted model, in its units."""
@@ -161,66 +161,66 @@ class View:
     @property
     def log_scale(self) -> bool:
         """Whether causes act on the logarithm of the output."""
-        return bool(self.diagnosis.search_.problem.likelihood.log_scale)
+        return bool(self.result.search.problem.likelihood.log_scale)
 
     @property
     def likelihood(self) -> str:
         """The word for the likelihood."""
-        return self.diagnosis.search_.problem.likelihood.name
+        return self.result.search.problem.likelihood.name
 
     @property
     def extended(self) -> bool:
         """Whether there is a model after, other than the one before."""
-        return self.diagnosis.extended_estimator_ is not self.diagnosis.estimator_
+        return self.result.extension.estimator is not self.result.before
 
     @property
     def found(self) -> PowerScaledSurrogate:
         """The model with the accepted causes, first of those that are averaged."""
-        return leading(self.diagnosis.extended_estimator_)
+        return leading(self.result.extension.estimator)
 
     @property
     def has_weight(self) -> bool:
         """Whether there is a surrogate for whose training runs and measurements compete."""
-        return has_weight(self.diagnosis.estimator_)
+        return has_weight(self.result.before)
 
     @property
     def weight_takes_minutes(self) -> bool:
         """Whether a fit takes so long that a few weights take minutes."""
-        return any(map(is_slow, self.diagnosis.beta_scans_.models))
+        return any(map(is_slow, self.result.extension.beta_scans.models))
 
     @property
     def cause(self) -> Cause | None:
         """The first accepted cause, prepared, as its search knows it."""
-        return self.diagnosis.result_.steps[0].chosen.cause if self.extended else None
+        return self.result.steps[0].chosen.cause if self.extended else None
 
     @property
     def search(self) -> Search:
         """The search for the first cause, conditional on all other accepted causes."""
-        return self.diagnosis.result_.steps[0].conditional
+        return self.result.steps[0].conditional
 
     @property
     def findings(self) -> list[tuple[CauseFinding, Cause]]:
         """Every accepted cause, its finding and the cause itself, in order."""
         if not self.extended:
             return []
-        causes = [step.chosen.cause for step in self.diagnosis.result_.steps]
-        found = zip(self.diagnosis.found_causes_, causes, strict=True)
+        causes = [step.chosen.cause for step in self.result.steps]
+        found = zip(self.result.extension.found_causes, causes, strict=True)
         return [(finding, cause) for finding, cause in found if cause is not None]
 
     @property
     def kinds(self) -> str:
         """Every accepted kind, in the form in which folds report their choices."""
-        return in_one_word([cause.kind for cause in self.diagnosis.found_causes_])
+        return in_one_word([cause.kind for cause in self.result.extension.found_causes])
 
     @cached_property
     def before(self) -> FloatArray:
         """Predictions at the measured rows before the extension."""
-        return self.predicted(self.diagnosis.estimator_, self.as_given(self.X))
+        return self.predicted(self.result.before, self.as_given(self.X))
 
     @cached_property
     def after(self) -> FloatArray:
         """Predictions at the measured rows after the extension."""
-        return self.predicted(self.diagnosis.extended_estimator_, self.as_given(self.X))
+        return self.predicted(self.result.extension.estimator, self.as_given(self.X))
 
     @property
     def both(self) -> tuple[FloatArray, FloatArray]:
@@ -245,7 +245,7 @@ class View:
 
         In units of an output of several decades it would be large where the output is.
         """
-        models = self.diagnosis.estimator_, self.found
+        models = self.result.before, self.found
         before, after = (self.working_residuals(model) for model in models)
         return before - after
 
@@ -280,7 +280,7 @@ class View:
 
     def as_given(self, X: FloatArray) -> Any:
         """Return rows whose simulation inputs come first as the user's columns."""
-        estimator = self.diagnosis.estimator_
+        estimator = self.result.before
         rows = np.empty_like(X)
         rows[:, estimator.column_order_] = X
         names = getattr(estimator, "feature_names_in_", None)
@@ -288,7 +288,7 @@ class View:
 
     def held_back(self, test: tuple[Any, Any]) -> tuple[FloatArray, FloatArray]:
         """Return held-out rows, the simulation's inputs first, and their outputs."""
-        model = self.diagnosis.estimator_
+        model = self.result.before
         rows = model.checked_rows(test[0])
         if self.stacking is not None:
             rows = np.delete(rows[:: len(self.outputs)], self.stacking.at, axis=1)
@@ -297,7 +297,7 @@ class View:
 
     def simulated_range(self) -> tuple[float, float]:
         """Return the range of the shown column that was simulated, or else measured."""
-        ranges = self.diagnosis.estimator_.simulation.input_ranges
+        ranges = self.result.before.simulation.input_ranges
         low, high = ranges.get(self.name, (self.x.min(), self.x.max()))
         return min(low, float(self.x.min())), max(high, float(self.x.max()))
 
@@ -367,15 +367,15 @@ class View:
     @cached_property
     def _residuals(self) -> dict[int, tuple[FloatArray, FloatArray]]:
         """Residuals of either model on the scale of eta, and standardised, both from one eta."""
-        models = self.diagnosis.estimator_, self.found
+        models = self.result.before, self.found
         rows, y = self.single(self.X), self.y / self.unit
         found = {id(model): _residuals_of(model, rows, y) for model in models}
         # what is divided by a scale is not on a logarithmic one
         return {key: (self.unit * working, z) for key, (working, z) in found.items()}
 
 
-def view_of(diagnosis: DiscrepancyDiagnosis, units: Mapping[str, str] | None = None) -> View:
-    """Return a diagnosis as a report sees it first: the output that the first cause concerns.
+def view_of(result: DiagnosisResult, units: Mapping[str, str] | None = None) -> View:
+    """Return a result as a report sees it first: the output that the first cause concerns.
 
     Of a cause in all outputs that which it changes most, in units of its noise.
 
@@ -386,8 +386,8 @@ def view_of(diagnosis: DiscrepancyDiagnosis, units: Mapping[str, str] | None = N
     TypeError
         For units that are no dict of text.
     """
-    view = View(diagnosis, units=check_units(units))
-    simulation = diagnosis.estimator_.simulation
+    view = View(result, units=check_units(units))
+    simulation = result.before.simulation
     known = [*view.columns, *view.outputs, *simulation.parameter_names, *simulation.assumed_names]
     unknown = [name for name in view.units if name not in known]
     if unknown:
@@ -453,7 +453,7 @@ def label_of(candidate: Candidate) -> str:
 
 def averaged(view: View) -> list[tuple[PowerScaledSurrogate, str, float]]:
     """Return what the extended model averages over: each model, its causes and its weight."""
-    after = view.diagnosis.extended_estimator_
+    after = view.result.extension.estimator
     if not isinstance(after, AveragedSurrogate):
         return []
     causes = [[e for e in one.effects if e.is_learned] for one in after.estimators_]

@@ -12,15 +12,15 @@ from hybridsurrogate.numerics import digits
 
 def advice(view: View) -> tuple[Advice, ...]:
     """Return what to do next, the most important first."""
-    d = view.diagnosis
-    if d.verdict_ == "adequate":
+    result = view.result
+    if result.conclusion.verdict == "adequate":
         return (
             Advice("Use the calibrated simulation:", "diagnosis.predict(X)"),
             Advice("If smaller faults matter, measure more:", "diagnosis.next_measurements(5)"),
         )
-    if d.verdict_ == "undecided":
+    if result.conclusion.verdict == "undecided":
         return _decide(view)
-    if d.verdict_ == "unexplained":
+    if result.conclusion.verdict == "unexplained":
         return (
             Advice("Within the measured range predict with the smooth curve:", _predict(view)),
             Advice(
@@ -34,16 +34,16 @@ def advice(view: View) -> tuple[Advice, ...]:
 
 def _decide(view: View) -> tuple[Advice, ...]:
     """Return what would decide."""
-    d = view.diagnosis
-    if d.undecided_by_ == "runs":
-        if d.emulator_check_ is not None and not d.emulator_check_.needs_runs:
-            return (Advice(d.emulator_check_.remedy),)
+    result = view.result
+    if result.conclusion.undecided_by == "runs":
+        if result.emulator_check is not None and not result.emulator_check.needs_runs:
+            return (Advice(result.emulator_check.remedy),)
         return (
             Advice("Run the simulation where it is most uncertain:", "diagnosis.next_runs(20)"),
             Advice("Or let the package run it:", "hs.refine(diagnosis, X, y)"),
             Advice("Or diagnose with the simulation itself:", "surrogate=hs.ExactSurrogate()"),
         )
-    if d.undecided_by_ == "rows":
+    if result.conclusion.undecided_by == "rows":
         return (
             Advice("Measure more:", "diagnosis.next_measurements(5)"),
             Advice(
@@ -59,21 +59,21 @@ def _predict(view: View) -> str:
 
 
 def _use(view: View) -> list[Advice]:
-    d = view.diagnosis
-    if d.gain_ is not None and is_worse(d.gain_):
+    result = view.result
+    if result.gain is not None and is_worse(result.gain):
         return [Advice("Predict with the simulation as it is:", "diagnosis.estimator_.predict(X)")]
-    within = d.gain_out_of_range_ is not None and is_worse(d.gain_out_of_range_)
+    within = result.gain_out_of_range is not None and is_worse(result.gain_out_of_range)
     where = ", within the measured range" if within else ""
     out = [Advice(f"Use the extended model{where}:", "diagnosis.predict(X)")]
-    if d.extended_simulator_ is not None:
+    if result.extension.simulator is not None:
         out.append(Advice("Take it away as Python code:", 'diagnosis.to_python("extended.py")'))
     return out
 
 
 def _check(view: View) -> Advice:
-    d = view.diagnosis
-    if d.verdict_ == "ambiguous":
-        kinds = digits.listing(list(d.indistinguishable_))
+    result = view.result
+    if result.conclusion.verdict == "ambiguous":
+        kinds = digits.listing(list(result.indistinguishable))
         return Advice(f"Before you act on one cause, check where the data come from: {kinds}.")
     found = [label_of_cause(c) for f, c in view.findings if f.kind != "unexplained"]
     found += [label_of(w) for w in view.other_forms()]
@@ -85,7 +85,7 @@ def _check(view: View) -> Advice:
 
 def _search_on(view: View) -> list[Advice]:
     if (
-        view.diagnosis.verdict_ == "nearest"
+        view.result.conclusion.verdict == "nearest"
         or probability_of_smooth_curve(view) > SETTINGS.smooth_curve_said
     ):
         more = len(view.findings) + 1
@@ -98,18 +98,18 @@ def _search_on(view: View) -> list[Advice]:
 
 def _measure(view: View) -> list[Advice]:
     """Return where one more measurement would best separate the explanations."""
-    d = view.diagnosis
-    asked = d.result_.asked
+    result = view.result
+    asked = result.asked
     if len(view.alternatives(asked)) < 2:
         return []
     place = digits.listing(
         [
             f"{name} = {digits.number(value)}" if not isinstance(value, str) else value
-            for name, value in d.next_measurement_.items()
+            for name, value in result.next_measurement.place.items()
         ]
     )
-    bits = digits.at_least(d.next_information_)
-    if d.next_information_ < SETTINGS.little_information:
+    bits = digits.at_least(result.next_measurement.information)
+    if result.next_measurement.information < SETTINGS.little_information:
         return [
             Advice(
                 "One more measurement would hardly separate the explanations: the best place, "

@@ -28,24 +28,25 @@ def cards(view: View, on_test: HeldOutGain | None) -> tuple[Card, ...]:
 
 
 def _wrong(view: View) -> Card:
-    d = view.diagnosis
+    result = view.result
     word = {
         "adequate": "No sign of it",
         "undecided": "Cannot be decided",
-    }.get(d.verdict_)
+    }.get(result.conclusion.verdict)
     where = {
         "noise": "Yes, in the noise",
         "inputs": "Yes, in an input",
         "data": "Yes, in the data",
         "prior": "Yes, in a prior",
-    }.get(d.concerns_ or "", "Yes")
-    return Card(WRONG, word or where, f"p = {digits.number(d.p_value_, 2)}: {replicates(view)}")
+    }.get(result.conclusion.concerns or "", "Yes")
+    p = digits.number(result.test.p_value, 2)
+    return Card(WRONG, word or where, f"p = {p}: {replicates(view)}")
 
 
 def replicates(view: View) -> str:
     """Return what the p-value rests on, as half a sentence."""
-    d = view.diagnosis
-    n, test = d.result_.n_replicates, d.result_.test
+    result = view.result
+    n, test = result.settings.n_replicates, result.test
     extreme = round(test.share * (n + 1)) - 1
     if test.p_value < test.share:
         million = test.bound < 1e-6
@@ -57,22 +58,22 @@ def replicates(view: View) -> str:
 
 
 def _cause(view: View) -> Card:
-    d = view.diagnosis
-    if d.verdict_ == "adequate":
+    result = view.result
+    if result.conclusion.verdict == "adequate":
         none = digits.probability(float(view.search.probability[0]))
         return Card(CAUSE, "None needed", f"that nothing is wrong has {none} of the probability")
-    if d.verdict_ == "undecided":
+    if result.conclusion.verdict == "undecided":
         return Card(CAUSE, "Not known", "the evidence does not suffice to name one")
-    if d.verdict_ == "unexplained":
+    if result.conclusion.verdict == "unexplained":
         return Card(CAUSE, "Not known", "it is not in the catalogue, or its shape is smooth")
-    kind = digits.probability(d.best_cause_.probability)
-    if d.probability_right_ is None:
+    kind = digits.probability(result.extension.best_cause.probability)
+    if result.conclusion.probability_right is None:
         return Card(CAUSE, kind, "if the catalogue holds the true cause")
-    right = f"{digits.probability(d.probability_right_)} right"
-    if d.verdict_ == "ambiguous":
+    right = f"{digits.probability(result.conclusion.probability_right)} right"
+    if result.conclusion.verdict == "ambiguous":
         shares = kind_shares(view.search)
-        best = d.best_cause_
-        others = [k for k in d.indistinguishable_ if k not in (best.kind, *best.same_curve)]
+        best = result.extension.best_cause
+        others = [k for k in result.indistinguishable if k not in (best.kind, *best.same_curve)]
         listed = [f"{best.kind} {kind}"]
         listed += [f"{k} {digits.probability(shares[k])}" for k in others[:2]]
         return Card(CAUSE, right, f"if the catalogue holds it: {', '.join(listed)}")
@@ -80,10 +81,10 @@ def _cause(view: View) -> Card:
 
 
 def _gain(view: View, on_test: HeldOutGain | None) -> Card:
-    d = view.diagnosis
+    result = view.result
     if not view.extended:
         return Card(GAIN, "Nothing to gain", "no cause was added to the simulation")
-    gain = d.gain_ if d.gain_ is not None else on_test
+    gain = result.gain if result.gain is not None else on_test
     if gain is None:
         return Card(GAIN, "Not measured", "cross_validate() measures it on held-out rows")
     score = digits.plus_minus(gain.elpd_difference, gain.standard_error, sign=True)
@@ -117,9 +118,9 @@ def _measured_range(view: View) -> str:
 
 
 def _range(view: View, on_test: HeldOutGain | None) -> Card:
-    d = view.diagnosis
+    result = view.result
     within = _measured_range(view)
-    beyond, where = d.gain_out_of_range_, "beyond it"
+    beyond, where = result.gain_out_of_range, "beyond it"
     if on_test is not None:
         beyond, where = on_test, "on the rows that you held out"
     if beyond is None:

@@ -29,31 +29,32 @@ def subject(view: View) -> str:
 
 def name_of(view: View) -> str:
     """Return the name of the simulation, or that of its output."""
-    simulator = view.diagnosis.estimator_.simulation.simulator
+    simulator = view.result.before.simulation.simulator
     return str(simulator.name) if simulator is not None else f"runs of {view.output}"
 
 
 def headline(view: View) -> str:
     """Return one sentence that names what was detected."""
-    d = view.diagnosis
-    if d.verdict_ == "adequate":
+    result = view.result
+    if result.conclusion.verdict == "adequate":
         return "The measurements give no reason to doubt the simulation."
-    if d.verdict_ == "undecided":
+    if result.conclusion.verdict == "undecided":
         return {
             "runs": "The runs cannot show whether the simulation is right.",
             "rows": "The simulation fits badly, and these measurements cannot show why.",
             "prior": "The prior of a parameter is too narrow to show whether the simulation is "
             "right.",
-        }[str(d.undecided_by_)]
-    if d.verdict_ == "unexplained":
+        }[str(result.conclusion.undecided_by)]
+    if result.conclusion.verdict == "unexplained":
         return (
             f"The simulation misses a smooth change of {view.output} that no cause of the "
             "catalogue explains."
         )
     finding, cause = view.findings[0]
-    if d.verdict_ == "ambiguous":
+    if result.conclusion.verdict == "ambiguous":
         shares = kind_shares(view.search)
-        others = [k for k in d.indistinguishable_ if k not in (finding.kind, *finding.same_curve)]
+        own = finding.kind, *finding.same_curve
+        others = [kind for kind in result.indistinguishable if kind not in own]
         kinds = [finding.kind, *sorted(others, key=lambda kind: -shares[kind])]
         shown = kinds[:_MOST_KINDS]
         more = f" or {len(kinds) - len(shown)} others" if len(kinds) > len(shown) else ""
@@ -63,28 +64,28 @@ def headline(view: View) -> str:
             choice = ", ".join(shown) + more
         return f"{_at_fault(view)} wrong, and the data leave open how: {choice}."
     sentence = sentence_of(view, finding, cause)
-    right = d.probability_right_
-    if d.verdict_ == "nearest" and right is not None and right < _RATHER_RIGHT:
+    right = result.conclusion.probability_right
+    if result.conclusion.verdict == "nearest" and right is not None and right < _RATHER_RIGHT:
         return f"{_at_fault(view)} wrong. The closest match: {_lower(sentence)}"
     return sentence
 
 
 def lead(view: View) -> tuple[str, ...]:
     """Return the sentences that explain the headline."""
-    d = view.diagnosis
-    if d.verdict_ == "adequate":
+    result = view.result
+    if result.conclusion.verdict == "adequate":
         return (_detectable(view),)
-    if d.verdict_ == "undecided":
+    if result.conclusion.verdict == "undecided":
         return _undecided(view)
-    if d.verdict_ == "unexplained":
+    if result.conclusion.verdict == "unexplained":
         return _unexplained(view)
     finding, cause = view.findings[0]
     out = []
-    if d.verdict_ == "ambiguous":
+    if result.conclusion.verdict == "ambiguous":
         share = digits.probability(finding.probability)
         sentence = _lower(sentence_of(view, finding, cause))
         out.append(f"Most probable ({share} of the evidence): {sentence}")
-    elif d.verdict_ == "nearest":
+    elif result.conclusion.verdict == "nearest":
         out.append("This is the closest match in the catalogue; the residuals show more.")
     mean = {
         "noise": "The mean of the simulation stands; the scatter of the data is not as assumed.",
@@ -92,8 +93,8 @@ def lead(view: View) -> tuple[str, ...]:
         "data": "The simulation itself stands; these rows need a check.",
         "prior": "The simulation itself may be right, with a wider prior.",
     }
-    if d.concerns_ in mean:
-        out.append(mean[d.concerns_])
+    if result.conclusion.concerns in mean:
+        out.append(mean[result.conclusion.concerns])
     estimates = estimates_of(view, finding, cause)
     if estimates:
         out.append(f"{estimates[0].upper()}{estimates[1:]}.")
@@ -208,12 +209,12 @@ def _at_fault(view: View) -> str:
         "inputs": "The simulation stands, but a measured input is",
         "data": "The simulation stands, but some rows are",
         "prior": "A prior is",
-    }.get(view.diagnosis.concerns_ or "", "The simulation is")
+    }.get(view.result.conclusion.concerns or "", "The simulation is")
 
 
 def _detectable(view: View) -> str:
     """Report how large a fault would have to be to be detected."""
-    least = view.diagnosis.smallest_detectable_
+    least = view.result.conclusion.smallest_detectable
     if least is None:
         return (
             "A fault well below the noise, whose standard deviation is about "
@@ -226,11 +227,11 @@ def _detectable(view: View) -> str:
 
 
 def _undecided(view: View) -> tuple[str, ...]:
-    d = view.diagnosis
-    if d.undecided_by_ == "runs":
-        assert d.emulator_check_ is not None  # it decided
-        if d.emulator_check_.rounding is None:
-            left_open = digits.number(d.emulator_check_.left_open, 2)
+    result = view.result
+    if result.conclusion.undecided_by == "runs":
+        assert result.emulator_check is not None  # it decided
+        if result.emulator_check.rounding is None:
+            left_open = digits.number(result.emulator_check.left_open, 2)
             out = [f"They leave the simulation uncertain by {left_open} times the noise."]
         else:
             out = ["Their counts are whole numbers, rounded or drawn, which can hide an effect."]
@@ -239,24 +240,21 @@ def _undecided(view: View) -> tuple[str, ...]:
                 f"The most probable cause is {label_of_cause(view.cause)}, but the uncertainty of "
                 "the runs can look like it."
             )
-    elif d.undecided_by_ == "rows":
+    elif result.conclusion.undecided_by == "rows":
         out = ["No cause of the catalogue predicts them better than the simulation does."]
     else:
         out = [
             f"The most probable cause is {label_of_cause(view.cause)}, but a value beyond the "
             "prior may explain as much."
         ]
-    if d.smallest_detectable_ is not None:
+    if result.conclusion.smallest_detectable is not None:
         out.append(_detectable(view))
     return tuple(out)
 
 
 def _unexplained(view: View) -> tuple[str, ...]:
-    d = view.diagnosis
-    out = [
-        f"A smooth curve of unknown cause has {digits.probability(d.best_cause_.probability)} of "
-        "the probability."
-    ]
+    share = digits.probability(view.result.extension.best_cause.probability)
+    out = [f"A smooth curve of unknown cause has {share} of the probability."]
     band = view.band
     stretches = band.stretches(band.grid[:, view.columns.index(band.column)])
     if stretches and view.name in view.inputs:

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from numpy.typing import ArrayLike
 
 from hybridsurrogate import plotting
 from hybridsurrogate.diagnosis.report.elements.drawing import logarithmic, rendered
@@ -19,7 +18,8 @@ from hybridsurrogate.numerics import digits
 from hybridsurrogate.plotting import Predicted
 from hybridsurrogate.types import FloatArray
 
-Test = tuple[ArrayLike, ArrayLike] | None
+# rows held out: a table and its outputs, checked
+Test = tuple[Any, FloatArray] | None
 
 
 def overview(view: View, test: Test = None, axes: Sequence[Axes] | None = None) -> list[Axes]:
@@ -63,9 +63,9 @@ def _drawn(
     shown = np.ones(len(view.x), dtype=bool) if low is None else view.x >= low
     x, y = view.x[shown], view.y[shown]
     last = x if held is None else np.concatenate([x, held[0]])
-    models = [view.diagnosis.estimator_]
+    models = [view.result.before]
     if view.extended:
-        models.append(view.diagnosis.extended_estimator_)
+        models.append(view.result.extension.estimator)
     table = pd.DataFrame({view.name: x, f"measured {view.output}": y})
     drawn = []
     for name, model in zip(("simulation", "extended model"), models, strict=False):

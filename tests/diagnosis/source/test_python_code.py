@@ -19,9 +19,9 @@ from tide import FRAME, SIMULATOR, context_of
 import hybridsurrogate as hs
 from hybridsurrogate.catalogue import catalogue
 from hybridsurrogate.datasets import load_nile, make_log_sin
-from hybridsurrogate.diagnosis.answers.python_code import extended_model, python_source
 from hybridsurrogate.diagnosis.answers.table import form_of
 from hybridsurrogate.diagnosis.source.extended_model import ExtendedModel, FittedCause
+from hybridsurrogate.diagnosis.source.python_code import extended_model, python_source
 from hybridsurrogate.effects.base import NOISE_SD
 from hybridsurrogate.effects.registry import FORMS, kinds
 from hybridsurrogate.likelihoods import Binomial, as_likelihood
@@ -495,12 +495,14 @@ def of_one_draw(model, X, y):
     """Return a fit of few draws as a diagnosis has it, with one draw left, and that draw's eta."""
     fitted = model.fit(X, y)
     fitted.posterior_ = fitted.posterior_.take(np.array([3]))
-    facts = {"found_causes_": [], "verdict_": "named", "probability_right_": None}
-    diagnosis = SimpleNamespace(
-        estimator_=fitted, extended_estimator_=fitted, estimator=model, random_state=0, **facts
+    result = SimpleNamespace(
+        before=fitted,
+        extension=SimpleNamespace(estimator=fitted, found_causes=()),
+        conclusion=SimpleNamespace(verdict="named", probability_right=None),
+        settings=SimpleNamespace(random_state=0),
     )
     eta, _ = fitted.posterior_.eta(fitted.checked_rows(X))
-    return python_source(extended_model(diagnosis)), fitted, eta
+    return python_source(extended_model(result)), fitted, eta
 
 
 def surrogate(simulator, **options):

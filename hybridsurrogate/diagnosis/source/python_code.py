@@ -5,11 +5,11 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping, Sequence
 from numbers import Integral
-from typing import Any
 
 import numpy as np
 
 from hybridsurrogate.arguments.description import described
+from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult
 from hybridsurrogate.diagnosis.source.docstring import docstring
 from hybridsurrogate.diagnosis.source.dynamics import dynamics
 from hybridsurrogate.diagnosis.source.extended_model import ExtendedModel, FittedCause
@@ -28,12 +28,14 @@ from hybridsurrogate.simulation.simulator import Simulator
 from hybridsurrogate.types import FloatArray
 
 
-def extended_model(diagnosis: Any, units: Mapping[str, str] | None = None) -> ExtendedModel:
-    """Return what a module is written of, from a fitted diagnosis.
+def extended_model(
+    result: DiagnosisResult, units: Mapping[str, str] | None = None
+) -> ExtendedModel:
+    """Return what a module is written of, from all that a fit found.
 
     Parameters
     ----------
-    diagnosis : DiscrepancyDiagnosis
+    result : DiagnosisResult
     units : mapping of name to str or None
         Of measured columns, outputs, parameters and states.
 
@@ -42,7 +44,7 @@ def extended_model(diagnosis: Any, units: Mapping[str, str] | None = None) -> Ex
     ValueError, TypeError
         For units of what there is not, or that are no text.
     """
-    estimator, posterior = diagnosis.estimator_, leading(diagnosis.extended_estimator_).posterior_
+    estimator, posterior = result.before, leading(result.extension.estimator).posterior_
     model, simulation = posterior.model, estimator.simulation
     simulator = simulation.simulator
     ode = simulator if isinstance(simulator, OdeSimulator) else None
@@ -70,8 +72,8 @@ def extended_model(diagnosis: Any, units: Mapping[str, str] | None = None) -> Ex
         sizes=sizes,
         labels=labels,
         units=_checked_units(units, [name for name in names if name != OUTPUT]),
-        about=_about(diagnosis),
-        written_by=_written_by(diagnosis),
+        about=_about(result),
+        written_by=_written_by(result),
         functions=_functions_of(simulator),
         returns_dict=_returns_dict(simulator, estimator.measured_[0], posterior),
     )
@@ -110,18 +112,18 @@ def _checked_units(units: Mapping[str, str] | None, names: Sequence[str]) -> dic
     return dict(units)
 
 
-def _about(diagnosis: Any) -> list[str]:
+def _about(result: DiagnosisResult) -> list[str]:
     """Return the verdict and the detected causes."""
-    right = diagnosis.probability_right_
+    right = result.conclusion.probability_right
     sure = "" if right is None else f" The name is right with a probability of {percent(right)}."
-    text = [f"Verdict: {diagnosis.verdict_}.{sure}"]
-    if diagnosis.verdict_ == "ambiguous":
-        alike = listing(list(diagnosis.indistinguishable_))
+    text = [f"Verdict: {result.conclusion.verdict}.{sure}"]
+    if result.conclusion.verdict == "ambiguous":
+        alike = listing(list(result.indistinguishable))
         text.append(f"Causes that together have 90 % of the probability: {alike}.")
-    for finding in diagnosis.found_causes_:
+    for finding in result.extension.found_causes:
         if finding.kind != "none":
             text.append(f"{finding.kind}: {finding.formula}.")
-    after = diagnosis.extended_estimator_
+    after = result.extension.estimator
     if isinstance(after, AveragedSurrogate) and len(after.estimators_) > 1:
         text.append(
             f"predict of the diagnosis averages over {len(after.estimators_)} explanations; this "
@@ -131,10 +133,10 @@ def _about(diagnosis: Any) -> list[str]:
     return text
 
 
-def _written_by(diagnosis: Any) -> str:
+def _written_by(result: DiagnosisResult) -> str:
     from hybridsurrogate import __version__
 
-    seeds = {"diagnosis": diagnosis.random_state, "estimator": diagnosis.estimator.random_state}
+    seeds = {"diagnosis": result.settings.random_state, "estimator": result.before.random_state}
     said = [
         f"random_state={seed if isinstance(seed, Integral) else 'not fixed'} of the {name}"
         for name, seed in seeds.items()

@@ -1,0 +1,104 @@
+"""The verdict on a finished search, and what makes it doubtful."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from hybridsurrogate.diagnosis.checks.caution import Caution
+from hybridsurrogate.diagnosis.checks.columns import better_columns
+from hybridsurrogate.diagnosis.checks.data import gross_errors, mirrored, single_rows
+from hybridsurrogate.diagnosis.checks.detectable import smallest_detectable
+from hybridsurrogate.diagnosis.checks.emulator import EmulatorCheck
+from hybridsurrogate.diagnosis.checks.outside import probability_right
+from hybridsurrogate.diagnosis.checks.residuals import check_residuals
+from hybridsurrogate.diagnosis.fitting.result import Conclusion, Settings
+from hybridsurrogate.diagnosis.fitting.verdict import Verdict, conclude
+from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
+from hybridsurrogate.diagnosis.validation.refit import accepted
+from hybridsurrogate.diagnosis.validation.rows_left_out import with_rows
+from hybridsurrogate.effects.noise.gross_error import GrossError
+from hybridsurrogate.inference.prior_ends import at_prior_ends
+from hybridsurrogate.model.problem import Problem
+
+
+def concluded(
+    steps: Sequence[SearchStep],
+    before: Any,
+    problem: Problem,
+    emulator_check: EmulatorCheck | None,
+    known: Sequence[Caution],
+    settings: Settings,
+) -> tuple[Conclusion, list[Caution]]:
+    """Return what a search amounts to, and what makes it doubtful.
+
+    Parameters
+    ----------
+    steps : sequence of SearchStep
+    before : PowerScaledSurrogate
+        Fitted.
+    problem : Problem
+        As it was prepared, with all rows.
+    emulator_check : EmulatorCheck or None
+    known : sequence of Caution
+        Doubts from the search itself.
+    settings : Settings
+    """
+    first, last = steps[0], [step for step in steps if step.is_accepted][-1:]
+    check = check_residuals(last[0].conditional, last[0].chosen) if last else None
+    posterior = before.posterior_
+    verdict = conclude(
+        steps,
+        settings.false_alarm_rate,
+        check,
+        0.0 if emulator_check is None else emulator_check.hidden,
+        not posterior.model.basis.is_simulation and bool(at_prior_ends(posterior)),
+    )
+    smallest = None
+    if not last:
+        smallest = smallest_detectable(first.search, first.test, settings.false_alarm_rate)
+    doubts = [*known, *_doubts(steps, before, problem, verdict.word)]
+    word = _final_word(verdict, first, doubts)
+    conclusion = Conclusion(
+        word,
+        verdict.concerns,
+        verdict.open,
+        verdict.same_curve,
+        _probability_right(first, verdict.share, word),
+        check,
+        smallest,
+    )
+    return conclusion, doubts
+
+
+def _final_word(verdict: Verdict, first: SearchStep, doubts: Sequence[Caution]) -> str:
+    """Return the verdict: no cause in the output has the name alone on doubtful data."""
+    cause = first.chosen.cause
+    rests_on_it = any(one.about in ("data", "columns") for one in doubts)
+    if verdict.word == "named" and rests_on_it and cause is not None and cause.changes_output:
+        return "nearest"
+    return verdict.word
+
+
+def _doubts(
+    steps: Sequence[SearchStep], before: Any, problem: Problem, verdict: str
+) -> list[Caution]:
+    """Return what makes a search doubtful: single rows, columns and their units."""
+    first, ranges = steps[0], before.simulation_.input_ranges
+    found = with_rows(accepted(steps), steps)
+    left_out = [
+        one for cause in found if isinstance(cause, GrossError) for one in gross_errors(cause)
+    ]
+    if left_out:
+        return left_out
+    out = list(single_rows(first.search, first.chosen))
+    if verdict != "adequate":
+        out += better_columns(first.search, ranges, first.chosen)
+    return out if verdict in ("named", "nearest") else [*out, *mirrored(problem)]
+
+
+def _probability_right(first: SearchStep, share: float, verdict: str) -> float | None:
+    if verdict in ("adequate", "unexplained", "undecided"):
+        return None
+    wrong = 1 - float(first.conditional.probability[0])
+    return wrong * probability_right(share, verdict == "nearest")
