@@ -82,9 +82,10 @@ class Found:
     """A diagnosis as the commands use it, which takes no time."""
 
     verdict_ = "named"
-    causes_ = pd.DataFrame(
+    causes = pd.DataFrame(
         {"kind": ["step", "none"], "target": ["year", None], "probability": [0.9, 0.1]}
     )
+    result_ = SimpleNamespace(causes=causes)
 
     def __init__(self, *_, **settings):
         self.settings, self.calls = settings, []
