@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
-from scipy import integrate, stats
+from scipy import stats
 
-from hybridsurrogate.likelihoods.quadrature import density_on_nodes, draw
 from hybridsurrogate.likelihoods.smoothing import positive, smoothed_moments
-from hybridsurrogate.numerics.blocks import blocks
 from hybridsurrogate.registration import add
 from hybridsurrogate.types import FloatArray, Prior
 
@@ -23,9 +21,9 @@ _KERNEL = 0.8
 class Likelihood(ABC):
     """How a measured value scatters around the surrogate's output.
 
-    A subclass needs ``log_density`` alone. Without a ``sample`` method, draws and averages use
-    nodes of y. Counts need ``sample``, as their density lies on whole numbers. Mean, variance and
-    Fisher information are averages over samples where no formula is given.
+    A subclass needs ``log_density`` to be fitted, and ``sample`` for all that draws of y are needed
+    for: predictions, intervals, a diagnosis. Mean, variance and Fisher information are averages
+    over samples where no formula is given.
 
     ``eta``, the surrogate's output, and ``sigma``, the second parameter, broadcast against each
     other; by convention draws come first and rows last, so ``eta`` has shape (n_draws, n) and
@@ -65,8 +63,11 @@ class Likelihood(ABC):
     ...     rough = True
     ...     def log_density(self, y, eta, sigma):
     ...         return -np.abs(y - eta) / sigma - np.log(2 * sigma)
-    >>> Laplace().variance(np.zeros((1, 1)), np.full((1, 1), 3.0)).round(1)
-    array([[18.]])
+    ...     def sample(self, y, sigma, random_state):
+    ...         return random_state.laplace(y, sigma)
+    >>> many = Laplace().variance(np.zeros((1, 1000)), np.full((1, 1), 3.0))
+    >>> round(float(many.mean()))
+    18
     """
 
     name = "likelihood"
@@ -139,16 +140,11 @@ class Likelihood(ABC):
         self, eta: FloatArray, sigma: FloatArray, random_state: np.random.RandomState
     ) -> FloatArray:
         """Draw y once for each eta."""
-        eta = np.asarray(eta, dtype=float)
-        uniform, out = random_state.uniform(size=eta.shape), np.empty(eta.shape)
-        for part, y, density in self._on_nodes(eta, sigma):
-            out[part] = draw(y, density, uniform[part])
-        return out
-
-    @property
-    def has_sampler(self) -> bool:
-        """Whether it overrides `sample`."""
-        return type(self).sample is not Likelihood.sample
+        raise ValueError(
+            f"Draws of y are needed, and the {self.name} likelihood has a log density alone. Give "
+            "it samples: sample_function=def f(eta, sigma, random_state) of a CustomLikelihood, or "
+            "the method `sample` of a class."
+        )
 
     def noise_prior(self, scale: float) -> Prior:
         """Return the default prior of sigma for outputs with this spread on the scale of eta.
@@ -160,18 +156,6 @@ class Likelihood(ABC):
             return stats.lognorm(1.0)
         return stats.halfnorm(scale=1.0 if self.log_scale else scale)
 
-    def _on_nodes(
-        self, eta: FloatArray, sigma: FloatArray
-    ) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
-        """Yield blocks of draws, with nodes of y and the density there."""
-        sigma = np.broadcast_to(1.0 if sigma is None else sigma, eta.shape)
-        for part in blocks(len(eta), 129 * eta[:1].size):
-            width = sigma[part] if self.has_scale else 1.0
-            yield (
-                part,
-                *density_on_nodes(self.log_density, self.inverse, eta[part], sigma[part], width),
-            )
-
     def _expected(
         self,
         function: Callable[..., FloatArray],
@@ -182,19 +166,10 @@ class Likelihood(ABC):
         """Return the mean of ``function(y, eta, sigma, *others)`` over y, all in eta's shape."""
         eta = np.asarray(eta, dtype=float)
         out = np.zeros(eta.shape)
-        if self.has_sampler:
-            random_state = np.random.RandomState(0)
-            for _ in range(_SAMPLES):
-                out += function(self.sample(eta, sigma, random_state), eta, sigma, *others)
-            return out / _SAMPLES
-        sigma = np.broadcast_to(1.0 if sigma is None else sigma, eta.shape)
-        for part, y, density in self._on_nodes(eta, sigma):
-            given = (eta[part], sigma[part], *(other[part] for other in others))
-            values = np.stack([function(one, *given) for one in y])
-            # beyond the last digits of a density a score need not be a number
-            values = np.where(density > 0, values, 0.0)
-            out[part] = integrate.trapezoid(values * density, y, axis=0)
-        return out
+        random_state = np.random.RandomState(0)
+        for _ in range(_SAMPLES):
+            out += function(self.sample(eta, sigma, random_state), eta, sigma, *others)
+        return out / _SAMPLES
 
     def information(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the Fisher information of each row about its eta, in the shape of eta.

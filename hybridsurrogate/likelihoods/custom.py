@@ -24,10 +24,10 @@ class CustomLikelihood(Likelihood):
         ``log_density(y, eta, sigma)``: y of shape (n,), eta (n_draws, n), sigma (n_draws, 1);
         returns (n_draws, n). It need not be log-concave or have derivatives.
     mean_function : callable or None, default=None
-        ``mean(eta, sigma) -> (n_draws, n)``. None: the average of y over its density or samples.
+        ``mean(eta, sigma) -> (n_draws, n)``. None: the average of samples.
     sample_function : callable or None, default=None
         ``sample(eta, sigma, random_state) -> (n_draws, n)``, random_state a numpy RandomState.
-        None: drawn from the density; whole numbers need a function.
+        None: the model can be fitted and scored; predictions, intervals and a diagnosis need it.
     log_scale : bool, default=False
         Whether eta is the logarithm of the output.
     has_scale : bool, default=True
@@ -79,11 +79,9 @@ class CustomLikelihood(Likelihood):
             )
         if self.mean_function is not None:
             self._shaped("mean_function", batch, batch, np.ones((2, 1)))
-        random_state = np.random.RandomState(0)
         if self.sample_function is not None:
+            random_state = np.random.RandomState(0)
             self._shaped("sample_function", batch, batch, np.ones((2, 1)), random_state)
-        else:
-            self.sample(batch, np.ones((2, 1)), random_state)
 
     def __getstate__(self) -> dict[str, Any]:
         return state_to_pickle(self.__dict__, "CustomLikelihood")
@@ -104,7 +102,7 @@ class CustomLikelihood(Likelihood):
         return np.where(np.isnan(values), -np.inf, values)
 
     def mean(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
-        """Return the user's mean, or the average over y."""
+        """Return the user's mean, or the average of samples."""
         if self.mean_function is None:
             return super().mean(eta, sigma)
         return np.asarray(self.mean_function(eta, sigma), dtype=float)
@@ -112,12 +110,7 @@ class CustomLikelihood(Likelihood):
     def sample(
         self, eta: FloatArray, sigma: FloatArray, random_state: np.random.RandomState
     ) -> FloatArray:
-        """Return the user's samples, or draws from the density."""
+        """Return the user's samples."""
         if self.sample_function is None:
             return super().sample(eta, sigma, random_state)
         return np.asarray(self.sample_function(eta, sigma, random_state), dtype=float)
-
-    @property
-    def has_sampler(self) -> bool:
-        """Whether the user gave a function that draws."""
-        return self.sample_function is not None

@@ -1,4 +1,4 @@
-"""What every likelihood must hold, registered or with nothing but a log density."""
+"""What every likelihood must hold, registered or with nothing but a log density and samples."""
 
 import pickle
 import re
@@ -18,7 +18,7 @@ N = 8_000
 
 
 class Laplace(Likelihood):
-    """Nothing but a density."""
+    """Nothing but a density and samples."""
 
     name = "Laplace"
     rough = True
@@ -26,9 +26,12 @@ class Laplace(Likelihood):
     def log_density(self, y, eta, sigma):
         return -np.abs(y - eta) / sigma - np.log(2 * sigma)
 
+    def sample(self, eta, sigma, random_state):
+        return random_state.laplace(eta, sigma)
+
 
 class Gamma(Likelihood):
-    """Positive, with mean exp(eta) and relative scatter sigma; from its density alone."""
+    """Positive, with mean exp(eta) and relative scatter sigma."""
 
     name = "gamma"
     log_scale = True
@@ -40,6 +43,9 @@ class Gamma(Likelihood):
             special.xlogy(shape - 1, y) - rate * y + shape * np.log(rate) - special.gammaln(shape)
         )
 
+    def sample(self, eta, sigma, random_state):
+        return random_state.gamma(sigma**-2.0, np.exp(eta) * sigma**2)
+
 
 class Logistic(Likelihood):
     """No second parameter, and a scatter below one."""
@@ -50,12 +56,15 @@ class Logistic(Likelihood):
     def log_density(self, y, eta, sigma):
         return stats.logistic.logpdf(y, eta, 0.05)
 
+    def sample(self, eta, sigma, random_state):
+        return random_state.logistic(eta, 0.05)
+
 
 def log_normal(y, eta, sigma):
     return -0.5 * ((y - eta) / sigma) ** 2 - np.log(sigma) - 0.5 * np.log(2 * np.pi)
 
 
-NORMAL = CustomLikelihood(log_normal)
+NORMAL = CustomLikelihood(log_normal, sample_function=lambda eta, s, random: random.normal(eta, s))
 ALONE = {
     "double-exponential": (Laplace(), stats.laplace(ETA, SIGMA)),
     "gamma": (Gamma(), stats.gamma(SIGMA**-2.0, scale=np.exp(ETA) * SIGMA**2)),
@@ -97,7 +106,7 @@ def test_draws_are_possible_and_on_the_scale_of_eta(likelihood):
 
 
 @pytest.mark.slow
-@each
+@pytest.mark.parametrize("likelihood", LIKELIHOODS.values(), ids=[*LIKELIHOODS])
 def test_mean_and_variance_are_those_of_the_draws(likelihood):
     y = drawn(likelihood)
     variance = y.var(axis=0)
@@ -120,8 +129,12 @@ def test_the_density_is_that_of_the_draws(likelihood):
     error = score.std(axis=0) / np.sqrt(len(y))
     assert (np.abs(score.mean(axis=0)) < 4.5 * error).all()
     if not likelihood.rough:  # else the information is that of a smoothed density
-        information = likelihood.information(ETA, SIGMA)
-        np.testing.assert_allclose(information, (score**2).mean(axis=0), rtol=0.15)
+        information, squares = likelihood.information(ETA, SIGMA), score**2
+        expected = squares.mean(axis=0)
+        # where there is no formula it is an average of 400 samples
+        alone = any(likelihood is one for one, _ in ALONE.values())
+        error = 4.5 * squares.std(axis=0) / np.sqrt(400) if alone else 0.15 * expected
+        assert (np.abs(information - expected) < error).all()
 
 
 @each
@@ -146,43 +159,33 @@ def test_a_prior_of_the_noise(likelihood):
     assert np.isfinite(prior.ppf(0.5))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("likelihood", "distribution"), ALONE.values(), ids=[*ALONE])
-def test_a_density_alone_is_enough(likelihood, distribution):
-    """Mean, variance and draws are those of scipy."""
-    sd, mean = distribution.std() + 0 * ETA, distribution.mean() + 0 * ETA
-    assert (np.abs(likelihood.mean(ETA, SIGMA) - mean) < 2e-3 * sd).all()
-    np.testing.assert_allclose(
-        likelihood.variance(ETA, SIGMA), distribution.var() + 0 * ETA, rtol=5e-3
-    )
-    u = distribution.cdf(drawn(likelihood))
-    for index in np.ndindex(ETA.shape):
-        assert stats.kstest(u[:, *index], "uniform").pvalue > 1e-3
+def test_mean_and_variance_are_averages_of_samples(likelihood, distribution):
+    sd, mean, excess = (distribution.stats(moments=m) + 0 * ETA for m in ("v", "m", "k"))
+    variance, sd = sd, np.sqrt(sd)
+    assert (np.abs(likelihood.mean(ETA, SIGMA) - mean) < 4.5 * sd / np.sqrt(400)).all()
+    error = variance * np.sqrt((excess + 2) / 400)
+    assert (np.abs(likelihood.variance(ETA, SIGMA) - variance) < 4.5 * error).all()
 
 
-@pytest.mark.slow
-def test_a_fit_by_a_density_alone(simulation, measured):
+def test_a_density_alone_is_fitted_and_scored_and_asked_for_samples(simulation, measured):
     X, y = measured
-    models = [
+    alone, normal = (
         hs.PowerScaledSurrogate(
             simulation, surrogate=hs.PolynomialChaos(2), likelihood=likelihood, n_draws=200,
             random_state=0,
         ).fit(X, y)
-        for likelihood in ("normal", NORMAL)
-    ]  # fmt: skip
-    some = X[::4]
-    (low, high), (own_low, own_high) = (model.predict_interval(some) for model in models)
-    width = np.mean(high - low)
-    assert np.mean(own_high - own_low) == pytest.approx(width, rel=0.1)
-    np.testing.assert_allclose(models[1].predict(X), models[0].predict(X), atol=0.1 * width)
+        for likelihood in (CustomLikelihood(log_normal), "normal")
+    )  # fmt: skip
+    assert alone.score(X, y) == pytest.approx(normal.score(X, y), abs=0.05)
+    for ask in (alone.predict, alone.predict_interval):
+        with pytest.raises(ValueError, match=r"user's own .* log density alone.*sample_function"):
+            ask(X)
+    with pytest.raises(ValueError, match=r"log density alone.*sample_function"):
+        hs.DiscrepancyDiagnosis(alone, cv=None, random_state=0).fit(X, y)
 
 
-def test_whole_numbers_need_a_sample():
-    counts = CustomLikelihood(
-        lambda y, eta, sigma: stats.poisson.logpmf(y, np.exp(eta)), log_scale=True, has_scale=False
-    )
-    with pytest.raises(ValueError, match=r"whole numbers.*needs its own sample function"):
-        counts.check_training(np.array([3.0, 5.0, 8.0]))
+def test_counts_by_samples():
     with_sample = CustomLikelihood(
         lambda y, eta, sigma: stats.poisson.logpmf(y, np.exp(eta)),
         sample_function=lambda eta, sigma, random_state: random_state.poisson(np.exp(eta)) * 1.0,

@@ -85,9 +85,12 @@ def null_test(
 
     Every cause is linearised once, at the null fit and where it changes nothing: designs do not
     depend on y, so measured and replicated responses are evaluated in one batch, by the same
-    statistic. Causes that were accepted before stay at their fit: their places free, to
-    first order, changed no cause and no verdict of 82 cases (48 pairs of size 2, 34 single effects
-    of size 4, up to two causes each).
+    statistic. Next to other causes outliers are left out on both sides: they have no closed form,
+    others explain far rows too, and evidence for outliers counts in `evidence_bound`. Of 29 data
+    sets, clean, with tails, a wild row or a trend and tails, none was decided otherwise. Causes
+    that were accepted before stay at their fit: their places free, to first order, changed no
+    cause and no verdict of 82 cases (48 pairs of size 2, 34 single effects of size 4, up to two
+    causes each).
 
     Parameters
     ----------
@@ -160,10 +163,10 @@ def statistics(result: Search, responses: FloatArray) -> FloatArray:
     """
     problem, null = result.problem, result.candidates[0]
     base = null.mode.z
+    compared = [w for w in result.candidates if w.cause is None or not w.cause.is_screened]
+    others = [w for w in compared if w.cause is None or not w.cause.has_outliers]
     evidence = []
-    for w in result.candidates:
-        if w.cause is not None and w.cause.is_screened:
-            continue
+    for w in others if len(others) > 1 else compared:
         z = w.grid.neutral.copy()
         z[: len(base)] = base
         # in a replicate a change may be anywhere, not only where the measured one is

@@ -4,7 +4,6 @@ grid                 which unknowns are enumerated, and where
 linearised           the model around one point
 marginal_likelihood  its evidence in closed form, and Gauss-Newton steps to the best fit
 outliers             the same where some rows are outliers
-outlier_density      their density, tabulated
 levenberg_marquardt  fits from many starts
 settings             the numbers that a search is tuned by
 """

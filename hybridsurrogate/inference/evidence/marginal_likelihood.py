@@ -67,7 +67,8 @@ def scan(
     """
     if parts.outliers is not None:
         assert isinstance(log_marginal, NoiseTable)
-        return heavy_scan(parts, responses, sigma, log_marginal.log_prior, sizes)
+        log_prior = log_marginal.log_prior
+        return np.stack([heavy_scan(parts, y, sigma, log_prior, sizes) for y in responses])
     evidence = []
     for unit, factor in parts.by_noise():
         y, covariance = responses / factor, known_covariance(unit.U, sigma)

@@ -5,8 +5,8 @@ not Gaussian. Their mode is found by the EM algorithm (an outlier counts with th
 residual gives it), and what is around it is integrated by Laplace's approximation, with the true
 curvature of the density and a Newton step's worth of what EM left. Against quadrature the evidence
 is low by about 2 / n nats (0.05 at 40 rows; at a share at which rows can be read either way it is
-off by up to 0.3, and counts little). Everything is done for all responses and nodes at
-once; the cost is linear in the rows.
+off by up to 0.3, and counts little). Everything is done for all nodes at once; the cost is linear
+in the rows.
 """
 
 from __future__ import annotations
@@ -19,9 +19,8 @@ import numpy as np
 
 from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.evidence.linearised import Linearised
-from hybridsurrogate.inference.evidence.outlier_density import Shape, shape_of
 from hybridsurrogate.inference.evidence.settings import SETTINGS
-from hybridsurrogate.numerics.blocks import blocks
+from hybridsurrogate.likelihoods.contaminated import log_shape, precision_at
 from hybridsurrogate.types import FloatArray
 
 # a robust guess of sigma from the median residual
@@ -29,20 +28,20 @@ _TO_SIGMA = 1.4826
 
 LogPrior = Callable[[FloatArray], FloatArray]
 
-# step of differences of log sigma
-_DS = 1e-3
+# steps of differences of log sigma and of standardised residuals
+_DS, _DZ = 1e-3, 1e-4
 
 
 class Mode(NamedTuple):
-    """Modes of responses and nodes.
+    """Modes of the nodes.
 
     Attributes
     ----------
-    v : ndarray of shape (R, T, k)
-    sigma : ndarray of shape (R, T)
-    log_joint : ndarray of shape (R, T)
+    v : ndarray of shape (T, k)
+    sigma : ndarray of shape (T,)
+    log_joint : ndarray of shape (T,)
         Log density of rows, v and log sigma, less the constant of the prior of v.
-    z : ndarray of shape (R, T, n)
+    z : ndarray of shape (T, n)
         Standardised residuals.
     """
 
@@ -56,33 +55,32 @@ def find_mode(
     residual: FloatArray,
     design: FloatArray,
     noise: FloatArray,
-    shape: Shape,
+    share: FloatArray,
     log_prior: LogPrior,
-    n_steps: int,
 ) -> Mode:
     """Climb by EM from a least-squares fit.
 
     Parameters
     ----------
-    residual : ndarray of shape (R, T, n)
-        Response minus mean; T may be 1 where the shape has more.
+    residual : ndarray of shape (T or 1, n)
+        Response minus mean.
     design : ndarray of shape (T or 1, n, k)
     noise : ndarray of shape (T or 1, n)
         Factor on sigma.
-    shape : Shape
-        The density of standardised residuals at T shares of outliers.
+    share : ndarray of shape (T, 1)
+        Of outliers.
     log_prior : callable
         Log density of log sigma.
     """
     D, residual = design / noise[..., None], residual / noise
-    R, _, n = residual.shape
-    residual = np.broadcast_to(residual, (R, shape.n_shares, n))
+    n, k = design.shape[1:]
+    residual = np.broadcast_to(residual, (len(share), n))
     weight: FloatArray = np.ones(residual.shape)
-    k = design.shape[2]
     transposed = np.swapaxes(D, 1, 2)
-    sigma: FloatArray = np.maximum(np.std(residual, axis=2), 1e-300)
-    v, rest = np.zeros((*sigma.shape, k)), residual
-    for step in range(n_steps):
+    sigma: FloatArray = np.maximum(np.std(residual, axis=1), 1e-300)
+    v: FloatArray = np.zeros((len(share), k))
+    rest = residual
+    for step in range(SETTINGS.outlier_steps):
         if k:
             normal = transposed @ (weight[..., None] * D)
             right = (transposed @ (weight * residual)[..., None])[..., 0]
@@ -90,27 +88,33 @@ def find_mode(
             v = np.linalg.solve(normal, right[..., None])[..., 0]
             rest = residual - (D @ v[..., None])[..., 0]
         if step == 0:
-            sigma = _TO_SIGMA * np.median(np.abs(rest), axis=2)
+            sigma = _TO_SIGMA * np.median(np.abs(rest), axis=1)
         else:
             before = sigma
-            z = rest / sigma[..., None]
+            z = rest / sigma[:, None]
             # EM is slow where rows may be outliers or not: Newton's step in log sigma, kept short.
             # The prior of sigma is weak compared with the rows, and left to the evidence
-            squares = np.einsum("rtn,rtn->rt", weight, z**2)
-            bend = squares + np.einsum("rtn,rtn->rt", shape.curvature(z), z**2)
+            squares = np.einsum("tn,tn->t", weight, z**2)
+            bend = squares + np.einsum("tn,tn->t", _curvature(z, share), z**2)
             move = (squares - n) / np.maximum(bend, SETTINGS.outlier_least_curvature * n)
             sigma = sigma * np.exp(
                 np.clip(move, -SETTINGS.outlier_longest_step, SETTINGS.outlier_longest_step)
             )
         sigma = np.maximum(sigma, 1e-300)
-        weight = shape.precision(rest / sigma[..., None])
+        weight = precision_at(rest / sigma[:, None], share)
         if step and np.max(np.abs(sigma / before - 1)) < SETTINGS.outlier_converged:
             break
-    z = rest / sigma[..., None]
+    z = rest / sigma[:, None]
     log_noise = np.sum(np.log(noise), axis=-1)
-    log_joint = shape.log_density(z).sum(axis=2) - n * np.log(sigma) - log_noise
-    log_joint += log_prior(np.log(sigma)) - 0.5 * np.sum(v**2, axis=2)
+    log_joint = log_shape(z, share).sum(axis=1) - n * np.log(sigma) - log_noise
+    log_joint += log_prior(np.log(sigma)) - 0.5 * np.sum(v**2, axis=1)
     return Mode(v, sigma, log_joint, z)
+
+
+def _curvature(z: FloatArray, share: FloatArray) -> FloatArray:
+    """Return minus the second derivative of the log density of standardised residuals."""
+    upper, lower = ((z + d) * precision_at(z + d, share) for d in (_DZ, -_DZ))
+    return (upper - lower) / (2 * _DZ)
 
 
 def _slope(log_prior: LogPrior, log_sigma: FloatArray) -> FloatArray:
@@ -121,35 +125,34 @@ def log_evidence(
     residual: FloatArray,
     design: FloatArray,
     noise: FloatArray,
-    shape: Shape,
+    share: FloatArray,
     log_prior: LogPrior,
 ) -> FloatArray:
-    """Return the log evidence of every response and node, (R, T); arguments as in `find_mode`."""
-    n_steps = SETTINGS.outlier_steps if len(residual) == 1 else SETTINGS.outlier_steps_in_batch
-    mode = find_mode(residual, design, noise, shape, log_prior, n_steps)
+    """Return the log evidence of every node, (T,); arguments as in `find_mode`."""
+    mode = find_mode(residual, design, noise, share, log_prior)
     D = design / noise[..., None]
     transposed = np.swapaxes(D, 1, 2)
     z, sigma, k = mode.z, mode.sigma, design.shape[2]
-    first, second = z * shape.precision(z), shape.curvature(z)
+    first, second = z * precision_at(z, share), _curvature(z, share)
     # minus the second derivatives of the log joint density in (v, log sigma), and its gradient
-    hessian = np.empty((*sigma.shape, k + 1, k + 1))
-    hessian[..., :k, :k] = transposed @ (second[..., None] * D)
-    hessian[..., :k, :k] /= (sigma**2)[..., None, None]
-    hessian[..., np.arange(k), np.arange(k)] += 1.0
-    mixed = (transposed @ (first + z * second)[..., None])[..., 0] / sigma[..., None]
-    hessian[..., :k, k] = hessian[..., k, :k] = mixed
+    hessian = np.empty((len(sigma), k + 1, k + 1))
+    hessian[:, :k, :k] = transposed @ (second[..., None] * D)
+    hessian[:, :k, :k] /= (sigma**2)[:, None, None]
+    hessian[:, np.arange(k), np.arange(k)] += 1.0
+    mixed = (transposed @ (first + z * second)[..., None])[..., 0] / sigma[:, None]
+    hessian[:, :k, k] = hessian[:, k, :k] = mixed
     at = np.log(sigma)
     bend = _slope(log_prior, at + _DS) - _slope(log_prior, at - _DS)
-    hessian[..., k, k] = np.sum(z * (first + z * second), axis=2) - bend / (2 * _DS)
-    gradient = np.empty((*sigma.shape, k + 1))
-    gradient[..., :k] = (transposed @ first[..., None])[..., 0] / sigma[..., None] - mode.v
-    gradient[..., k] = np.sum(z * first, axis=2) - len(z[0, 0]) + _slope(log_prior, at)
+    hessian[:, k, k] = np.sum(z * (first + z * second), axis=1) - bend / (2 * _DS)
+    gradient = np.empty((len(sigma), k + 1))
+    gradient[:, :k] = (transposed @ first[..., None])[..., 0] / sigma[:, None] - mode.v
+    gradient[:, k] = np.sum(z * first, axis=1) - z.shape[1] + _slope(log_prior, at)
     eigenvalue, vector = np.linalg.eigh(hessian)
     # saddles between two readings of a row: no direction is wider than its prior
     eigenvalue = np.maximum(eigenvalue, 0.5)
     along = (np.swapaxes(vector, -1, -2) @ gradient[..., None])[..., 0]
-    left = np.minimum(0.5 * np.sum(along**2 / eigenvalue, axis=2), SETTINGS.outlier_newton)
-    log_det = np.sum(np.log(eigenvalue), axis=2)
+    left = np.minimum(0.5 * np.sum(along**2 / eigenvalue, axis=1), SETTINGS.outlier_newton)
+    log_det = np.sum(np.log(eigenvalue), axis=1)
     return mode.log_joint + left + 0.5 * np.log(2 * np.pi) - 0.5 * log_det
 
 
@@ -165,10 +168,9 @@ def settled(parts: Linearised, y: FloatArray, sigma: float) -> Linearised:
     noise = np.ones((1, len(y))) if parts.noise is None else parts.noise
     U = emulator_directions(parts.U, sigma)
     design = np.concatenate([parts.G, np.broadcast_to(U, (len(parts.G), *U.shape))], axis=2)
-    residual = (y - parts.mean)[None]
-    shape = shape_of(parts.outliers, len(y))
-    mode = find_mode(residual, design, noise, shape, np.zeros_like, SETTINGS.outlier_steps)
-    factor = shape.precision(mode.z[0]) ** -0.5
+    share = parts.outliers[:, None]
+    mode = find_mode(y - parts.mean, design, noise, share, np.zeros_like)
+    factor = precision_at(mode.z, share) ** -0.5
     return replace(parts, noise=factor * noise, outliers=None)
 
 
@@ -183,27 +185,28 @@ def emulator_directions(U: FloatArray, sigma: float) -> FloatArray:
 
 def heavy_scan(
     parts: Linearised,
-    responses: FloatArray,
+    y: FloatArray,
     sigma: float,
     log_prior: LogPrior,
     sizes: FloatArray,
 ) -> FloatArray:
-    """As `scan`, for parts with outliers; of ``sigma`` only the emulator's error needs a guess."""
+    """Return the log evidence of every node, (T,), for one response y (n,) and outliers.
+
+    Of ``sigma`` only the emulator's error needs a guess.
+    """
     assert parts.outliers is not None
     T, n, q = parts.H.shape
     noise = np.ones((1, n)) if parts.noise is None else parts.noise
     U = emulator_directions(parts.U, sigma)
-    residual = responses[:, None, :] - parts.mean
-    shape = shape_of(parts.outliers, responses.size)
-    cuts = blocks(len(residual), T * n)
     terms = []
     for size in sizes if q else sizes[:1]:
         H = parts.H * np.minimum(size, parts.cap)[:, None, :]
         M = max(len(parts.G), T if q else 1)
         pieces = (np.broadcast_to(a, (M, n, a.shape[-1])) for a in (parts.G, H[:M], U))
         design = np.concatenate(list(pieces), axis=2)
-        pieces = (log_evidence(residual[some], design, noise, shape, log_prior) for some in cuts)
-        terms.append(np.concatenate(list(pieces)))
+        terms.append(
+            log_evidence(y - parts.mean, design, noise, parts.outliers[:, None], log_prior)
+        )
     out = np.logaddexp.reduce(terms, axis=0) - np.log(len(terms)) + parts.log_weight
     return np.where(np.isnan(out), -np.inf, out)
 
@@ -231,27 +234,25 @@ def heavy_fit(
     M = max(len(parts.G), T if q else 1)
     pieces = (parts.G, (parts.H * scale[:, None, :])[:M], U)
     design = np.concatenate([np.broadcast_to(a, (M, n, a.shape[-1])) for a in pieces], axis=2)
-    residual = (y - parts.mean)[None]
-    shape = shape_of(parts.outliers, n)
-    linear = find_mode(residual, design, noise, shape, np.zeros_like, SETTINGS.outlier_steps)
-    deviance = -2 * (linear.log_joint[0] + parts.log_weight)
+    residual, share = y - parts.mean, parts.outliers[:, None]
+    linear = find_mode(residual, design, noise, share, np.zeros_like)
+    deviance = -2 * (linear.log_joint + parts.log_weight)
     deviance = np.where(np.isnan(deviance), np.inf, deviance)
     node = int(np.argmin(deviance))
-    solution = linear.v[0, node]
+    solution = linear.v[node]
     to_z = scale[node, :s] / parts.H_rms[node, :s]
     conditioned = np.concatenate([z[grid.fixed], (z[grid.sizes] - grid.neutral[grid.sizes]) / to_z])
     at = min(node, M - 1)
     kept = np.r_[: len(grid.fixed), d : d + s]
     free = np.setdiff1d(np.arange(design.shape[2]), kept)
-    rest = residual[:, min(node, len(parts.mean) - 1)] - design[at][:, kept] @ conditioned
+    rest = residual[min(node, len(residual) - 1)] - design[at][:, kept] @ conditioned
     noise = noise[min(node, len(noise) - 1)][None]
-    shape = shape_of(parts.outliers[node : node + 1], n)
     here = find_mode(
-        rest[None], design[at][None, :, free], noise, shape, np.zeros_like, SETTINGS.outlier_steps
+        rest[None], design[at][None, :, free], noise, share[node : node + 1], np.zeros_like
     )
-    objective = -2 * float(here.log_joint[0, 0]) + float(conditioned @ conditioned)
+    objective = -2 * float(here.log_joint[0]) + float(conditioned @ conditioned)
     move = z.copy()
     move[grid.fixed] = np.clip(solution[: len(grid.fixed)], -6, 6)
     move[grid.sizes] = np.clip(grid.neutral[grid.sizes] + solution[d : d + s] * to_z, -6, 6)
-    squares = n * float(here.sigma[0, 0]) ** 2
+    squares = n * float(here.sigma[0]) ** 2
     return HeavyFit(squares, objective if np.isfinite(objective) else np.inf, node, move, deviance)

@@ -90,9 +90,9 @@ class SearchSettings:
         followed where a run is quick and rows are few.
     failed_residual : float
         Residual of a place where the simulation fails, in scales of the output.
-    outlier_steps, outlier_steps_in_batch, outlier_converged : int, int, float
-        Steps of EM to the mode with outliers, for one response and for many, and the relative move
-        of the noise at which it has arrived.
+    outlier_steps, outlier_converged : int, float
+        Steps of EM to the mode with outliers, and the relative move of the noise at which it has
+        arrived.
     outlier_newton : float
         EM is cut off: what a last Newton step may promise at most.
     outlier_least_curvature, outlier_longest_step : float
@@ -154,7 +154,6 @@ class SearchSettings:
     followed_of_many: int = 32
     failed_residual: float = 1e6
     outlier_steps: int = 25
-    outlier_steps_in_batch: int = 6
     outlier_converged: float = 3e-3
     outlier_newton: float = 1.0
     outlier_least_curvature: float = 0.3

@@ -35,10 +35,7 @@ def test_evidence_of_outliers_equals_brute_force():
     grid = make_grid(model)
     parts = linearise(model, problem.X, emulator_posterior(model.basis, None), grid, grid.neutral)
     table = NoiseTable(prior, problem.scale, len(t))
-    # the measured response alone is followed to the end, replicates in a batch nearly so
-    batch = scan(parts, y, 0.4, table, np.array([1.0]))
     found = np.concatenate([scan(parts, one[None], 0.4, table, np.array([1.0])) for one in y])
-    np.testing.assert_allclose(batch, found, rtol=0, atol=0.3)
     level, log_sigma = np.linspace(0, 2.5, 151), np.linspace(np.log(0.05), np.log(4), 151)
     cell = (level[1] - level[0]) * (log_sigma[1] - log_sigma[0])
     z = (y[:, None, None, :] - level[:, None, None] - t) / np.exp(log_sigma)[:, None]
@@ -129,6 +126,23 @@ def test_nothing_is_named_where_nothing_is_wrong():
     assert np.mean(np.array(above) < 0) >= 0.8
     test = null_test(found, 100, np.random.RandomState(0))
     assert np.mean(test.replicates > 1) < 0.1
+
+
+def test_outliers_are_part_of_the_statistic_where_nothing_else_is_compared():
+    t = np.linspace(0, 10, 30)
+    y = 1 + 2 * t + np.random.default_rng(0).standard_normal(30)
+    found, _ = weigh(t[:, None], y, forms=("noise: tails", "trend"))
+    none, tails = (w for w in found.candidates if w.cause is None or w.cause.has_outliers)
+    trends = [w for w in found.candidates if w is not tails]
+    both, trend, alone = (
+        null_test(replace(found, candidates=some), 9, np.random.RandomState(0))
+        for some in (found.candidates, trends, [none, tails])
+    )
+    np.testing.assert_array_equal(both.replicates, trend.replicates)
+    assert both.statistic == trend.statistic
+    assert (alone.replicates != 0).all()
+    evidence = tails.log_evidence - none.log_evidence
+    assert alone.statistic == pytest.approx(evidence, abs=0.3)
 
 
 @pytest.mark.slow
