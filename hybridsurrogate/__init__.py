@@ -210,15 +210,18 @@ _REGISTERED = {
 globals().update(_REGISTERED)
 __all__ += sorted(_REGISTERED.keys() - {*__all__})
 
-# a fifth of the time of an import, which a fit has no use for
+# imported when they are first used
 _OF_DIAGNOSIS = ("CauseFinding", "DiscrepancyDiagnosis", "refine")
+_ROOMS = ("datasets", "diagnosis", "plotting", "scoring")
 
 
 def __getattr__(name: str) -> Any:
     if name in _OF_DIAGNOSIS:
-        return getattr(import_module("hybridsurrogate.diagnosis"), name)
+        return getattr(import_module(f"{__name__}.diagnosis"), name)
+    if name in _ROOMS:
+        return import_module(f"{__name__}.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name)
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), *__all__, *_ROOMS})

@@ -1,0 +1,35 @@
+"""What an import loads, and what it leaves until it is first used."""
+
+import subprocess
+import sys
+
+import pytest
+
+import hybridsurrogate as hs
+
+LATER = ("emcee", "matplotlib", "arviz", "sklearn.linear_model", "hybridsurrogate.diagnosis")
+
+
+def output_of(source: str) -> str:
+    done = subprocess.run([sys.executable, "-c", source], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+def test_what_a_fit_does_not_need_is_loaded_later():
+    source = f"import hybridsurrogate, sys; print(*({{*{LATER}}} & sys.modules.keys()))"
+    assert output_of(source) == ""
+
+
+@pytest.mark.parametrize("room", ["datasets", "diagnosis", "plotting", "scoring"])
+def test_rooms_are_attributes(room):
+    source = f"import hybridsurrogate as hs; print(hs.{room}.__name__)"
+    assert output_of(source) == f"hybridsurrogate.{room}"
+
+
+def test_all_that_is_listed_is_there():
+    assert {*hs.__all__} <= {*dir(hs)}
+    for name in hs.__all__:
+        getattr(hs, name)
+    with pytest.raises(AttributeError, match="no attribute 'diagnoses'"):
+        hs.diagnoses  # noqa: B018
