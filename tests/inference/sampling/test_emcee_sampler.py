@@ -10,7 +10,6 @@ from moments import assert_gaussian
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.inference.sampling import emcee_sampler as ensemble
 from hybridsurrogate.inference.sampling.modes import Gaussian, find_modes
 
 
@@ -129,7 +128,7 @@ def test_own_moves_and_walkers_are_used(monkeypatch):
         seen.update(nwalkers=nwalkers, moves=kwargs["moves"])
         original(self, nwalkers, *args, **kwargs)
 
-    monkeypatch.setattr(ensemble.emcee.EnsembleSampler, "__init__", spy)
+    monkeypatch.setattr(emcee.EnsembleSampler, "__init__", spy)
     moves = [(emcee.moves.StretchMove(), 1.0)]
     run(hs.EnsembleSampler(n_walkers=24, moves=moves, max_steps=50))
     assert seen == {"nwalkers": 24, "moves": moves}
