@@ -44,7 +44,7 @@ from hybridsurrogate.types import FloatArray
 _SQUARED, _LEAST, _MOST = 4e5, 200, 2000
 # draws of step 2 for each of them
 _REPEATS = 8
-# of a row that is fitted anew: draws of coefficients, and proposals where step 1 is weighed anew
+# of a row that is fitted anew: draws of coefficients, and proposals of its step 1
 _REFITTED, _PROPOSALS = 200, 1600
 
 

@@ -157,7 +157,8 @@ def search(
     else:
         null = nothing_further(problem, Fitted(*accepted[1:5]), emulator, noise)
     ends = _ends_of(nearby, problem, causes)
-    compared = _within_reach(nearby, causes) if ends is not None else np.arange(len(causes))
+    whole = None if ends is None else nearby
+    compared = np.arange(len(causes)) if whole is None else _within_reach(whole, causes)
     some = [causes[k] for k in compared]
     log_prior = np.log(prior_odds([None, *causes]))[[0, *(1 + compared)]]
     fits: Sequence[Fitted] = []
@@ -172,7 +173,7 @@ def search(
         # given an accepted cause a quick search is for a second one, which may be noise itself
         if accepted is not None and not with_remainder:
             return quick
-        return with_processes(quick, with_remainder, None if ends is None else nearby)
+        return with_processes(quick, with_remainder, whole)
     except KeyboardInterrupt as stop:
         kept = [null, *(stop.kept if isinstance(stop, InterruptedSearch) else fits)]
         unknown = np.full(len(kept), np.nan)
@@ -180,12 +181,11 @@ def search(
         raise InterruptedSearch(candidates) from stop
 
 
-def _within_reach(nearby: Search | None, causes: Sequence[Cause]) -> NDArray[np.intp]:
+def _within_reach(nearby: Search, causes: Sequence[Cause]) -> NDArray[np.intp]:
     """Return the causes that may explain some of the rows best, given a search in all of them.
 
     Processes are always compared: what has no other explanation in few rows is theirs.
     """
-    assert nearby is not None
     with np.errstate(divide="ignore"):
         log_share = np.log(nearby.probability[1:])
     best = np.max(log_share, initial=-np.inf)

@@ -179,7 +179,7 @@ def _by_proposals(
         return at_centre(u) + log_volume
 
     modes = find_modes(at_centre_of, starts)
-    found = _weighed(
+    found = _weighted(
         problem,
         _near_all(first_step, modes[0].log_mass),
         [modes[0]],
@@ -202,7 +202,7 @@ def _by_proposals(
     return _drawn(problem, *drawn, "importance", random_state)
 
 
-class _Weighed(NamedTuple):
+class _Weighted(NamedTuple):
     """Nodes u (J, d), and of each with each coefficient draw (J, S) log density and share.
 
     The density (J,) of the proposals is that of u.
@@ -234,7 +234,7 @@ def _near_all(u: FloatArray, log_mass: float = 0.0) -> Gaussian:
     return moment_match(u, np.full(n, 1 / n), Gaussian(u[0], np.eye(d), log_mass))
 
 
-def _weighed(
+def _weighted(
     problem: MeasuredGiven,
     first: Gaussian,
     others: list[Gaussian],
@@ -242,7 +242,7 @@ def _weighed(
     plain: Callable[[FloatArray], tuple[FloatArray, FloatArray | float]],
     n: int,
     random_state: np.random.RandomState,
-) -> _Weighed:
+) -> _Weighted:
     """Weigh n proposals that all coefficient draws share, in rounds, until they suit these.
 
     Parameters
@@ -266,7 +266,7 @@ def _weighed(
         if enough or round_ == SETTINGS.conditional_rounds - 1:
             break
         components = [moment_match(points, share.mean(axis=1), first), *others]
-    return _Weighed(u, log_density, log_proposal, share, khat, effective, enough)
+    return _Weighted(u, log_density, log_proposal, share, khat, effective, enough)
 
 
 def _quality(log_weight: FloatArray) -> tuple[float, float]:
@@ -305,11 +305,11 @@ def held_out(
     """
     sigma, n = float(np.exp(near[0].mean[-1])), SETTINGS.min_proposals
     first, further = near[0], list(near[1:])
-    found = _weighed(others, first, further, sigma, _as_is, n, random_state)
+    found = _weighted(others, first, further, sigma, _as_is, n, random_state)
     if found.khat > KHAT_LIMIT:
         # half of the proposals lie elsewhere: further rounds take 1 s, moves 6 to 9
         first = moment_match(found.u, found.share.mean(axis=1), first)
-        found = _weighed(others, first, further, sigma, _as_is, n, random_state)
+        found = _weighted(others, first, further, sigma, _as_is, n, random_state)
     given = main_directions(all_rows, found.u[:, :-1], sigma)
     log_weight = found.log_density - found.log_proposal[:, None]
     with_them = _log_density(given, found.u, given.draws) - found.log_proposal[:, None]

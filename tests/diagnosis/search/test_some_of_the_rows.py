@@ -16,7 +16,7 @@ from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
 REACH = 12.0
 
 
-@pytest.fixture(scope="module", params=[0.0, 0.8, 3.0], ids=["none", "small", "large"])
+@pytest.fixture(scope="module", params=[0.0, 0.8, 8.0], ids=["none", "small", "large"])
 def searches(request):
     """A step of some size in a straight line: all rows; four in five; these from all rows."""
     rng = np.random.default_rng(3)
@@ -50,11 +50,20 @@ def test_the_same_is_probable_as_from_scratch(searches):
 
 
 def test_what_was_far_behind_in_all_rows_is_not_compared(searches):
-    whole, near, _ = searches
+    whole, near, anew = searches
     left_out = np.array([w.log_evidence == -np.inf for w in near.candidates])
     with np.errstate(divide="ignore"):
         behind = np.log(whole.probability[1:].max() / whole.probability)
     assert (behind[left_out] >= REACH).all()
+    # and nothing else is: what failed from scratch as well is no choice of the search
+    failed = np.array([w.log_evidence == -np.inf for w in anew.candidates])
+    processes = np.array([w.cause is not None and w.cause.is_process for w in near.candidates])
+    processes |= [w.cause is not None and w.cause.is_correlated_noise for w in near.candidates]
+    expected = (behind > REACH) & ~processes
+    np.testing.assert_array_equal((left_out | failed)[1:], (expected | failed)[1:])
+    assert not left_out[0]
+    if behind[0] > REACH:  # a large step: most else is out of reach
+        assert left_out.sum() > 10
     compared = [w for w, out in zip(near.candidates, left_out, strict=True) if not out]
     # a curve of any shape and correlated noise are always compared
     assert {"none", "unexplained"} <= {kind_of(w) for w in compared}
