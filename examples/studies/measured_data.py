@@ -20,7 +20,7 @@ import pandas as pd
 from measured_sets import SETS, DataSet, Frame
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.search.evidence import Search, kind_of, leader
+from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.numerics.atomic_file import written_whole
 
 FAST = ("nile", "school-influenza")
@@ -96,9 +96,9 @@ def error(data: DataSet, model, X: Frame, y: np.ndarray) -> float:
 def without_own(data: DataSet, found: Search) -> tuple[hs.Cause, float]:
     """Return who leads a search, and with what probability, where own causes are left out."""
     own = {cause.kind for cause in data.own}
-    kept = [weighed for weighed in found.candidates if kind_of(weighed) not in own]
+    kept = [weighed for weighed in found.candidates if weighed.kind not in own]
     rest = found.reweighed(kept)
-    best, probability = leader(rest), rest.probability
+    best, probability = rest.leader, rest.probability
     return kept[best].cause, float(probability[best] / (1 - probability[0]))
 
 
@@ -153,7 +153,7 @@ def row(data: DataSet, frame: Frame, fast: bool) -> list[str]:
     seconds = time.perf_counter() - start
     best, found = diagnosis.best_cause_, diagnosis.search_
     models = (diagnosis.estimator_, fit_model(data, train, *data.documented))
-    leading = best if best.kind == "none" else found.candidates[leader(found)].cause
+    leading = best if best.kind == "none" else found.candidates[found.leader].cause
     right = judge(data, leading, models, train, test)
     kinds = {cause.kind for cause in (*data.documented, *data.by_catalogue)}
     if right.startswith("no") and diagnosis.verdict_ in ("ambiguous", "nearest"):

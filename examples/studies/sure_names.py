@@ -25,7 +25,6 @@ from sklearn.model_selection import KFold
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.checks.outside import DOCUMENTED, NOT_HELD
-from hybridsurrogate.diagnosis.search.evidence import kind_of, kind_shares
 
 # of the 16 measured sets with a documented cause so many keep structure beside it: mauna-loa,
 # measles, italy, whiffle-ball, carriage (docs/evidence/measured_data.md)
@@ -72,7 +71,7 @@ def diagnosed(task: dict[str, Any]) -> dict[str, Any]:
     found, chosen = first.conditional, first.chosen
     return {
         "verdict": diagnosis.verdict_,
-        "share": kind_shares(found).get(kind_of(chosen), float("nan")),
+        "share": found.kind_shares.get(chosen.kind, float("nan")),
         "right": diagnosis.best_cause_.kind in true,
         "told": diagnosis.probability_right_,
     }

@@ -31,7 +31,7 @@ from hybridsurrogate.diagnosis.checks.residuals import ResidualCheck
 from hybridsurrogate.diagnosis.fitting.diagnose import InterruptedDiagnosis, diagnose
 from hybridsurrogate.diagnosis.fitting.folds import with_gain
 from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult, Settings
-from hybridsurrogate.diagnosis.search.evidence import Search
+from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.diagnosis.source.python_code import extended_model, python_source
 from hybridsurrogate.diagnosis.stored import restored, stored
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans

@@ -90,6 +90,13 @@ class MeasuredModel(CausesOnRows):
             unchanged=(basis, constants),
         )
 
+    def reordered(self, effects: Sequence[Cause]) -> tuple[MeasuredModel, list[int]]:
+        """Return the model with some of its causes, in any order, and where its unknowns were."""
+        model, d = self.with_effects(effects), self.n_parameters
+        old = [(id(self.effects[owner]), name) for owner, name in self.theta_names]
+        new = [(id(effects[owner]), name) for owner, name in model.theta_names]
+        return model, [*range(d), *(d + old.index(key) for key in new)]
+
     @cached_property
     def all_priors(self) -> list[Prior]:
         """Priors of omega, of theta, then of the surrogate's hyperparameters."""

@@ -14,7 +14,8 @@ from scipy import stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.answers.table import form_of
-from hybridsurrogate.diagnosis.search.evidence import search
+from hybridsurrogate.diagnosis.search.context import SearchContext
+from hybridsurrogate.diagnosis.search.search import search
 from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
 
 ROWS = (500, 2000, 8000)
@@ -129,7 +130,7 @@ def searches(form, n, seed=0):
     causes = [cause for cause in prepared.causes if form_of(cause) == form]
     assert causes
     problem, emulator = trained_emulator(prepared.problem, model)
-    return lambda: search(problem, causes, emulator, with_remainder=False)
+    return lambda: search(SearchContext.of(problem, emulator), causes)
 
 
 @pytest.mark.parametrize("form", [*FORMS, *INSIDE])

@@ -44,7 +44,7 @@ def test_everything_prints_in_a_few_lines(fitted):
     tables = pd.DataFrame | hs.DiscrepancyDiagnosis
     found = {k: v for k, v in vars(fitted).items() if k.endswith("_") and not isinstance(v, tables)}
     step = fitted.result_.steps[0]
-    inside = [step, step.search, step.chosen, step.test, step.search.problem, step.chosen.model]
+    inside = [step, step.search, step.chosen, step.test, step.search.problem, step.chosen.fit.model]
     estimator = fitted.estimator_
     inside += [estimator.posterior_, estimator.simulation, estimator.simulation.run(8)]
     for value in [*found.values(), *inside]:

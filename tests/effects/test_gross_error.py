@@ -8,7 +8,8 @@ from scipy import stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.catalogue import catalogue
-from hybridsurrogate.diagnosis.search.evidence import search
+from hybridsurrogate.diagnosis.search.context import SearchContext
+from hybridsurrogate.diagnosis.search.search import search
 from hybridsurrogate.effects.base import ROW, Context
 from hybridsurrogate.effects.noise.gross_error import GrossRow
 from hybridsurrogate.likelihoods import as_likelihood
@@ -76,7 +77,7 @@ def test_evidence_is_that_of_the_row_left_out():
         *(simulator, ("t",), 1, T[:, None], problem.scale, likelihood, basis, np.mean(y))
     )
     cause = hs.GrossError().prepare(context)
-    found = search(problem, [cause], emulator_posterior(basis, None), False)
+    found = search(SearchContext.of(problem, emulator_posterior(basis, None)), [cause])
     logs = np.linspace(np.log(0.1), np.log(3), 400)
     sigma = np.exp(logs)
     prior = problem.noise_prior.logpdf(sigma) + logs + np.log(logs[1] - logs[0])

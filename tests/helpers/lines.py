@@ -2,11 +2,11 @@
 
 import numpy as np
 from scipy import stats
+from searching import compared
 
 import hybridsurrogate as hs
 from hybridsurrogate.catalogue import catalogue
 from hybridsurrogate.diagnosis.answers.table import form_of
-from hybridsurrogate.diagnosis.search.evidence import search
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.model.context import make_context
 from hybridsurrogate.model.problem import make_problem
@@ -42,6 +42,6 @@ def problem_of(X, y, simulator=LINE, noise_prior=None):
 def weigh(X, y, simulator=LINE, forms=(*FORMS, "noise", "trend", "step", "bump", "unexplained")):
     problem, context = problem_of(X, y, simulator)
     causes = [cause for cause in catalogue(context)[0] if form_of(cause) in forms]
-    found = search(problem, causes, emulator_posterior(problem.model.basis, None))
+    found = compared(problem, causes, emulator_posterior(problem.model.basis, None))
     first = found.candidates[int(np.argmax(found.probability))]
     return found, "none" if first.cause is None else first.cause.name

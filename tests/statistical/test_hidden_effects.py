@@ -17,7 +17,8 @@ from hidden_effects.rates import judge
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.answers.table import form_of
-from hybridsurrogate.diagnosis.search.evidence import search
+from hybridsurrogate.diagnosis.search.context import SearchContext
+from hybridsurrogate.diagnosis.search.search import search
 from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
 
 pytestmark = pytest.mark.statistical
@@ -76,13 +77,13 @@ def test_many_rows_do_not_hide_the_truth_between_the_nodes_of_a_grid(kind, seed)
     model.fit(case.X, case.y)
     prepared = prepare(model, ())
     problem, emulator = trained_emulator(prepared.problem, model)
-    found = search(problem, prepared.causes, emulator, with_remainder=False)
+    found = search(SearchContext.of(problem, emulator), prepared.causes)
     forms = [form_of(w.cause) if w.cause else "none" for w in found.candidates]
     fits = [w for w, form in zip(found.candidates, forms, strict=True) if form.startswith(kind)]
     # fitted, the truth's own form is as close to the data as the truth, but for priors
     truth = np.sum((case.y - case.truth["mu"]) ** 2)
-    best = min(fits, key=lambda w: w.mode.squares)
-    assert best.mode.squares <= truth + 6 * case.truth["noise_sd"] ** 2
+    best = min(fits, key=lambda w: w.fit.mode.squares)
+    assert best.fit.mode.squares <= truth + 6 * case.truth["noise_sd"] ** 2
     first = forms[int(np.argmax(found.probability))]
     assert first.partition(":")[0] == kind.partition(":")[0]
 

@@ -9,7 +9,7 @@ from tide import CASES, FRAME, NOISE, SIMULATOR, problem_of
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.answers.extension import extend_simulator
-from hybridsurrogate.diagnosis.search.local_fit import deviance
+from hybridsurrogate.diagnosis.search.context import SearchContext
 from hybridsurrogate.inference.evidence.marginal_likelihood import LocalMode
 
 
@@ -83,11 +83,12 @@ def test_of_two_peaks_the_better_with_noise_of_its_own_is_taken():
     rng = np.random.default_rng(0)
     fits = [(0.4 * rng.standard_normal(n), 1.6), (0.5 * rng.standard_normal(n), 0.1)]
     problem = SimpleNamespace(y=np.zeros(n), scale=1.0, noise_is_known=False)
+    context = SearchContext(problem, None, None)
     found, expected, at_sigma = [], [], []
     for residual, away in fits:
         squares = residual @ residual
         mode = LocalMode(np.array([away]), squares, squares / sigma**2 + away**2, 0)
-        found.append(deviance(problem, mode, sigma))
+        found.append(context.deviance(mode, sigma))
         at_sigma.append(mode.objective)
         own = np.sqrt(squares / n)
         density = stats.norm.logpdf(residual, 0, own).sum() + stats.norm.logpdf(away)
@@ -96,4 +97,4 @@ def test_of_two_peaks_the_better_with_noise_of_its_own_is_taken():
     assert found[0] < found[1]
     assert at_sigma[0] > at_sigma[1]  # at the noise of a fit without the cause
     nowhere = LocalMode(np.zeros(1), np.inf, np.inf, 0)
-    assert deviance(problem, nowhere, sigma) == np.inf
+    assert context.deviance(nowhere, sigma) == np.inf

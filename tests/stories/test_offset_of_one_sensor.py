@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.search.evidence import prior_odds
+from hybridsurrogate.diagnosis.search.candidate import prior_odds
 
 
 def reaction(t, sensor, amount, rate):

@@ -10,9 +10,8 @@ from hidden_effects import noises
 from hidden_effects.cases import Case
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.search.local_fit import Fitted, best_null
+from hybridsurrogate.diagnosis.search.context import SearchContext
 from hybridsurrogate.diagnosis.search.screening import best_modes
-from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
 
 # neither says what the curve is: nothing is wrong, or a curve of any shape
 _NAMELESS = ("none", "unexplained")
@@ -47,17 +46,16 @@ def distance(case: Case, diagnosis: hs.DiscrepancyDiagnosis) -> float:
     # a curve of size zero would draw the truth of a case whose noise alone is strange
     if not mine or found in _NAMELESS or hidden in noises.KINDS:
         return float("inf")
-    near = [Fitted(*w[1:5]) for w in named if w.cause and w.cause.changes_output]
-    problem = replace(search.problem, y=truth)
-    noise = NoiseTable(problem.noise_prior, problem.scale, len(truth))
+    near = [w.fit for w in named if w.cause and w.cause.changes_output]
+    context = SearchContext.of(replace(search.problem, y=truth), search.context.emulator)
     with warnings.catch_warnings():
         # a simulation may leave its domain on the way; such fits end at infinity
         warnings.simplefilter("ignore", RuntimeWarning)
-        null = best_null(problem, search.emulator, noise)
+        null = context.best_null()
         # curves alone are compared, not with "nothing is wrong"
         prior = np.append(-np.inf, np.zeros(len(mine)))
-        fits, _ = best_modes(problem, mine, search.emulator, noise, null, prior)
+        fits, _ = best_modes(context, mine, null, prior)
         # what fitted the data so well that it was taken for the truth is a start, too
-        fits += best_modes(problem, mine, search.emulator, noise, null, prior, near)[0]
+        fits += best_modes(context, mine, null, prior, near)[0]
     squares = [fit.mode.squares for fit in fits if np.isfinite(fit.mode.objective)]
     return float(min(squares, default=np.inf) / case.truth["noise_sd"] ** 2)

@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from hybridsurrogate.diagnosis.search.evidence import Candidate, Search, kind_of
+from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.local_prediction import predict_jointly
+from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.effects import Remainder
 from hybridsurrogate.effects.output.remainder import LEAST, MOST
-from hybridsurrogate.inference.evidence.linearised import linearise
-from hybridsurrogate.inference.evidence.marginal_likelihood import scan
 from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.types import FloatArray
 
@@ -110,11 +109,9 @@ def _outputs(result: Search, X: FloatArray) -> NDArray[np.intp]:
 
 def _nodes(result: Search, w: Candidate) -> list[tuple[int | None, float]]:
     """Return the nodes with most of the evidence for a cause, with their shares."""
-    if not len(w.grid.nodes):
+    if not len(w.fit.grid.nodes):
         return [(None, 1.0)]
-    problem = result.problem
-    parts = linearise(w.model, problem.X, result.emulator, w.grid, w.mode.z)
-    log_evidence = scan(parts, problem.y[None], w.sigma, result.noise, result.sizes)[0]
+    log_evidence = result.context.evidence_of_nodes(w.fit, result.sizes)
     share = special.softmax(log_evidence)
     order = np.argsort(-share)[:_MOST_NODES]
     order = order[share[order] >= _LEAST_NODE * share[order[0]]]
@@ -167,5 +164,5 @@ def _beyond(result: Search, grid: FloatArray) -> FloatArray:
 
 def is_smooth(components: list[Component], alternative: NDArray[np.intp]) -> NDArray[np.bool_]:
     """Return which alternatives are a curve of unknown shape, (C,)."""
-    smooth = {c.alternative for c in components if kind_of(c.candidate) == "unexplained"}
+    smooth = {c.alternative for c in components if c.candidate.kind == "unexplained"}
     return np.isin(alternative, list(smooth))

@@ -19,7 +19,7 @@ from hybridsurrogate.diagnosis.answers.alternative_predictions import (
     is_smooth,
     predictions_at,
 )
-from hybridsurrogate.diagnosis.search.evidence import Search
+from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.model.rows.experiments import Experiments
 from hybridsurrogate.numerics.blocks import LARGE_BLOCK, blocks
 from hybridsurrogate.simulation.arrays import as_numbers

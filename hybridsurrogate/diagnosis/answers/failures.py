@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hybridsurrogate.diagnosis.search.evidence import Search
+from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.types import FloatArray
 
@@ -21,7 +21,9 @@ def failures(result: Search) -> list[str]:
     worked.
     """
     counts = [
-        _count(w.model, result.problem.X) if w.cause is None or w.cause.touches_simulation else 0
+        _count(w.fit.model, result.problem.X)
+        if w.cause is None or w.cause.touches_simulation
+        else 0
         for w in result.candidates
     ]
     return [

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hybridsurrogate.diagnosis.search.evidence import kind_of
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.notebook.tables import table
@@ -87,8 +86,8 @@ def finding_of(
         Kinds that draw the same curve.
     """
     chosen, found = step.chosen, step.conditional
-    kinds = kind_of(chosen), *same_curve
-    alike = [kind_of(w) in kinds for w in found.candidates]
+    kinds = chosen.kind, *same_curve
+    alike = [w.kind in kinds for w in found.candidates]
     probability = min(float(found.probability[alike].sum()), 1.0)
     cause = chosen.cause
     if cause is None:

@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from hybridsurrogate.diagnosis.answers.unknown_beyond import with_remainder
-from hybridsurrogate.diagnosis.search.evidence import Search
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
+from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from hybridsurrogate.diagnosis.search.evidence import Search
+from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.types import FloatArray
@@ -75,10 +75,7 @@ def _models(
         out.append((posterior.model, posterior.values[rows]))
     for w, probability in zip(result.candidates, result.probability, strict=True):
         if probability > _UNLIKELY:
-            values = w.model.values(w.mode.z[None])
-            if len(w.grid.nodes):
-                values[:, w.grid.nodes] = w.grid.points[w.mode.node]
-            out.append((w.model, values))
+            out.append((w.fit.model, w.fit.values))
     return out
 
 

@@ -9,7 +9,8 @@ import pandas as pd
 
 from hybridsurrogate.catalogue import Skipped
 from hybridsurrogate.diagnosis.answers.failures import failures
-from hybridsurrogate.diagnosis.search.evidence import Search, kind_of, total_evidence
+from hybridsurrogate.diagnosis.search.candidate import total_evidence
+from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.effects.base import Cause
 
 NOT_COMPARED = "not compared: "
@@ -26,7 +27,7 @@ def cause_table(result: Search, skipped: list[Skipped]) -> pd.DataFrame:
     notes = failures(result)
     rows = [
         {
-            "kind": kind_of(w),
+            "kind": w.kind,
             "target": w.cause.target if w.cause else None,
             "form": form_of(w.cause) if w.cause else "none",
             "probability": probability,

@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike
 
 from hybridsurrogate.diagnosis.checks.caution import Caution
 from hybridsurrogate.diagnosis.checks.settings import SETTINGS
-from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
-from hybridsurrogate.diagnosis.search.local_fit import best_null
+from hybridsurrogate.diagnosis.search.candidate import Candidate
+from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.rows.columns import column_names, matched_columns
 from hybridsurrogate.model.statistics import emulator_posterior
@@ -312,16 +312,16 @@ def better_columns(result: Search, ranges: Ranges, chosen: Candidate) -> list[Ca
     chosen : Candidate
         The best cause: other columns must do about as well, unless it is a curve of any shape.
     """
-    problem, null = result.problem, result.candidates[0]
+    problem, null = result.problem, result.candidates[0].fit
     least = SETTINGS.much_better * null.sigma
     if chosen.cause is not None and not chosen.cause.is_process:
-        least = min(least, SETTINGS.about_as_good * chosen.sigma)
+        least = min(least, SETTINGS.about_as_good * chosen.fit.sigma)
     if problem.working_point is not None:
         return []
     found: list[tuple[float, str]] = []
     for words, X in _other_columns(problem, ranges):
         try:
-            fit = best_null(replace(problem, X=X), result.emulator, result.noise)
+            fit = result.context.at(replace(problem, X=X)).best_null()
         except ValueError:  # a simulation that fails there
             continue
         if np.isfinite(fit.mode.objective) and fit.sigma < least:

@@ -10,9 +10,11 @@ from sklearn.utils import check_consistent_length
 
 from hybridsurrogate.diagnosis.checks.caution import Caution
 from hybridsurrogate.diagnosis.checks.settings import SETTINGS
-from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
-from hybridsurrogate.diagnosis.search.local_fit import BLUR, FLOOR
+from hybridsurrogate.diagnosis.search.candidate import Candidate
+from hybridsurrogate.diagnosis.search.context import FLOOR
 from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
+from hybridsurrogate.diagnosis.search.search import Search
+from hybridsurrogate.diagnosis.search.working_rows import BLUR
 from hybridsurrogate.diagnosis.validation.folds import rows_of
 from hybridsurrogate.effects.noise.gross_error import GrossError
 from hybridsurrogate.model.problem import Problem
@@ -133,7 +135,7 @@ def is_exact(result: Search) -> bool:
     """Return whether the simulation, alone or with a cause, misses no more than rounding."""
     least = SETTINGS.near_floor * FLOOR * result.problem.scale
     return result.problem.likelihood.gaussian and any(
-        w.sigma <= least for w in result.candidates if _leaves_noise(w)
+        w.fit.sigma <= least for w in result.candidates if _leaves_noise(w)
     )
 
 
@@ -156,7 +158,7 @@ def exact(result: Search) -> list[Caution]:
     ----------
     result : Search
     """
-    alone = result.candidates[0].sigma <= SETTINGS.near_floor * BLUR * result.problem.scale
+    alone = result.candidates[0].fit.sigma <= SETTINGS.near_floor * BLUR * result.problem.scale
     what = "The simulation meets" if alone else "With a cause the simulation meets"
     return [
         Caution(

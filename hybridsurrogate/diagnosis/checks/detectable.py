@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hybridsurrogate.diagnosis.search.evidence import Search
 from hybridsurrogate.diagnosis.search.null_test import NullTest, faults_of
+from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.types import FloatArray
 
 # share of the data sets in which a fault has to show

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hybridsurrogate.diagnosis.checks.caution import Caution
-from hybridsurrogate.diagnosis.search.evidence import Search
+from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.model.statistics import emulator_posterior
 from hybridsurrogate.simulation.arrays import is_whole
 from hybridsurrogate.simulation.simulator import SimulationData
@@ -131,24 +131,22 @@ def check_emulator(result: Search, surrogate: Basis, runs: SimulationData) -> Em
     if not problem.model.basis.leaves_open:
         return None
     w = result.candidates[int(np.argmax(result.probability))]
-    values = w.model.values(w.mode.z[None])
-    if len(w.grid.nodes):
-        values[:, w.grid.nodes] = w.grid.points[w.mode.node]
-    U = w.model.emulator_error(problem.X, values, result.emulator.factor)
-    outputs, _, noise = w.model.simulated(problem.X, values, result.emulator.mean)
+    values = w.fit.values
+    U = w.fit.model.emulator_error(problem.X, values, result.context.emulator.factor)
+    outputs, _, noise = w.fit.model.simulated(problem.X, values, result.context.emulator.mean)
     own = emulator_posterior(surrogate, problem.simulation).mean
-    alone = replace(w.model, basis=surrogate, reference=own)
+    alone = replace(w.fit.model, basis=surrogate, reference=own)
     missed = alone.simulated(problem.X, values, own)[0] - outputs
     # outputs, rows and counts have separate noise: of counts sigma is one
     unit = noise[0]
     left_open = np.sum(U**2, axis=1) / unit**2
-    inputs, points = w.model.places(problem.X, values)
+    inputs, points = w.fit.model.places(problem.X, values)
     basis = problem.model.basis
     error = np.sum(basis.error(inputs, points) ** 2, axis=1)
     # causes that respond to the output stretch both alike
     share = basis.between(inputs) ** 2 / np.maximum(error, 1e-300)
     squares = left_open, (missed / unit) ** 2, left_open * np.minimum(share, 1.0)
-    rms = np.sqrt([np.mean(each) for each in squares]) / w.sigma
+    rms = np.sqrt([np.mean(each) for each in squares]) / w.fit.sigma
     X = problem.X[:, : runs.X.shape[1]]
     low, high = runs.X.min(axis=0), runs.X.max(axis=0)
     outside = np.sum((low > X) | (high < X), axis=0).tolist()

@@ -12,13 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft
 
-from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
+from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.search.local_prediction import (
     local_posterior,
     measured_and_other,
     size_of,
 )
+from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.types import FloatArray
 
@@ -107,7 +108,7 @@ def _left(result: Search, w: Candidate) -> FloatArray:
         # expectation and maximisation: the remaining noise given a path of this size
         squares = (target - design @ local.mean) ** 2
         squares = squares + np.sum(design @ local.covariance * design, axis=1)
-        w = w._replace(sigma=float(np.sqrt(np.mean(squares))))
+        w = w._replace(fit=w.fit._replace(sigma=float(np.sqrt(np.mean(squares)))))
         local = local_posterior(result, w, rows, size)
     measured = target - design @ local.mean
     # a fixed stream: a verdict is reproducible
@@ -116,9 +117,9 @@ def _left(result: Search, w: Candidate) -> FloatArray:
     if is_path:
         # a path leaves a share of itself, in the replicates as in the measured rows
         path = design[:, rows.first :]
-        path = path * size / w.sigma / np.sqrt(np.mean(np.sum(path**2, axis=1)))
+        path = path * size / w.fit.sigma / np.sqrt(np.mean(np.sum(path**2, axis=1)))
         noise += random.standard_normal((_REPLICATES, path.shape[1])) @ path.T
-    fitted = noise @ design @ local.covariance @ design.T / w.sigma**2
+    fitted = noise @ design @ local.covariance @ design.T / w.fit.sigma**2
     left = np.vstack([measured, noise - fitted])
     scale = np.sqrt(np.mean(left**2, axis=1, keepdims=True))
     return np.asarray(left / np.maximum(scale, np.finfo(float).tiny))

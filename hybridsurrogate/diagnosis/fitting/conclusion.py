@@ -13,7 +13,7 @@ from hybridsurrogate.diagnosis.checks.emulator import EmulatorCheck
 from hybridsurrogate.diagnosis.checks.outside import probability_right
 from hybridsurrogate.diagnosis.checks.residuals import check_residuals
 from hybridsurrogate.diagnosis.fitting.result import Conclusion, Settings
-from hybridsurrogate.diagnosis.fitting.verdict import Verdict, conclude
+from hybridsurrogate.diagnosis.fitting.verdict import Verdict, conclude, given_doubts
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.validation.refit import accepted
 from hybridsurrogate.diagnosis.validation.rows_left_out import with_rows
@@ -58,26 +58,17 @@ def concluded(
     if not last:
         smallest = smallest_detectable(first.search, first.test, settings.false_alarm_rate)
     doubts = [*known, *_doubts(steps, before, problem, verdict.word)]
-    word = _final_word(verdict, first, doubts)
+    verdict = given_doubts(verdict, first, doubts)
     conclusion = Conclusion(
-        word,
+        verdict.word,
         verdict.concerns,
         verdict.open,
         verdict.same_curve,
-        _probability_right(first, verdict.share, word),
+        _probability_right(first, verdict),
         check,
         smallest,
     )
     return conclusion, doubts
-
-
-def _final_word(verdict: Verdict, first: SearchStep, doubts: Sequence[Caution]) -> str:
-    """Return the verdict: no cause in the output has the name alone on doubtful data."""
-    cause = first.chosen.cause
-    rests_on_it = any(one.about in ("data", "columns") for one in doubts)
-    if verdict.word == "named" and rests_on_it and cause is not None and cause.changes_output:
-        return "nearest"
-    return verdict.word
 
 
 def _doubts(
@@ -97,8 +88,8 @@ def _doubts(
     return out if verdict in ("named", "nearest") else [*out, *mirrored(problem)]
 
 
-def _probability_right(first: SearchStep, share: float, verdict: str) -> float | None:
-    if verdict in ("adequate", "unexplained", "undecided"):
+def _probability_right(first: SearchStep, verdict: Verdict) -> float | None:
+    if verdict.word in ("adequate", "unexplained", "undecided"):
         return None
     wrong = 1 - float(first.conditional.probability[0])
-    return wrong * probability_right(share, verdict == "nearest")
+    return wrong * probability_right(verdict.share, verdict.word == "nearest")

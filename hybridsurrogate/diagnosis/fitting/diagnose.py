@@ -29,16 +29,14 @@ from hybridsurrogate.diagnosis.checks.roughness import warn_if_rough
 from hybridsurrogate.diagnosis.fitting.conclusion import concluded
 from hybridsurrogate.diagnosis.fitting.extension import extend, posteriors_of_mean
 from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult, Settings
-from hybridsurrogate.diagnosis.search.backfitting import backfitted
-from hybridsurrogate.diagnosis.search.evidence import Search, credible_kinds
+from hybridsurrogate.diagnosis.search.context import InterruptedSearch
 from hybridsurrogate.diagnosis.search.forward_selection import (
     SearchStep,
     forward_search,
-    with_correlated_noise,
 )
-from hybridsurrogate.diagnosis.search.local_fit import InterruptedSearch, blurred
+from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.diagnosis.search.setup import Prepared, prepare, trained_emulator
-from hybridsurrogate.diagnosis.search.working_rows import on_working_rows
+from hybridsurrogate.diagnosis.search.working_rows import blurred, on_working_rows
 from hybridsurrogate.diagnosis.validation.progress import doing
 from hybridsurrogate.estimators.emulation import as_given
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
@@ -129,8 +127,7 @@ def diagnose(
             check = check_emulator(search, prepared.problem.model.basis, before.simulation_)
             if check is not None:
                 cautions += check.cautions(before.surrogate_)
-            steps = backfitted(compared.steps, search.problem, prepared.causes)
-            steps = with_correlated_noise(steps, prepared.causes, compared.emulator)
+            steps = compared.steps
             causes = cause_table(steps[0].conditional, prepared.skipped)
             conclusion, doubts = concluded(
                 steps, before, prepared.problem, check, compared.doubts, settings
@@ -155,7 +152,7 @@ def diagnose(
         before=before,
         steps=tuple(steps),
         causes=causes,
-        indistinguishable=tuple(credible_kinds(steps[0].conditional)),
+        indistinguishable=tuple(steps[0].conditional.credible_kinds),
         asked=asked,
         next_measurement=place,
         emulator_check=check,

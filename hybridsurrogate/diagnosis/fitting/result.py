@@ -15,9 +15,9 @@ from hybridsurrogate.diagnosis.answers.finding import CauseFinding
 from hybridsurrogate.diagnosis.checks.caution import Caution
 from hybridsurrogate.diagnosis.checks.emulator import EmulatorCheck
 from hybridsurrogate.diagnosis.checks.residuals import ResidualCheck
-from hybridsurrogate.diagnosis.search.evidence import Search, kind_of
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.search.null_test import NullTest
+from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans
 from hybridsurrogate.diagnosis.validation.gain import HeldOutGain
 from hybridsurrogate.effects.base import Cause
@@ -194,7 +194,7 @@ class DiagnosisResult:
     refinement: pd.DataFrame | None = None
 
     def __repr__(self) -> str:
-        found = ", ".join(kind_of(step.chosen) for step in self.steps)
+        found = ", ".join(step.chosen.kind for step in self.steps)
         return f"DiagnosisResult({found}; {len(self.steps)} steps, p = {self.test.p_value:.3g})"
 
     @property

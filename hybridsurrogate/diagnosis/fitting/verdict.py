@@ -1,22 +1,18 @@
-"""What a diagnosis concludes: one rule for all who ask."""
+"""The verdict on a finished search: every word of it is chosen here."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hybridsurrogate.diagnosis.checks.caution import Caution
 from hybridsurrogate.diagnosis.checks.residuals import ResidualCheck, has_residual_structure
-from hybridsurrogate.diagnosis.search.evidence import (
-    Candidate,
-    Search,
-    kind_of,
-    kind_shares,
-    verdict_on,
-)
+from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.search.local_prediction import draw_the_same, predicted_rows
+from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 
 
@@ -77,13 +73,14 @@ def conclude(
         Whether an emulated parameter is at an end of its prior.
     """
     first = steps[0]
-    word, found = verdict_on(first.chosen, first.conditional), first.conditional
+    found = first.conditional
+    word = _word(first.chosen, found)
     same: tuple[str, ...] = ()
     share = 0.0
     if first.is_accepted:
         same = kinds_of_same_curve(found, first.chosen)
-        of_kind = kind_shares(found)
-        share = sum(of_kind[kind] for kind in (kind_of(first.chosen), *same))
+        of_kind = found.kind_shares
+        share = sum(of_kind[kind] for kind in (first.chosen.kind, *same))
         if word == "ambiguous" and share >= SETTINGS.named:
             word = "named"
     last = [step for step in steps if step.is_accepted][-1:]
@@ -101,6 +98,30 @@ def conclude(
     return Verdict(word, None if cause is None else cause.concerns, None, same, share)
 
 
+def given_doubts(verdict: Verdict, first: SearchStep, doubts: Sequence[Caution]) -> Verdict:
+    """Return the verdict: no cause in the output has the name alone on doubtful data.
+
+    Parameters
+    ----------
+    verdict : Verdict
+    first : SearchStep
+    doubts : sequence of Caution
+        Of the data.
+    """
+    cause = first.chosen.cause
+    rests_on_it = any(one.about in ("data", "columns") for one in doubts)
+    if verdict.word == "named" and rests_on_it and cause is not None and cause.changes_output:
+        return replace(verdict, word="nearest")
+    return verdict
+
+
+def _word(chosen: Candidate, found: Search) -> str:
+    """Return the verdict by probability alone."""
+    if not chosen.has_name:
+        return {"none": "adequate"}.get(chosen.kind, chosen.kind)
+    return "named" if found.kind_shares[chosen.kind] >= SETTINGS.named else "ambiguous"
+
+
 def kinds_of_same_curve(result: Search, chosen: Candidate) -> tuple[str, ...]:
     """Return the other kinds whose best form draws the same curve as a cause: `draw_the_same`.
 
@@ -115,8 +136,8 @@ def kinds_of_same_curve(result: Search, chosen: Candidate) -> tuple[str, ...]:
         w = result.candidates[k]
         worth = result.probability[k] > 0.01 * result.probability[1:].max()
         if w.cause is not None and not w.cause.is_process and worth:
-            best.setdefault(kind_of(w), w)
-    own = kind_of(chosen)
+            best.setdefault(w.kind, w)
+    own = chosen.kind
     if chosen.cause is None or chosen.cause.is_process:
         return ()
     return tuple(
@@ -133,4 +154,4 @@ def size_of_effect(step: SearchStep) -> float:
         return 0.0
     result, w = step.search, step.chosen
     null, found = (predicted_rows(result, one)[0] for one in (result.candidates[0], w))
-    return float(np.sqrt(np.mean((found - null) ** 2))) / w.sigma
+    return float(np.sqrt(np.mean((found - null) ** 2))) / w.fit.sigma

@@ -12,24 +12,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from hybridsurrogate.diagnosis.search.evidence import (
-    Candidate,
-    Search,
-    prior_odds,
-    search,
-)
+from hybridsurrogate.diagnosis.search.candidate import Candidate, prior_of
 from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
+from hybridsurrogate.diagnosis.search.processes import with_processes
+from hybridsurrogate.diagnosis.search.search import Search, search
 from hybridsurrogate.diagnosis.search.working_rows import expanded
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.sized import Sized
-from hybridsurrogate.inference.evidence.linearised import linearise
-from hybridsurrogate.inference.evidence.marginal_likelihood import scan
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.inference.posterior_sampler import evidence_around
 from hybridsurrogate.inference.procedure import make_target
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.problem import Problem
-from hybridsurrogate.model.statistics import EmulatorPosterior
 from hybridsurrogate.model.working_point import WorkingPoint
 from hybridsurrogate.priors import to_normal
 from hybridsurrogate.types import FloatArray
@@ -38,9 +32,7 @@ from hybridsurrogate.types import FloatArray
 _PLACES, _SHARES = 4, (-0.5, 0.5, 1.3)
 
 
-def screened_at_best(
-    result: Search, causes: Sequence[Cause], emulator: EmulatorPosterior
-) -> Search:
+def screened_at_best(result: Search, causes: Sequence[Cause]) -> Search:
     """Return the search repeated with rows expanded at the best cause, where something is wrong.
 
     Where rows are normal there is nothing to expand. Where an emulator of single runs replaces the
@@ -52,13 +44,12 @@ def screened_at_best(
         With the rows expanded where nothing is wrong.
     causes : sequence of Cause
         Those of the search.
-    emulator : EmulatorPosterior
     """
     best = result.candidates[int(np.argmax(result.probability))]
     if not _is_scored(result) or best.cause is None:
         return result
-    again = expanded(result.problem, _point_at(result, best))
-    return search(again, causes, emulator, bool(np.any(result.remainder)))
+    again = result.context.at(expanded(result.problem, _point_at(result, best)))
+    return with_processes(search(again, causes), bool(np.any(result.remainder)))
 
 
 def scored(result: Search) -> Search:
@@ -71,7 +62,7 @@ def scored(result: Search) -> Search:
     if not _is_scored(result):
         return result
     screened = np.array([w.log_evidence for w in result.candidates])
-    weight = screened + np.log(prior_odds([w.cause for w in result.candidates]))
+    weight = screened + np.log(prior_of(result.candidates))
     order = np.argsort(-weight)[: SETTINGS.most_scored]
     probable = {0, *(int(k) for k in order if weight[k] > weight[order[0]] - SETTINGS.within_reach)}
     exact = {k: _log_evidence(result, result.candidates[k]) for k in sorted(probable)}
@@ -108,7 +99,7 @@ def _point_at(result: Search, w: Candidate) -> WorkingPoint:
     point = result.problem.working_point
     assert point is not None
     eta, _ = predict_locally(result, w, result.problem.X)
-    sigma = w.sigma if result.problem.likelihood.scales_noise else point.sigma
+    sigma = w.fit.sigma if result.problem.likelihood.scales_noise else point.sigma
     return replace(point, eta=eta, sigma=sigma)
 
 
@@ -132,7 +123,7 @@ def _log_evidence(result: Search, w: Candidate) -> float:
         problem.noise_prior,
         problem.scale,
     )
-    sigma = w.sigma if problem.likelihood.scales_noise else point.sigma
+    sigma = w.fit.sigma if problem.likelihood.scales_noise else point.sigma
     u = np.column_stack([starts, np.full(len(starts), np.log(sigma))])
     # a fixed stream: the search is reproducible
     return evidence_around(make_target(exact, 0.0, 1.0), u, np.random.RandomState(0))
@@ -140,20 +131,21 @@ def _log_evidence(result: Search, w: Candidate) -> float:
 
 def _sized(result: Search, w: Candidate) -> tuple[MeasuredModel, FloatArray]:
     """Return the model with its last cause's size unknown, and starting points z (k, n)."""
-    problem, model, grid, z = result.problem, w.model, w.grid, w.mode.z
+    problem, (model, grid, mode, _) = result.problem, w.fit
+    z = mode.z
     if w.cause is None:
         return model, z[None]
-    parts = linearise(model, problem.X, result.emulator, grid, z)
+    parts = result.context.linearise(w.fit)
     starts = z[None]
     if len(grid.nodes):
-        log_evidence = scan(parts, problem.y[None], w.sigma, result.noise, result.sizes)[0]
+        log_evidence = result.context.evidence_of_nodes(w.fit, result.sizes)
         best = np.argsort(-(log_evidence - grid.log_weight))[:_PLACES]
         starts = np.repeat(z[None], len(best), axis=0)
         priors = [model.priors[k] for k in grid.nodes]
         starts[:, grid.nodes] = to_normal(priors, grid.points[best])
     if not len(grid.sizes) and not w.cause.coefficients:
         return model, starts
-    slopes = tuple(parts.H_rms[min(w.mode.node, len(parts.H_rms) - 1), : len(grid.sizes)].tolist())
+    slopes = tuple(parts.H_rms[min(mode.node, len(parts.H_rms) - 1), : len(grid.sizes)].tolist())
     low, high = float(result.sizes[0]), float(result.sizes[-1])
     rows = dict(zip(model.columns, problem.X.T, strict=False))
     cause = Sized(w.cause, low, high, rows, slopes)

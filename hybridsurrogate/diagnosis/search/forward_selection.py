@@ -8,22 +8,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
-from hybridsurrogate.diagnosis.search.evidence import (
-    Candidate,
-    Search,
-    leader,
-    prior_odds,
-    search,
-    with_processes,
-)
+from hybridsurrogate.diagnosis.search.candidate import Candidate, prior_of
+from hybridsurrogate.diagnosis.search.context import Fitted, InterruptedSearch, SearchContext
 from hybridsurrogate.diagnosis.search.exact_scores import scored, screened_at_best
 from hybridsurrogate.diagnosis.search.joint_refit import placed_together
-from hybridsurrogate.diagnosis.search.local_fit import InterruptedSearch
 from hybridsurrogate.diagnosis.search.local_prediction import draw_the_same
 from hybridsurrogate.diagnosis.search.noise_of_outputs import at_best_noise
 from hybridsurrogate.diagnosis.search.null_test import NullTest, evidence_bound, null_test
+from hybridsurrogate.diagnosis.search.processes import with_processes
+from hybridsurrogate.diagnosis.search.search import Search, search
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.nothing import Nothing
+from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.settings import SETTINGS
+from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.statistics import EmulatorPosterior
 
@@ -101,22 +99,39 @@ def forward_search(
     InterruptedSearch
         On an interrupt: it contains the first search, as far as it came.
     """
+    context = SearchContext.of(problem, emulator)
+    test = None if n_replicates is None else (n_replicates, random_state)
+    steps = _one_after_the_other(context, causes, max_causes, false_alarm_rate, test, nearby)
+    if test is not None:
+        steps = _backfitted(steps, causes)
+    return _with_correlated_noise(steps, causes)
+
+
+def _one_after_the_other(
+    context: SearchContext,
+    causes: Sequence[Cause],
+    max_causes: int,
+    false_alarm_rate: float,
+    tested: tuple[int, np.random.RandomState] | None,
+    nearby: Sequence[Search],
+) -> list[SearchStep]:
+    """Return a step for each accepted cause, or one in which nothing was detected."""
     steps: list[SearchStep] = []
     result: Search | None = None
-    thorough = n_replicates is not None
+    thorough = tested is not None
     try:
-        known = _given_same(problem.model.effects, nearby)
-        result = search(problem, causes, emulator, thorough, nearby=known)
+        known = _nearby(context.problem.model, causes, nearby)
+        result = search(context, causes, nearby=known)
+        result = with_processes(result, thorough, known)
         while True:
             test = None
-            if n_replicates is not None:
+            if tested is not None:
                 # where nothing may be detected, how large a fault would have shown is asked next
                 in_doubt = not steps and evidence_bound(result) > false_alarm_rate
-                test = null_test(result, n_replicates, random_state, in_doubt)
+                test = null_test(result, *tested, in_doubt)
             if not steps:
                 result = at_best_noise(result, thorough)
-                result = scored(screened_at_best(result, causes, emulator))
-                problem = result.problem
+                result = scored(screened_at_best(result, causes))
                 # given accepted causes, the evidence keeps their places fixed
                 if test is not None:
                     test = test._replace(bound=evidence_bound(result))
@@ -127,40 +142,71 @@ def forward_search(
             chosen, conditional = _first_choice(result), None
             tried: tuple[Search, ...] = ()
             if len(steps) + 1 < max_causes:
-                chosen, conditional, tried = _look_ahead(
-                    problem, causes, emulator, result, chosen, thorough, nearby
-                )
+                chosen, conditional, tried = _look_ahead(result, causes, chosen, thorough, nearby)
             steps.append(SearchStep(result, test, chosen, result, tried))
             if conditional is None:
                 return steps
-            problem, causes, result = conditional.problem, _others(causes, chosen), conditional
+            causes, result = _others(causes, chosen), conditional
     except KeyboardInterrupt as stop:
         kept = steps[0].search if steps else result or getattr(stop, "kept", None)
         raise InterruptedSearch(kept) from stop
 
 
-def with_correlated_noise(
-    steps: Sequence[SearchStep], causes: Sequence[Cause], emulator: EmulatorPosterior
+def _backfitted(steps: Sequence[SearchStep], causes: Sequence[Cause]) -> list[SearchStep]:
+    """Return the steps, each cause compared again with all others part of the simulation.
+
+    Alone the first cause also has to explain what the second one does, and a smooth curve may do
+    that better than either: how probable each is shows only given the others. A cause is replaced
+    where an alternative is more probable. A smooth curve or outliers that were accepted last stay
+    out, as nothing is compared given them.
+    """
+    out = list(steps)
+    named = [k for k, step in enumerate(out) if not ends_search(step.chosen)]
+    if len(named) < 2:
+        return out
+    joint = out[named[-1]]
+    stale = set(named[:-1])
+    for k in named * SETTINGS.backfitting_rounds:
+        if k not in stale:
+            continue
+        found = _without(out[k].chosen, joint, causes)
+        best = found.candidates[found.leader]
+        if ends_search(best):
+            best = next(w for w in found.candidates if w.cause is out[k].chosen.cause)
+        stale = stale - {k} if best.cause is out[k].chosen.cause else set(named) - {k}
+        joint = out[k] = replace(out[k], chosen=best, conditional=found)
+    return out
+
+
+def _without(left_out: Candidate, joint: SearchStep, causes: Sequence[Cause]) -> Search:
+    """Search for one cause, all others fixed where they are in the joint fit of all of them."""
+    context, fit = joint.conditional.context, joint.chosen.fit
+    others = [cause for cause in fit.model.effects if cause is not left_out.cause]
+    model, order = fit.model.reordered(others)
+    # all places are known: there is no grid to look at
+    grid = make_grid(model.with_effects([*others, Nothing()]))
+    mode = fit.mode._replace(z=context.places_of(fit)[0][order])
+    accepted = Candidate(None, Fitted(model, grid, mode, fit.sigma), 0.0)
+    alternatives = [cause for cause in causes if all(cause is not other for other in others)]
+    given = context.at(replace(context.problem, model=model))
+    return with_processes(search(given, alternatives, accepted))
+
+
+def _with_correlated_noise(
+    steps: Sequence[SearchStep], causes: Sequence[Cause]
 ) -> list[SearchStep]:
     """Return the steps and, where the last cause needs correlated noise in addition, one with that.
 
     It is no further cause of what the simulation misses: a cause that was compared given such noise
     is used together with it.
-
-    Parameters
-    ----------
-    steps : sequence of SearchStep
-    causes : sequence of Cause
-        All that were compared in the first search.
-    emulator : EmulatorPosterior
     """
     last, found = steps[-1].chosen, steps[-1].conditional
-    place = next((k for k, w in enumerate(found.candidates) if w is last), None)
+    place = found.place_of(last.cause)
     if ends_search(last) or place is None or found.correlated[place] <= 0.5:
         return list(steps)
     paths = [cause for cause in causes if cause.is_correlated_noise]
-    given = _search_given(found.problem, paths, emulator, last)
-    return [*steps, SearchStep(given, None, given.candidates[leader(given)], given)]
+    given = _search_given(found, paths, last)
+    return [*steps, SearchStep(given, None, given.candidates[given.leader], given)]
 
 
 def searches(steps: Sequence[SearchStep]) -> list[Search]:
@@ -168,14 +214,11 @@ def searches(steps: Sequence[SearchStep]) -> list[Search]:
     return [steps[0].search, *(one for step in steps for one in step.tried)]
 
 
-def _given_same(accepted: Sequence[Cause], nearby: Sequence[Search]) -> Search | None:
-    """Return the search given the same accepted causes, None without one."""
-
-    def forms(causes: Sequence[Cause]) -> list[tuple[str, str]]:
-        return [(cause.name, cause.variant) for cause in causes]
-
-    same = (one for one in nearby if forms(one.problem.model.effects) == forms(accepted))
-    return next(same, None)
+def _nearby(
+    model: MeasuredModel, causes: Sequence[Cause], searches: Sequence[Search]
+) -> Search | None:
+    """Return the search that compares the same causes in other rows, None without one."""
+    return next((one for one in searches if one.compares(model, causes)), None)
 
 
 def _first_choice(result: Search) -> Candidate:
@@ -184,7 +227,7 @@ def _first_choice(result: Search) -> Candidate:
     A factor on the output, for example, may draw the same curve as a parameter beyond its prior.
     The data cannot separate the two, and the prior is looked at first.
     """
-    first = result.candidates[leader(result)]
+    first = result.candidates[result.leader]
     for w, probability in zip(result.candidates[1:], result.probability[1:], strict=True):
         assert w.cause is not None
         likely = w.cause.concerns == "prior" and probability > _LIKELY
@@ -202,23 +245,18 @@ def _alone(steps: list[SearchStep]) -> list[SearchStep]:
 
 
 def _search_given(
-    problem: Problem,
-    causes: Sequence[Cause],
-    emulator: EmulatorPosterior,
-    first: Candidate,
-    nearby: Sequence[Search] = (),
+    result: Search, causes: Sequence[Cause], first: Candidate, nearby: Sequence[Search] = ()
 ) -> Search:
     """Return the quick search for a cause given a first one, which is fixed at its fit."""
-    effects = first.model.effects
-    extended = replace(problem, model=problem.model.with_effects(effects))
-    return search(extended, causes, emulator, False, first, _given_same(effects, nearby))
+    model = first.fit.model
+    given = result.context.at(replace(result.problem, model=model))
+    # a second cause may be noise itself: nothing is compared given a process
+    return search(given, causes, first, _nearby(model, causes, nearby))
 
 
 def _look_ahead(
-    problem: Problem,
-    causes: Sequence[Cause],
-    emulator: EmulatorPosterior,
     result: Search,
+    causes: Sequence[Cause],
     first_choice: Candidate,
     thorough: bool,
     nearby: Sequence[Search],
@@ -228,7 +266,7 @@ def _look_ahead(
     And every search that was made. No search where nothing can be named in addition to the cause:
     a smooth discrepancy, or outliers.
     """
-    log_prior = np.log(prior_odds([w.cause for w in result.candidates]))
+    log_prior = np.log(prior_of(result.candidates))
     at = next(k for k, w in enumerate(result.candidates) if w is first_choice)
     # the most probable, then what explains most without a process: the second may be one
     explained = log_prior + [w.log_evidence for w in result.candidates]
@@ -250,7 +288,7 @@ def _look_ahead(
     while waiting:
         k = waiting.pop(0)
         first = result.candidates[k]
-        second = _search_given(problem, _others(causes, first), emulator, first, nearby)
+        second = _search_given(result, _others(causes, first), first, nearby)
         alone = log_prior[k] + first.log_evidence
         # where all is explained, there is nothing to place in addition to the first
         left = in_doubt or second.probability[0] < 0.5
@@ -286,7 +324,7 @@ def _look_ahead(
 def _evidence_of_others(conditional: Search) -> float:
     """Return the log of how much better a cause explains with whatever second, or none."""
     evidence = np.array([w.log_evidence for w in conditional.candidates])
-    odds = prior_odds([w.cause for w in conditional.candidates])
+    odds = prior_of(conditional.candidates)
     # two causes are the same two in either order, and each order has this prior
     odds[1:] *= 2
     return float(special.logsumexp(evidence - evidence[0] + np.log(odds)))

@@ -9,20 +9,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy import special
 
-from hybridsurrogate.diagnosis.search.conditioning import (
-    conditioned_places,
-    nothing_further,
-    placed_anew,
-)
-from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
-from hybridsurrogate.diagnosis.search.local_fit import Fitted, node_evidence
+from hybridsurrogate.diagnosis.search.candidate import Candidate
+from hybridsurrogate.diagnosis.search.context import Fitted
+from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.evidence.levenberg_marquardt import is_followed
 from hybridsurrogate.inference.evidence.settings import SETTINGS
-from hybridsurrogate.model.problem import Problem
 
 
 def placed_together(result: Search, first: Candidate, conditional: Search) -> Search:
@@ -66,24 +60,20 @@ def _together(
     other, too small where it does. What the first explains alone is subtracted, so that the result
     compares with the evidence of "nothing further".
     """
-    problem, base = result.problem, conditional.candidates[0].log_evidence
-    assert first.cause is not None
-    assert second.cause is not None
+    base, sizes = conditional.candidates[0].log_evidence, conditional.sizes
     best = second._replace(log_evidence=-np.inf)
-    fit, reached = Fitted(*second[1:5]), second.log_evidence
+    fit, reached = second.fit, second.log_evidence
     for _ in range(SETTINGS.turns):
-        turned = _turned(result, fit, first.grid)
-        back = _turned(result, turned, second.grid)
+        turned = _turned(result, fit, first.fit.grid)
+        back = _turned(result, turned, second.fit.grid)
         if not np.isfinite(turned.mode.objective + back.mode.objective):
             break
-        both = replace(problem, model=problem.model.with_effects(back.model.effects))
-        neither = nothing_further(both, back, result.emulator, result.noise)
-        alone = _log_evidence(both, conditional, back)
-        pair = (
-            _log_evidence(both, result, turned) + alone - _log_evidence(both, conditional, neither)
-        )
+        both = result.context.at(replace(result.problem, model=back.model))
+        neither = both.nothing_further(back)
+        alone = both.evidence(back, sizes)
+        pair = both.evidence(turned, result.sizes) + alone - both.evidence(neither, sizes)
         if (value := base + pair - first.log_evidence) > best.log_evidence:
-            best = Candidate(second.cause, *back, value)
+            best = Candidate(second.cause, back, value)
         if alone < reached + SETTINGS.worth_a_turn:
             break
         fit, reached = back, alone
@@ -92,17 +82,7 @@ def _together(
 
 def _turned(result: Search, fit: Fitted, cells: Grid) -> Fitted:
     """Return the last but one cause placed anew, the last one fixed at its fit."""
-    problem, model = result.problem, fit.model
-    *before, one, other = model.effects
-    turned = problem.model.with_effects((*before, other, one))
-    old = [(id(model.effects[owner]), name) for owner, name in model.theta_names]
-    new = [(id(turned.effects[owner]), name) for owner, name in turned.theta_names]
-    d = model.n_parameters
-    order = [*range(d), *(d + old.index(key) for key in new)]
-    starts = [z[order] for z in conditioned_places(problem, fit, result.emulator, result.noise)]
-    return placed_anew(problem, turned, starts, fit.sigma, cells, result.emulator, result.noise)
-
-
-def _log_evidence(problem: Problem, search: Search, fit: Fitted) -> float:
-    nodes = node_evidence(problem, search.emulator, search.noise, fit, search.sizes)
-    return float(special.logsumexp(nodes))
+    *before, one, other = fit.model.effects
+    turned, order = fit.model.reordered((*before, other, one))
+    starts = [z[order] for z in result.context.places_of(fit)]
+    return result.context.placed_anew(turned, starts, fit.sigma, cells)

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
+from hybridsurrogate.diagnosis.search.candidate import Candidate
+from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.inference.evidence.linearised import Linearised, linearise
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
 from hybridsurrogate.types import FloatArray
@@ -43,7 +44,7 @@ def measured_and_other(
     """Return the measured rows and rows X; what an emulator leaves open they have in common."""
     n = len(result.problem.X)
     both = np.vstack([result.problem.X, result.problem.with_noise(X)])
-    parts = _at_node(result, w, both, w.mode.node if node is None else node)
+    parts = _at_node(result, w, both, w.fit.mode.node if node is None else node)
     H = parts.H[0] * parts.H_rms[0]
     design = np.hstack([parts.G[0], parts.U, H])
     first = design.shape[1] - H.shape[1]
@@ -54,13 +55,13 @@ def measured_and_other(
 
 
 def _at_node(result: Search, w: Candidate, X: FloatArray, node: int) -> Linearised:
-    grid = w.grid
+    grid = w.fit.grid
     if len(grid.nodes):
         index = slice(node, node + 1)
         grid = replace(
             grid, points=grid.points[index], edges=grid.edges[index], log_weight=np.zeros(1)
         )
-    return linearise(w.model, X, result.emulator, grid, w.mode.z)
+    return linearise(w.fit.model, X, result.context.emulator, grid, w.fit.mode.z)
 
 
 def local_posterior(result: Search, w: Candidate, rows: Rows, size: float) -> Local:
@@ -76,9 +77,9 @@ def local_posterior(result: Search, w: Candidate, rows: Rows, size: float) -> Lo
     scale = np.concatenate([np.ones(first), own])
     design = design / rows.noise[:, None]
     residual = (result.problem.y - rows.offset) / rows.noise
-    precision = design.T @ design / w.sigma**2 + np.diag(scale**-2.0)
+    precision = design.T @ design / w.fit.sigma**2 + np.diag(scale**-2.0)
     covariance = np.linalg.inv(precision)
-    mean = covariance @ design.T @ residual / w.sigma**2
+    mean = covariance @ design.T @ residual / w.fit.sigma**2
     return Local(mean, covariance)
 
 
@@ -90,8 +91,8 @@ def size_of(result: Search, w: Candidate, node: int | None = None) -> float:
     """
     if w.cause is None or "amplitude" not in w.cause.parameters or not w.cause.is_process:
         return float(result.sizes[-1])
-    parts = _at_node(result, w, result.problem.X, w.mode.node if node is None else node)
-    args = parts, result.problem.y[None], w.sigma, result.noise
+    parts = _at_node(result, w, result.problem.X, w.fit.mode.node if node is None else node)
+    args = parts, result.problem.y[None], w.fit.sigma, result.context.noise
     evidence = [float(scan(*args, result.sizes[k : k + 1])[0, 0]) for k in range(len(result.sizes))]
     return float(result.sizes[int(np.argmax(evidence))])
 
@@ -125,7 +126,7 @@ def predict_jointly(
     # a root that exists where rounding has left a variance a little below zero, too
     variances, directions = np.linalg.eigh((local.covariance + local.covariance.T) / 2)
     loadings = rows.design @ (directions * np.sqrt(np.maximum(variances, 0.0)))
-    return rows.offset + rows.design @ local.mean, loadings, (w.sigma * rows.noise) ** 2
+    return rows.offset + rows.design @ local.mean, loadings, (w.fit.sigma * rows.noise) ** 2
 
 
 def predicted_rows(result: Search, w: Candidate) -> tuple[FloatArray, FloatArray]:

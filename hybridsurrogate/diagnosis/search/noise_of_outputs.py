@@ -11,21 +11,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import special
 
-from hybridsurrogate.diagnosis.search.evidence import (
-    Candidate,
-    Search,
-    with_processes,
-)
-from hybridsurrogate.diagnosis.search.local_fit import (
-    FLOOR,
-    Fitted,
-    effect_sizes,
-    node_evidence,
-    settled,
-)
+from hybridsurrogate.diagnosis.search.candidate import Candidate
+from hybridsurrogate.diagnosis.search.context import FLOOR, Fitted
 from hybridsurrogate.diagnosis.search.local_prediction import measured_and_other, predict_locally
+from hybridsurrogate.diagnosis.search.processes import with_processes
+from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.noise.output_noise import OutputNoise
 from hybridsurrogate.model.observation import MeasuredModel
@@ -62,29 +53,25 @@ def at_best_noise(result: Search, with_remainder: bool) -> Search:
     if not problem.likelihood.gaussian or not any(map(_is_noise, problem.model.effects)):
         return result
     fits = [_best(result, w) for w in result.candidates]
-    sizes = effect_sizes(problem, fits)
+    sizes = result.context.sizes(fits)
     candidates = []
     for w, fit in zip(result.candidates, fits, strict=True):
-        nodes = node_evidence(problem, result.emulator, result.noise, fit, sizes)
-        evidence = float(special.logsumexp(nodes)) + _noise_of(fit.model).log_prior()
-        candidates.append(Candidate(w.cause, *fit, evidence))
+        evidence = result.context.evidence(fit, sizes) + _noise_of(fit.model).log_prior()
+        candidates.append(Candidate(w.cause, fit, evidence))
     found = replace(result, sizes=sizes).reweighed(candidates)
     return with_processes(found, with_remainder)
 
 
 def _best(result: Search, w: Candidate) -> Fitted:
     """Return the fit of a cause with separate ratios of noise."""
-    problem, emulator, noise = result.problem, result.emulator, result.noise
-    if not np.isfinite(w.mode.objective):
-        return Fitted(*w[1:5])
+    if not np.isfinite(w.fit.mode.objective):
+        return w.fit
     for _ in range(_ROUNDS):
         ratios, sigma = _updated(result, w)
-        model = w.model.with_effects(
-            [_at(e, ratios) if _is_noise(e) else e for e in w.model.effects]
-        )
-        fit = settled(problem, emulator, noise, Fitted(model, w.grid, w.mode, sigma))
-        w = Candidate(w.cause, *fit, w.log_evidence)
-    return Fitted(*w[1:5])
+        model, grid, mode, _ = w.fit
+        model = model.with_effects([_at(e, ratios) if _is_noise(e) else e for e in model.effects])
+        w = w._replace(fit=result.context.converge(Fitted(model, grid, mode, sigma)))
+    return w.fit
 
 
 def _updated(result: Search, w: Candidate) -> tuple[tuple[float, ...], float]:
@@ -97,10 +84,10 @@ def _updated(result: Search, w: Candidate) -> tuple[tuple[float, ...], float]:
     assert problem.stacking is not None
     mean, variance = predict_locally(result, w, problem.X)
     noise = measured_and_other(result, w, problem.X[:0])[0].noise
-    squares = (problem.y - mean) ** 2 + np.maximum(variance - (w.sigma * noise) ** 2, 0.0)
+    squares = (problem.y - mean) ** 2 + np.maximum(variance - (w.fit.sigma * noise) ** 2, 0.0)
     # a cause may change the noise within an output
-    rows = dict(zip(w.model.columns, problem.X.T, strict=False))
-    squares = squares / (noise / _noise_of(w.model).noise(rows, {})) ** 2
+    rows = dict(zip(w.fit.model.columns, problem.X.T, strict=False))
+    squares = squares / (noise / _noise_of(w.fit.model).noise(rows, {})) ** 2
     which = problem.X[:, problem.stacking.at]
     each = np.array(
         [np.sqrt(np.mean(squares[which == k])) for k in range(len(problem.stacking.names))]

@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
-from hybridsurrogate.diagnosis.search.evidence import Search, prior_odds
+from hybridsurrogate.diagnosis.search.candidate import prior_of
+from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.linearised import (
     is_long,
-    linearise,
     linearised_pieces,
 )
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
@@ -161,22 +161,23 @@ def statistics(result: Search, responses: FloatArray) -> FloatArray:
     ndarray of shape (k,)
         Zero where no cause was compared.
     """
-    problem, null = result.problem, result.candidates[0]
+    problem, emulator = result.problem, result.context.emulator
+    null = result.candidates[0].fit
     base = null.mode.z
     compared = [w for w in result.candidates if w.cause is None or not w.cause.is_screened]
     others = [w for w in compared if w.cause is None or not w.cause.has_outliers]
     evidence = []
     for w in others if len(others) > 1 else compared:
-        z = w.grid.neutral.copy()
+        model, grid = w.fit.model, w.fit.grid
+        z = grid.neutral.copy()
         z[: len(base)] = base
         # in a replicate a change may be anywhere, not only where the measured one is
-        whole = make_grid(w.model)
-        grid = w.grid
-        if not len(grid.nodes) or is_long(w.model, problem.X, whole):
+        whole = make_grid(model)
+        if not len(grid.nodes) or is_long(model, problem.X, whole):
             grid = whole
-        pieces = linearised_pieces(w.model, problem.X, result.emulator, grid, z)
+        pieces = linearised_pieces(model, problem.X, emulator, grid, z)
         scans = [
-            scan(parts.simplified(), responses, null.sigma, result.noise, result.sizes)
+            scan(parts.simplified(), responses, null.sigma, result.context.noise, result.sizes)
             for parts in pieces
         ]
         evidence.append(special.logsumexp(np.concatenate(scans, axis=1), axis=1))
@@ -195,14 +196,14 @@ def evidence_bound(result: Search) -> float:
     """
     nothing = result.probability[0]
     odds = nothing / max(1 - nothing, np.finfo(float).tiny)
-    prior = prior_odds([w.cause for w in result.candidates])
+    prior = prior_of(result.candidates)
     return float(min(1.0, odds * prior[1:].sum() / prior[0]))
 
 
 def replicates(result: Search, n: int, random_state: np.random.RandomState) -> FloatArray:
     """Draw measured responses from the posterior predictive of the linearised null, (n, rows)."""
-    problem, null = result.problem, result.candidates[0]
-    parts = linearise(null.model, problem.X, result.emulator, null.grid, null.mode.z)
+    problem, null = result.problem, result.candidates[0].fit
+    parts = result.context.linearise(null)
     # an accepted cause may have changed the noise: rows are drawn in units of it
     ((unit, unequal),) = parts.at(np.zeros(1, dtype=int)).by_noise()
     G, U = unit.G[0], unit.U

@@ -6,18 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hybridsurrogate.diagnosis.search.local_fit import (
-    Fitted,
-    InterruptedSearch,
-    effect_sizes,
-    highest,
-    largest_size,
-    node_evidence,
-    settled,
-    sigma_of,
-)
+from hybridsurrogate.diagnosis.search.context import Fitted, InterruptedSearch, SearchContext
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.inference.conjugate.noise_marginal import LogMarginal
 from hybridsurrogate.inference.evidence.grid import Grid, make_grid, refine, with_cells
 from hybridsurrogate.inference.evidence.levenberg_marquardt import (
     best_of_global_starts,
@@ -25,19 +15,15 @@ from hybridsurrogate.inference.evidence.levenberg_marquardt import (
     is_followed,
 )
 from hybridsurrogate.inference.evidence.long_grid import shortened
-from hybridsurrogate.inference.evidence.marginal_likelihood import LocalMode, optimise
+from hybridsurrogate.inference.evidence.marginal_likelihood import LocalMode
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.model.observation import MeasuredModel
-from hybridsurrogate.model.problem import Problem
-from hybridsurrogate.model.statistics import EmulatorPosterior
 from hybridsurrogate.types import FloatArray
 
 
 def best_modes(
-    problem: Problem,
+    context: SearchContext,
     causes: Sequence[Cause],
-    emulator: EmulatorPosterior,
-    noise: LogMarginal,
     null: Fitted,
     log_prior: FloatArray,
     nearby: Sequence[Fitted] | None = None,
@@ -55,6 +41,7 @@ def best_modes(
     behind : ndarray
         Log evidence of the causes that are far behind, on the first grid; NaN for the others.
     """
+    problem = context.problem
     fits: list[Fitted] = []
     try:
         for k, cause in enumerate(causes):
@@ -62,45 +49,42 @@ def best_modes(
             grid = make_grid(model)
             if is_followed(cause):
                 # with every unknown followed a start is a choice, which other rows must not make
-                fits.append(_followed(problem, emulator, noise, model, grid, null))
+                fits.append(_followed(context, model, grid, null))
             elif nearby is None or model.effects[-1].is_correlated_noise:
-                fits.append(_once(problem, emulator, model, grid, null))
+                fits.append(_once(context, model, grid, null))
             else:
-                fits.append(_unchanged(problem, model, grid, nearby[k], null))
+                fits.append(_unchanged(context, model, grid, nearby[k], null))
         # a first fit may have found a lower mode on too coarse a grid; where those in other rows
         # ended is nearly it, and what had a chance there has a finer grid already
         margin = SETTINGS.behind if nearby is None else SETTINGS.behind_nearby
-        behind = _far_behind(problem, emulator, noise, [null, *fits], log_prior, margin)
+        behind = _far_behind(context, [null, *fits], log_prior, margin)
         for k in map(int, np.flatnonzero(np.isnan(behind))):
-            model, grid, mode, sigma = fits[k]
-            if model.effects[-1].is_correlated_noise or is_followed(model.effects[-1]):
+            if causes[k].is_correlated_noise or is_followed(causes[k]):
                 continue
             # where those in other rows ended the grid is fine already
-            rounds = SETTINGS.max_refinements if nearby is None else SETTINGS.refinements_nearby
-            fit = Fitted(model, grid, mode, sigma)
-            fits[k] = settled(problem, emulator, noise, fit, rounds)
+            rounds = None if nearby is None else SETTINGS.refinements_nearby
+            fits[k] = context.converge(fits[k], rounds)
     except KeyboardInterrupt as stop:
         raise InterruptedSearch(fits) from stop
     return fits, behind
 
 
 def _followed(
-    problem: Problem,
-    emulator: EmulatorPosterior,
-    noise: LogMarginal,
+    context: SearchContext,
     model: MeasuredModel,
     grid: Grid,
     null: Fitted,
 ) -> Fitted:
     """Fit a cause whose unknowns are all followed, from many starts."""
+    X, y, emulator = context.problem.X, context.problem.y, context.emulator
     plain, floor = grid.followed(), SETTINGS.exact_fit * null.sigma
-    z, sigma = best_of_many(model, problem.X, problem.y, emulator, grid, null.mode.z, floor)
-    mode = highest(problem, emulator, model, plain, [z], sigma)
-    return settled(problem, emulator, noise, Fitted(model, plain, mode, sigma))
+    z, sigma = best_of_many(model, X, y, emulator, grid, null.mode.z, floor)
+    mode = context.climb(model, plain, [z], sigma)
+    return context.converge(Fitted(model, plain, mode, sigma))
 
 
 def _unchanged(
-    problem: Problem, model: MeasuredModel, grid: Grid, other: Fitted, null: Fitted
+    context: SearchContext, model: MeasuredModel, grid: Grid, other: Fitted, null: Fitted
 ) -> Fitted:
     """Return the fit to other rows as one to these, on the grid refined there, not optimised.
 
@@ -111,43 +95,40 @@ def _unchanged(
         return Fitted(model, grid, other.mode, other.sigma)
     z, accepted = other.mode.z.copy(), slice(model.n_parameters, len(null.mode.z))
     z[accepted] = null.mode.z[accepted]
-    mode = LocalMode(z, len(problem.y) * other.sigma**2, 0.0, 0)
+    mode = LocalMode(z, len(context.problem.y) * other.sigma**2, 0.0, 0)
     return Fitted(model, grid, mode, other.sigma)
 
 
 def _once(
-    problem: Problem,
-    emulator: EmulatorPosterior,
+    context: SearchContext,
     model: MeasuredModel,
     grid: Grid,
     null: Fitted,
 ) -> Fitted:
     """Climb once, on the first grid."""
     starts, sigma = _starts(model, grid, null), null.sigma
-    args = model, problem.X, problem.y, emulator
-    grid = shortened(*args, grid, starts[0], sigma, largest_size(problem))
+    args = model, context.problem.X, context.problem.y, context.emulator
+    grid = shortened(*args, grid, starts[0], sigma, context.largest_size)
     if model.effects[-1].is_correlated_noise:
         # left free it would take all the noise there is: it has the size of the noise
-        size = sigma * problem.unit_noise
-        mode = optimise(model, problem.X, problem.y, emulator, grid, starts[0], sigma, size)
+        size = sigma * context.problem.unit_noise
+        mode = context.optimise(model, grid, starts[0], sigma, size=size)
         return Fitted(model, grid, mode, sigma)
-    mode = highest(problem, emulator, model, grid, starts, sigma)
+    mode = context.climb(model, grid, starts, sigma)
     start = best_of_global_starts(*args, grid, null.mode.z, mode.z, SETTINGS.exact_fit * null.sigma)
     if start is not None:
-        mode = highest(problem, emulator, model, grid, [start], sigma)
+        mode = context.climb(model, grid, [start], sigma)
     for _ in range(SETTINGS.looks):
-        before, sigma = sigma, sigma_of(problem, mode, sigma)
+        before, sigma = sigma, context.noise_of(mode, sigma)
         if not sigma < SETTINGS.much_closer * before:
             break
         # kept at the priors by the noise of a poor fit, an optimisation ends short of a good one
-        mode = highest(problem, emulator, model, grid, [mode.z], sigma)
+        mode = context.climb(model, grid, [mode.z], sigma)
     return Fitted(model, grid, mode, sigma)
 
 
 def _far_behind(
-    problem: Problem,
-    emulator: EmulatorPosterior,
-    noise: LogMarginal,
+    context: SearchContext,
     fits: Sequence[Fitted],
     log_prior: FloatArray,
     margin: float,
@@ -159,8 +140,8 @@ def _far_behind(
     The first of the fits is that of "nothing is wrong". The stronger the data, the more a grid
     misses between its nodes: what a finer one reaches counts, too.
     """
-    sizes = effect_sizes(problem, fits)
-    scans = [node_evidence(problem, emulator, noise, fit, sizes) for fit in fits]
+    sizes = context.sizes(fits)
+    scans = [context.evidence_of_nodes(fit, sizes) for fit in fits]
     reached = np.array([np.logaddexp.reduce(nodes) for nodes in scans])
     # a curve of any shape reaches high at once: what has a name is compared with its like; what
     # could not be followed at all gets its other starting points, too
@@ -170,16 +151,14 @@ def _far_behind(
     behind = weight < enough
     for k in map(int, np.flatnonzero(behind & np.isfinite(reached))):
         if len(fits[k].grid.nodes):
-            missed = _between_nodes(problem, emulator, noise, fits[k], scans[k], sizes)
+            missed = _between_nodes(context, fits[k], scans[k], sizes)
             # what gains so much without an optimisation may gain as much again by one
             behind[k] = weight[k] + missed < enough and missed < margin
     return np.where(behind & np.isfinite(reached), reached, np.nan)[1:]
 
 
 def _between_nodes(
-    problem: Problem,
-    emulator: EmulatorPosterior,
-    noise: LogMarginal,
+    context: SearchContext,
     fit: Fitted,
     nodes: FloatArray,
     sizes: FloatArray,
@@ -194,7 +173,7 @@ def _between_nodes(
         if finer is best:
             break
         fit = fit._replace(grid=finer)
-        density = node_evidence(problem, emulator, noise, fit, sizes) - finer.log_weight
+        density = context.evidence_of_nodes(fit, sizes) - finer.log_weight
     return max(float(density.max()) - coarse, 0.0)
 
 

@@ -17,6 +17,9 @@ from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.working_point import WorkingPoint
 
+# noise of data that have none, for a search: well above what it cannot see (`context.FLOOR`)
+BLUR = 1e-5
+
 
 def on_working_rows(problem: Problem, posterior: Posterior) -> Problem:
     """Return the problem as a search sees it: the same where rows are normal and alike.
@@ -56,3 +59,12 @@ def expanded(problem: Problem, point: WorkingPoint) -> Problem:
     X = problem.X.copy()
     X[:, -1] = point.noise() / np.sqrt(problem.weights)
     return replace(problem, X=X, y=point.response(problem.observed), working_point=point)
+
+
+def blurred(problem: Problem) -> Problem:
+    """Return the problem with a little noise in the output, for data that have none.
+
+    Where residuals are rounding, their tails and their order mean nothing.
+    """
+    noise = np.random.RandomState(0).standard_normal(len(problem.y))
+    return replace(problem, y=problem.y + BLUR * problem.scale * noise)

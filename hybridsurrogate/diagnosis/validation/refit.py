@@ -14,12 +14,11 @@ from sklearn.base import clone
 
 from hybridsurrogate.diagnosis.answers.extension import extend_simulator
 from hybridsurrogate.diagnosis.answers.model_averaging import averaged_over
-from hybridsurrogate.diagnosis.search.evidence import Search, kind_of
 from hybridsurrogate.diagnosis.search.forward_selection import (
     SearchStep,
     forward_search,
-    with_correlated_noise,
 )
+from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.diagnosis.search.setup import prepare, with_basis
 from hybridsurrogate.diagnosis.search.working_rows import on_working_rows
 from hybridsurrogate.diagnosis.validation.gain import in_one_word
@@ -88,7 +87,7 @@ class Refit:
         steps = forward_search(
             problem,
             prepared.causes,
-            self.found[0].emulator,
+            self.found[0].context.emulator,
             self.max_causes,
             self.false_alarm_rate,
             None,
@@ -96,8 +95,7 @@ class Refit:
             RandomState(0),
             self.found,
         )
-        steps = with_correlated_noise(steps, prepared.causes, self.found[0].emulator)
-        kind = in_one_word([kind_of(step.chosen) for step in steps])
+        kind = in_one_word([step.chosen.kind for step in steps])
         if not accepted(steps):
             return Pair(before, before, kind)
         found, known = accepted(steps), self._known()

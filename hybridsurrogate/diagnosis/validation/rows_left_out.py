@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from hybridsurrogate.diagnosis.search.evidence import Candidate, Search
+from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.search.local_prediction import local_posterior, measured_and_other
+from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.noise.gross_error import GrossError, GrossRow
 
@@ -52,7 +53,7 @@ def rows_of(search: Search, w: Candidate) -> tuple[GrossRow, ...]:
     """
     cause, problem = w.cause, search.problem
     assert isinstance(cause, GrossError)
-    positions = cause.at(float(w.grid.points[w.mode.node, 0]))
+    positions = cause.at(float(w.fit.grid.points[w.fit.mode.node, 0]))
     rows, _ = measured_and_other(search, w, problem.X[:0])
     local = local_posterior(search, w, rows, float(search.sizes[-1]))
     simulation = slice(0, rows.first)

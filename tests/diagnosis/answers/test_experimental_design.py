@@ -5,6 +5,7 @@ import pytest
 from hidden_effects.cases import make_case
 from scipy.special import entr
 from scipy.stats import loguniform, norm
+from searching import compared
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.answers.alternative_predictions import (
@@ -20,8 +21,9 @@ from hybridsurrogate.diagnosis.answers.experimental_design import (
     next_measurement,
 )
 from hybridsurrogate.diagnosis.answers.table import form_of
-from hybridsurrogate.diagnosis.search.evidence import search
+from hybridsurrogate.diagnosis.search.context import SearchContext
 from hybridsurrogate.diagnosis.search.local_prediction import predict_jointly
+from hybridsurrogate.diagnosis.search.search import search
 from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
 
 HALF = np.array([0.5, 0.5])
@@ -64,7 +66,7 @@ def found_in(simulator, X, y, forms=None):
     forms = forms or ("offset", "trend", "gain", over)
     causes = [cause for cause in prepared.causes if form_of(cause) in forms]
     problem, emulator = trained_emulator(prepared.problem, model)
-    return search(problem, causes, emulator, with_remainder=False)
+    return search(SearchContext.of(problem, emulator), causes)
 
 
 def entropy(found):
@@ -109,7 +111,7 @@ def test_a_smooth_curve_foresees_nothing_beyond_the_measured_rows():
     prepared = prepare(model.fit(case.X, case.y), ())
     causes = [cause for cause in prepared.causes if cause.kind == "unexplained"]
     problem, emulator = trained_emulator(prepared.problem, model)
-    found = search(problem, causes, emulator)
+    found = compared(problem, causes, emulator)
     inside, outside = np.median(case.X, axis=0), case.X_out[-1:]
     assert information_at(found, outside)[0] == pytest.approx(0, abs=1e-9)
     assert information_at(found, inside[None]).shape == (1,)
@@ -221,7 +223,7 @@ def test_what_is_foreseen_jointly_is_what_each_row_foresees_where_a_matrix_is_ne
     found = found_in(case.simulator, case.X, case.y, ("trend",))
     (w,) = (w for w in found.candidates if w.cause is not None)
     # as precise as data can be: the covariance of the coefficients has lost its digits
-    w = w._replace(sigma=1e-9 * w.sigma)
+    w = w._replace(fit=w.fit._replace(sigma=1e-9 * w.fit.sigma))
     mean, loadings, variance = predict_jointly(found, w, case.X_out)
     alone = [predict_jointly(found, w, row[None]) for row in case.X_out[:3]]
     assert np.isfinite(loadings).all()

@@ -9,7 +9,8 @@ from sklearn.base import clone
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.checks.residuals import check_residuals
-from hybridsurrogate.diagnosis.search.evidence import search
+from hybridsurrogate.diagnosis.search.context import SearchContext
+from hybridsurrogate.diagnosis.search.search import search
 from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
 from hybridsurrogate.inference.prior_ends import at_prior_ends
 
@@ -32,7 +33,7 @@ def checked(y, cause=None):
     prepared = prepare(fitted, [] if cause is None else [cause])
     causes = [c for c in prepared.causes if cause is not None and type(c) is type(cause)][-1:]
     problem, emulator = trained_emulator(prepared.problem, fitted)
-    found = search(problem, causes, emulator, with_remainder=False)
+    found = search(SearchContext.of(problem, emulator), causes)
     return check_residuals(found, found.candidates[-1])
 
 

@@ -9,7 +9,6 @@ import pytest
 from hidden_effects.several import make_several
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.search.evidence import kind_of, leader
 from hybridsurrogate.diagnosis.search.forward_selection import _alone
 
 T = np.linspace(0, 10, 80)
@@ -47,7 +46,7 @@ def both():
 def test_a_cause_is_weighed_beside_the_other(both):
     """Alone the jump is beaten by a smooth curve, which draws the wave as well."""
     assert [found.kind for found in both.found_causes_] == ["step", "periodic"]
-    alone = [kind_of(w) for w in both.search_.candidates]
+    alone = [w.kind for w in both.search_.candidates]
     assert both.search_.probability[alone.index("unexplained")] > 0.9
     assert both.verdict_ == "named"
     assert both.indistinguishable_ == ["step"]
@@ -80,15 +79,15 @@ def test_a_cause_gives_way_to_one_that_is_better_beside_the_other():
     found.fit(case.X, case.y)
     assert {cause.kind for cause in found.found_causes_} == {"trend", "missing-input"}
     first = found.result_.steps[0]
-    assert kind_of(first.search.candidates[leader(first.search)]) != "trend"
+    assert first.search.candidates[first.search.leader].kind != "trend"
     for step, told in zip(found.result_.steps, found.found_causes_, strict=True):
-        best = step.conditional.candidates[leader(step.conditional)]
-        assert kind_of(best) == told.kind
+        best = step.conditional.candidates[step.conditional.leader]
+        assert best.kind == told.kind
 
 
 def test_what_was_chosen_for_its_companion_needs_it(both):
     """Where no companion is accepted the cause that explains most on its own is chosen."""
     found = both.search_
     step = replace(both.result_.steps[0], chosen=found.candidates[1], conditional=found)
-    assert _alone([step])[0].chosen is found.candidates[leader(found)]
+    assert _alone([step])[0].chosen is found.candidates[found.leader]
     assert _alone([step, step])[0].chosen is found.candidates[1]

@@ -5,7 +5,7 @@ import pytest
 from scipy import special
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.search.evidence import prior_odds
+from hybridsurrogate.diagnosis.search.candidate import prior_odds
 from hybridsurrogate.diagnosis.search.null_test import evidence_bound
 from hybridsurrogate.effects.registry import kinds
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from scipy.stats import halfnorm, norm, uniform
+from searching import compared
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.answers.table import cause_table, form_of
-from hybridsurrogate.diagnosis.search.evidence import search
 from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
 
 
@@ -234,7 +234,7 @@ def table_of(fitted, forms):
     prepared = prepare(fitted, ())
     causes = [cause for cause in prepared.causes if form_of(cause) in forms]
     problem, emulator = trained_emulator(prepared.problem, fitted)
-    return cause_table(search(problem, causes, emulator), [])
+    return cause_table(compared(problem, causes, emulator), [])
 
 
 def test_near_copies_have_forms_of_their_own():

@@ -9,11 +9,11 @@ import pytest
 from scipy.stats import norm
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.search.conditioning import nothing_further
-from hybridsurrogate.diagnosis.search.evidence import Candidate, Search, search
+from hybridsurrogate.diagnosis.search.candidate import Candidate
+from hybridsurrogate.diagnosis.search.context import SearchContext
 from hybridsurrogate.diagnosis.search.joint_refit import movable, placed_together
-from hybridsurrogate.diagnosis.search.local_fit import Fitted
 from hybridsurrogate.diagnosis.search.null_test import null_test
+from hybridsurrogate.diagnosis.search.search import Search, search
 from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
 
 PERIOD, LOCATION = 40.0, 43.0
@@ -32,10 +32,10 @@ def found_in(y_of, kinds, seed=1):
     prepared = prepare(model, ())
     problem, emulator = trained_emulator(prepared.problem, model)
     causes = [next(c for c in prepared.causes if c.kind == kind) for kind in kinds]
-    found = search(problem, causes, emulator, with_remainder=False)
+    found = search(SearchContext.of(problem, emulator), causes)
     first = found.candidates[1]
-    extended = replace(problem, model=problem.model.with_effects((first.cause,)))
-    return found, first, search(extended, causes[1:], emulator, False, first)
+    extended = replace(found.problem, model=first.fit.model)
+    return found, first, search(found.context.at(extended), causes[1:], first)
 
 
 def wave_and_step(t):
@@ -47,9 +47,10 @@ def pair() -> tuple[Search, Candidate, Search]:
     return found_in(wave_and_step, ("periodic", "step"))
 
 
-def place(fit, owner):
-    at = next(k for k, (effect, _) in enumerate(fit.model.theta_names) if effect == owner)
-    return fit.model.values(fit.mode.z[None])[0, fit.model.n_parameters + at]
+def place(candidate, owner):
+    model, _, mode, _ = candidate.fit
+    at = next(k for k, (effect, _) in enumerate(model.theta_names) if effect == owner)
+    return model.values(mode.z[None])[0, model.n_parameters + at]
 
 
 def test_first_cause_moves_to_its_place_beside_the_second(pair):
@@ -79,9 +80,9 @@ def test_evidence_of_two_causes_does_not_depend_on_which_is_first():
 
 
 def test_nothing_further_is_no_worse_than_the_accepted_cause(pair):
-    found, first, conditional = pair
-    null = nothing_further(conditional.problem, Fitted(*first[1:5]), found.emulator, found.noise)
-    assert null.mode.squares < 1.05 * first.mode.squares
+    _, first, conditional = pair
+    null = conditional.context.nothing_further(first.fit)
+    assert null.mode.squares < 1.05 * first.fit.mode.squares
 
 
 def test_null_test_lets_the_first_cause_give_way(pair):

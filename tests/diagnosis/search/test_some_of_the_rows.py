@@ -9,7 +9,8 @@ import pytest
 from scipy.stats import norm
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.search.evidence import kind_of, search
+from hybridsurrogate.diagnosis.search.context import SearchContext
+from hybridsurrogate.diagnosis.search.search import search
 from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
 
 # wide enough for what a cause may gain or lose where a fifth of the rows is left out
@@ -36,9 +37,9 @@ def searches(request):
         if whole is not None:
             basis = whole.problem.model.basis
             problem = replace(problem, model=replace(problem.model, basis=basis))
-        out += [search(problem, prepared.causes, emulator, with_remainder=False, nearby=whole)]
+        out += [search(SearchContext.of(problem, emulator), prepared.causes, nearby=whole)]
         if whole is not None:
-            out += [search(problem, prepared.causes, emulator, with_remainder=False)]
+            out += [search(SearchContext.of(problem, emulator), prepared.causes)]
     return out
 
 
@@ -66,7 +67,7 @@ def test_what_was_far_behind_in_all_rows_is_not_compared(searches):
         assert left_out.sum() > 10
     compared = [w for w, out in zip(near.candidates, left_out, strict=True) if not out]
     # a curve of any shape and correlated noise are always compared
-    assert {"none", "unexplained"} <= {kind_of(w) for w in compared}
+    assert {"none", "unexplained"} <= {w.kind for w in compared}
     assert np.isfinite(near.remainder).all()
     assert np.isfinite(near.correlated).all()
     assert (near.probability[left_out] == 0).all()

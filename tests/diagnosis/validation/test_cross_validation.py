@@ -9,7 +9,7 @@ from scipy.stats import norm
 from sklearn.base import clone
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.search import local_fit as fits
+from hybridsurrogate.diagnosis.search import context as fits
 from hybridsurrogate.diagnosis.search.forward_selection import searches
 from hybridsurrogate.diagnosis.validation.folds import folds_beyond, future_folds, random_folds
 from hybridsurrogate.diagnosis.validation.gain import FoldGain, Held, gain_over, pointwise

@@ -7,7 +7,8 @@ from scipy import stats
 from scipy.special import logsumexp
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.search.evidence import search
+from hybridsurrogate.diagnosis.search.context import SearchContext
+from hybridsurrogate.diagnosis.search.search import search
 from hybridsurrogate.inference.evidence.grid import make_grid, refine
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.model.context import make_context
@@ -33,10 +34,10 @@ def test_a_constant_assumed_at_the_end_of_its_prior_is_found():
     wrong = hs.WrongConstant("share").prepare(context)
     model = problem.model.with_effects((wrong,))
     assert abs(make_grid(model).neutral).max() < 3
-    found = search(problem, [wrong], emulator_posterior(basis, None), False)
+    found = search(SearchContext.of(problem, emulator_posterior(basis, None)), [wrong])
     none, one = found.candidates
     assert one.log_evidence > none.log_evidence + 20
-    share = model.values(one.mode.z[None])[0, -1]
+    share = model.values(one.fit.mode.z[None])[0, -1]
     assert abs(share - 0.3) < 0.05
     # the evidence under the constant's own prior may be missed by the one in ten that a mixture of
     # ten scales gives the fitting one, and by a prior that is centred one sd off its middle

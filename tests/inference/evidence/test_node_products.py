@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 from scipy.special import logsumexp
 
-from hybridsurrogate.diagnosis.search.evidence import _of_neighbours as of_neighbours
+from hybridsurrogate.diagnosis.search.processes import _of_neighbours as of_neighbours
 from hybridsurrogate.inference.conjugate.noise_marginal import KnownNoise
 from hybridsurrogate.inference.evidence.linearised import Linearised
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan, scan_with_process

@@ -7,12 +7,12 @@ import pandas as pd
 import pytest
 from scipy import stats
 from scipy.special import logsumexp
+from searching import compared
 from tide import FRAME, NOISE, SIMULATOR, plain, problem_of
 
 import hybridsurrogate as hs
 from hybridsurrogate.catalogue import catalogue
 from hybridsurrogate.diagnosis.answers.table import form_of
-from hybridsurrogate.diagnosis.search.evidence import kind_of, search
 from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
 from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.linearised import linearise
@@ -101,18 +101,18 @@ def weigh_noise(growth, seed):
     )
     forms = ("noise", "trend", "bump", "unexplained")
     causes = [cause for cause in catalogue(context)[0] if form_of(cause) in forms]
-    found = search(problem, causes, emulator_posterior(problem.model.basis, None))
-    return found, {kind_of(w): w for w in found.candidates}
+    found = compared(problem, causes, emulator_posterior(problem.model.basis, None))
+    return found, {w.kind: w for w in found.candidates}
 
 
 def test_noise_that_grows_is_told_from_noise_that_does_not():
     found, weighed = weigh_noise(0.6, 0)
     assert weighed["noise"].log_evidence > weighed["none"].log_evidence + 5
-    assert kind_of(found.candidates[int(np.argmax(found.probability))]) == "noise"
-    slope = weighed["noise"].grid.points[weighed["noise"].mode.node, 0] / 2
+    assert found.candidates[int(np.argmax(found.probability))].kind == "noise"
+    slope = weighed["noise"].fit.values[0, -1] / 2
     assert slope == pytest.approx(0.6, abs=0.25)
     # sigma keeps its meaning, and predictions know where the noise is
-    assert weighed["noise"].sigma == pytest.approx(0.3, rel=0.3)
+    assert weighed["noise"].fit.sigma == pytest.approx(0.3, rel=0.3)
     _, variance = predict_locally(found, weighed["noise"], np.array([[0.0], [4.0]]))
     assert variance[1] > 20 * variance[0]
     _, quiet = weigh_noise(0.0, 1)

@@ -11,9 +11,10 @@ from scipy import stats
 from scipy.special import logsumexp
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.search.evidence import search
+from hybridsurrogate.diagnosis.search.context import SearchContext
 from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
 from hybridsurrogate.diagnosis.search.null_test import null_test, replicates
+from hybridsurrogate.diagnosis.search.search import search
 from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
 from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.linearised import linearise
@@ -176,7 +177,7 @@ def test_replicates_beside_accepted_noise_have_that_noise():
     first = next(w for w in found.candidates if w.cause and w.cause.name == name)
     problem = replace(found.problem, model=found.problem.model.with_effects((first.cause,)))
     others = [w.cause for w in found.candidates if w.cause and w is not first]
-    beside = search(problem, others, found.emulator, False, first)
+    beside = search(SearchContext.of(problem, found.context.emulator), others, first)
     drawn = replicates(beside, 400, np.random.RandomState(0))
     spread = drawn.std(axis=0)
     expected = sd[-40:].mean() / sd[:40].mean()

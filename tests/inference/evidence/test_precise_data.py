@@ -42,7 +42,9 @@ def test_a_simulation_whose_parameter_is_the_place_of_a_jump():
         found = diagnosed(SWITCH, t, y)
         alarms += found.verdict_ != "adequate"
         # what looked wrong was the fit: it is as close as the estimator's
-        assert found.search_.candidates[0].sigma < 1.1 * found.estimator_.posterior_.sigma.mean()
+        assert (
+            found.search_.candidates[0].fit.sigma < 1.1 * found.estimator_.posterior_.sigma.mean()
+        )
     # at a rate of 5 % more than two of five have a chance of one in 860
     assert alarms <= 2
 

@@ -10,7 +10,7 @@ import pandas as pd
 from hybridsurrogate.diagnosis.answers.discrepancy import Third, shares_of_thirds
 from hybridsurrogate.diagnosis.answers.table import form_of
 from hybridsurrogate.diagnosis.report.elements.view import View
-from hybridsurrogate.diagnosis.search.evidence import total_evidence
+from hybridsurrogate.diagnosis.search.candidate import total_evidence
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment

@@ -15,8 +15,9 @@ from scipy import special
 from hybridsurrogate.arguments.named import check_units
 from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult
 from hybridsurrogate.diagnosis.report.elements.settings import SETTINGS
-from hybridsurrogate.diagnosis.search.evidence import Candidate, Search, kind_of
+from hybridsurrogate.diagnosis.search.candidate import Candidate
 from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
+from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.diagnosis.validation.beta_scan import has_weight, is_slow
 from hybridsurrogate.diagnosis.validation.gain import in_one_word
 from hybridsurrogate.effects.base import Cause
@@ -343,7 +344,7 @@ class View:
         return [
             w
             for w, p in self.candidates
-            if kind_of(w) == cause.kind and w.cause is not cause and p > SETTINGS.as_probable * own
+            if w.kind == cause.kind and w.cause is not cause and p > SETTINGS.as_probable * own
         ]
 
     @property
@@ -446,7 +447,7 @@ def label_of_cause(cause: Cause | None) -> str:
 
 def label_of(candidate: Candidate) -> str:
     """Return how a report calls one explanation of a search."""
-    if candidate.cause is None and candidate.model.effects:
+    if candidate.cause is None and candidate.fit.model.effects:
         return "nothing further is wrong"
     return label_of_cause(candidate.cause)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from hybridsurrogate.diagnosis.report.details.gain import is_better, is_worse
 from hybridsurrogate.diagnosis.report.elements.section import Card
 from hybridsurrogate.diagnosis.report.elements.view import View
-from hybridsurrogate.diagnosis.search.evidence import kind_shares
 from hybridsurrogate.diagnosis.validation.gain import HeldOutGain
 from hybridsurrogate.numerics import digits
 
@@ -71,7 +70,7 @@ def _cause(view: View) -> Card:
         return Card(CAUSE, kind, "if the catalogue holds the true cause")
     right = f"{digits.probability(result.conclusion.probability_right)} right"
     if result.conclusion.verdict == "ambiguous":
-        shares = kind_shares(view.search)
+        shares = view.search.kind_shares
         best = result.extension.best_cause
         others = [k for k in result.indistinguishable if k not in (best.kind, *best.same_curve)]
         listed = [f"{best.kind} {kind}"]

@@ -9,7 +9,6 @@ from typing import Any
 from hybridsurrogate.diagnosis.answers.finding import CauseFinding
 from hybridsurrogate.diagnosis.report.elements.tables import noise_of, unit_of
 from hybridsurrogate.diagnosis.report.elements.view import View, label_of_cause
-from hybridsurrogate.diagnosis.search.evidence import kind_shares
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.effects.registry import headline_of, meaning_of
@@ -52,7 +51,7 @@ def headline(view: View) -> str:
         )
     finding, cause = view.findings[0]
     if result.conclusion.verdict == "ambiguous":
-        shares = kind_shares(view.search)
+        shares = view.search.kind_shares
         own = finding.kind, *finding.same_curve
         others = [kind for kind in result.indistinguishable if kind not in own]
         kinds = [finding.kind, *sorted(others, key=lambda kind: -shares[kind])]

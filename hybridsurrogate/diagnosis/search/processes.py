@@ -1,0 +1,136 @@
+"""Causes given what none of them explains: a curve of any shape, noise that neighbours share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from scipy import special
+
+from hybridsurrogate.diagnosis.search.candidate import Candidate, prior_of
+from hybridsurrogate.diagnosis.search.search import Search
+from hybridsurrogate.inference.evidence.grid import make_grid
+from hybridsurrogate.inference.evidence.linearised import Linearised
+from hybridsurrogate.inference.evidence.marginal_likelihood import scan, scan_with_process
+from hybridsurrogate.inference.evidence.outliers import settled
+from hybridsurrogate.inference.evidence.settings import SETTINGS
+from hybridsurrogate.types import FloatArray
+
+# probability of a cause together with correlated noise
+_MATTERS = 0.01
+
+
+def with_processes(
+    result: Search, with_remainder: bool = True, nearby: Search | None = None
+) -> Search:
+    """Return the search with its winners also compared given what none of them explains.
+
+    That is noise that neighbouring rows share and, where it is asked for, a smooth discrepancy of
+    unknown shape. Of a search ``nearby``, in other rows, those causes that such noise mattered to.
+    """
+    return _given_noise(_given_curve(result) if with_remainder else result, nearby)
+
+
+def _given_curve(result: Search) -> Search:
+    """Compare the winners given a smooth discrepancy of unknown shape."""
+    quick = result.probability
+    process, bases = _process(result, lambda w: w.kind == "unexplained")
+    if process is None:
+        return result
+    named = [k for k, w in enumerate(result.candidates) if w.has_name]
+    best = max(named, key=lambda k: quick[k], default=None)
+    out = []
+    for k, (w, probability) in enumerate(zip(result.candidates, quick, strict=True)):
+        # the best named cause always has its chance: data usually contain more than one fault
+        if w is process or (probability < 0.01 and w.cause is not None and k != best):
+            out.append(w)
+        elif w.cause is None:
+            out.append(w._replace(log_evidence_with_remainder=process.log_evidence))
+        else:
+            out.append(w._replace(log_evidence_with_remainder=_with_process(result, w, bases)))
+    return result.reweighed(out)
+
+
+def _given_noise(result: Search, nearby: Search | None) -> Search:
+    """Compare the causes that explain most, given noise that neighbouring rows share.
+
+    Such noise is no alternative to what a simulation lacks: both may be present, and alone it
+    imitates a jump or a wave. "None" given such noise is a separate cause.
+    """
+    process, bases = _process(result, lambda w: w.cause is not None and w.cause.is_correlated_noise)
+    if process is None:
+        return result
+    value = np.log(prior_of(result.candidates)) + [w.log_evidence for w in result.candidates]
+    able = [
+        k
+        for k, w in enumerate(result.candidates)
+        if w.cause is not None and w.cause.changes_output and w.has_name
+        if nearby is None or nearby.probability[k] * nearby.correlated[k] > _MATTERS
+    ]
+    out = list(result.candidates)
+    for k in sorted(able, key=lambda k: -value[k])[: SETTINGS.given_noise]:
+        evidence = _with_process(result, out[k], bases)
+        out[k] = out[k]._replace(log_evidence_with_noise=evidence)
+    return result.reweighed(out)
+
+
+def _process(
+    result: Search, belongs: Callable[[Candidate], bool]
+) -> tuple[Candidate | None, FloatArray]:
+    """Return the best of some processes and its columns of unit size at each length, (L, n, q).
+
+    Of several outputs that in the one which needs it most; None where none was compared.
+    """
+    processes = [w for w in result.candidates if belongs(w)]
+    process = max(processes, key=lambda w: w.log_evidence, default=None)
+    if process is None:
+        return None, np.empty((0, 0, 0))
+    model = process.fit.model
+    lengths = make_grid(model)
+    values = np.repeat(model.values(np.zeros((1, model.n_unknowns))), len(lengths.points), axis=0)
+    values[:, lengths.nodes] = lengths.points
+    own = [owner == len(model.effects) - 1 for owner, _ in model.column_names]
+    bases = model.added(result.problem.X, values)[:, :, own]
+    rms = np.sqrt(np.mean(np.sum(bases**2, axis=2), axis=1))
+    return process, bases / rms[:, None, None]
+
+
+def _with_process(result: Search, w: Candidate, bases: FloatArray) -> float:
+    """Return the log evidence of a cause given a process of unknown length and size."""
+    problem, noise, sizes = result.problem, result.context.noise, result.sizes
+    grid, sigma = w.fit.grid, w.fit.sigma
+    parts = result.context.linearise(w.fit)
+    nodes = scan(parts, problem.y[None], sigma, noise, sizes)[0]
+    # zero but for causes that were placed together, whose evidence is not that of the last one
+    beyond_last = w.log_evidence - float(special.logsumexp(nodes))
+    best_first = np.argsort(-nodes)
+    likely = best_first[nodes[best_first] > nodes.max() - 10.0]
+    parts = parts.at(likely)
+    if w.cause is not None and w.cause.is_process and len(grid.nodes) == 1:
+        parts = _of_neighbours(parts, grid.points[likely, 0], nodes[likely])
+    beyond_node = 0.0
+    if parts.noise_differs:
+        # every node would need a factorisation: that of the best one gives what a curve adds
+        parts = settled(parts, problem.y, sigma)
+        plain = scan(parts, problem.y[None], sigma, noise, sizes)[0]
+        beyond_node = float(special.logsumexp(nodes)) - float(plain[0])
+    terms = scan_with_process(parts, problem.y, sigma, noise, sizes, bases, sizes[::2])
+    added = float(np.logaddexp.reduce(terms, axis=None)) - np.log(len(bases) * len(sizes[::2]))
+    return added + beyond_node + beyond_last
+
+
+def _of_neighbours(parts: Linearised, places: FloatArray, nodes: FloatArray) -> Linearised:
+    """Return the model at few nodes, each with the prior mass of a group of neighbours.
+
+    The columns of a process are many, and change slowly with its length.
+    """
+    if len(places) <= SETTINGS.lengths_with_process:
+        return parts
+    density, chosen, weight = nodes - parts.log_weight, [], []
+    for group in np.array_split(np.argsort(places), SETTINGS.lengths_with_process):
+        mass = np.logaddexp.reduce(parts.log_weight[group])
+        mean = np.logaddexp.reduce(nodes[group]) - mass
+        chosen.append(group[np.argmin(np.abs(density[group] - mean))])
+        weight.append(mass)
+    return replace(parts.at(np.array(chosen)), log_weight=np.array(weight))
