@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +15,7 @@ from hybridsurrogate.inference.evidence.grid import Grid, best_levels, make_grid
 from hybridsurrogate.inference.evidence.linearised import (
     Columns,
     Linearised,
+    RecentSlopes,
     columns_at_nodes,
     linearise,
 )
@@ -77,11 +78,14 @@ class SearchContext:
         About the surrogate's coefficients, from the simulation alone.
     noise : LogMarginal
         Sigma integrated out under the problem's prior.
+    slopes : RecentSlopes
+        Of the simulation at the problem's rows.
     """
 
     problem: Problem
     emulator: EmulatorPosterior
     noise: LogMarginal
+    slopes: RecentSlopes = field(default_factory=RecentSlopes, repr=False, compare=False)
 
     @classmethod
     def of(cls, problem: Problem, emulator: EmulatorPosterior) -> SearchContext:
@@ -93,8 +97,9 @@ class SearchContext:
         return cls(problem, emulator, noise)
 
     def at(self, problem: Problem) -> SearchContext:
-        """Return the context of a problem with the same rows."""
-        return replace(self, problem=problem)
+        """Return the context of a problem with the same noise."""
+        same = problem.X is self.problem.X
+        return replace(self, problem=problem, slopes=self.slopes if same else RecentSlopes())
 
     @property
     def largest_size(self) -> float:
@@ -109,7 +114,9 @@ class SearchContext:
 
     def linearise(self, fit: Fitted, columns: Columns | None = None) -> Linearised:
         """Return the model around a fit."""
-        return linearise(fit.model, self.problem.X, self.emulator, fit.grid, fit.mode.z, columns)
+        model, grid, mode, _ = fit
+        X, emulator = self.problem.X, self.emulator
+        return linearise(model, X, emulator, grid, mode.z, columns, self.slopes)
 
     def evidence_of_nodes(
         self, fit: Fitted, sizes: FloatArray, columns: Columns | None = None
@@ -134,7 +141,7 @@ class SearchContext:
         """Climb from one start; ``size`` None: the effect's size is free."""
         X, y = self.problem.X, self.problem.y
         size = self.largest_size if size is None else size
-        return optimise(model, X, y, self.emulator, grid, z, sigma, size, columns)
+        return optimise(model, X, y, self.emulator, grid, z, sigma, size, columns, self.slopes)
 
     def climb(
         self, model: MeasuredModel, grid: Grid, starts: Sequence[FloatArray], sigma: float

@@ -282,6 +282,10 @@ def _look_ahead(
         and result.correlated[at] < 0.5
     ):
         waiting = [at]
+    elsewhere = _pairs_elsewhere(result, causes, named, nearby)
+    if elsewhere:
+        within = max(elsewhere.values()) - SETTINGS.behind_nearby
+        waiting = [k for k in waiting if k == at or elsewhere.get(k, -np.inf) > within]
     in_doubt = len(waiting) > 1
     made: dict[int, Search] = {}
     values: dict[int, float] = {}
@@ -294,7 +298,8 @@ def _look_ahead(
         left = in_doubt or second.probability[0] < 0.5
         within = max(values.values(), default=-np.inf) - SETTINGS.pair_pruned
         if left and alone + _evidence_of_others(second) > within:
-            second = placed_together(result, first, second)
+            known = _nearby(second.problem.model, _others(causes, first), nearby)
+            second = placed_together(result, first, second, known)
         made[k], values[k] = second, alone + _evidence_of_others(second)
         if not waiting:
             # the other half of the best pair has its turn as the first, until none is new
@@ -319,6 +324,23 @@ def _look_ahead(
         best = at
     chosen = made[best]
     return result.candidates[best], scored(with_processes(chosen, thorough)), tried
+
+
+def _pairs_elsewhere(
+    result: Search, causes: Sequence[Cause], named: Sequence[int], nearby: Sequence[Search]
+) -> dict[int, float]:
+    """Return what first causes explained with their second ones in other rows, of those tried."""
+    whole = _nearby(result.problem.model, causes, nearby)
+    if whole is None:
+        return {}
+    log_prior = np.log(prior_of(whole.candidates))
+    values = {}
+    for k in named:
+        first = whole.candidates[k]
+        given = _nearby(first.fit.model, _others(causes, result.candidates[k]), nearby)
+        if given is not None:
+            values[k] = log_prior[k] + first.log_evidence + _evidence_of_others(given)
+    return values
 
 
 def _evidence_of_others(conditional: Search) -> float:

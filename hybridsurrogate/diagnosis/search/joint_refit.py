@@ -19,7 +19,9 @@ from hybridsurrogate.inference.evidence.levenberg_marquardt import is_followed
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 
 
-def placed_together(result: Search, first: Candidate, conditional: Search) -> Search:
+def placed_together(
+    result: Search, first: Candidate, conditional: Search, nearby: Search | None = None
+) -> Search:
     """Return the search given a first cause, with the best second causes placed together with it.
 
     Parameters
@@ -29,6 +31,8 @@ def placed_together(result: Search, first: Candidate, conditional: Search) -> Se
     first : Candidate
     conditional : Search
         For a further cause, with ``first`` fixed at its fit.
+    nearby : Search or None
+        The same in other rows, where causes are placed together: those far behind stay.
     """
     evidence = np.array([w.log_evidence for w in conditional.candidates])
     able = [k for k, w in enumerate(conditional.candidates) if w.cause and movable(w.cause)]
@@ -36,8 +40,11 @@ def placed_together(result: Search, first: Candidate, conditional: Search) -> Se
     if first.cause is None or not movable(first.cause) or not able:
         return conditional
     candidates = list(conditional.candidates)
+    elsewhere = np.array([w.log_evidence for w in nearby.candidates]) if nearby else evidence
+    behind = SETTINGS.behind_nearby if nearby else SETTINGS.second_cause_behind
     for k in able:
-        if evidence[k] > evidence[able[0]] - SETTINGS.second_cause_behind:
+        near = elsewhere[k] > max(elsewhere[able]) - behind
+        if near and evidence[k] > evidence[able[0]] - SETTINGS.second_cause_behind:
             candidates[k] = _together(result, first, conditional, candidates[k])
     return conditional.reweighed(candidates)
 

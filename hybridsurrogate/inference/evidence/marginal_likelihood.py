@@ -20,6 +20,7 @@ from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.evidence.linearised import (
     Columns,
     Linearised,
+    RecentSlopes,
     columns_at_nodes,
     linearise,
 )
@@ -206,6 +207,7 @@ def optimise(
     sigma: float,
     size: float,
     columns: Columns | None = None,
+    recent: RecentSlopes | None = None,
 ) -> LocalMode:
     """Follow the linearised model to its best fit by Gauss-Newton steps, nodes re-enumerated.
 
@@ -219,6 +221,8 @@ def optimise(
         Prior scale of the effect's size, in units of y; large means free.
     columns : Columns, optional
         Where they are known from `columns_at_nodes`.
+    recent : RecentSlopes, optional
+        Of the same rows and emulator.
     """
     best: LocalMode | None = None
     point, step = np.array(z, dtype=float), 1.0
@@ -229,7 +233,7 @@ def optimise(
     followed = np.arange(len(grid.points))
     costly = bool(len(grid.nodes)) and model.effects[-1].touches_simulation
     for _ in range(SETTINGS.max_steps):
-        parts = linearise(model, X, emulator, grid, proposal, columns)
+        parts = linearise(model, X, emulator, grid, proposal, columns, recent)
         here, move, deviance = _solve(parts, y, grid, proposal, sigma, size)
         here = here._replace(node=int(followed[here.node]))
         if costly and len(followed) > SETTINGS.nodes_followed and np.isfinite(here.objective):
