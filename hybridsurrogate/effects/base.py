@@ -17,7 +17,7 @@ from sklearn.base import BaseEstimator
 
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.context import Context, Rows
-from hybridsurrogate.effects.notation import word
+from hybridsurrogate.effects.expressions import in_latex, in_words, is_expression, sentence
 from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.types import FloatArray, Prior
 
@@ -318,24 +318,36 @@ class Cause(BaseEstimator):
         return {**theta, **coefficients}
 
     def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words, with numbers.
+        """Return the extended simulation in plain text, with numbers.
+
+        By default the expression of ``shown``; a cause that has none is named with its numbers.
 
         Parameters
         ----------
         values : dict of name to float
             What ``estimates`` names, one number each.
         """
+        shown = self.shown()
+        if shown is not None and is_expression(shown):
+            return in_words(shown, values, self.extents)
         terms = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
         return f"simulation with {self.kind} ({terms})"
 
     def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX; by default the words of ``formula``.
+        """Return the extended simulation in LaTeX; the words of a ``formula`` that is overridden.
 
         Parameters
         ----------
         values : dict of name to float
         """
-        return word(self.formula(values))
+        shown = self.shown()
+        if type(self).formula is Cause.formula and shown is not None and is_expression(shown):
+            return in_latex(shown, values, self.extents)
+        return sentence(self.formula(values))
+
+    def shown(self) -> Code | None:
+        """Return the expression that a formula prints; by default that of ``code``."""
+        return self.code()
 
     def code(self) -> Code | None:
         """Return the cause as Python, for `DiscrepancyDiagnosis.to_python`.
@@ -356,6 +368,11 @@ class Cause(BaseEstimator):
         By default the target.
         """
         return (self.target,) if self.target else ()
+
+    @property
+    def extents(self) -> Mapping[str, float]:
+        """How far measured rows reach along columns: a formula's places resolve that."""
+        return {}
 
     @property
     def modification(self) -> Modification | None:

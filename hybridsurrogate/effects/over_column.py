@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,6 +118,11 @@ class OverColumn(Cause):
     def target(self) -> str:  # type: ignore[override]
         """The column concerned."""
         return self.column
+
+    @property
+    def extents(self) -> Mapping[str, float]:
+        """How far the measured rows reach along the column."""
+        return {} if self.span is None else {self.column: self.span}
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the middle and the span of the column from the measured rows."""

@@ -20,7 +20,7 @@ from hybridsurrogate.diagnosis.source.text import (
     tuple_of,
 )
 from hybridsurrogate.effects.base import Cause, Rows
-from hybridsurrogate.effects.code import Code, Table
+from hybridsurrogate.effects.code import Code, Table, names_in
 from hybridsurrogate.effects.dynamics.dynamic_delay import DynamicDelay
 from hybridsurrogate.effects.dynamics.dynamic_drift import DynamicDrift
 from hybridsurrogate.effects.dynamics.dynamic_term import DynamicTerm
@@ -295,7 +295,7 @@ def as_cause(change: Modification) -> Cause:
 def placeholders(code: Code) -> set[str]:
     """Return the names in braces."""
     texts = [code.expression, *code.steps.values()]
-    return {name for text in texts for name in re.findall(r"(?<!\{)\{(\w+)\}", text)}
+    return {name for text in texts for name in names_in(text)}
 
 
 def arguments_of(part: Part) -> list[str]:

@@ -9,7 +9,6 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.dynamics.dynamic import Dynamic
-from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.over_column import span_and_spacing
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.ode.dynamics import DelayedState
@@ -102,12 +101,6 @@ class DynamicDelay(Dynamic):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         return f"simulation whose slopes follow {self.state} as it was {values['lag']:.4g} earlier"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        state = word(self.state)
-        late = rf"{state}\left(t - {number(values['lag'])}\right)"
-        return rf"{SIMULATION}, \quad {state}\left(t\right) \to {late}"
 
 
 register(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy import stats
@@ -10,15 +11,6 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.dynamics.dynamic import NEEDS_ODE, Dynamic
-from hybridsurrogate.effects.notation import (
-    SIMULATION,
-    digits_at,
-    minus,
-    number,
-    signed,
-    where,
-    word,
-)
 from hybridsurrogate.effects.over_column import period_nodes, period_prior, span_and_spacing
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.ode.dynamics import TimeVaryingParameter
@@ -29,6 +21,11 @@ _N_LOCATIONS, _N_WIDTHS = 20, 4
 # halving and doubling are ordinary, but not of what is known to a per cent
 _LARGEST_CHANGE, _CHANGE_PER_DOUBT = 0.7, 3.0
 
+# what formulas have instead: a step in the dynamics is as steep as the solver resolves
+_SHOWN = {
+    "step": "1 + {amount} * ({t} >= {location})",
+    "periodic": "1 + {amplitude} * np.sin(2 * np.pi * {t} / {period} + {phase})",
+}
 # the factor on the parameter by shape, and the units of its numbers
 _CODE = {
     "step": (
@@ -36,11 +33,11 @@ _CODE = {
         {"amount": "1", "location": "{t}"},
     ),
     "ramp": (
-        "1 + {amount} * np.clip(({t} - {location}) / {duration}, 0, 1)",
+        "1 + {amount} * np.minimum(np.maximum(({t} - {location}) / {duration}, 0), 1)",
         {"amount": "1", "location": "{t}", "duration": "{t}"},
     ),
     "logistic": (
-        "1 + {amount} / 2 * (1 + np.tanh(({t} - {location}) / (2 * {width})))",
+        "1 + {amount} * logistic(({t} - {location}) / {width})",
         {"amount": "1", "location": "{t}", "width": "{t}"},
     ),
     "exponential": ("np.exp({rate} * ({t} - {center}))", {"rate": "1 / {t}"}),
@@ -202,6 +199,22 @@ class DynamicDrift(Dynamic):
         amplitude = np.hypot(theta["sine"], theta["cosine"])
         return {"period": np.asarray(theta["period"]), "amplitude": amplitude}
 
+    def shown(self) -> Code:
+        """Return the factor on the parameter; of a wave with an unknown phase."""
+        code = self.code()
+        return replace(
+            code,
+            expression=_SHOWN.get(self.shape, code.expression),
+            numbers={**code.numbers, "amplitude": "1"},
+            columns={"t": self.column or "time"},
+        )
+
+    @property
+    def extents(self) -> Mapping[str, float]:
+        """How uncertain the place of a change is before it is fitted."""
+        prior = self.parameters.get("location")
+        return {} if prior is None else {self.column or "time": prior_sd(prior)}
+
     def code(self) -> Code:
         """Return the cause as Python."""
         course, units = _CODE[self.shape]
@@ -214,59 +227,6 @@ class DynamicDrift(Dynamic):
             does="scales rate",
             of=self.parameter,
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        if self.shape == "exponential":
-            verb = "falling" if values["rate"] < 0 else "rising"
-            return (
-                f"simulation with {self.parameter} {verb} by {100 * abs(values['rate']):.3g} % "
-                f"per unit of {self.column} (exponential)"
-            )
-        if self.shape == "periodic":
-            return (
-                f"simulation with {self.parameter} swinging by {100 * values['amplitude']:.3g} % "
-                f"with period {values['period']:.4g} in {self.column}"
-            )
-        verb = "falling" if values["amount"] < 0 else "rising"
-        extra = [f"{k} {values[k]:.3g}" for k in values if k in ("width", "duration")]
-        place = "from" if self.shape == "ramp" else "around"
-        return (
-            f"simulation with {self.parameter} {verb} by {100 * abs(values['amount']):.3g} % "
-            f"{place} {self.column} = {values['location']:.{self._digits(values)}g} "
-            f"({', '.join([self.shape, *extra])})"
-        )
-
-    def _digits(self, values: Mapping[str, float]) -> int:
-        """Return the digits of the location that the measured times resolve."""
-        prior = self.parameters.get("location")
-        scale = prior_sd(prior) if prior is not None else values["location"]
-        return digits_at(values["location"], scale, 4)
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        name, time = word(self.parameter), self.column or "time"
-        if self.shape == "exponential":
-            center, rate = self.center or 0.0, values["rate"]
-            distance = minus(time, center, digits_at(center, 1 / rate if rate else 0.0, 4))
-            exponent = rf"{number(values['rate'], 3)} \left({distance}\right)"
-            return rf"{SIMULATION}, \quad {name} \to {name} \exp\left({exponent}\right)"
-        if self.shape == "periodic":
-            angle = rf"\frac{{2 \pi \, {word(time)}}}{{{number(values['period'])}}}"
-            share = f"+ {number(values['amplitude'], 3)}"
-            course = rf"\sin\left({angle} + \varphi\right)"
-        else:
-            distance = minus(time, values["location"], self._digits(values))
-            share = signed(values["amount"], 3)
-            course = where(time, r"\geq", values["location"], self._digits(values))
-            if self.shape == "logistic":
-                width = number(values["width"], 3)
-                course = rf"\frac{{1}}{{1 + \exp\left(-{distance} / {width}\right)}}"
-            elif self.shape == "ramp":
-                duration = number(values["duration"], 3)
-                course = rf"\min\left(1, \max\left(0, {distance} / {duration}\right)\right)"
-        changed = rf"{name} \left(1 {share} \, {course}\right)"
-        return rf"{SIMULATION}, \quad {name} \to {changed}"
 
 
 def _ordinary_change(context: Context, name: str) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy import stats
@@ -10,7 +11,6 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.dynamics.dynamic import Dynamic
-from hybridsurrogate.effects.notation import SIMULATION, number, signed, word
 from hybridsurrogate.effects.over_column import period_nodes, period_prior, span_and_spacing
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.ode.dynamics import MissingTerm
@@ -19,24 +19,12 @@ from hybridsurrogate.types import Prior
 
 # a level in the middle of the state's range leaves about a quarter of it above
 _OF_WHAT_IS_ABOVE = 4.0
-# what follows the rate
-_WORDS = {
-    "constant": "",
-    "proportional": " {x}",
-    "power": " * {size:.4g} ({x} / {size:.4g})^{exponent:.4g}",
-    "saturating": " {x} / ({half:.4g} + {x})",
-    "threshold": " max({x} - {level:.4g}, 0)",
-    "product": " {x} {other}",
+# what formulas have instead: a power without its sign, a wave with an unknown phase
+_SHOWN = {
+    "seasonal": "{amplitude} * np.sin(2 * np.pi * {t} / {period} + {phase})",
+    "power": "{rate} * {size} * ({state} / {size}) ** {exponent}",
+    "saturating": "{rate} * {state} / ({half} + {state})",
 }
-_LATEX = {
-    "constant": "",
-    "proportional": r" \, {x}",
-    "power": r" \cdot {size} \left(\frac{{{x}}}{{{size}}}\right)^{{{exponent}}}",
-    "saturating": r" \, \frac{{{x}}}{{{half} + {x}}}",
-    "threshold": r" \max({x} - {level}, 0)",
-    "product": r" \, {x} \, {other}",
-}
-
 # the term by form, and the units of its numbers
 _CODE = {
     "constant": ("{rate}", {"rate": "{state} / {t}"}),
@@ -208,6 +196,12 @@ class DynamicTerm(Dynamic):
         amplitude = np.hypot(theta["sine"], theta["cosine"])
         return {"period": np.asarray(theta["period"]), "amplitude": amplitude}
 
+    def shown(self) -> Code:
+        """Return the term, as it is where the state is positive."""
+        code = self.code()
+        expression = _SHOWN.get(self.form, code.expression)
+        return replace(code, expression=expression, numbers={**code.numbers, "amplitude": "1"})
+
     def code(self) -> Code:
         """Return the cause as Python."""
         change = self.modification
@@ -227,30 +221,6 @@ class DynamicTerm(Dynamic):
             of=self.state,
             states=states,
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        if self.form == "seasonal":
-            return (
-                f"simulation with a forcing of {values['amplitude']:.4g} and period "
-                f"{values['period']:.4g} in the slope of {self.state}"
-            )
-        named = {"x": self.state, "other": self.other, "size": self.size, **values}
-        term = f"{values['rate']:+.4g}" + _WORDS[self.form].format(**named)
-        return f"simulation with {term} in the slope of {self.state}"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        state = word(self.state)
-        slope = rf"\frac{{d}}{{dt}} {state}"
-        if self.form == "seasonal":
-            angle = rf"\frac{{2 \pi \, t}}{{{number(values['period'])}}}"
-            term = rf"+ {number(values['amplitude'])} \sin\left({angle} + \varphi\right)"
-        else:
-            named = {name: number(value) for name, value in values.items()}
-            named |= {"x": state, "other": word(self.other or ""), "size": number(self.size or 1.0)}
-            term = signed(values["rate"]) + _LATEX[self.form].format(**named)
-        return rf"{SIMULATION}, \quad {slope} \to {slope} {term}"
 
 
 def _of_pairs(context: Context) -> Iterator[Cause]:

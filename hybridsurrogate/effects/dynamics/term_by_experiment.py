@@ -11,7 +11,6 @@ from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code, Table
 from hybridsurrogate.effects.dynamics.dynamic import Dynamic
 from hybridsurrogate.effects.dynamics.dynamic_term import DynamicTerm
-from hybridsurrogate.effects.notation import SIMULATION, signed, word
 from hybridsurrogate.effects.over_column import position_among
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.ode.dynamics import MissingTerm
@@ -169,13 +168,6 @@ class TermByExperiment(Dynamic):
         """Return the extended simulation in words."""
         rates = ", ".join(f"{values[name]:+.4g} ({name[6:]})" for name in self._names)
         return f"simulation with a rate per experiment times {self.state} in its slope: {rates}"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        state = word(self.state)
-        slope = rf"\frac{{d}}{{dt}} {state}"
-        rates = ", ".join(signed(values[name]) for name in self._names)
-        return rf"{SIMULATION}, \quad {slope} \to {slope} + r \, {state}, \quad r = {rates}"
 
 
 def _of_states(context: Context) -> Iterator[Cause]:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, signed, word
 from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.effects.registry import Form, over_extras, register
 
@@ -66,19 +63,6 @@ class Friction(OverColumn):
             {"viscous": "{y} / {x}", "dry": "{y}"},
             {"x": self.column},
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        return (
-            f"simulation {values['viscous']:+.4g} {self.column} "
-            f"{values['dry']:+.4g} sign({self.column})"
-        )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        x = word(self.column)
-        sign = rf"\operatorname{{sign}}\left({x}\right)"
-        return rf"{SIMULATION} {signed(values['viscous'])} \, {x} {signed(values['dry'])} \, {sign}"
 
 
 def _trouble(cause: Cause, context: Context) -> str | None:

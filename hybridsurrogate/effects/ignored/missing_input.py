@@ -2,22 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code, Table
 from hybridsurrogate.effects.context import MOST_EXPERIMENTS
-from hybridsurrogate.effects.notation import (
-    SIMULATION,
-    digits_at,
-    minus,
-    plus,
-    signed,
-    where,
-    word,
-)
 from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.effects.registry import Form, over_extras, register
 from hybridsurrogate.exceptions import did_you_mean
@@ -201,53 +192,6 @@ class MissingInput(OverColumn):
         if self.offset:
             line, numbers["offset"] = f"{{offset}} + {line}", "{y}"
         return Code(line, numbers, x, {"center": self.center} if self.center else {})
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        if self.level is not None:
-            where = f"{self.column} = {self.level:.12g}"
-            return f"simulation, and {values['amplitude']:+.4g} where {where}"
-        if self.shape == "categorical":
-            assert self.levels is not None
-            terms = ", ".join(
-                f"{values[name]:+.4g} where {self.column} = {value:.12g}"
-                for name, (value, _) in zip(self.coefficients, self.levels, strict=True)
-            )
-            return f"simulation, and {terms}"
-        assert self.center is not None
-        assert self.span is not None
-        distance = self.column
-        if self.center:
-            digits = digits_at(self.center, self.span)
-            distance = f"({self.column} {plus(-self.center, digits)})"
-        offset = f" {plus(values['offset'])}" if self.offset else ""
-        text = f"simulation{offset} {plus(values['slope'])} {distance}"
-        if self.shape == "quadratic":
-            text += f" {plus(values['curvature'])} {distance}^2"
-        return text
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        if self.level is not None:
-            indicator = where(self.column, "=", self.level, 12)
-            return rf"{SIMULATION} {signed(values['amplitude'])} \, {indicator}"
-        if self.shape == "categorical":
-            assert self.levels is not None
-            terms = " ".join(
-                rf"{signed(values[name])} \, {where(self.column, '=', value, 12)}"
-                for name, (value, _) in zip(self.coefficients, self.levels, strict=True)
-            )
-            return f"{SIMULATION} {terms}"
-        assert self.center is not None
-        assert self.span is not None
-        distance = word(self.column)
-        if self.center:
-            distance = minus(self.column, self.center, digits_at(self.center, self.span))
-        offset = f" {signed(values['offset'])}" if self.offset else ""
-        text = f"{SIMULATION}{offset} {signed(values['slope'])} {distance}"
-        if self.shape == "quadratic":
-            text += f" {signed(values['curvature'])} {distance}^{{2}}"
-        return text
 
 
 def trouble_with_levels(context: Context, column: str) -> str | None:

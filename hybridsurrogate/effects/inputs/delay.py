@@ -9,7 +9,6 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause, Context, Rows
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.context import trouble_with_labels
-from hybridsurrogate.effects.notation import SIMULATION, minus, plus
 from hybridsurrogate.effects.over_column import span_and_spacing
 from hybridsurrogate.effects.registry import Form, over_inputs, register
 from hybridsurrogate.exceptions import did_you_mean
@@ -80,14 +79,6 @@ class Delay(Cause):
     def code(self) -> Code:
         """Return the cause as Python."""
         return Code("{x} - {lag}", {"lag": "{x}"}, {"x": self.column}, does="moves", of=self.column)
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        return f"simulation run at {self.column} {plus(-values['lag'])}"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        return rf"{SIMULATION}{minus(self.column, values['lag'], 4)}"
 
 
 def _trouble(cause: Cause, context: Context) -> str | None:

@@ -9,7 +9,6 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.over_column import OverColumn, span_and_spacing
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
@@ -163,14 +162,6 @@ class Autocorrelation(OverColumn):
             f"simulation, with noise of which a part of {values['amplitude']:.4g} is correlated "
             f"over {values['length']:.4g} units of {self.column}"
         )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        column = word(self.column)
-        variance = rf"\left({number(values['amplitude'])}\right)^{{2}}"
-        decay = rf"e^{{-|{column} - {column}'| / {number(values['length'])}}}"
-        covariance = rf"{variance} \, {decay}"
-        return rf"{SIMULATION} + u, \quad \text{{cov}}\left(u, u'\right) = {covariance}"
 
 
 register(

@@ -13,7 +13,6 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import ROW, Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, word
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.numerics.digits import listing
 from hybridsurrogate.numerics.digits import number as rounded
@@ -219,13 +218,6 @@ class GrossError(Cause):
         """Return in words which rows, and what is there."""
         rows = [self._in_words(values, end) for end in ("", "_1", "_2") if f"row{end}" in values]
         return f"simulation; {listing(rows)}"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the simulation, and the excluded rows."""
-        numbers = [
-            f"{values[f'row{end}']:.0f}" for end in ("", "_1", "_2") if f"row{end}" in values
-        ]
-        return rf"{SIMULATION}, \quad {word(f'without row {listing(numbers)}')}"
 
     def _in_words(self, values: Mapping[str, float], end: str) -> str:
         number = round(values[f"row{end}"])

@@ -9,7 +9,6 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.effects.registry import Form, over_columns, register
 from hybridsurrogate.priors import frozen
@@ -96,15 +95,6 @@ class Noise(OverColumn):
             f"simulation, with noise that changes by a factor of {values['ratio']:.4g} over "
             f"{self.span:.4g} units of {self.column}"
         )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        assert self.span is not None
-        growth = (
-            rf"\text{{noise factor }} {number(values['ratio'])} "
-            rf"\text{{ over }} {number(self.span)} \text{{ of }} {word(self.column)}"
-        )
-        return rf"{SIMULATION}, \quad {growth}"
 
 
 register(

@@ -10,7 +10,6 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.ignored.missing_input import trouble_with_levels
-from hybridsurrogate.effects.notation import SIMULATION, number, where
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -93,12 +92,6 @@ class NoiseAtLevel(Cause):
         """Return the extended simulation in words."""
         there = f"where {self.column} = {self.level:.12g}"
         return f"simulation, with {values['ratio']:.4g} times the noise {there}"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        there = where(self.column, "=", self.level, 12)
-        factor = rf"\text{{noise factor }} {number(values['ratio'])}"
-        return rf"{SIMULATION}, \quad {factor} \, {there}"
 
 
 def _at_levels(context: Context) -> Iterator[Cause]:

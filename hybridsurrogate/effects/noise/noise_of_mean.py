@@ -9,7 +9,6 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import SIMULATED, Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, number
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -161,11 +160,6 @@ class NoiseOfMean(Cause):
             "simulation, with noise proportional to the size of the output to the power of "
             f"{values['exponent']:.3g}"
         )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        power = rf"|{SIMULATION}|^{{{number(values['exponent'], 3)}}}"
-        return rf"{SIMULATION}, \quad \text{{noise}} \propto {power}"
 
 
 register(

@@ -9,7 +9,6 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, number
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.likelihoods.contaminated import LARGEST, SMALLEST
 from hybridsurrogate.priors import frozen
@@ -97,11 +96,6 @@ class Outliers(Cause):
             f"simulation, and {100 * values['share']:.2g} % of the measurements scatter "
             f"{SMALLEST:g} to {LARGEST:g} times as much as the others"
         )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        share = number(100 * values["share"], 2)
-        return rf"{SIMULATION}, \quad {share} \% \text{{ outliers}}"
 
 
 register(

@@ -9,7 +9,6 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import SIMULATED, Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, number
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -148,14 +147,6 @@ class Overdispersion(Cause):
             f"simulation, with counts whose standard deviation is {values['ratio']:.3g} times that "
             f"of a Poisson distribution at a count of {np.exp(self.center):.3g}: negative binomial"
         )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        scatter = number(values["scatter"], 3)
-        if self.trials is not None:
-            square = number(values["ratio"] ** 2, 3)
-            return rf"{SIMULATION}, \quad \text{{variance }} {square} \, n p (1 - p)"
-        return rf"{SIMULATION}, \quad \text{{variance }} \mu + {scatter}^2 \mu^2"
 
 
 register(

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.noise.noise_of_slope import NoiseOfSlope, trouble
-from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.registry import Form, register
 
 
@@ -52,12 +51,6 @@ class RandomParameter(NoiseOfSlope):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         return f"simulation, with {self.quantity} varying by {values['spread']:.4g} (sd) by row"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        name = word(self.quantity)
-        off = rf"\varepsilon_{{{name}}} \sim N(0, {number(values['spread'])}^2)"
-        return rf"{SIMULATION}, \quad {name} \to {name} + \varepsilon_{{{name}}}, \quad {off}"
 
 
 def _over_parameters(context: Context) -> Iterator[Cause]:

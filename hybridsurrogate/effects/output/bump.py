@@ -9,7 +9,6 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, number, plus, signed
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.effects.registry import Form, over_inputs, register
 from hybridsurrogate.priors import frozen
@@ -71,23 +70,6 @@ class Bump(Located):
             "{amplitude} * np.exp(-0.5 * (({x} - {location}) / {width}) ** 2)",
             {"amplitude": "{y}", "location": "{x}", "width": "{x}"},
             {"x": self.column},
-        )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        place, width = values["location"], values["width"]
-        return (
-            f"simulation {plus(values['amplitude'])} exp(-({self.column} "
-            f"{plus(-place, digits_at(place, width))})^2 / (2 * {width:.4g}^2))"
-        )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        place = values["location"]
-        square = rf"{minus(self.column, place, digits_at(place, values['width']))}^{{2}}"
-        return (
-            rf"{SIMULATION} {signed(values['amplitude'])} "
-            rf"\exp\left(-\frac{{{square}}}{{2 \cdot {number(values['width'])}^{{2}}}}\right)"
         )
 
 

@@ -9,7 +9,6 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.output.discrepancy_process import GaussianProcessDiscrepancy
 from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.effects.registry import Form, register
@@ -192,12 +191,6 @@ class CurveByExperiment(OverColumn):
             f"simulation + a smooth curve over {self.column} for each {self.by}, of "
             f"{values['amplitude']:.4g} (standard deviation)"
         )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        column, by = word(self.column), word(self.by)
-        spread = rf"\text{{sd}}(u_{{{by}}}) = {number(values['amplitude'])}"
-        return rf"{SIMULATION} + u_{{{by}}}({column}), \quad {spread}"
 
 
 def _own_curves(context: Context) -> Iterator[Cause]:

@@ -9,7 +9,6 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, number, plus, signed
 from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
 from hybridsurrogate.effects.registry import Form, over_inputs, register
 from hybridsurrogate.priors import frozen
@@ -65,6 +64,11 @@ class Decay(FromOrigin):
         """Return the share that remains."""
         return np.exp(-self.distance(X) / theta["scale"])[:, None]
 
+    @property
+    def extents(self) -> Mapping[str, float]:
+        """How far it reaches along the column."""
+        return {} if self.scale is None else {self.column: float(self.scale.median())}
+
     def code(self) -> Code:
         """Return the cause as Python."""
         assert self.origin is not None
@@ -73,21 +77,6 @@ class Decay(FromOrigin):
             {"amplitude": "{y}", "scale": "{x}"},
             {"x": self.column},
             {"origin": self.origin},
-        )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        assert self.origin is not None
-        distance = f"{self.column} {plus(-self.origin, digits_at(self.origin, values['scale']))}"
-        return f"simulation {plus(values['amplitude'])} exp(-({distance}) / {values['scale']:.4g})"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        assert self.origin is not None
-        distance = minus(self.column, self.origin, digits_at(self.origin, values["scale"]))
-        return (
-            rf"{SIMULATION} {signed(values['amplitude'])} "
-            rf"\exp\left(-\frac{{{distance}}}{{{number(values['scale'])}}}\right)"
         )
 
 

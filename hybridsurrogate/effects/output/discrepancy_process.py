@@ -9,7 +9,6 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -181,10 +180,6 @@ class GaussianProcessDiscrepancy(Cause):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         return "simulation + a smooth discrepancy of unknown shape"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        return rf"{SIMULATION} + \delta, \quad \delta \text{{ smooth, of unknown shape}}"
 
 
 def _waves(x: FloatArray, limits: tuple[float, float], root: FloatArray) -> FloatArray:

@@ -9,7 +9,6 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, digits_at, number, plus, signed, word
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.effects.registry import Form, over_inputs, register
 from hybridsurrogate.priors import frozen
@@ -83,25 +82,6 @@ class Episode(Located):
             {"amplitude": "{y}", "location": "{x}", "end": "{x}"},
             {"x": self.column},
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        begin, end = self._ends(values)
-        return (
-            f"simulation {plus(values['amplitude'])} from {self.column} = {begin[0]:.{begin[1]}g} "
-            f"to {end[0]:.{end[1]}g}"
-        )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        begin, end = self._ends(values)
-        within = rf"{number(*begin)} \leq {word(self.column)} < {number(*end)}"
-        return rf"{SIMULATION} {signed(values['amplitude'])} \, \mathbf{{1}}_{{{within}}}"
-
-    def _ends(self, values: Mapping[str, float]) -> tuple[tuple[float, int], tuple[float, int]]:
-        assert self.span is not None
-        begin, end = values["location"], values["end"]
-        return (begin, digits_at(begin, self.span, 6)), (end, digits_at(end, self.span, 6))
 
 
 register(

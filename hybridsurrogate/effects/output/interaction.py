@@ -7,7 +7,6 @@ from itertools import combinations
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed
 from hybridsurrogate.effects.registry import Form, register
 
 
@@ -93,6 +92,11 @@ class Interaction(Cause):
         assert self.spans is not None
         return {"slope": 4 * coefficients["slope"] / (self.spans[0] * self.spans[1])}
 
+    @property
+    def extents(self) -> Mapping[str, float]:
+        """How far the measured rows reach along both."""
+        return dict(zip(self.reads, self.spans or (), strict=False))
+
     def code(self) -> Code:
         """Return the cause as Python."""
         assert self.centers is not None
@@ -102,26 +106,6 @@ class Interaction(Cause):
             {"first": self.first, "second": self.second},
             dict(zip(("first_center", "second_center"), self.centers, strict=True)),
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        assert self.centers is not None
-        assert self.spans is not None
-        factors = (
-            f"({name} {plus(-center, digits_at(center, span))})"
-            for name, center, span in zip(self.reads, self.centers, self.spans, strict=True)
-        )
-        return f"simulation {plus(values['slope'])} {' '.join(factors)}"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        assert self.centers is not None
-        assert self.spans is not None
-        factors = (
-            minus(name, center, digits_at(center, span))
-            for name, center, span in zip(self.reads, self.centers, self.spans, strict=True)
-        )
-        return rf"{SIMULATION} {signed(values['slope'])} {' '.join(factors)}"
 
 
 def _of_pairs(context: Context) -> Iterator[Cause]:

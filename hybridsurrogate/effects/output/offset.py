@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.ignored.missing_input import trouble_with_levels
-from hybridsurrogate.effects.notation import SIMULATION, plus, signed, where
 from hybridsurrogate.effects.registry import Form, register
 
 
@@ -109,20 +108,6 @@ class Offset(Cause):
             {"x": self.column},
             levels={"level": (self.column, self.level)},
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        if self.level is None:
-            return f"simulation {plus(values['amplitude'])}"
-        there = f"where {self.column} = {self.level:.12g}"
-        return f"simulation, and {values['amplitude']:+.4g} {there}"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        amplitude = signed(values["amplitude"])
-        if self.column is None or self.level is None:
-            return f"{SIMULATION} {amplitude}"
-        return rf"{SIMULATION} {amplitude} \, {where(self.column, '=', self.level, 12)}"
 
 
 def _at_levels(context: Context) -> Iterator[Cause]:

@@ -9,7 +9,6 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, number, plus
 from hybridsurrogate.effects.over_column import (
     LONGEST_PERIOD,
     OverColumn,
@@ -144,33 +143,9 @@ class Periodic(OverColumn):
         numbers = {"period": "{x}", "amplitude": "{y}", "peak": "{x}"}
         if self.harmonics == 2:
             whole += " + {overtone} * np.cos({overtone_angle})"
-            steps["overtone_angle"] = "4 * np.pi * ({x} - {overtone_peak}) / {period}"
+            steps["overtone_angle"] = "2 * np.pi * ({x} - {overtone_peak}) / ({period} / 2)"
             numbers |= {"overtone": "{y}", "overtone_peak": "{x}"}
         return Code(whole, numbers, {"x": self.column}, steps=steps)
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        return "simulation" + "".join(
-            f" + {values[size]:.4g} cos(2 pi ({self.column} "
-            f"{plus(-values[peak], digits_at(values[peak], period, 4))}) / {period:.5g})"
-            for size, peak, period in self._waves(values)
-        )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        text = SIMULATION
-        for size, peak, period in self._waves(values):
-            distance = minus(self.column, values[peak], digits_at(values[peak], period, 4))
-            angle = rf"\frac{{2 \pi \, {distance}}}{{{number(period, 5)}}}"
-            text += rf" + {number(values[size])} \cos\left({angle}\right)"
-        return text
-
-    def _waves(self, values: Mapping[str, float]) -> list[tuple[str, str, float]]:
-        """Return the names of amplitude and peak of each wave, and its period."""
-        waves = [("amplitude", "peak", values["period"])]
-        if "overtone" in values:
-            waves.append(("overtone", "overtone_peak", values["period"] / 2))
-        return waves
 
 
 register(

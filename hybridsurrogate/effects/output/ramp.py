@@ -8,7 +8,6 @@ import numpy as np
 
 from hybridsurrogate.effects.base import FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.effects.registry import Form, over_inputs, register
 from hybridsurrogate.types import Prior
@@ -70,23 +69,6 @@ class Ramp(Located):
             {"location": "{x}", "slope": "{y} / {x}"},
             {"x": self.column},
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        assert self.span is not None
-        place = values["location"]
-        digits = digits_at(place, self.span)
-        return (
-            f"simulation, and from {self.column} = {place:.{digits}g} on "
-            f"{values['slope']:+.4g} ({self.column} {plus(-place, digits)})"
-        )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        assert self.span is not None
-        place = values["location"]
-        distance = minus(self.column, place, digits_at(place, self.span))
-        return rf"{SIMULATION} {signed(values['slope'])} \max\left(0, {distance}\right)"
 
 
 register(

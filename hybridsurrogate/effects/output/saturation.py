@@ -8,10 +8,9 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed
 from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
 from hybridsurrogate.effects.registry import Form, over_inputs, register
-from hybridsurrogate.priors import frozen
+from hybridsurrogate.priors import frozen, prior_sd
 from hybridsurrogate.types import Prior
 
 
@@ -69,6 +68,11 @@ class Saturation(FromOrigin):
         u = self.distance(X)
         return (u / (u + (theta["half"] - self.origin)))[:, None]
 
+    @property
+    def extents(self) -> Mapping[str, float]:
+        """How far it reaches along the column."""
+        return {} if self.half is None else {self.column: prior_sd(self.half)}
+
     def code(self) -> Code:
         """Return the cause as Python."""
         assert self.origin is not None
@@ -79,22 +83,6 @@ class Saturation(FromOrigin):
             {"origin": self.origin},
             steps={"beyond": "np.maximum({x} - {origin}, 0)"},
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        assert self.origin is not None
-        half = values["half"] - self.origin
-        u = f"({self.column} {plus(-self.origin, digits_at(self.origin, abs(half)))})"
-        return f"simulation {plus(values['amplitude'])} {u} / ({u} + {half:.4g})"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        assert self.origin is not None
-        beyond = values["half"] - self.origin
-        distance = minus(self.column, self.origin, digits_at(self.origin, abs(beyond)))
-        half = signed(beyond)
-        ratio = rf"\frac{{{distance}}}{{{distance} {half}}}"
-        return f"{SIMULATION} {signed(values['amplitude'])} {ratio}"
 
 
 register(

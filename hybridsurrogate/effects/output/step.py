@@ -8,7 +8,6 @@ import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, digits_at, signed, where
 from hybridsurrogate.effects.over_column import MOST_GAPS, Located, gaps
 from hybridsurrogate.effects.registry import Form, over_columns, register
 from hybridsurrogate.types import Prior
@@ -99,27 +98,6 @@ class Step(Located):
             {"location": "{x}", "amplitude": "{y}"},
             {"x": self.column},
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        assert self.span is not None
-        place = values["location"]
-        at = f"{self.column} = {place:.{digits_at(place, self.span, 6)}g}"
-        where = f"before {at}" if self.before else f"from {at} on"
-        return f"simulation, and {where} {self._sign * values['amplitude']:+.4g}"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        assert self.span is not None
-        place = values["location"]
-        indicator = where(
-            self.column, "<" if self.before else r"\geq", place, digits_at(place, self.span, 6)
-        )
-        return rf"{SIMULATION} {signed(self._sign * values['amplitude'])} \, {indicator}"
-
-    @property
-    def _sign(self) -> int:
-        return -1 if self.before else 1
 
 
 register(

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed
 from hybridsurrogate.effects.over_column import FromOrigin, OverColumn, span_and_spacing
 from hybridsurrogate.effects.registry import Form, over_inputs, register
 
@@ -94,29 +91,6 @@ class Trend(OverColumn):
             numbers["curvature"] = "{y} / {x}^2"
         return Code(line, numbers, {"x": self.column}, {"center": self.center})
 
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        assert self.center is not None
-        assert self.span is not None
-        digits = digits_at(self.center, self.span)
-        text = (
-            f"simulation {plus(values['level'])} {plus(values['slope'])} "
-            f"({self.column} {plus(-self.center, digits)})"
-        )
-        if "curvature" in values:
-            text += f" {plus(values['curvature'])} ({self.column} {plus(-self.center, digits)})^2"
-        return text
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        assert self.center is not None
-        assert self.span is not None
-        distance = minus(self.column, self.center, digits_at(self.center, self.span))
-        text = f"{SIMULATION} {signed(values['level'])} {signed(values['slope'])} {distance}"
-        if "curvature" in values:
-            text += f" {signed(values['curvature'])} {distance}^{{2}}"
-        return text
-
 
 class TrendSinceStart(FromOrigin):
     """A straight line that is zero where the measurements begin: a sensor set once, then adrift.
@@ -177,20 +151,6 @@ class TrendSinceStart(FromOrigin):
             {"x": self.column},
             {"origin": self.origin},
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        assert self.origin is not None
-        assert self.span is not None
-        digits = digits_at(self.origin, self.span)
-        return f"simulation {plus(values['slope'])} ({self.column} {plus(-self.origin, digits)})"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        assert self.origin is not None
-        assert self.span is not None
-        distance = minus(self.column, self.origin, digits_at(self.origin, self.span))
-        return rf"{SIMULATION} {signed(values['slope'])} {distance}"
 
 
 register(

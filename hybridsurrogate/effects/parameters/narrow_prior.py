@@ -8,7 +8,6 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -99,16 +98,13 @@ class NarrowPrior(Cause):
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        return Code("{value}", {"value": "{of}"}, does="replaces", of=self.parameter)
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        return f"simulation with {self.parameter} = {values['value']:.4g} (outside its prior)"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        name, value = word(self.parameter), number(values["value"])
-        return rf"{SIMULATION}, \quad {name} = {value} \text{{ (outside its prior)}}"
+        return Code(
+            "{value}",
+            {"value": "{of}"},
+            does="replaces",
+            of=self.parameter,
+            note="outside its prior",
+        )
 
 
 def _widened(prior: Prior) -> Prior:

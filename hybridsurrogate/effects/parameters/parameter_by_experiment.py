@@ -10,7 +10,6 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code, Table
-from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.over_column import position_among
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.exceptions import did_you_mean
@@ -218,14 +217,6 @@ class ParameterByExperiment(Cause):
             f"simulation with {self.parameter} differing between the values of {self.column} by "
             f"{values['spread']:.4g} (standard deviation)"
         )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        name, column = word(self.parameter), word(self.column)
-        own = rf"{name} \to {name}_{{{column}}}"
-        if self.how == "own":
-            return rf"{SIMULATION}, \quad {own}"
-        return rf"{SIMULATION}, \quad {own}, \quad \sigma_{{{name}}} = {number(values['spread'])}"
 
 
 def _between_experiments(context: Context) -> Iterator[Cause]:

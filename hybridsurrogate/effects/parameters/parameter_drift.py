@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -10,15 +11,6 @@ from scipy import special, stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import (
-    SIMULATION,
-    digits_at,
-    minus,
-    number,
-    signed,
-    where,
-    word,
-)
 from hybridsurrogate.effects.over_column import (
     LONGEST_PERIOD,
     MOST_GAPS,
@@ -40,7 +32,6 @@ class _Shape(NamedTuple):
 
     sizes: tuple[str, ...]
     shift: Callable[[FloatArray, Rows], FloatArray]
-    words: str
     code: str
     units: Mapping[str, str]
 
@@ -66,28 +57,24 @@ _SHAPES = {
     "linear": _Shape(
         ("slope",),
         _linear,
-        "changing by {slope:+.4g} per unit of {column} around {column} = {center}",
         "{slope} * ({x} - {center})",
         {"slope": "{of} / {x}"},
     ),
     "step": _Shape(
         ("change",),
         _jump,
-        "{change:+.4g} from {column} = {location} on",
         "{change} * ({x} >= {location})",
         {"change": "{of}", "location": "{x}"},
     ),
     "logistic": _Shape(
         ("change",),
         _logistic,
-        "changing by {change:+.4g} around {column} = {location} within {width:.4g}",
-        "{change} / 2 * (1 + np.tanh(({x} - {location}) / (2 * {width})))",
+        "{change} * logistic(({x} - {location}) / {width})",
         {"change": "{of}", "location": "{x}", "width": "{x}"},
     ),
     "periodic": _Shape(
         ("sine", "cosine"),
         _periodic,
-        "swinging by {amplitude:.4g} over {column} with period {period:.5g}",
         "{sine} * np.sin({angle}) + {cosine} * np.cos({angle})",
         {"sine": "{of}", "cosine": "{of}", "period": "{x}"},
     ),
@@ -263,6 +250,18 @@ class ParameterDrift(Cause):
             return {"period": np.asarray(theta["period"]), "amplitude": amplitude}
         return {name: np.asarray(draws) for name, draws in theta.items()}
 
+    def shown(self) -> Code:
+        """Return the expression, of a wave with its amplitude and an unknown phase."""
+        if self.shape != "periodic":
+            return self.code()
+        wave = "{of} + {amplitude} * np.sin(2 * np.pi * {x} / {period} + {phase})"
+        return replace(self.code(), expression=wave, numbers={"amplitude": "{of}", "period": "{x}"})
+
+    @property
+    def extents(self) -> Mapping[str, float]:
+        """How far the measured rows reach along the column."""
+        return {} if self.span is None else {self.column: self.span}
+
     def code(self) -> Code:
         """Return the cause as Python."""
         assert self.center is not None
@@ -277,37 +276,6 @@ class ParameterDrift(Cause):
             does="moves",
             of=self.parameter,
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        places = {name: f"{at:.{digits}g}" for name, (at, digits) in self._places(values).items()}
-        text = _SHAPES[self.shape].words.format(**{**values, **places, "column": self.column})
-        return f"simulation with {self.parameter} {text}"
-
-    def _places(self, values: Mapping[str, float]) -> dict[str, tuple[float, int]]:
-        """Return centre and location, each with its significant digits."""
-        assert self.center is not None
-        assert self.span is not None
-        places = {"center": self.center, "location": values.get("location", self.center)}
-        return {name: (place, digits_at(place, self.span)) for name, place in places.items()}
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        name, places = word(self.parameter), self._places(values)
-        if self.shape == "linear":
-            shift = f"{signed(values['slope'])} {minus(self.column, *places['center'])}"
-        elif self.shape == "step":
-            indicator = where(self.column, r"\geq", *places["location"])
-            shift = rf"{signed(values['change'])} \, {indicator}"
-        elif self.shape == "logistic":
-            distance = minus(self.column, *places["location"])
-            width = number(values["width"])
-            shift = rf"\frac{{{number(values['change'])}}}{{1 + \exp({distance} / {width})}}"
-            shift = "+ " + shift.replace(r"\exp(", r"\exp(-")
-        else:
-            angle = rf"\frac{{2 \pi \, {word(self.column)}}}{{{number(values['period'], 5)}}}"
-            shift = rf"+ {number(values['amplitude'])} \sin\left({angle} + \varphi\right)"
-        return rf"{SIMULATION}, \quad {name} \to {name} {shift}"
 
 
 def _over_inputs(shape: str) -> Callable[[Context], Iterator[Cause]]:

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 from hybridsurrogate.effects.base import Cause, Context, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.types import Prior
@@ -80,18 +79,9 @@ class WrongConstant(Cause):
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        return Code("{value}", {"value": "{of}"}, does="replaces", of=self.constant)
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        return f"simulation with {self.constant} = {values['value']:.4g} (was {self.assumed:.4g})"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
         assert self.assumed is not None
-        name = word(self.constant)
-        value, was = number(values["value"]), number(self.assumed)
-        return rf"{SIMULATION}, \quad {name} = {value} \text{{ (was }} {was} \text{{)}}"
+        was = f"was {self.assumed:.4g}"
+        return Code("{value}", {"value": "{of}"}, does="replaces", of=self.constant, note=was)
 
 
 def _lacking(context: Context) -> list[tuple[None, str]]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, minus, number, plus
 from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
 from hybridsurrogate.effects.registry import Form, over_inputs, register
 from hybridsurrogate.priors import frozen
@@ -107,31 +107,22 @@ class BuildUp(FromOrigin):
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        assert self.origin is not None
         share = "-np.expm1(-np.maximum({x} - {origin}, 0) / {scale})"
         whole = "{simulated} * {share}"
         if self.log_scale:
             whole = "{simulated} + np.log(np.maximum({share}, np.finfo(float).tiny))"
+        return replace(self.shown(), expression=whole, steps={"share": share})
+
+    def shown(self) -> Code:
+        """Return the output itself times the share."""
+        assert self.origin is not None
         return Code(
-            whole,
+            "{simulated} * (1 - np.exp(-np.maximum({x} - {origin}, 0) / {scale}))",
             {"scale": "{x}"},
             {"x": self.column},
             {"origin": self.origin},
-            steps={"share": share},
             does="responds",
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        assert self.origin is not None
-        place = f"({self.column} {plus(-self.origin)})" if self.origin else self.column
-        return f"simulation * (1 - exp(-{place} / {values['scale']:.4g}))"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        assert self.origin is not None
-        power = rf"-\frac{{{minus(self.column, self.origin)}}}{{{number(values['scale'])}}}"
-        return rf"{SIMULATION} \left(1 - e^{{{power}}}\right)"
 
 
 def _begins_at_zero(context: Context, column: str) -> bool:

@@ -9,7 +9,6 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, number
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -97,17 +96,11 @@ class Gain(Cause):
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        if self.log_scale:
-            return Code("np.log({gain})", {"gain": "1"})
+        return Code("np.log({gain})", {"gain": "1"}) if self.log_scale else self.shown()
+
+    def shown(self) -> Code:
+        """Return the factor on the output itself."""
         return Code("{gain} * {simulated}", {"gain": "1"}, does="responds")
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        return f"{values['gain']:.4g} * simulation"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        return rf"{number(values['gain'])} \cdot {SIMULATION}"
 
 
 register(

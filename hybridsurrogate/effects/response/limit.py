@@ -9,7 +9,6 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, number
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -95,23 +94,16 @@ class Limit(Cause):
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        end = "maximum" if self.below else "minimum"
-        limit = "np.log({limit})" if self.log_scale else "{limit}"
-        unit = "{plain}" if self.log_scale else "{y}"
-        return Code(f"np.{end}({{simulated}}, {limit})", {"limit": unit}, does="responds")
+        if not self.log_scale:
+            return self.shown()
+        return Code(self._end("np.log({limit})"), {"limit": "{plain}"}, does="responds")
 
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        return f"simulation, but never {self._side} {values['limit']:.4g}"
+    def shown(self) -> Code:
+        """Return the limit of the output itself."""
+        return Code(self._end("{limit}"), {"limit": "{y}"}, does="responds")
 
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        end = "max" if self.below else "min"
-        return rf"\{end}\left({SIMULATION}, {number(values['limit'])}\right)"
-
-    @property
-    def _side(self) -> str:
-        return "below" if self.below else "above"
+    def _end(self, limit: str) -> str:
+        return f"np.{'maximum' if self.below else 'minimum'}({{simulated}}, {limit})"
 
 
 register(

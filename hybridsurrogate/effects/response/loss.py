@@ -9,7 +9,6 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, number, plus
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
@@ -105,24 +104,6 @@ class Loss(Located):
             {"x": self.column},
             does="responds",
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        assert self.span is not None
-        place = values["location"]
-        digits = digits_at(place, self.span)
-        return (
-            f"simulation, from {self.column} = {place:.{digits}g} on times "
-            f"exp(-({self.column} {plus(-place, digits)}) / {values['scale']:.4g})"
-        )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        assert self.span is not None
-        place = values["location"]
-        distance = minus(self.column, place, digits_at(place, self.span))
-        power = rf"-\frac{{\max\left(0, {distance}\right)}}{{{number(values['scale'])}}}"
-        return rf"{SIMULATION} \, e^{{{power}}}"
 
 
 def _over_inputs(context: Context) -> Iterator[Cause]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, minus, number, plus
 from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
@@ -108,27 +108,20 @@ class SecondStore(FromOrigin):
 
     def code(self) -> Code:
         """Return the cause as Python."""
+        whole = "np.logaddexp({simulated}, np.log({size}) - {beyond} / {scale})"
+        return replace(self.shown(), expression=whole)
+
+    def shown(self) -> Code:
+        """Return what is added to the output itself."""
         assert self.origin is not None
         return Code(
-            "np.logaddexp({simulated}, np.log({size}) - {beyond} / {scale})",
+            "{simulated} + {size} * np.exp(-{beyond} / {scale})",
             {"size": "{plain}", "scale": "{x}"},
             {"x": self.column},
             {"origin": self.origin},
             steps={"beyond": "np.maximum({x} - {origin}, 0)"},
             does="responds",
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        assert self.origin is not None
-        place = f"({self.column} {plus(-self.origin)})" if self.origin else self.column
-        return f"simulation {plus(values['size'])} exp(-{place} / {values['scale']:.4g})"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        assert self.origin is not None
-        power = rf"-\frac{{{minus(self.column, self.origin)}}}{{{number(values['scale'])}}}"
-        return rf"{SIMULATION} + {number(values['size'])} \, e^{{{power}}}"
 
 
 def _over_inputs(context: Context) -> Iterator[Cause]:

@@ -9,7 +9,6 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, number, plus, signed
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -101,20 +100,6 @@ class SensorResponse(Cause):
             "{level} + {gain} * {simulated} + {curvature} * {simulated}**2",
             {"level": "{y}", "gain": "1", "curvature": "1 / {y}"},
             does="responds",
-        )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        return (
-            f"{values['level']:.4g} {plus(values['gain'])} simulation "
-            f"{plus(values['curvature'])} simulation^2"
-        )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        return (
-            rf"{number(values['level'])} {signed(values['gain'])} \, {SIMULATION} "
-            rf"{signed(values['curvature'])} \, {SIMULATION}^{{2}}"
         )
 
 
