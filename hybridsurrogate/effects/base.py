@@ -30,6 +30,11 @@ ROW = "position of the row"
 NOISE_SD = "sd of the noise"
 
 
+def quantiles(prior: Prior, n: int) -> FloatArray:
+    """Return quantiles of a prior at the middles of n equal shares."""
+    return np.asarray(prior.ppf((np.arange(n) + 0.5) / n))
+
+
 class Cause(BaseEstimator):
     """A named mechanism between simulation and measurements; subclass it to define one.
 
@@ -288,9 +293,8 @@ class Cause(BaseEstimator):
             and refines cells around nodes.
         """
         names = [name for name in self.parameters if name not in self.start()]
-        n = {0: 0, 1: 15, 2: 8}.get(len(names), 4)
-        share = (np.arange(n) + 0.5) / max(n, 1)
-        return {name: np.asarray(self.parameters[name].ppf(share)) for name in names}
+        n = {1: 15, 2: 8}.get(len(names), 4)
+        return {name: quantiles(self.parameters[name], n) for name in names}
 
     def start(self) -> dict[str, float]:
         """Return parameters that are sizes, and the values at which they change nothing.
@@ -446,3 +450,44 @@ class Cause(BaseEstimator):
     def name(self) -> str:
         """The kind and, where there is one, the target."""
         return f"{self.kind}({self.target})" if self.target else self.kind
+
+
+class Declared(Cause):
+    """A cause whose target and priors are among its arguments.
+
+    Attributes
+    ----------
+    about : str
+        The argument that is the target; "": there is none.
+    unknowns : tuple of str
+        The arguments that are priors of its parameters.
+    """
+
+    about: str = ""
+    unknowns: tuple[str, ...] = ()
+
+    @property
+    def target(self) -> str | None:  # type: ignore[override]
+        """The input, parameter, constant or column concerned."""
+        return getattr(self, self.about) if self.about else None
+
+    @property
+    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
+        """The priors of what is unknown."""
+        return self.priors_by_name()
+
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the priors of what is unknown, by default those arguments."""
+        return {name: getattr(self, name) for name in self.unknowns}
+
+
+class Nothing(Cause):
+    """No further cause: what later ones are compared with once one is accepted.
+
+    Examples
+    --------
+    >>> Nothing().coefficients, Nothing().parameters
+    ((), {})
+    """
+
+    kind = "none"

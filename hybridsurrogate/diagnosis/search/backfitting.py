@@ -9,8 +9,7 @@ from hybridsurrogate.diagnosis.search.conditioning import conditioned_places
 from hybridsurrogate.diagnosis.search.evidence import Candidate, Search, leader, search
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep, ends_search
 from hybridsurrogate.diagnosis.search.local_fit import Fitted
-from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.effects.nothing import Nothing
+from hybridsurrogate.effects.base import Cause, Nothing
 from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.model.problem import Problem

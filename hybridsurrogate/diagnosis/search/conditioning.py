@@ -14,7 +14,7 @@ from hybridsurrogate.diagnosis.search.local_fit import (
     settled,
     sigma_of,
 )
-from hybridsurrogate.effects.nothing import Nothing
+from hybridsurrogate.effects.base import Nothing
 from hybridsurrogate.inference.conjugate.noise_marginal import LogMarginal
 from hybridsurrogate.inference.evidence.grid import Grid, make_grid, with_cells
 from hybridsurrogate.inference.evidence.settings import SETTINGS

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.axis import period_nodes
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows, quantiles
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.dynamics.dynamic import NEEDS_ODE, Dynamic
-from hybridsurrogate.effects.over_column import period_nodes, period_prior, span_and_spacing
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.ode.dynamics import TimeVaryingParameter
 from hybridsurrogate.priors import frozen, prior_sd, truncated_normal
@@ -106,6 +106,7 @@ class DynamicDrift(Dynamic):
     """
 
     kind = "parameter-drift"
+    about = "parameter"
 
     def __init__(
         self,
@@ -122,11 +123,6 @@ class DynamicDrift(Dynamic):
         self.prefix = prefix
         self.priors = priors
         self.center = center
-
-    @property
-    def target(self) -> str:  # type: ignore[override]
-        """The parameter concerned."""
-        return self.parameter
 
     @property
     def variant(self) -> str:
@@ -156,8 +152,8 @@ class DynamicDrift(Dynamic):
         time = context.inputs[0]
         if self.column not in (None, time):
             raise ValueError(f"The time of the simulation is {time!r}, not {self.column!r}.")
-        times = context.column(time)
-        low, (span, spacing) = float(times.min()), span_and_spacing(times)
+        axis = context.axis(time)
+        span, spacing = axis.span, axis.spacing
         # a logistic course takes 4.4 widths from 10 to 90 %: as sudden as the shortest ramp
         shortest = min(2 * spacing, 0.25 * span)
         size = _ordinary_change(context, self.parameter)
@@ -166,12 +162,12 @@ class DynamicDrift(Dynamic):
             "rate": frozen(stats.t, 3, scale=size / span),
             "sine": truncated_normal(0.0, size / 2, -size, size),
             "cosine": truncated_normal(0.0, size / 2, -size, size),
-            "location": frozen(stats.uniform, loc=low, scale=span),
+            "location": axis.location_prior,
             "width": frozen(stats.loguniform, 0.25 * shortest, 0.5 * span),
             "duration": frozen(stats.loguniform, shortest, 0.5 * span),
-            "period": period_prior(times),
+            "period": axis.period_prior,
         }
-        center = low + span / 2 * (change.shape == "periodic")
+        center = axis.origin + span / 2 * (change.shape == "periodic")
         return self.filled(
             column=time,
             prefix=self.prefix or self.free_prefix(context, change),
@@ -181,13 +177,12 @@ class DynamicDrift(Dynamic):
 
     def grid(self) -> dict[str, FloatArray]:
         """Return locations and widths, or periods evenly spaced in frequency."""
-        share = (np.arange(_N_LOCATIONS) + 0.5) / _N_LOCATIONS
         nodes = {}
         for name, prior in self.parameters.items():
             if name == "location":
-                nodes[name] = np.asarray(prior.ppf(share))
+                nodes[name] = quantiles(prior, _N_LOCATIONS)
             elif name in ("width", "duration"):
-                nodes[name] = np.asarray(prior.ppf((np.arange(_N_WIDTHS) + 0.5) / _N_WIDTHS))
+                nodes[name] = quantiles(prior, _N_WIDTHS)
             elif name == "period":
                 nodes[name] = period_nodes(prior)
         return nodes

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
+from hybridsurrogate.effects.axis import period_nodes
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.dynamics.dynamic import Dynamic
-from hybridsurrogate.effects.over_column import period_nodes, period_prior, span_and_spacing
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.ode.dynamics import MissingTerm
 from hybridsurrogate.priors import frozen
@@ -111,6 +111,7 @@ class DynamicTerm(Dynamic):
     """
 
     kind = "missing-term"
+    about = "state"
 
     def __init__(
         self,
@@ -129,11 +130,6 @@ class DynamicTerm(Dynamic):
         self.center = center
         self.size = size
         self.other = other
-
-    @property
-    def target(self) -> str:  # type: ignore[override]
-        """The state concerned."""
-        return self.state
 
     @property
     def variant(self) -> str:
@@ -157,11 +153,10 @@ class DynamicTerm(Dynamic):
         change = self.modification
         size = self.size_of(context, self.state)
         size = size if self.size is None else self.size
-        times = context.column(context.inputs[0])
-        span, _ = span_and_spacing(times)
-        period = (self.priors or {}).get("period", period_prior(times))
+        axis = context.axis(context.inputs[0])
+        period = (self.priors or {}).get("period", axis.period_prior)
         swing = np.pi * size / float(period.median())
-        rate = 1 / span * (size if self.form in ("constant", "saturating") else 1.0)
+        rate = 1 / axis.span * (size if self.form in ("constant", "saturating") else 1.0)
         if self.form == "threshold":
             rate *= _OF_WHAT_IS_ABOVE
         if self.other is not None:
@@ -175,7 +170,7 @@ class DynamicTerm(Dynamic):
             "half": frozen(stats.loguniform, 0.1 * size, 10 * size),
             "level": frozen(stats.uniform, scale=2 * size),
         }
-        center = float(times.min() + times.max()) / 2 if change.form == "seasonal" else 0.0
+        center = axis.center if change.form == "seasonal" else 0.0
         return self.filled(
             prefix=self.prefix or self.free_prefix(context, change),
             priors=self.all_priors(defaults),

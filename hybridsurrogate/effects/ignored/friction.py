@@ -24,13 +24,15 @@ class Friction(OverColumn):
     ----------
     column : str
         A measured column that the simulation ignores, with rows on both sides of zero.
-    center, span : float or None, default=None
-        Middle and span of the measured rows.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
 
     Examples
     --------
     >>> import numpy as np, hybridsurrogate as hs
-    >>> hs.Friction("v", span=4.0).columns({"v": np.array([-2.0, 1.0])}, {}).tolist()
+    >>> from hybridsurrogate.effects.axis import Axis
+    >>> friction = hs.Friction("v", axis=Axis.of([-2.0, 2.0]))
+    >>> friction.columns({"v": np.array([-2.0, 1.0])}, {}).tolist()
     [[-1.0, -1.0], [0.5, 1.0]]
     """
 
@@ -44,15 +46,13 @@ class Friction(OverColumn):
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the column in half spans, and its sign."""
-        assert self.span is not None
         x = X[self.column]
-        return np.stack([2 * x / self.span, np.sign(x)], axis=-1)
+        return np.stack([2 * x / self.axis.span, np.sign(x)], axis=-1)
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return both parts in the units of output and column."""
-        assert self.span is not None
         return {
-            "viscous": 2 / self.span * np.asarray(coefficients["viscous"]),
+            "viscous": 2 / self.axis.span * np.asarray(coefficients["viscous"]),
             "dry": np.asarray(coefficients["dry"]),
         }
 

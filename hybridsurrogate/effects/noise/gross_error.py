@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from hybridsurrogate.effects.base import ROW, Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.base import ROW, Cause, Context, Declared, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.numerics.digits import listing
@@ -44,7 +44,7 @@ class GrossRow(NamedTuple):
     predicted: float = np.nan
 
 
-class GrossError(Cause):
+class GrossError(Declared):
     """One or two measurements are unlike all others, by any amount; the simulation is right.
 
     The mean-shift outlier model (Cook and Weisberg 1982, Residuals and Influence in Regression,
@@ -114,9 +114,8 @@ class GrossError(Cause):
         """False: the simulation is right."""
         return False
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """Which of the rows, or pairs, that are possible; those that are tried come first."""
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return which of all rows or pairs it is; those that are tried come first."""
         if self.rows or self.table is None:
             return {}
         n = comb(len(self.table), self.n_rows)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows, quantiles
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.likelihoods.contaminated import LARGEST, SMALLEST
@@ -15,7 +15,7 @@ from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
 
 
-class Outliers(Cause):
+class Outliers(Declared):
     """Heavy tails: a share of the measurements scatters much more; the simulation is right.
 
     Each measurement is, with probability ``share``, an outlier, whose standard deviation is 3 to
@@ -43,6 +43,7 @@ class Outliers(Cause):
     """
 
     kind = "noise"
+    unknowns = ("share",)
     meaning = "a few measurements of {output} are far off, and carry little information"
 
     def __init__(self, share: Prior | None = None):
@@ -58,11 +59,6 @@ class Outliers(Cause):
         """The kind, and which."""
         return "noise(outliers)"
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the share."""
-        return {"share": self.share}
-
     def prepare(self, context: Context | None) -> Cause:
         """Fill in the prior."""
         share = frozen(stats.loguniform, 0.01, 0.4) if self.share is None else self.share
@@ -70,8 +66,7 @@ class Outliers(Cause):
 
     def grid(self) -> dict[str, FloatArray]:
         """Return six quantiles: the share is known to a factor at best."""
-        assert self.share is not None
-        return {"share": np.asarray(self.share.ppf((np.arange(6) + 0.5) / 6))}
+        return {"share": quantiles(self.share, 6)}
 
     def outliers(self, theta: Rows) -> FloatArray:
         """Return the share of outliers."""

@@ -29,8 +29,8 @@ class Bump(Located):
         Any measured column.
     location : frozen scipy.stats distribution or None, default=None
         Prior of the middle of the bump; bounded.
-    center, span, spacing : float or None, default=None
-        Middle and span of the measured rows, and the distance of neighbours.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
 
     Examples
     --------
@@ -43,16 +43,11 @@ class Bump(Located):
     kind = "bump"
     coefficients = ("amplitude",)
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The priors of location and width."""
-        assert self.span is not None
-        assert self.spacing is not None
-        low = min(self.spacing, 0.1 * self.span)
-        return {
-            "location": self.location,
-            "width": frozen(stats.loguniform, 0.5 * low, 0.25 * self.span),
-        }
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the priors of location and width."""
+        low, span = min(self.axis.spacing, 0.1 * self.axis.span), self.axis.span
+        width = frozen(stats.loguniform, 0.5 * low, 0.25 * span)
+        return {"location": self.location, "width": width}
 
     def grid(self) -> dict[str, FloatArray]:
         """Return locations and widths."""

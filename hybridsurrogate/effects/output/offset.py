@@ -6,13 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.ignored.missing_input import trouble_with_levels
 from hybridsurrogate.effects.registry import Form, register
 
 
-class Offset(Cause):
+class Offset(Declared):
     """A constant added to the simulation, such as a zero error of the instrument.
 
     - ``simulation + amplitude``, in the units of the output. On a logarithmic scale of the output a
@@ -42,6 +42,7 @@ class Offset(Cause):
     """
 
     kind = "offset"
+    about = "column"
     coefficients = ("amplitude",)
 
     def __init__(
@@ -55,11 +56,6 @@ class Offset(Cause):
     def coefficient_sd(self) -> float | None:  # type: ignore[override]
         """Standard deviation of the amplitude's prior."""
         return self.sd
-
-    @property
-    def target(self) -> str | None:  # type: ignore[override]
-        """The column of the level, if one is meant."""
-        return self.column
 
     @property
     def variant(self) -> str:

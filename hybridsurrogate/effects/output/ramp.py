@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from hybridsurrogate.effects.base import FloatArray, Rows
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.effects.registry import Form, over_inputs, register
-from hybridsurrogate.types import Prior
 
 
 class Ramp(Located):
@@ -26,24 +23,21 @@ class Ramp(Located):
         Any measured column.
     location : frozen scipy.stats distribution or None, default=None
         Prior of the place where the change sets in; bounded.
-    center, span, spacing : float or None, default=None
-        Middle and span of the measured rows, and the distance of neighbours.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
 
     Examples
     --------
     >>> import numpy as np, hybridsurrogate as hs
-    >>> ramp = hs.Ramp("t", span=10.0)
+    >>> from hybridsurrogate.effects.axis import Axis
+    >>> ramp = hs.Ramp("t", axis=Axis.of([0.0, 10.0]))
     >>> ramp.columns({"t": np.array([2.0, 4.0, 9.0])}, {"location": 4.0}).ravel().tolist()
     [0.0, 0.0, 0.5]
     """
 
     kind = "ramp"
     coefficients = ("slope",)
-
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the location."""
-        return {"location": self.location}
+    unknowns = ("location",)
 
     def grid(self) -> dict[str, FloatArray]:
         """Return locations; a hinge needs fewer than a step does."""
@@ -51,15 +45,13 @@ class Ramp(Located):
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the distance beyond the location, in spans of the measured rows."""
-        assert self.span is not None
-        return (np.maximum(X[self.column] - theta["location"], 0.0) / self.span)[:, None]
+        return (np.maximum(X[self.column] - theta["location"], 0.0) / self.axis.span)[:, None]
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the location, and the slope per unit of the column after it."""
-        assert self.span is not None
         return {
             "location": np.asarray(theta["location"]),
-            "slope": coefficients["slope"] / self.span,
+            "slope": coefficients["slope"] / self.axis.span,
         }
 
     def code(self) -> Code:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from scipy import stats
 
+from hybridsurrogate.effects.axis import UNKNOWN, Axis
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
+from hybridsurrogate.effects.over_column import FromOrigin
 from hybridsurrogate.effects.registry import Form, over_inputs, register
-from hybridsurrogate.priors import frozen, prior_sd
+from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
 
 
@@ -31,6 +30,8 @@ class Saturation(FromOrigin):
         Prior of the place where half is reached; above the origin.
     origin : float or None, default=None
         Where the deviation begins. None: the smallest measured value.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
 
     Examples
     --------
@@ -42,45 +43,38 @@ class Saturation(FromOrigin):
 
     kind = "saturation"
     coefficients = ("amplitude",)
+    unknowns = ("half",)
 
-    def __init__(self, column: str, half: Prior | None = None, origin: float | None = None):
-        super().__init__(column, origin)
+    def __init__(
+        self,
+        column: str,
+        half: Prior | None = None,
+        origin: float | None = None,
+        axis: Axis = UNKNOWN,
+    ):
+        super().__init__(column, origin, axis)
         self.half = half
-
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the place where half is reached."""
-        return {"half": self.half}
 
     def prepare(self, context: Context) -> Cause:
         """Fill in origin and prior from the measured rows."""
-        prepared = super().prepare(context)
-        if self.half is None:
-            span, spacing = span_and_spacing(context.column(self.column))
-            prepared.half = frozen(
-                stats.loguniform, min(spacing, 0.5 * span), span, loc=prepared.origin
-            )
-        return prepared
+        axis = self.along(context)
+        begin = axis.origin if self.origin is None else self.origin
+        shortest = min(axis.spacing, 0.5 * axis.span)
+        half = self.half or frozen(stats.loguniform, shortest, axis.span, loc=begin)
+        return self.filled(axis=axis, half=half)
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the share that is reached."""
-        assert self.origin is not None
         u = self.distance(X)
-        return (u / (u + (theta["half"] - self.origin)))[:, None]
-
-    @property
-    def extents(self) -> Mapping[str, float]:
-        """How far it reaches along the column."""
-        return {} if self.half is None else {self.column: prior_sd(self.half)}
+        return (u / (u + (theta["half"] - self.pivot)))[:, None]
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        assert self.origin is not None
         return Code(
             "{amplitude} * {beyond} / ({beyond} + ({half} - {origin}))",
             {"amplitude": "{y}", "half": "{x}"},
             {"x": self.column},
-            {"origin": self.origin},
+            {"origin": self.pivot},
             steps={"beyond": "np.maximum({x} - {origin}, 0)"},
         )
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, Rows
+from hybridsurrogate.effects.base import Cause, Context, Declared, Rows
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
@@ -19,7 +19,7 @@ _FACTOR, _WIDTHS = 10.0, 5.0
 _TAIL = 0.001
 
 
-class NarrowPrior(Cause):
+class NarrowPrior(Declared):
     """A parameter with a value outside its prior; the simulation is right.
 
     ``simulation(x, parameter = value)``, in the units of the parameter. It is compared where the
@@ -47,16 +47,12 @@ class NarrowPrior(Cause):
     """
 
     kind = "narrow-prior"
+    about = "parameter"
 
     def __init__(self, parameter: str, prior: Prior | None = None, nearest: float | None = None):
         self.parameter = parameter
         self.prior = prior
         self.nearest = nearest
-
-    @property
-    def target(self) -> str:  # type: ignore[override]
-        """The parameter concerned."""
-        return self.parameter
 
     @property
     def concerns(self) -> str:
@@ -68,9 +64,8 @@ class NarrowPrior(Cause):
         """The parameter itself."""
         return self.parameter
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The wide prior of the parameter's value."""
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the wide prior of the parameter's value."""
         return {"value": self.prior}
 
     def prepare(self, context: Context) -> Cause:

@@ -9,15 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special, stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.axis import LONGEST_PERIOD, MOST_GAPS, UNKNOWN, Axis, period_nodes
+from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows, quantiles
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.over_column import (
-    LONGEST_PERIOD,
-    MOST_GAPS,
-    gaps,
-    period_nodes,
-    span_and_spacing,
-)
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import frozen, prior_sd
@@ -81,7 +75,7 @@ _SHAPES = {
 }
 
 
-class ParameterDrift(Cause):
+class ParameterDrift(Declared):
     """A parameter that changes over a column instead of staying constant.
 
     The simulation is run with ``parameter + shift(x)``:
@@ -110,12 +104,10 @@ class ParameterDrift(Cause):
         Prior of the slope, or of whatever the size of the shape is.
     center : float or None, default=None
         Where a linear drift leaves the parameter as it is. None: the middle of the measured rows.
-    span : float or None, default=None
-        How far the measured rows reach.
     others : dict of name to frozen scipy.stats distribution, or None, default=None
         Priors of location, width or period. None: as above, from the measured rows.
-    rows : ndarray or None, default=None
-        Distinct measured values of the column, rising.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
 
     Examples
     --------
@@ -127,6 +119,7 @@ class ParameterDrift(Cause):
     """
 
     kind = "parameter-drift"
+    about = "parameter"
 
     def __init__(
         self,
@@ -135,23 +128,16 @@ class ParameterDrift(Cause):
         shape: str = "linear",
         slope: Prior | None = None,
         center: float | None = None,
-        span: float | None = None,
         others: Mapping[str, Prior] | None = None,
-        rows: FloatArray | None = None,
+        axis: Axis = UNKNOWN,
     ):
         self.parameter = parameter
         self.column = column
         self.shape = shape
         self.slope = slope
         self.center = center
-        self.span = span
         self.others = others
-        self.rows = rows
-
-    @property
-    def target(self) -> str:  # type: ignore[override]
-        """The parameter concerned."""
-        return self.parameter
+        self.axis = axis
 
     @property
     def reads(self) -> tuple[str, ...]:
@@ -169,9 +155,8 @@ class ParameterDrift(Cause):
         shape = "" if self.shape == "linear" else f", {self.shape}"
         return f"{self.kind}({self.parameter} over {self.column}{shape})"
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The priors of the sizes, and of where or how fast."""
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the priors of the sizes, and of where or how fast."""
         return {**dict.fromkeys(_SHAPES[self.shape].sizes, self.slope), **(self.others or {})}
 
     def prepare(self, context: Context) -> Cause:
@@ -186,13 +171,11 @@ class ParameterDrift(Cause):
                 f"shape must be one of {list(_SHAPES)}, got {self.shape!r}."
                 f"{did_you_mean(self.shape, _SHAPES)}"
             )
-        values = context.column(self.column)
-        low, high = float(values.min()), float(values.max())
-        span, spacing = span_and_spacing(values)
+        axis = context.axis(self.column)
+        span, spacing, location = axis.span, axis.spacing, axis.location_prior
         size = prior_sd(context.parameters[self.parameter])
         if self.shape == "linear":
             size /= span
-        location = frozen(stats.uniform, loc=low, scale=span)
         shortest = float(np.clip(4 * spacing, span / _MOST_CYCLES, span))
         defaults: dict[str, dict[str, Prior]] = {
             "linear": {},
@@ -205,17 +188,14 @@ class ParameterDrift(Cause):
         }
         return self.filled(
             slope=frozen(stats.t, 1, scale=size) if self.slope is None else self.slope,
-            center=(low + high) / 2 if self.center is None else self.center,
-            span=span if self.span is None else self.span,
             others={**defaults[self.shape], **(self.others or {})},
-            rows=np.unique(values) if self.rows is None else self.rows,
+            axis=self.axis if self.axis.is_known else axis,
         )
 
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
         """Shift the parameter, row by row."""
-        assert self.center is not None
         # places are where they are; slopes and phases are counted from the middle
-        x = X[self.column] - (0.0 if "location" in theta else self.center)
+        x = X[self.column] - (0.0 if "location" in theta else self.pivot)
         shift = _SHAPES[self.shape].shift(x, theta)
         return X, {**omega, self.parameter: omega[self.parameter] + shift}
 
@@ -229,18 +209,14 @@ class ParameterDrift(Cause):
         The simulation runs at every node, so there are fewer than for a curve that is added.
         """
         others = self.others or {}
-        assert self.rows is not None
-        if self.shape == "step" and len(self.rows) <= MOST_GAPS:
-            return {"location": gaps(self.rows, others["location"])}
+        if self.shape == "step" and len(self.axis.rows) <= MOST_GAPS:
+            return {"location": self.axis.gaps(others["location"])}
         shares = {"location": 24 if self.shape == "step" else 16, "width": 4}
         nodes = {
-            name: np.asarray(prior.ppf((np.arange(shares[name]) + 0.5) / shares[name]))
-            for name, prior in others.items()
-            if name in shares
+            name: quantiles(prior, shares[name]) for name, prior in others.items() if name in shares
         }
         if "period" in others:
-            assert self.span is not None
-            nodes["period"] = period_nodes(others["period"], 4, self.span)
+            nodes["period"] = period_nodes(others["period"], 4, self.axis.span)
         return nodes
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
@@ -260,18 +236,22 @@ class ParameterDrift(Cause):
     @property
     def extents(self) -> Mapping[str, float]:
         """How far the measured rows reach along the column."""
-        return {} if self.span is None else {self.column: self.span}
+        return {self.column: self.axis.span}
+
+    @property
+    def pivot(self) -> float:
+        """Where a linear drift leaves the parameter as it is, and a wave has phase zero."""
+        return self.axis.center if self.center is None else self.center
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        assert self.center is not None
         located = "location" in _SHAPES[self.shape].units
         angle = {"angle": "2 * np.pi * ({x} - {center}) / {period}"}
         return Code(
             f"{{of}} + {_SHAPES[self.shape].code}",
             _SHAPES[self.shape].units,
             {"x": self.column},
-            {} if located else {"center": self.center},
+            {} if located else {"center": self.pivot},
             steps=angle if self.shape == "periodic" else {},
             does="moves",
             of=self.parameter,

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hybridsurrogate.effects.base import Cause, Context, Rows
+from hybridsurrogate.effects.base import Cause, Context, Declared, Rows
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.types import Prior
 
 
-class WrongConstant(Cause):
+class WrongConstant(Declared):
     """An assumed constant of the simulation that has another value.
 
     ``simulation(x, constant = value)``, in the units of the constant; the prior is the one that the
@@ -36,6 +36,7 @@ class WrongConstant(Cause):
     """
 
     kind = "wrong-constant"
+    about = "constant"
 
     def __init__(self, constant: str, prior: Prior | None = None, assumed: float | None = None):
         self.constant = constant
@@ -43,18 +44,12 @@ class WrongConstant(Cause):
         self.assumed = assumed
 
     @property
-    def target(self) -> str:  # type: ignore[override]
-        """The constant concerned."""
-        return self.constant
-
-    @property
     def replaces(self) -> str | None:
         """The constant itself."""
         return self.constant
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the constant's value."""
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the prior of the constant's value."""
         return {"value": self.prior}
 
     def prepare(self, context: Context) -> Cause:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.axis import UNKNOWN, Axis
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows, quantiles
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
+from hybridsurrogate.effects.over_column import FromOrigin
 from hybridsurrogate.effects.registry import Form, over_inputs, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -35,6 +35,8 @@ class BuildUp(FromOrigin):
         Prior of the scale.
     log_scale : bool or None, default=None
         Whether the output is logarithmic, so that the logarithm of the share is added.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
 
     Raises
     ------
@@ -50,6 +52,7 @@ class BuildUp(FromOrigin):
     """
 
     kind = "build-up"
+    unknowns = ("scale",)
 
     def __init__(
         self,
@@ -57,15 +60,11 @@ class BuildUp(FromOrigin):
         origin: float | None = None,
         scale: Prior | None = None,
         log_scale: bool | None = None,
+        axis: Axis = UNKNOWN,
     ):
-        super().__init__(column, origin)
+        super().__init__(column, origin, axis)
         self.scale = scale
         self.log_scale = log_scale
-
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the scale."""
-        return {"scale": self.scale}
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the prior from the measured rows."""
@@ -75,17 +74,17 @@ class BuildUp(FromOrigin):
                 f"{self.column!r} does not begin near zero: give the place where the "
                 f"build-up begins, as in BuildUp({self.column!r}, origin={values.min():.4g})."
             )
-        span, spacing = span_and_spacing(values)
+        axis = self.along(context)
         return self.filled(
+            axis=axis,
             origin=self.origin or 0.0,
-            scale=self.scale or frozen(stats.loguniform, 0.1 * spacing, 0.5 * span),
+            scale=self.scale or frozen(stats.loguniform, 0.1 * axis.spacing, 0.5 * axis.span),
             log_scale=context.log_scale if self.log_scale is None else self.log_scale,
         )
 
     def grid(self) -> dict[str, FloatArray]:
         """Return scales, evenly spaced on a logarithmic scale."""
-        assert self.scale is not None
-        return {"scale": np.asarray(self.scale.ppf((np.arange(20) + 0.5) / 20))}
+        return {"scale": quantiles(self.scale, 20)}
 
     def gain(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the share that is there."""
@@ -115,12 +114,11 @@ class BuildUp(FromOrigin):
 
     def shown(self) -> Code:
         """Return the output itself times the share."""
-        assert self.origin is not None
         return Code(
             "{simulated} * (1 - np.exp(-np.maximum({x} - {origin}, 0) / {scale}))",
             {"scale": "{x}"},
             {"x": self.column},
-            {"origin": self.origin},
+            {"origin": self.pivot},
             does="responds",
         )
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
@@ -16,7 +16,7 @@ from hybridsurrogate.types import Prior
 _LAPLACE_SCALE = 1 / 3
 
 
-class Gain(Cause):
+class Gain(Declared):
     """A factor on the simulation, such as a sensor that reads too high.
 
     ``gain * simulation``; the logarithm of the gain is Laplace with scale 1/3, or more where
@@ -48,9 +48,8 @@ class Gain(Cause):
         self.log_scale = log_scale
         self.scale = scale
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the factor: log gain is Laplace."""
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the prior of the factor: log gain is Laplace."""
         return {} if self.log_scale else {"gain": frozen(stats.loglaplace, 1 / self._scale)}
 
     @property

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.axis import UNKNOWN, Axis
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows, quantiles
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.effects.registry import Form, register
@@ -34,8 +35,8 @@ class Loss(Located):
         Prior of the place where the loss sets in; bounded.
     scale : frozen scipy.stats distribution or None, default=None
         Prior of the scale; positive.
-    center, span, spacing : float or None, default=None
-        Middle and span of the measured rows, and the distance of neighbours.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
 
     Raises
     ------
@@ -51,28 +52,22 @@ class Loss(Located):
     """
 
     kind = "ramp"
+    unknowns = ("location", "scale")
 
     def __init__(
         self,
         column: str,
         location: Prior | None = None,
         scale: Prior | None = None,
-        center: float | None = None,
-        span: float | None = None,
-        spacing: float | None = None,
+        axis: Axis = UNKNOWN,
     ):
-        super().__init__(column, location, center, span, spacing)
+        super().__init__(column, location, axis)
         self.scale = scale
 
     @property
     def variant(self) -> str:
         """The name of this form, which is no straight line that is added."""
         return "loss"
-
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """Priors of location and scale."""
-        return {"location": self.location, "scale": self.scale}
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the priors from the measured rows."""
@@ -81,16 +76,13 @@ class Loss(Located):
                 f"Loss({self.column!r}) is for an output itself; where its logarithm is measured, "
                 f"use Ramp({self.column!r}), which is the same."
             )
-        prepared = super().prepare(context)
-        if self.scale is None:
-            prepared.scale = frozen(stats.loguniform, prepared.spacing, _LONGEST * prepared.span)
-        return prepared
+        axis = self.along(context)
+        scale = self.scale or frozen(stats.loguniform, axis.spacing, _LONGEST * axis.span)
+        return self.filled(axis=axis, location=self.location or axis.location_prior, scale=scale)
 
     def grid(self) -> dict[str, FloatArray]:
         """Return locations, and scales evenly spaced on a logarithmic scale."""
-        assert self.scale is not None
-        scales = np.asarray(self.scale.ppf((np.arange(12) + 0.5) / 12))
-        return {"location": self.locations(40), "scale": scales}
+        return {"location": self.locations(40), "scale": quantiles(self.scale, 12)}
 
     def gain(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the share that remains."""
