@@ -75,12 +75,12 @@ def _of_outputs(
 
     What moves the simulation's inputs or parameters concerns all, anything else one output.
     """
-    inside = [cause for cause in extra if isinstance(cause, InOutput)]
-    further = [cause for cause in extra if not isinstance(cause, InOutput)]
+    inside = [cause for cause in extra if cause.output is not None]
+    further = [cause for cause in extra if cause.output is None]
     shared, skipped = catalogue(of_all_outputs(context), further, excluded, alone)
     causes = [cause for cause in shared if cause.moves_inputs]
     for position, name in enumerate(context.outputs):
-        here = [cause.cause for cause in inside if cause.output == name]
+        here = [cause.inner for cause in inside if cause.output == name]
         own, missing = catalogue(of_output(context, position), [*here, *further], excluded, alone)
         for cause in own:
             if cause.has_outliers or cause.concerns == "data":

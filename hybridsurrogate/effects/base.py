@@ -50,6 +50,8 @@ class Cause(BaseEstimator):
         Names of the columns' coefficients, which are linear and integrated out exactly.
     coefficient_sd : float or None
         Their prior standard deviation on the scale of eta; None: three times its spread.
+    output : str or None
+        Of several outputs the one that it concerns; None: all of them, or the only one.
     meaning : str or None
         What the cause means for the one who wrote the simulation, for a report; None: as its kind.
     is_process : bool
@@ -101,6 +103,7 @@ class Cause(BaseEstimator):
     parameters: Mapping[str, Prior] = {}
     coefficients: tuple[str, ...] = ()
     coefficient_sd: float | None = None
+    output: str | None = None
     meaning: str | None = None
     is_process: bool = False
     is_one_level: bool = False
@@ -361,6 +364,16 @@ class Cause(BaseEstimator):
         return None
 
     @property
+    def inner(self) -> Cause:
+        """The cause itself: of one in one of several outputs the one that is in it."""
+        return self
+
+    @property
+    def unit_of_output(self) -> float:
+        """What one of its coefficients is in the user's units, before any logarithm."""
+        return 1.0
+
+    @property
     def replaces(self) -> str | None:
         """The assumed constant or the parameter whose value the cause infers, if it does."""
         return None
@@ -479,6 +492,27 @@ class Declared(Cause):
     def priors_by_name(self) -> Mapping[str, Prior]:
         """Return the priors of what is unknown, by default those arguments."""
         return {name: getattr(self, name) for name in self.unknowns}
+
+
+class Wrapped(Cause):
+    """A cause around another one: what it does not override is that of the other.
+
+    Parameters
+    ----------
+    cause : Cause
+    """
+
+    def __init__(self, cause: Cause):
+        self.cause = cause
+
+
+def _forwarded(name: str) -> property:
+    return property(lambda self: getattr(self.cause, name), doc="That of the cause.")
+
+
+for _name in vars(Cause).keys() - {"filled", "prepare", "output", "inner", "unit_of_output"}:
+    if not _name.startswith("_"):
+        setattr(Wrapped, _name, _forwarded(_name))
 
 
 class Nothing(Cause):
