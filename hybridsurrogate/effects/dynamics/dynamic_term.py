@@ -245,7 +245,6 @@ register(
         lacking=_lacking,
         like=("parameter-drift",),
         headline="The equation of {target} misses a constant {rate:gain|loss} of {rate:size}",
-        call="`DynamicTerm(state)`",
         formula="slope of the state + rate",
         priors="rate: Student-t, typical state over the span",
         estimates="rate",

@@ -84,8 +84,6 @@ register(
         least_distinct=6,
         trouble=_trouble,
         headline="{output} depends on {target} as by friction, which the simulation ignores",
-        call="`Friction(x)`",
-        formula="eta + viscous x + dry sign(x)",
         estimates="viscous, dry",
         left_out="fewer than 3 distinct values on one side of zero",
     )

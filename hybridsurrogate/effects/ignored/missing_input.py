@@ -259,7 +259,6 @@ register(
         lacking=_lacking,
         like=("noise",),
         headline="{output} depends on {target}, which the simulation ignores",
-        call="`MissingInput(x)`",
         formula="eta + slope (x - mean)",
         estimates="slope",
         left_out="no measured column apart from the inputs",

@@ -84,7 +84,6 @@ register(
         trouble=_trouble,
         like=("periodic", "wrong-constant"),
         headline="The measurements come {lag:size} {lag:later|earlier} than in the simulation",
-        call="`Delay(x)`",
         formula="eta(x - lag), x an input, of which the clock or the sensor is off; not cut off at "
         "the simulated range",
         priors="lag: Cauchy, scale a tenth of the span",

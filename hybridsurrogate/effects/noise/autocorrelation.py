@@ -168,7 +168,6 @@ register(
         least_distinct=12,
         like=("unexplained",),
         headline="The errors of neighbouring measurements of {output} are correlated",
-        call="`Autocorrelation(x)`",
         formula="eta + u(x); u Gaussian, covariance amplitude² exp(-distance / length)",
         priors="length: log-uniform, half a spacing to a twentieth of the span or four spacings; "
         "amplitude: log-uniform, 0.3 % to 100 % of the spread of the output",

@@ -253,7 +253,6 @@ register(
         trouble=_trouble,
         like=("noise", "episode", "step", "bump"),
         headline="One measurement of {output} is unlike all others",
-        call="`GrossError()`",
         formula="eta, + shift in row i (mean-shift outlier model)",
         priors="i: each of n rows with probability 1/n; of more than 200 rows those missed most",
         estimates="row, measured and predicted output",

@@ -95,7 +95,6 @@ register(
         meaning="the scatter of the measurements changes over {column}",
         least_rows=8,
         headline="The scatter of {output} changes over {column}",
-        call="`Noise(x)`",
         formula="eta; noise sigma exp(slope u), centred at the mean of x",
         priors="slope of u: standard normal",
         estimates="slope (of log sigma, per unit of x), ratio (last end against first)",

@@ -147,7 +147,6 @@ register(
         lambda context: [NoiseOfMean()],
         least_rows=8,
         headline="The scatter of {output} depends on its size",
-        call="`NoiseOfMean()`",
         formula="eta; noise sigma (m / size)^exponent, m = √(eta² + (size / 20)²), size: root mean "
         "square of the output",
         priors="exponent: normal, sd 1, or size / (2 spread of the output) where that is more",

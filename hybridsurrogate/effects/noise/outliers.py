@@ -100,7 +100,6 @@ register(
         lambda context: [Outliers()],
         least_rows=8,
         headline="Some measurements of {output} are outliers",
-        call="`Outliers()`",
         formula="eta; each row with probability share an outlier, of 3 to 30 sigma (log-uniform)",
         priors="share: log-uniform, 1 to 40 %",
         estimates="share",

@@ -156,7 +156,6 @@ register(
         lambda context: [Overdispersion()] if context.overdisperses else [],
         least_rows=8,
         headline="The counts of {output} scatter more than independent events or trials do",
-        call="`Overdispersion()`",
         formula="counts of mean mu with variance mu + scatter² mu²; successes of n trials with "
         "variance ratio² n p (1 - p)",
         priors="ratio of standard deviations, at a usual count: log-uniform from 1 on",

@@ -68,7 +68,6 @@ register(
         trouble=trouble,
         like=("noise", "input-error"),
         headline="{target} differs from row to row, by about {spread}",
-        call="`RandomParameter(p)`",
         formula="eta; noise sigma √(1 + (ratio slope / usual)²), slope: d eta / dp, usual: its "
         "root mean square",
         priors="ratio: log-normal, median 2, sd of the log 1",

@@ -80,8 +80,6 @@ register(
             "The simulation misses a {amplitude:rise|dip} of {output} by "
             "{amplitude:size} around {column} = {location:place}"
         ),
-        call="`Bump(x)`",
-        formula="eta + amplitude exp(-(x - location)² / (2 width²))",
         priors="location: uniform; width: log-uniform, half a spacing (at most a twentieth of the "
         "span) to a quarter of the span",
         estimates="location, width, amplitude",

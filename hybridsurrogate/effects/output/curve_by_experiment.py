@@ -222,7 +222,6 @@ register(
             "{output} differs from the simulation by a smooth curve over {column} "
             "that is not the same in each experiment"
         ),
-        call="`CurveByExperiment(x, e)`",
         formula="eta + u_e(x); u_e Gaussian, covariance amplitude² exp(-distance²/(2 length²))",
         priors="length: log-uniform, 15 % to 100 % of the span; amplitude: log-uniform, 0.3 % to "
         "100 % of the spread of the output",

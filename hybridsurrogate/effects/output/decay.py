@@ -88,7 +88,6 @@ register(
             "{output} starts {amplitude:size} {amplitude:above|below} the "
             "simulation, and the gap dies away over {scale}"
         ),
-        call="`Decay(x)`",
         formula="eta + amplitude exp(-(x - origin) / scale); origin: smallest measured x",
         priors="scale: log-uniform, 2 spacings to the span",
         estimates="amplitude, scale",

@@ -204,7 +204,6 @@ register(
             "The simulation misses a smooth change of {output} that no cause of "
             "the catalogue explains"
         ),
-        call="`GaussianProcessDiscrepancy()`",
         formula="eta + a smooth curve over the inputs",
         priors="length scale on [-1, 1]: log-uniform, 0.15 (0.3 for several inputs) to 2",
         estimates="length_scale",

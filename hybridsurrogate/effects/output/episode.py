@@ -95,7 +95,6 @@ register(
             "From {column} = {location:place} to {end:place} {output} is {amplitude:size} "
             "{amplitude:above|below} the simulation"
         ),
-        call="`Episode(x)`",
         formula="eta, + amplitude from location to end",
         priors="location: uniform over the rows; length: log-uniform, a spacing (at most a "
         "twentieth of the span) to the distance of the last row",

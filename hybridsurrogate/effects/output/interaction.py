@@ -135,7 +135,6 @@ register(
         lacking=_lacking,
         like=("gain",),
         headline="The simulation misses that {target} act together on {output}",
-        call="`Interaction(x1, x2)`",
         formula="eta + slope (x1 - center1) (x2 - center2)",
         estimates="slope",
         left_out="the simulation has one input",

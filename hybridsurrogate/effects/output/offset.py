@@ -129,8 +129,6 @@ register(
         trouble=_trouble_on_log_scale,
         like=("trend", "gain"),
         headline=("{output} is {amplitude:size} {amplitude:above|below} the simulation everywhere"),
-        call="`Offset()`",
-        formula="eta + amplitude",
         priors="sd of the amplitude: as above, or a third of the mean distance of measured from "
         "simulated outputs where that is more",
         estimates="amplitude",

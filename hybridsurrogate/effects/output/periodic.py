@@ -151,7 +151,6 @@ register(
             "The simulation misses a cycle of {output}: {amplitude:around} with a period of "
             "{period}"
         ),
-        call="`Periodic(x)`",
         formula="eta + amplitude cos(2π (x - peak) / period)",
         priors="period: log-uniform, 2 spacings (a fifth of that in irregular rows, at least a "
         "2500th of the span) to 2 spans",

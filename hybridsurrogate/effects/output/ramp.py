@@ -75,8 +75,6 @@ register(
             "From {column} = {location:place} on {output} {slope:rises above|falls "
             "below} the simulation by {slope:size}"
         ),
-        call="`Ramp(x)`",
-        formula="eta + slope max(x - location, 0)",
         priors="location: uniform over the rows",
         estimates="location, slope",
         left_out="fewer than 6 distinct values",

@@ -91,7 +91,6 @@ register(
             "{output} {amplitude:rises above|falls below} the simulation over "
             "{column} and levels off"
         ),
-        call="`Saturation(x)`",
         formula="eta + amplitude (x - origin) / ((x - origin) + (half - origin))",
         priors="half - origin: log-uniform, one spacing to the span",
         estimates="amplitude, half (where half of it is reached)",

@@ -90,7 +90,6 @@ register(
             "At {column} = {location:place} {output} {amplitude:rises|falls} by "
             "{amplitude:size}, and the simulation does not"
         ),
-        call="`Step(x)`",
         formula="eta, + amplitude from location on",
         priors="location: uniform over the rows",
         estimates="location, amplitude",

@@ -145,7 +145,6 @@ register(
         least_distinct=3,
         like=("ramp", "saturation", "parameter-drift"),
         headline="{output} {slope:rises|falls} against the simulation by {slope:size}",
-        call="`Trend(x)`",
         formula="eta + level + slope (x - center)",
         estimates="slope, level",
         left_out="x has fewer than 3 distinct values",
@@ -174,7 +173,6 @@ register(
         meaning="the gap between measured and simulated {output} is nothing at the first {column} "
         "and grows steadily from there",
         least_distinct=3,
-        call="`TrendSinceStart(x)`",
         formula="eta + slope (x - first)",
         estimates="slope",
         left_out="x has fewer than 3 distinct values",

@@ -125,7 +125,6 @@ register(
         lacking=_lacking,
         like=("wrong-constant", "parameter-drift"),
         headline="The prior of {target} excludes the value that the data ask for",
-        call="`NarrowPrior(p)`",
         formula="eta(p = value), value outside the prior of p",
         priors="value: log-uniform from a tenth of the prior's lower end to ten times its upper "
         "one; uniform to five widths beyond where p is not positive",

@@ -295,7 +295,6 @@ register(
         lacking=_lacking,
         like=("trend", "gain"),
         headline="{target} changes over {column}, and the simulation keeps it constant",
-        call="`ParameterDrift(p, x)`",
         formula="eta(p + slope (x - center))",
         priors="slope: Cauchy, one prior sd of p over the span",
         estimates="slope",

@@ -92,7 +92,6 @@ register(
         lacking=_lacking,
         like=("gain", "parameter-drift"),
         headline="The assumed constant {target} is wrong: the data ask for {value}",
-        call="`WrongConstant(c)`",
         formula="eta(c = value)",
         priors="value: the prior given with `Assumed`",
         estimates="value",

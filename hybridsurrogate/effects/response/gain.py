@@ -110,8 +110,6 @@ register(
         meaning="measured {output} is a constant multiple of simulated {output}",
         like=("offset", "wrong-constant"),
         headline="{output} is {gain} times what the simulation gives",
-        call="`Gain()`",
-        formula="gain eta",
         priors="log gain: Laplace, scale 1/3, or a third of the log ratio of measured to simulated "
         "outputs where that exceeds 2",
         estimates="gain",

@@ -102,8 +102,6 @@ register(
         least_rows=8,
         like=("saturation", "response"),
         headline="{output} stops at {limit}, and the simulation goes beyond",
-        call="`Limit()`",
-        formula="min(eta, limit)",
         priors="limit: normal, mean and sd of the measured output",
         estimates="limit",
         left_out="fewer than 8 rows",

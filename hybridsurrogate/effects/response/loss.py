@@ -117,8 +117,6 @@ register(
         least_distinct=8,
         lacking=_lacking,
         headline="From {column} = {location:place} on {output} is lost, and the simulation has all",
-        call="`Loss(x)`",
-        formula="eta exp(-max(x - location, 0) / scale)",
         priors="location: uniform over the rows; scale: log-uniform, a spacing to five spans",
         estimates="location, scale",
         left_out="fewer than 8 distinct values; the output is logarithmic",

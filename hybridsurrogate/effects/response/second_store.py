@@ -139,7 +139,6 @@ register(
         lacking=_lacking,
         like=("saturation", "ramp"),
         headline="A part of {output} empties more slowly than in the simulation, over {scale}",
-        call="`SecondStore(x)`",
         formula="log(exp(eta) + size exp(-(x - origin) / scale)); origin: smallest measured x",
         priors="size: log-uniform, 0.03 to 30 times the geometric mean of the output; scale: "
         "log-uniform, a quarter of the span to four times it",

@@ -97,7 +97,6 @@ register(
         least_rows=8,
         like=("gain", "limit"),
         headline="{output} is not in proportion to what is simulated: its scale is bent",
-        call="`SensorResponse()`",
         formula="level + gain eta + curvature eta²",
         priors="in sd of the output, around its middle: level, curvature standard normal; log "
         "gain: Laplace, scale 1/3",
