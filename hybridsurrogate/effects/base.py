@@ -9,7 +9,7 @@ a limit, overrides ``response`` instead of ``gain``.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Self
+from typing import Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,11 @@ from sklearn.base import BaseEstimator
 
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.context import Context, Rows
-from hybridsurrogate.effects.expressions import in_latex, in_words, is_expression, sentence
+from hybridsurrogate.effects.expressions import Printer, in_latex, in_words, is_expression, sentence
 from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.types import FloatArray, Prior
+
+Act = Literal["inputs", "gain", "response", "noise", "outliers", "overdispersion"]
 
 # the name under which `Cause.noise` finds the simulation's output, where it asks for it
 SIMULATED = "simulated output"
@@ -79,8 +81,9 @@ class Cause(BaseEstimator):
     vectorised.
 
     Names, priors and coefficients are plain class attributes, because that is all that a
-    user-defined cause needs. Causes whose priors follow from their arguments override them by
-    properties, which type checkers reject without ``# type: ignore[override]``.
+    user-defined cause needs. Where target and priors are arguments, `Declared` says which; other
+    causes override them by properties, which type checkers reject without
+    ``# type: ignore[override]``.
 
     Examples
     --------
@@ -112,6 +115,12 @@ class Cause(BaseEstimator):
     hierarchy: tuple[str, str, tuple[str, ...]] | None = None
     follows_mean: bool = False
     follows_slope: tuple[str, float] | None = None
+    _overridden: ClassVar[frozenset[Act]] = frozenset()
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        acts = (act for act in get_args(Act) if getattr(cls, act) is not getattr(Cause, act))
+        cls._overridden = frozenset(acts)
 
     def prepare(self, context: Context) -> Cause:
         """Return the cause with every default filled in from the context.
@@ -334,9 +343,9 @@ class Cause(BaseEstimator):
         values : dict of name to float
             What ``estimates`` names, one number each.
         """
-        shown = self.shown()
-        if shown is not None and is_expression(shown):
-            return in_words(shown, values, self.extents)
+        text = self._printed(in_words, values)
+        if text is not None:
+            return text
         terms = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
         return f"simulation with {self.kind} ({terms})"
 
@@ -347,10 +356,18 @@ class Cause(BaseEstimator):
         ----------
         values : dict of name to float
         """
+        own = type(self).formula is not Cause.formula
+        text = None if own else self._printed(in_latex, values)
+        return sentence(self.formula(values)) if text is None else text
+
+    def _printed(self, printer: Printer, values: Mapping[str, float]) -> str | None:
         shown = self.shown()
-        if type(self).formula is Cause.formula and shown is not None and is_expression(shown):
-            return in_latex(shown, values, self.extents)
-        return sentence(self.formula(values))
+        if shown is None or not is_expression(shown):
+            return None
+        try:
+            return printer(shown, values, self.extents)
+        except (SyntaxError, KeyError):  # a user's, which only `to_python` has to read
+            return None
 
     def shown(self) -> Code | None:
         """Return the expression that a formula prints; by default that of ``code``."""
@@ -397,24 +414,20 @@ class Cause(BaseEstimator):
         return None
 
     @property
-    def moves_inputs(self) -> bool:
-        """Whether the simulation's inputs or parameters may differ between rows."""
-        return type(self).inputs is not Cause.inputs
+    def acts_on(self) -> frozenset[Act]:
+        """What the cause rewrites in addition to what it adds: the names of those methods.
+
+        "inputs": rows are simulated at other inputs or parameters; "gain": the simulated output has
+        a factor; "response": it becomes something else than itself times a factor; "noise":
+        its scale differs between rows; "outliers": it has heavy tails; "overdispersion": values
+        scatter more than a likelihood without a scale of the noise allows.
+        """
+        return self._overridden
 
     @property
     def touches_simulation(self) -> bool:
         """Whether the cause changes the simulation's output itself and does not only add to it."""
-        return self.moves_inputs or self.responds
-
-    @property
-    def responds(self) -> bool:
-        """Whether it makes something else of the simulated output: a factor on it, or more."""
-        return self.bends or type(self).gain is not Cause.gain
-
-    @property
-    def bends(self) -> bool:
-        """Whether what it makes of the simulated output is another thing than a factor on it."""
-        return type(self).response is not Cause.response
+        return not self.acts_on.isdisjoint(("inputs", "gain", "response"))
 
     @property
     def factorises(self) -> bool:
@@ -438,21 +451,6 @@ class Cause(BaseEstimator):
     def changes_output(self) -> bool:
         """Whether the extended simulation differs from the plain one: noise does not count."""
         return bool(self.coefficients) or self.touches_simulation
-
-    @property
-    def touches_noise(self) -> bool:
-        """Whether the cause changes the noise."""
-        return type(self).noise is not Cause.noise
-
-    @property
-    def has_outliers(self) -> bool:
-        """Whether the noise has heavy tails, so that rows are not Gaussian given the rest."""
-        return type(self).outliers is not Cause.outliers
-
-    @property
-    def overdisperses(self) -> bool:
-        """Whether values scatter more than a likelihood without a scale of the noise allows."""
-        return type(self).overdispersion is not Cause.overdispersion
 
     @property
     def variant(self) -> str:

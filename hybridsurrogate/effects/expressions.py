@@ -8,7 +8,7 @@ that matplotlib's mathtext reads too.
 from __future__ import annotations
 
 import ast
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -16,6 +16,7 @@ from hybridsurrogate.effects.code import Code, names_in
 from hybridsurrogate.effects.notation import digits_at, number, word
 
 Values = Mapping[str, float]
+Printer = Callable[[Code, Values, Mapping[str, float]], str]
 
 _DIGITS, _DIGITS_OF_PLACE, _DIGITS_OF_LEVEL = 4, 5, 12
 # how tightly a sum, a product and a power hold together

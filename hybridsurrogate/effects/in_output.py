@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows, Wrapped
+from hybridsurrogate.effects.base import Act, Cause, Context, FloatArray, Rows, Wrapped
 from hybridsurrogate.effects.code import Code, Tables
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.simulation.outputs import OUTPUT
@@ -63,7 +63,7 @@ class InOutput(Wrapped):
                 f"{', '.join(context.outputs) or 'none but one'}."
                 f"{did_you_mean(self.output, context.outputs)}"
             )
-        if self.cause.moves_inputs:
+        if "inputs" in self.cause.acts_on:
             raise ValueError(
                 f"The cause {self.cause.name!r} changes the simulation itself, and so all outputs: "
                 "give it without InOutput."
@@ -154,14 +154,9 @@ class InOutput(Wrapped):
         return scaled
 
     @property
-    def moves_inputs(self) -> bool:
-        """None: it would move all outputs."""
-        return False
-
-    @property
-    def overdisperses(self) -> bool:
-        """None: the scatter of all outputs has one size."""
-        return False
+    def acts_on(self) -> frozenset[Act]:
+        """What the cause does to one output alone: not inputs, nor the scatter of all counts."""
+        return self.cause.acts_on - {"inputs", "overdispersion"}
 
 
 def of_output(context: Context, position: int) -> Context:

@@ -59,5 +59,8 @@ def test_causes_share_the_axis_of_a_column():
 
 
 def test_an_axis_is_checked():
-    with pytest.raises(TypeError, match="axis of Trend must be an Axis"):
-        hs.PowerScaledSurrogate(None, effects=[hs.Trend("t", axis=3)]).fit([[1.0], [2.0]], [1, 2])
+    rows = [[1.0], [2.0]], [1, 2]
+    with pytest.raises(TypeError, match="axis of Trend must be an Axis of measured rows, got 3"):
+        hs.PowerScaledSurrogate(None, effects=[hs.Trend("t", axis=3)]).fit(*rows)
+    with pytest.raises(TypeError, match="measured of Limit must be an OutputScale"):
+        hs.PowerScaledSurrogate(None, effects=[hs.Limit(measured=3)]).fit(*rows)

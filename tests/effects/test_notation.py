@@ -182,6 +182,18 @@ def test_an_expression_may_hold_anything_of_python():
     assert parses(in_latex(code, {"a": 2.0}, {}))
 
 
+@pytest.mark.parametrize("expression", ["{size} +", "{size:.3f} * {x}"])
+def test_what_cannot_be_read_is_named_with_its_numbers(expression):
+    class Broken(hs.Cause):
+        kind = "broken"
+
+        def code(self):
+            return Code(expression, {"size": "{y}"}, {"x": "t_1"})
+
+    assert Broken().formula({"size": 0.5}) == "simulation with broken (size = 0.5)"
+    assert parses(Broken().latex({"size": 0.5}))
+
+
 def test_words_of_ones_own_are_kept():
     class Loud(Quench):
         def formula(self, values):
@@ -203,11 +215,11 @@ def python_of(text):
     return re.sub(r"(?<=[\w)]) (?=[A-Za-z(])", " * ", text.replace("^", "**"))
 
 
-@pytest.mark.parametrize("cause", CAUSES, ids=lambda cause: f"{cause!r}"[:60])
-def test_a_formula_of_what_is_added_is_the_curve(cause):
-    prepared = cause.prepare(CONTEXT)
-    if not prepared.coefficients or prepared.is_process:
-        pytest.skip("it adds no curve of a formula")
+ADDED = [one for one in (cause.prepare(CONTEXT) for cause in CAUSES) if one.coefficients]
+
+
+@pytest.mark.parametrize("prepared", [one for one in ADDED if not one.is_process], ids=repr)
+def test_a_formula_of_what_is_added_is_the_curve(prepared):
     rng = np.random.default_rng(3)
     theta = {k: prior.ppf(rng.uniform(0.2, 0.8, 1)) for k, prior in prepared.parameters.items()}
     coefficients = {k: rng.standard_normal(1) for k in prepared.coefficients}

@@ -164,7 +164,7 @@ def statistics(result: Search, responses: FloatArray) -> FloatArray:
     problem, null = result.problem, result.candidates[0]
     base = null.mode.z
     compared = [w for w in result.candidates if w.cause is None or not w.cause.is_screened]
-    others = [w for w in compared if w.cause is None or not w.cause.has_outliers]
+    others = [w for w in compared if w.cause is None or "outliers" not in w.cause.acts_on]
     evidence = []
     for w in others if len(others) > 1 else compared:
         z = w.grid.neutral.copy()

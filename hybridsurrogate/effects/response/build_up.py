@@ -8,7 +8,7 @@ import numpy as np
 from scipy import stats
 
 from hybridsurrogate.effects.axis import UNKNOWN, Axis
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows, quantiles
+from hybridsurrogate.effects.base import Act, Cause, Context, FloatArray, Rows, quantiles
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.over_column import FromOrigin
 from hybridsurrogate.effects.registry import Form, over_inputs, register
@@ -100,9 +100,9 @@ class BuildUp(FromOrigin):
         return simulated + np.log(share), np.ones_like(simulated)
 
     @property
-    def bends(self) -> bool:
-        """Not at all: either is a straight line over the simulated output."""
-        return False
+    def acts_on(self) -> frozenset[Act]:
+        """A factor: its logarithm, too, is a straight line over the simulated output."""
+        return frozenset({"gain"})
 
     def code(self) -> Code:
         """Return the cause as Python."""
@@ -148,7 +148,6 @@ register(
         headline=(
             "{output} builds up at the start, over {scale}, where the simulation has it at once"
         ),
-        call="`BuildUp(x)`",
         formula="eta (1 - exp(-x / scale))",
         priors="scale: log-uniform, a tenth of a spacing to half the span",
         estimates="scale",
