@@ -154,6 +154,5 @@ def _section(kind: str, pictures: dict[str, str], folder: str) -> str:
         "|---|---|---|---|---|",
     ]
     for form in forms:
-        cells = (form.call, form.formula, form.priors, form.estimates, form.left_out)
-        lines.append(f"| {' | '.join(cells)} |")
+        lines.append(f"| {' | '.join(form.cells)} |")
     return "\n".join([*lines, ""])

@@ -75,22 +75,22 @@ def _of_outputs(
 
     What moves the simulation's inputs or parameters concerns all, anything else one output.
     """
-    inside = [cause for cause in extra if isinstance(cause, InOutput)]
-    further = [cause for cause in extra if not isinstance(cause, InOutput)]
+    inside = [cause for cause in extra if cause.output is not None]
+    further = [cause for cause in extra if cause.output is None]
     shared, skipped = catalogue(of_all_outputs(context), further, excluded, alone)
-    causes = [cause for cause in shared if cause.moves_inputs]
+    causes = [cause for cause in shared if "inputs" in cause.acts_on]
     for position, name in enumerate(context.outputs):
-        here = [cause.cause for cause in inside if cause.output == name]
+        here = [cause.inner for cause in inside if cause.output == name]
         own, missing = catalogue(of_output(context, position), [*here, *further], excluded, alone)
         for cause in own:
-            if cause.has_outliers or cause.concerns == "data":
-                what = "outliers" if cause.has_outliers else "single rows"
+            if "outliers" in cause.acts_on or cause.concerns == "data":
+                what = "outliers" if "outliers" in cause.acts_on else "single rows"
                 reason = f"{what} are not compared in one of several outputs"
                 missing.append(Skipped(cause.kind, cause.target, reason))
-            elif cause.overdisperses:
+            elif "overdispersion" in cause.acts_on:
                 reason = "overdispersion is not compared in one of several outputs"
                 missing.append(Skipped(cause.kind, cause.target, reason))
-            elif not cause.moves_inputs:
+            elif "inputs" not in cause.acts_on:
                 causes.append(InOutput(cause, name, position, context.of_outputs[position].scale))
         skipped += [one for one in missing if one not in skipped]
     return causes, skipped
@@ -117,11 +117,11 @@ def _reason_to_skip(form: Form, cause: Cause, context: Context) -> str | None:
     n = len(next(iter(context.X.values())))
     if n < form.least_rows:
         return f"{n} rows are too few"
-    if cause.has_outliers and not context.gaussian:
+    if "outliers" in cause.acts_on and not context.gaussian:
         return "the likelihood is not normal, and outliers are part of it or impossible"
-    if cause.overdisperses and not context.overdisperses:
+    if "overdispersion" in cause.acts_on and not context.overdisperses:
         return "it is a scatter beyond that of a Poisson or binomial likelihood"
-    if cause.touches_noise and not (context.scales_noise or cause.overdisperses):
+    if "noise" in cause.acts_on and not (context.scales_noise or "overdispersion" in cause.acts_on):
         return "the likelihood has no scale of the noise that could change"
     if cause.modification is not None and context.states:
         distinct = len(np.unique(context.X[context.inputs[0]]))

@@ -11,6 +11,7 @@ from typing import Any
 from hybridsurrogate.arguments.description import described
 from hybridsurrogate.arguments.named import check_mapping, check_name
 from hybridsurrogate.arguments.scalars import as_real, check_flag, check_number
+from hybridsurrogate.effects.axis import Axis, OutputScale
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.priors import check_prior, check_priors
 
@@ -21,6 +22,13 @@ def _check_cause(value: Any, name: str) -> None:
     check_arguments(value)
 
 
+def _check_instance(value: Any, name: str, of: type) -> None:
+    if not isinstance(value, of):
+        raise TypeError(
+            f"{name} must be an {of.__name__} of measured rows, got {described(value)}."
+        )
+
+
 # by annotation; other annotations are checked by the cause
 _CHECKS: dict[str, Callable[[Any, str], Any]] = {
     "str": partial(check_name, example='"t"'),
@@ -29,6 +37,8 @@ _CHECKS: dict[str, Callable[[Any, str], Any]] = {
     "int": partial(check_number, kind=Integral),
     "bool": check_flag,
     "Cause": _check_cause,
+    "Axis": partial(_check_instance, of=Axis),
+    "OutputScale": partial(_check_instance, of=OutputScale),
     "Mapping[str, Prior]": check_priors,
     "Mapping[str, tuple[float, float]]": partial(
         check_mapping, entry="range", example='{"t": (0, 10)}'

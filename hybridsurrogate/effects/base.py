@@ -9,7 +9,7 @@ a limit, overrides ``response`` instead of ``gain``.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Self
+from typing import Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,11 @@ from sklearn.base import BaseEstimator
 
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.context import Context, Rows
-from hybridsurrogate.effects.notation import word
+from hybridsurrogate.effects.expressions import Printer, in_latex, in_words, is_expression, sentence
 from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.types import FloatArray, Prior
+
+Act = Literal["inputs", "gain", "response", "noise", "outliers", "overdispersion"]
 
 # the name under which `Cause.noise` finds the simulation's output, where it asks for it
 SIMULATED = "simulated output"
@@ -28,6 +30,11 @@ SLOPE = "slope of the simulated output"
 # that under which `Cause.columns` finds at which position, from 0, a row stands in its table
 ROW = "position of the row"
 NOISE_SD = "sd of the noise"
+
+
+def quantiles(prior: Prior, n: int) -> FloatArray:
+    """Return quantiles of a prior at the middles of n equal shares."""
+    return np.asarray(prior.ppf((np.arange(n) + 0.5) / n))
 
 
 class Cause(BaseEstimator):
@@ -45,6 +52,8 @@ class Cause(BaseEstimator):
         Names of the columns' coefficients, which are linear and integrated out exactly.
     coefficient_sd : float or None
         Their prior standard deviation on the scale of eta; None: three times its spread.
+    output : str or None
+        Of several outputs the one that it concerns; None: all of them, or the only one.
     meaning : str or None
         What the cause means for the one who wrote the simulation, for a report; None: as its kind.
     is_process : bool
@@ -72,8 +81,9 @@ class Cause(BaseEstimator):
     vectorised.
 
     Names, priors and coefficients are plain class attributes, because that is all that a
-    user-defined cause needs. Causes whose priors follow from their arguments override them by
-    properties, which type checkers reject without ``# type: ignore[override]``.
+    user-defined cause needs. Where target and priors are arguments, `Declared` says which; other
+    causes override them by properties, which type checkers reject without
+    ``# type: ignore[override]``.
 
     Examples
     --------
@@ -96,6 +106,7 @@ class Cause(BaseEstimator):
     parameters: Mapping[str, Prior] = {}
     coefficients: tuple[str, ...] = ()
     coefficient_sd: float | None = None
+    output: str | None = None
     meaning: str | None = None
     is_process: bool = False
     is_one_level: bool = False
@@ -104,6 +115,12 @@ class Cause(BaseEstimator):
     hierarchy: tuple[str, str, tuple[str, ...]] | None = None
     follows_mean: bool = False
     follows_slope: tuple[str, float] | None = None
+    _overridden: ClassVar[frozenset[Act]] = frozenset()
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        acts = (act for act in get_args(Act) if getattr(cls, act) is not getattr(Cause, act))
+        cls._overridden = frozenset(acts)
 
     def prepare(self, context: Context) -> Cause:
         """Return the cause with every default filled in from the context.
@@ -288,9 +305,8 @@ class Cause(BaseEstimator):
             and refines cells around nodes.
         """
         names = [name for name in self.parameters if name not in self.start()]
-        n = {0: 0, 1: 15, 2: 8}.get(len(names), 4)
-        share = (np.arange(n) + 0.5) / max(n, 1)
-        return {name: np.asarray(self.parameters[name].ppf(share)) for name in names}
+        n = {1: 15, 2: 8}.get(len(names), 4)
+        return {name: quantiles(self.parameters[name], n) for name in names}
 
     def start(self) -> dict[str, float]:
         """Return parameters that are sizes, and the values at which they change nothing.
@@ -318,24 +334,44 @@ class Cause(BaseEstimator):
         return {**theta, **coefficients}
 
     def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words, with numbers.
+        """Return the extended simulation in plain text, with numbers.
+
+        By default the expression of ``shown``; a cause that has none is named with its numbers.
 
         Parameters
         ----------
         values : dict of name to float
             What ``estimates`` names, one number each.
         """
+        text = self._printed(in_words, values)
+        if text is not None:
+            return text
         terms = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
         return f"simulation with {self.kind} ({terms})"
 
     def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX; by default the words of ``formula``.
+        """Return the extended simulation in LaTeX; the words of a ``formula`` that is overridden.
 
         Parameters
         ----------
         values : dict of name to float
         """
-        return word(self.formula(values))
+        own = type(self).formula is not Cause.formula
+        text = None if own else self._printed(in_latex, values)
+        return sentence(self.formula(values)) if text is None else text
+
+    def _printed(self, printer: Printer, values: Mapping[str, float]) -> str | None:
+        shown = self.shown()
+        if shown is None or not is_expression(shown):
+            return None
+        try:
+            return printer(shown, values, self.extents)
+        except (SyntaxError, KeyError):  # a user's, which only `to_python` has to read
+            return None
+
+    def shown(self) -> Code | None:
+        """Return the expression that a formula prints; by default that of ``code``."""
+        return self.code()
 
     def code(self) -> Code | None:
         """Return the cause as Python, for `DiscrepancyDiagnosis.to_python`.
@@ -343,6 +379,16 @@ class Cause(BaseEstimator):
         None: a module that is written takes the cause itself as an argument.
         """
         return None
+
+    @property
+    def inner(self) -> Cause:
+        """The cause itself: of one in one of several outputs the one that is in it."""
+        return self
+
+    @property
+    def unit_of_output(self) -> float:
+        """What one of its coefficients is in the user's units, before any logarithm."""
+        return 1.0
 
     @property
     def replaces(self) -> str | None:
@@ -358,29 +404,30 @@ class Cause(BaseEstimator):
         return (self.target,) if self.target else ()
 
     @property
+    def extents(self) -> Mapping[str, float]:
+        """How far measured rows reach along columns: a formula's places resolve that."""
+        return {}
+
+    @property
     def modification(self) -> Modification | None:
         """The change of an ODE's right-hand side whose numbers `inputs` sets, if there is one."""
         return None
 
     @property
-    def moves_inputs(self) -> bool:
-        """Whether the simulation's inputs or parameters may differ between rows."""
-        return type(self).inputs is not Cause.inputs
+    def acts_on(self) -> frozenset[Act]:
+        """What the cause rewrites in addition to what it adds: the names of those methods.
+
+        "inputs": rows are simulated at other inputs or parameters; "gain": the simulated output has
+        a factor; "response": it becomes something else than itself times a factor; "noise":
+        its scale differs between rows; "outliers": it has heavy tails; "overdispersion": values
+        scatter more than a likelihood without a scale of the noise allows.
+        """
+        return self._overridden
 
     @property
     def touches_simulation(self) -> bool:
         """Whether the cause changes the simulation's output itself and does not only add to it."""
-        return self.moves_inputs or self.responds
-
-    @property
-    def responds(self) -> bool:
-        """Whether it makes something else of the simulated output: a factor on it, or more."""
-        return self.bends or type(self).gain is not Cause.gain
-
-    @property
-    def bends(self) -> bool:
-        """Whether what it makes of the simulated output is another thing than a factor on it."""
-        return type(self).response is not Cause.response
+        return not self.acts_on.isdisjoint(("inputs", "gain", "response"))
 
     @property
     def factorises(self) -> bool:
@@ -406,21 +453,6 @@ class Cause(BaseEstimator):
         return bool(self.coefficients) or self.touches_simulation
 
     @property
-    def touches_noise(self) -> bool:
-        """Whether the cause changes the noise."""
-        return type(self).noise is not Cause.noise
-
-    @property
-    def has_outliers(self) -> bool:
-        """Whether the noise has heavy tails, so that rows are not Gaussian given the rest."""
-        return type(self).outliers is not Cause.outliers
-
-    @property
-    def overdisperses(self) -> bool:
-        """Whether values scatter more than a likelihood without a scale of the noise allows."""
-        return type(self).overdispersion is not Cause.overdispersion
-
-    @property
     def variant(self) -> str:
         """Which of several forms of the kind it is, in a word or two; "" for the plain one."""
         return ""
@@ -429,3 +461,65 @@ class Cause(BaseEstimator):
     def name(self) -> str:
         """The kind and, where there is one, the target."""
         return f"{self.kind}({self.target})" if self.target else self.kind
+
+
+class Declared(Cause):
+    """A cause whose target and priors are among its arguments.
+
+    Attributes
+    ----------
+    about : str
+        The argument that is the target; "": there is none.
+    unknowns : tuple of str
+        The arguments that are priors of its parameters.
+    """
+
+    about: str = ""
+    unknowns: tuple[str, ...] = ()
+
+    @property
+    def target(self) -> str | None:  # type: ignore[override]
+        """The input, parameter, constant or column concerned."""
+        return getattr(self, self.about) if self.about else None
+
+    @property
+    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
+        """The priors of what is unknown."""
+        return self.priors_by_name()
+
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the priors of what is unknown, by default those arguments."""
+        return {name: getattr(self, name) for name in self.unknowns}
+
+
+class Wrapped(Cause):
+    """A cause around another one: what it does not override is that of the other.
+
+    Parameters
+    ----------
+    cause : Cause
+    """
+
+    def __init__(self, cause: Cause):
+        self.cause = cause
+
+
+def _forwarded(name: str) -> property:
+    return property(lambda self: getattr(self.cause, name), doc="That of the cause.")
+
+
+for _name in vars(Cause).keys() - {"filled", "prepare", "output", "inner", "unit_of_output"}:
+    if not _name.startswith("_"):
+        setattr(Wrapped, _name, _forwarded(_name))
+
+
+class Nothing(Cause):
+    """No further cause: what later ones are compared with once one is accepted.
+
+    Examples
+    --------
+    >>> Nothing().coefficients, Nothing().parameters
+    ((), {})
+    """
+
+    kind = "none"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -83,6 +84,8 @@ class Code:
         ``(theta, coefficients) -> {name: array}``; means over draws.
     arguments : mapping of str to str
         What else the noise depends on, with words for it.
+    note : str
+        What a formula says in brackets of a number that replaces another.
     name : str
         Of the function; empty: that of the kind.
     output : str or None
@@ -109,5 +112,11 @@ class Code:
     grids: Mapping[str, tuple[float, float, int]] = field(default_factory=dict)
     tables: Tables | None = None
     arguments: Mapping[str, str] = field(default_factory=dict)
+    note: str = ""
     name: str = ""
     output: str | None = None
+
+
+def names_in(template: str) -> list[str]:
+    """Return the names in braces."""
+    return re.findall(r"(?<!\{)\{(\w+)\}", template)

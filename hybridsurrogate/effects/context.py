@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from hybridsurrogate.effects.axis import Axis, OutputScale
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.simulation.calendar import is_of_calendar
 from hybridsurrogate.types import FloatArray, Prior
@@ -159,6 +161,22 @@ class Context:
         # a heavy tail may have no standard deviation
         low, high = priors[quantity].ppf([0.16, 0.84])
         return float(high - low) / 2
+
+    def axis(self, column: str) -> Axis:
+        """Return where the measured rows lie along a column."""
+        if column not in self._axes:
+            self._axes[column] = Axis.of(self.column(column))
+        return self._axes[column]
+
+    @property
+    def measured(self) -> OutputScale:
+        """Where the measured output lies."""
+        simulated = self.location - self.distance
+        return OutputScale(self.location, self.scale, simulated, self.log_scale, self.unit)
+
+    @cached_property
+    def _axes(self) -> dict[str, Axis]:
+        return {}
 
     @property
     def sd_of_shift(self) -> float | None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-SIMULATION = r"\text{simulation}"
-
 # characters with a meaning in LaTeX; mathtext knows no braces or backslashes inside \text
 _IN_TEXT = {
     "\\": "/",
@@ -49,12 +47,6 @@ def number(value: float, digits: int = 4) -> str:
     return rf"{mantissa} \times 10^{{{int(exponent)}}}" if exponent else mantissa
 
 
-def signed(value: float, digits: int = 4) -> str:
-    """Return a number as a term of a sum: its sign, a space, its size."""
-    sign = "-" if math.copysign(1.0, value) < 0 else "+"
-    return f"{sign} {number(abs(value), digits)}"
-
-
 def digits_at(place: float, scale: float, least: int = 5) -> int:
     """Return the significant digits of a place that resolve it to a share of a scale.
 
@@ -71,33 +63,3 @@ def digits_at(place: float, scale: float, least: int = 5) -> int:
     if not 0 < size < math.inf or not math.isfinite(place):
         return least
     return least + math.floor(math.log10(max(abs(place) / size, 1.0)))
-
-
-def plus(value: float, digits: int = 4) -> str:
-    """Return a number with so many digits as a term of a sum in plain text.
-
-    Examples
-    --------
-    >>> from hybridsurrogate.effects.notation import plus
-    >>> plus(-0.02)
-    '- 0.02'
-    """
-    sign = "-" if math.copysign(1.0, value) < 0 else "+"
-    return f"{sign} {abs(value):.{digits}g}"
-
-
-def minus(column: str, value: float, digits: int = 5) -> str:
-    r"""Return how far a column is beyond a value, in brackets.
-
-    Examples
-    --------
-    >>> from hybridsurrogate.effects.notation import minus
-    >>> print(minus("t", -5))
-    \left(\text{t} + 5\right)
-    """
-    return rf"\left({word(column)} {signed(-value, digits)}\right)"
-
-
-def where(column: str, relation: str, value: float, digits: int = 5) -> str:
-    """Return the indicator of a condition on a column."""
-    return rf"\mathbf{{1}}_{{{word(column)} {relation} {number(value, digits)}}}"

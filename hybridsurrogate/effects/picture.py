@@ -34,12 +34,12 @@ def plot_cause(cause: Cause, context: Context, ax: Axes | None = None) -> Axes:
     ax = ax or Figure(figsize=(4.5, 2.8), layout="constrained").subplots()
     column = next((name for name in cause.reads if name in context.X), context.inputs[0])
     values = np.asarray(context.X[column])
-    if cause.follows_mean or cause.bends:
+    if cause.follows_mean or "response" in cause.acts_on:
         column, values = SIMULATED, context.location + context.scale * np.array([-2.0, 2.0])
     if cause.follows_slope:
         column = SLOPE
         values = 2 * np.max(np.abs(context.slopes[cause.follows_slope[0]])) * np.array([-1, 1])
-    if cause.has_outliers:
+    if "outliers" in cause.acts_on:
         column, values = "deviation, in sd of the other rows", np.array([-_FAR, _FAR])
     x = np.linspace(values.min(), values.max(), 300)
     # a column of levels is only known at its levels
@@ -74,15 +74,15 @@ def _shape(
 ) -> tuple[str, FloatArray]:
     """Return what a cause changes, in words, and by how much at some rows."""
     n = len(next(iter(rows.values())))
-    if cause.has_outliers:
+    if "outliers" in cause.acts_on:
         z = np.linspace(-_FAR, _FAR, n)
         return "log density of the noise", log_shape(z, np.asarray(cause.outliers(theta)))
     columns = cause.columns(rows, theta)
     if columns is not None:
         return "added to the simulation", columns @ weight
-    if cause.touches_noise:
+    if "noise" in cause.acts_on:
         return "factor on the noise", np.broadcast_to(cause.noise(rows, theta), n)
-    if cause.bends:
+    if "response" in cause.acts_on:
         changed = cause.response(rows[SIMULATED], rows, theta)
         assert changed is not None
         return "measured output", changed[0]

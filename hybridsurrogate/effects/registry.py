@@ -6,6 +6,8 @@ diagnosis, shown in reports and listed in the documentation because it registers
 
 from __future__ import annotations
 
+import inspect
+import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
@@ -14,6 +16,9 @@ from hybridsurrogate.registration import add, import_all
 
 # what may not be excluded: a curve of any shape is always compared
 _ALWAYS = "unexplained"
+# arguments that a cause needs, as the table writes them
+_SHORT = {"column": "x", "by": "e", "parameter": "p", "constant": "c", "quantity": "p"}
+_SHORT |= {"first": "x1", "second": "x2"}
 _ROOMS = ("output", "ignored", "response", "parameters", "inputs", "dynamics", "noise")
 
 
@@ -47,7 +52,7 @@ class Form:
     like : tuple of str
         Kinds whose curves it is easily taken for.
     call, formula, priors, estimates, left_out : str
-        Cells of the documentation's table.
+        Cells of the documentation's table; `cells` finds an empty call or formula in the class.
     """
 
     name: str
@@ -71,6 +76,26 @@ class Form:
     def kind(self) -> str:
         """The word by which reports call the kind."""
         return self.name.partition(": ")[0]
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """Call, formula, priors, estimates, and when it is left out."""
+        call, formula = self.call or _call_of(self.cause), self.formula or _formula_of(self.cause)
+        return call, formula, self.priors, self.estimates, self.left_out
+
+
+def _call_of(cause: type[Cause]) -> str:
+    """Return how a cause is made from names alone."""
+    arguments = inspect.signature(cause).parameters.values()
+    needed = [_SHORT.get(one.name, one.name) for one in arguments if one.default is one.empty]
+    return f"`{cause.__name__}({', '.join(needed)})`"
+
+
+def _formula_of(cause: type[Cause]) -> str:
+    """Return the first formula of a cause's docstring, as the table writes it."""
+    found = re.search(r"``([^`]*simulation[^`]*)``", cause.__doc__ or "")
+    text = " ".join(found[1].split()) if found else ""
+    return text.replace("simulation", "eta").replace("gain * eta", "gain eta").replace("^2", "²")
 
 
 FORMS: dict[str, Form] = {}
@@ -155,6 +180,5 @@ def table_of_causes() -> str:
         for form in sorted(forms, key=lambda form: form.name != kind):
             near = f" (near: {', '.join(form.like)})" if form.like else ""
             first = f"`{kind}`{near}" if form.name == kind else ""
-            cells = (form.call, form.formula, form.priors, form.estimates, form.left_out)
-            rows.append((first, *cells))
+            rows.append((first, *form.cells))
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)

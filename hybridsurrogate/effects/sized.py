@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, FloatArray, Rows
+from hybridsurrogate.effects.base import Cause, FloatArray, Rows, Wrapped
 from hybridsurrogate.priors import from_normal, frozen, to_normal
-from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.types import Prior
 
 
-class Sized(Cause):
+class Sized(Wrapped):
     """A prepared cause, its coefficients and slopes in units of one unknown size.
 
     The size, the root mean square of what the cause changes over the measured rows, is log-uniform
@@ -42,28 +42,14 @@ class Sized(Cause):
         rows: Rows,
         slopes: tuple[float, ...] = (),
     ):
-        self.cause = cause
+        super().__init__(cause)
         self.low = low
         self.high = high
         self.rows = rows
         self.slopes = slopes
 
     coefficient_sd = 1.0
-
-    @property
-    def kind(self) -> str:  # type: ignore[override]
-        """That of the cause."""
-        return self.cause.kind
-
-    @property
-    def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Those of the cause."""
-        return self.cause.coefficients
-
-    @property
-    def follows_mean(self) -> bool:  # type: ignore[override]
-        """As the cause."""
-        return self.cause.follows_mean
+    hierarchy = None
 
     @property
     def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
@@ -104,6 +90,18 @@ class Sized(Cause):
         """Return that of the cause."""
         return self.cause.noise(X, self._own(theta))
 
+    def start(self) -> dict[str, float]:
+        """Return nothing: displacements are in units of the size."""
+        return {}
+
+    def grid(self) -> dict[str, FloatArray]:
+        """Return quantiles of the priors in these units."""
+        return Cause.grid(self)
+
+    def rows_of(self, X: Rows) -> dict[str, NDArray[np.bool_]]:
+        """Return nothing: the size concerns all rows."""
+        return {}
+
     def columns(self, X: Rows, theta: Rows) -> FloatArray | None:
         """Return the cause's columns in units of the size."""
         own = self._own(theta)
@@ -125,32 +123,10 @@ class Sized(Cause):
         rms = np.sqrt(np.maximum(mean_square, np.finfo(float).tiny))
         return columns * (size[:, None] / rms[draw])
 
-    @property
-    def modification(self) -> Modification | None:
-        """That of the cause."""
-        return self.cause.modification
+    def factors(self, X: Rows, theta: Rows) -> None:
+        """Return None: a column in units of the size is no product."""
 
     @property
-    def moves_inputs(self) -> bool:
-        """As the cause."""
-        return self.cause.moves_inputs
-
-    @property
-    def touches_simulation(self) -> bool:
-        """As the cause."""
-        return self.cause.touches_simulation
-
-    @property
-    def responds(self) -> bool:
-        """As the cause."""
-        return self.cause.responds
-
-    @property
-    def bends(self) -> bool:
-        """As the cause."""
-        return self.cause.bends
-
-    @property
-    def touches_noise(self) -> bool:
-        """As the cause."""
-        return self.cause.touches_noise
+    def factorises(self) -> bool:
+        """No."""
+        return False

@@ -86,7 +86,7 @@ class CausesOnRows:
     @property
     def touches_noise(self) -> bool:
         """Whether the noise differs between rows."""
-        return self.has_row_noise or any(effect.touches_noise for effect in self.effects)
+        return self.has_row_noise or any("noise" in effect.acts_on for effect in self.effects)
 
     @property
     def _by_position(self) -> bool:
@@ -225,7 +225,7 @@ class CausesOnRows:
 
     def outlier_share(self, values: FloatArray) -> FloatArray | None:
         """Return the share of rows that are outliers for draws of `values`, (J,), or None."""
-        if not any(effect.has_outliers for effect in self.effects):
+        if not any("outliers" in effect.acts_on for effect in self.effects):
             return None
         rest = np.ones(len(values))
         for effect, own in zip(self.effects, self.theta(values), strict=True):
@@ -247,7 +247,7 @@ class CausesOnRows:
         return Contaminated(likelihood, share[:, None])
 
     def _overdispersed(self, likelihood: Likelihood, values: FloatArray) -> Likelihood | None:
-        if not any(effect.overdisperses for effect in self.effects):
+        if not any("overdispersion" in effect.acts_on for effect in self.effects):
             return None
         squares = np.zeros(len(values))
         for effect, own in zip(self.effects, self.theta(values), strict=True):

@@ -246,7 +246,7 @@ class MeasuredModel(CausesOnRows):
     ) -> tuple[FloatArray, FloatArray]:
         """Return known and features at the inputs and parameters that causes may have moved."""
         J, n, by_row = len(values), len(X), self.basis.known_depends_on_hyper
-        if not by_row and not any(effect.moves_inputs for effect in self.effects):
+        if not by_row and not any("inputs" in effect.acts_on for effect in self.effects):
             return self._unchanged(X, values, c)
         inputs, points = self._places(rows, omega, theta)
         if c is not None and not by_row:
@@ -279,7 +279,7 @@ class MeasuredModel(CausesOnRows):
     @property
     def _responds(self) -> bool:
         """Whether a cause makes something else of the simulated output."""
-        return any(effect.responds for effect in self.effects)
+        return any({"gain", "response"} & effect.acts_on for effect in self.effects)
 
     def places(self, X: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return inputs and parameters (J n, ...) at which the simulation is evaluated."""
@@ -295,7 +295,7 @@ class MeasuredModel(CausesOnRows):
         rows, omega, theta = self.rows(X, values)
         inputs, points = self._places(rows, omega, theta)
         output = np.zeros(len(X))  # the slope of a factor is the same everywhere
-        if any(effect.bends for effect in self.effects):
+        if any("response" in effect.acts_on for effect in self.effects):
             known, many = self._moved(X, values, None, rows, omega, theta, 1)
             features, output = many[0], (known + many @ self._reference)[0]
         else:
@@ -316,7 +316,7 @@ class MeasuredModel(CausesOnRows):
     def _only_added(self) -> bool:
         """Whether causes leave simulation and noise as they are."""
         return not self.has_row_noise and not any(
-            e.touches_simulation or e.touches_noise for e in self.effects
+            e.touches_simulation or "noise" in e.acts_on for e in self.effects
         )
 
     def factors(self, X: FloatArray, values: FloatArray) -> Factors | None:

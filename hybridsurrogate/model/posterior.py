@@ -168,7 +168,9 @@ class Posterior:
 
     def _eta(self, X: FloatArray) -> tuple[FloatArray, FloatArray]:
         factors = self.model.factors(X, self.values)
-        if self.coefficients.shape[1] and any(effect.bends for effect in self.model.effects):
+        if self.coefficients.shape[1] and any(
+            "response" in effect.acts_on for effect in self.model.effects
+        ):
             # no linear function of the coefficients: as the draws are known it need not be one
             eta, noise = self.model.outputs(X, self.values, self.coefficients)
         elif factors is None:

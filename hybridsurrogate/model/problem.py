@@ -113,7 +113,7 @@ class Problem:
     def collapses(self) -> bool:
         """Whether the coefficients are Gaussian given everything else."""
         linear = not self.model.basis.known_depends_on_hyper
-        linear &= not any(effect.has_outliers for effect in self.model.effects)
+        linear &= not any("outliers" in effect.acts_on for effect in self.model.effects)
         return linear and self.likelihood.gaussian
 
     def with_noise(self, X: FloatArray) -> FloatArray:
@@ -265,11 +265,11 @@ def make_problem(
         raise ValueError(
             f"A cause needs {error}; there are {there}.{did_you_mean(name, there)}"
         ) from error
-    if any(effect.has_outliers for effect in effects):
+    if any("outliers" in effect.acts_on for effect in effects):
         _check_outliers(likelihood)
-    if any(effect.overdisperses for effect in effects):
+    if any("overdispersion" in effect.acts_on for effect in effects):
         _check_overdispersed(likelihood)
-    if model.noise_follows or any(effect.bends for effect in effects):
+    if model.noise_follows or any("response" in effect.acts_on for effect in effects):
         model = replace(model, reference=_reference(basis, domain, run_weights))
     kept, run_statistics = None, None
     if runs is not None and run_eta is not None and trained and not basis.holds_runs:

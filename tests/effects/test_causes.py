@@ -13,6 +13,7 @@ from tide import CASES, FRAME, SIMULATOR, context_of, plain, prepared, problem_o
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.answers.extension import extend_simulator
+from hybridsurrogate.effects.axis import Axis
 from hybridsurrogate.effects.picture import plot_cause
 
 # --------------------------------------------------------------------- formulas, by hand
@@ -250,7 +251,7 @@ def test_a_diagnosis_whose_cause_reads_an_extra_extends_with_it():
     extended = extend_simulator(SIMULATOR, drift, problem)
     assert extended.input_names == ("t", "dose", "wind")
     assert extended.input_ranges["wind"] == pytest.approx((wind.min(), wind.max()))
-    row = np.array([[np.pi / 2, 0.0, drift.center + 1]])
+    row = np.array([[np.pi / 2, 0.0, drift.pivot + 1]])
     assert extended(row, [[3.0, 0.5, 0.25]])[0] == pytest.approx(10 + 3.25)
 
 
@@ -258,7 +259,7 @@ def test_a_diagnosis_whose_cause_reads_an_extra_extends_with_it():
 def test_the_formula_of_a_wave_is_its_curve(harmonics):
     """With numbers for everything in it, so that it can be drawn."""
     cause = hs.Periodic(
-        "t", period=stats.uniform(1, 9), harmonics=harmonics, center=50.0, span=30.0
+        "t", period=stats.uniform(1, 9), harmonics=harmonics, axis=Axis.of([35.0, 65.0])
     )
     rng = np.random.default_rng(0)
     coefficients = {name: np.array([rng.standard_normal()]) for name in cause.coefficients}
@@ -273,7 +274,7 @@ def test_the_formula_of_a_wave_is_its_curve(harmonics):
 
 def test_one_peak_is_told_in_all_draws():
     """Where draws lie on both sides of the seam half a period from the middle."""
-    cause = hs.Periodic("t", period=stats.uniform(1, 9), center=50.0, span=30.0)
+    cause = hs.Periodic("t", period=stats.uniform(1, 9), axis=Axis.of([35.0, 65.0]))
     angle = np.pi + np.array([-0.1, 0.1, -0.05, 0.05])
     pair = {"sine": np.sin(angle), "cosine": np.cos(angle)}
     peak = cause.estimates({"period": np.full(4, 4.0)}, pair)["peak"]

@@ -9,6 +9,7 @@ from scipy import integrate, stats
 import hybridsurrogate as hs
 from hybridsurrogate.catalogue import catalogue
 from hybridsurrogate.diagnosis.answers.table import form_of
+from hybridsurrogate.effects.axis import OutputScale
 from hybridsurrogate.effects.picture import plot_cause
 from hybridsurrogate.likelihoods import Contaminated, Normal
 from hybridsurrogate.likelihoods.contaminated import log_shape, precision_at
@@ -40,7 +41,7 @@ def test_noise_that_follows_the_output_by_hand():
     context = problem_of(np.arange(3.0)[:, None], np.array([2.0, 4.0, 6.0]))[1]
     cause = hs.NoiseOfMean().prepare(context)
     size = np.sqrt(56 / 3)
-    assert cause.size == pytest.approx(size)
+    assert cause.measured.size == pytest.approx(size)
     factor = cause.noise({hs.SIMULATED: np.array([0.0, -size])}, {"exponent": np.array(0.5)})
     np.testing.assert_allclose(factor, [np.sqrt(0.05), (1 + 1 / 400) ** 0.25])
     # an output that moves by a small share of its size: the exponent may be as much larger
@@ -51,7 +52,7 @@ def test_noise_that_follows_the_output_by_hand():
 
 
 def test_noise_that_follows_a_logarithmic_output():
-    cause = hs.NoiseOfMean(center=2.0, size=3.0, spread=1.0, log_scale=True).prepare(None)
+    cause = hs.NoiseOfMean(measured=OutputScale(2.0, spread=1.0, is_log=True)).prepare(None)
     factor = cause.noise({hs.SIMULATED: np.array([2.0, 3.0])}, {"exponent": -0.5})
     np.testing.assert_allclose(factor, [1, np.exp(-0.5)])
 

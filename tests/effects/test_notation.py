@@ -9,7 +9,9 @@ from scipy import stats
 
 import hybridsurrogate as hs
 from hybridsurrogate.effects.base import Context
-from hybridsurrogate.effects.notation import minus, number, signed, word
+from hybridsurrogate.effects.code import Code
+from hybridsurrogate.effects.expressions import in_latex, in_words
+from hybridsurrogate.effects.notation import number, word
 
 T = np.linspace(0, 12, 24)
 CONTEXT = Context(
@@ -126,9 +128,7 @@ def test_causes_inside_the_dynamics(cause, values):
 def test_signs_and_exponents():
     assert number(123456.0) == r"1.235 \times 10^{5}"
     assert number(-0.5) == "-0.5"
-    assert signed(-2.0) == "- 2"
-    assert signed(3e-7) == r"+ 3 \times 10^{-7}"
-    assert minus("t", 2.0) == r"\left(\text{t} - 2\right)"
+    assert number(3e-7) == r"3 \times 10^{-7}"
     assert parses(number(np.inf))
     assert parses(number(np.nan))
 
@@ -148,3 +148,87 @@ def test_a_mechanism_of_ones_own_is_written_in_words():
     assert parses(latex)
     assert "0.25" in latex
     assert r"air\_drag" in latex
+
+
+class Quench(hs.Cause):
+    """A cause that a user wrote as an expression alone."""
+
+    kind = "quench"
+
+    def code(self):
+        return Code(
+            "-{size} * {u} ** 2 / (1 + np.abs({u})) + {rest} * ({x} >= {start})",
+            {"size": "{y}", "rest": "{y}"},
+            {"x": "t_1"},
+            {"start": 4.0},
+            steps={"u": "{x} - {start}"},
+        )
+
+
+def test_a_cause_of_ones_own_is_written_as_its_expression():
+    values = {"size": 0.5, "rest": -1.25}
+    expected = "simulation - 0.5 (t_1 - 4)^2 / (1 + |t_1 - 4|) - 1.25 where t_1 >= 4"
+    assert Quench().formula(values) == expected
+    latex = Quench().latex(values)
+    assert parses(latex)
+    assert r"\frac{0.5 \, \left(\text{t\_1} - 4\right)^{2}}{1 + |\text{t\_1} - 4|}" in latex
+    assert latex.endswith(r"- 1.25 \, \mathbf{1}_{\text{t\_1} \geq 4}")
+
+
+def test_an_expression_may_hold_anything_of_python():
+    code = Code("{a} * np.where({x} % 2 == 1, {x}[0], np.sinc({x}))", {"a": "{y}"}, {"x": "t"})
+    text = in_words(code, {"a": 2.0}, {})
+    assert text == "simulation + 2 where(x % 2 = 1, x[0], sinc(t))"
+    assert parses(in_latex(code, {"a": 2.0}, {}))
+
+
+@pytest.mark.parametrize("expression", ["{size} +", "{size:.3f} * {x}"])
+def test_what_cannot_be_read_is_named_with_its_numbers(expression):
+    class Broken(hs.Cause):
+        kind = "broken"
+
+        def code(self):
+            return Code(expression, {"size": "{y}"}, {"x": "t_1"})
+
+    assert Broken().formula({"size": 0.5}) == "simulation with broken (size = 0.5)"
+    assert parses(Broken().latex({"size": 0.5}))
+
+
+def test_words_of_ones_own_are_kept():
+    class Loud(Quench):
+        def formula(self, values):
+            return "simulation, and louder"
+
+    class Loudest(Loud):
+        def latex(self, values):
+            return r"\text{loud}"
+
+    assert Loud().latex({}) == r"\text{simulation}, \quad \text{and louder}"
+    assert Loudest().latex({}) == r"\text{loud}"
+
+
+def python_of(text):
+    """Return a formula in words as Python, so that it can be evaluated."""
+    text = re.sub(r" where (\S+) <= (\w+) < ([^,]+)", r" * ((\1 <= \2) & (\2 < \3))", text)
+    text = re.sub(r" where (\w+) (>=|<) ([^,]+)", r" * (\1 \2 \3)", text)
+    text = re.sub(r" where (\w+) = ([^,]+),?", r" * (\1 == \2)", text)
+    return re.sub(r"(?<=[\w)]) (?=[A-Za-z(])", " * ", text.replace("^", "**"))
+
+
+ADDED = [one for one in (cause.prepare(CONTEXT) for cause in CAUSES) if one.coefficients]
+
+
+@pytest.mark.parametrize("prepared", [one for one in ADDED if not one.is_process], ids=repr)
+def test_a_formula_of_what_is_added_is_the_curve(prepared):
+    rng = np.random.default_rng(3)
+    theta = {k: prior.ppf(rng.uniform(0.2, 0.8, 1)) for k, prior in prepared.parameters.items()}
+    coefficients = {k: rng.standard_normal(1) for k in prepared.coefficients}
+    values = {k: float(v[0]) for k, v in prepared.estimates(theta, coefficients).items()}
+    each = {name: np.repeat(value, len(T)) for name, value in theta.items()}
+    expected = prepared.columns(CONTEXT.X, each) @ np.concatenate([*coefficients.values()])
+    functions = {"exp": np.exp, "cos": np.cos, "sign": np.sign, "max": np.maximum, "pi": np.pi}
+    rows = {"t_1": T, "wind": CONTEXT.X["wind 50%"], "simulation": 0.0}
+    text = python_of(prepared.formula(values).replace("wind 50%", "wind"))
+    np.testing.assert_allclose(
+        eval(text, functions, rows), expected, atol=2e-3 * np.abs(expected).max()
+    )

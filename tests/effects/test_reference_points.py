@@ -111,7 +111,7 @@ def test_numbers_of_batches_whose_mean_is_not_zero():
     best = found.best_cause_
     assert found.extended_estimator_.effects[0].variant == "categorical with offset"
     assert [mean for mean, *_ in best.estimates.values()] == pytest.approx([0.2, 0.5, 0.8], abs=0.1)
-    assert re.fullmatch(r"simulation, and \+0\.\d+ where z = 0, .*where z = 2", best.formula)
+    assert re.fullmatch(r"simulation \+ 0\.\d+ where z = 0, .*where z = 2", best.formula)
     rows = pd.DataFrame({"t": [1.0, 1.0], "z": [0.0, 2.0]})
     assert np.diff(found.predict(rows)) == pytest.approx(0.6, abs=0.12)
 
@@ -167,9 +167,8 @@ def test_a_jump_that_ends():
     rows = {"t": np.array([1.0, 4.0])}
     assert before.columns(rows, {"location": 2.5}).ravel().tolist() == [-1, 0]
     prepared = before.prepare(Context({"t": T}, 1, {}, {}, 1.0))
-    assert (
-        prepared.formula({"location": 2.5, "amplitude": 1}) == "simulation, and before t = 2.5 -1"
-    )
+    formula = prepared.formula({"location": 2.5, "amplitude": 1})
+    assert formula == "simulation - 1 where t < 2.5"
     assert "< 2.5" in prepared.latex({"location": 2.5, "amplitude": 1})
 
 

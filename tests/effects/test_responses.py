@@ -7,6 +7,7 @@ from tide import context_of
 
 import hybridsurrogate as hs
 from hybridsurrogate.catalogue import catalogue
+from hybridsurrogate.effects.axis import OutputScale
 
 LIMIT = 12.0
 
@@ -125,7 +126,7 @@ def test_counts_that_are_cut_off():
 
 def test_numbers_of_a_bent_sensor_are_those_of_its_parabola():
     """Of a second output in other units: its response at any output, by hand."""
-    bent = hs.SensorResponse(center=3.0, scale=2.0, unit=50.0)
+    bent = hs.SensorResponse(OutputScale(spread=2.0, simulated=3.0, unit=50.0))
     theta = {"level": np.array([0.3]), "gain": np.array([0.8]), "curvature": np.array([-0.05])}
     told = {name: values[0] for name, values in bent.estimates(theta, {}).items()}
     for eta in (-1.0, 0.0, 2.5, 7.0):
@@ -169,7 +170,7 @@ def test_a_build_up_of_a_logarithmic_output_is_the_same_factor():
 
 def test_a_second_store_is_added_to_the_output_itself():
     tissue = hs.SecondStore("t").prepare(context_of(likelihood="lognormal"))
-    rows = {"t": tissue.origin + np.array([0.0, 2.0, 8.0])}
+    rows = {"t": tissue.pivot + np.array([0.0, 2.0, 8.0])}
     theta = {"size": np.full(3, 0.5), "scale": np.full(3, 4.0)}
     simulated = np.array([3.0, 1.0, 0.1])
     total = simulated + 0.5 * np.exp(-np.array([0.0, 2.0, 8.0]) / 4)

@@ -13,7 +13,6 @@ import pytest
 import hybridsurrogate as hs
 from hybridsurrogate import (
     datasets,
-    effects,
     estimators,
     likelihoods,
     plotting,
@@ -25,12 +24,11 @@ from hybridsurrogate.effects.registry import classes
 ROOT = Path(hs.__file__).parent
 SCRIPT = Path(__file__).parents[1] / "typing" / "user_script.py"
 REGISTERED = {
-    effects: set(classes()),
     likelihoods: {type(one).__name__ for one in likelihoods.LIKELIHOODS.values()},
     surrogates: {type(one).__name__ for one in surrogates.SURROGATES.values()},
 }
-REGISTERED[hs] = set().union(*REGISTERED.values())
-ROOMS = (hs, datasets, effects, estimators, likelihoods, plotting, scoring, surrogates)
+REGISTERED[hs] = set(classes()).union(*REGISTERED.values())
+ROOMS = (hs, datasets, estimators, likelihoods, plotting, scoring, surrogates)
 
 
 def names_in(room):

@@ -51,7 +51,7 @@ def test_the_truth_is_recovered(fits, name):
         assert high - low < 2 * abs(truth) + 0.5
     means = {key: float(np.mean(draws)) for key, draws in estimates.items()}
     words = model.posterior_.model.effects[0].formula(means)
-    assert words.startswith(("simulation", "1.", "0.9"))
+    assert words.startswith(("simulation", "1.", "0.9", "min(simulation, ", "max(simulation, "))
     assert "{" not in words
 
 

@@ -9,7 +9,6 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.dynamics.dynamic import Dynamic
-from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.simulation.simulator import Simulator
@@ -89,7 +88,7 @@ def extend_simulator(simulator: Simulator, cause: Cause, problem: Problem) -> Si
     theta_names = {name: public(name) for name in cause.parameters}
     coefficient_names = {name: public(name) for name in cause.coefficients}
     # a cause in one of several outputs knows it in units of its standard deviation
-    unit = (cause.scale if isinstance(cause, InOutput) else None) or 1.0
+    unit = cause.unit_of_output
     sd = unit * (cause.coefficient_sd or problem.model.default_sd)
     parameters = {
         **simulator.parameters,

@@ -148,7 +148,7 @@ def _leaves_noise(w: Candidate) -> bool:
     cause = w.cause
     if cause is None:
         return True
-    return cause.changes_output and not cause.is_process and not cause.touches_noise
+    return cause.changes_output and not cause.is_process and "noise" not in cause.acts_on
 
 
 def exact(result: Search) -> list[Caution]:

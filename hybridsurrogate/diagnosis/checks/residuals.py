@@ -66,7 +66,7 @@ def check_residuals(result: Search, w: Candidate) -> ResidualCheck | None:
     w : Candidate
         Of its candidates.
     """
-    if result.problem.working_point is not None or (w.cause and w.cause.has_outliers):
+    if result.problem.working_point is not None or (w.cause and "outliers" in w.cause.acts_on):
         return None
     left = _left(result, w)
     X, columns = result.problem.X, result.problem.model.columns

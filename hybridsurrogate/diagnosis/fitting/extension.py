@@ -16,7 +16,6 @@ from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans
 from hybridsurrogate.diagnosis.validation.refit import accepted, extended, extended_simulator
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.estimators.averaged import AveragedSurrogate, leading
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import ConfoundingWarning
@@ -65,7 +64,7 @@ def extend(
             for k, step in enumerate(steps)
         ),
         discrepancies=bands,
-        discrepancy=bands[first.output if isinstance(first, InOutput) else outputs[0]],
+        discrepancy=bands[(first and first.output) or outputs[0]],
         confounded=table,
         at_prior_end=_at_prior_end(causes, before, found, conclusion.verdict),
         beta_scans=BetaScans((before, found), *kept, n_jobs, weights),

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import special
 
-from hybridsurrogate.effects.nothing import Nothing
+from hybridsurrogate.effects.base import Nothing
 from hybridsurrogate.inference.conjugate.noise_marginal import KnownNoise, LogMarginal, NoiseTable
 from hybridsurrogate.inference.evidence.grid import Grid, best_levels, make_grid, refine, with_cells
 from hybridsurrogate.inference.evidence.linearised import (

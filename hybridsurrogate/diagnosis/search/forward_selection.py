@@ -17,8 +17,7 @@ from hybridsurrogate.diagnosis.search.noise_of_outputs import at_best_noise
 from hybridsurrogate.diagnosis.search.null_test import NullTest, evidence_bound, null_test
 from hybridsurrogate.diagnosis.search.processes import with_processes
 from hybridsurrogate.diagnosis.search.search import Search, search
-from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.effects.nothing import Nothing
+from hybridsurrogate.effects.base import Cause, Nothing
 from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.model.observation import MeasuredModel
@@ -364,7 +363,7 @@ def _others(causes: Sequence[Cause], chosen: Candidate) -> list[Cause]:
 def ends_search(candidate: Candidate) -> bool:
     """Return whether nothing is searched for in addition to a cause."""
     cause = candidate.cause
-    if cause is None or cause.has_outliers:  # with outliers there is no closed form
+    if cause is None or "outliers" in cause.acts_on:  # with outliers there is no closed form
         return True
     # a curve or path of any shape explains all else, a parameter that differs does not
     return cause.is_process and cause.hierarchy is None

@@ -165,7 +165,7 @@ def statistics(result: Search, responses: FloatArray) -> FloatArray:
     null = result.candidates[0].fit
     base = null.mode.z
     compared = [w for w in result.candidates if w.cause is None or not w.cause.is_screened]
-    others = [w for w in compared if w.cause is None or not w.cause.has_outliers]
+    others = [w for w in compared if w.cause is None or "outliers" not in w.cause.acts_on]
     evidence = []
     for w in others if len(others) > 1 else compared:
         model, grid = w.fit.model, w.fit.grid

@@ -132,7 +132,7 @@ def _moves(parts: Parts, now: dict[str, str]) -> list[str]:
             now[of] = parts.names.new(f"run_{parts.ids[of]}")
         lines.append(call(part.function, given, f"{now[of]} = "))
     for one, name, numbers in parts.own:
-        if one.cause.moves_inputs:
+        if "inputs" in one.cause.acts_on:
             lines += _moves_of_own(parts, now, name, one, numbers)
     return lines
 
@@ -245,7 +245,7 @@ def _changed_by_own(
     lines = [f"    columns, numbers = {dict_of(parts.columns)}, {_theta(one, numbers)}"]
     of_rows = f"np.full(len({var}), value) for key, value in numbers.items()"
     lines.append(f"    numbers = {{key: {of_rows}}}")
-    if one.cause.responds:
+    if {"gain", "response"} & one.cause.acts_on:
         scaled = (var, "") if unit == 1.0 else (f"{var} / {unit!r}", f"{unit!r} * ")
         changed = f"{scaled[1]}{name}.response({scaled[0]}, columns, numbers)[0]"
         lines.append(f"    {var} = {changed}")

@@ -14,6 +14,9 @@ HELPERS = {
     if not isinstance(values, tuple | list):
         values = np.moveaxis(np.asarray(values), axis, 0)
     return dict(zip(OUTPUTS, values, strict=True))''',
+    "logistic": '''def logistic(x):
+    """Return 1 / (1 + exp(-x)), which does not overflow here."""
+    return (1 + np.tanh(x / 2)) / 2''',
     "each_row": '''def each_row(simulation, **values):
     """Run a simulation that takes numbers once for each row."""
     rows_of = zip(*(np.ravel(value).tolist() for value in values.values()), strict=True)

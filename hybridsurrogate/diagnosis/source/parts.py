@@ -20,11 +20,10 @@ from hybridsurrogate.diagnosis.source.text import (
     tuple_of,
 )
 from hybridsurrogate.effects.base import Cause, Rows
-from hybridsurrogate.effects.code import Code, Table
+from hybridsurrogate.effects.code import Code, Table, names_in
 from hybridsurrogate.effects.dynamics.dynamic_delay import DynamicDelay
 from hybridsurrogate.effects.dynamics.dynamic_drift import DynamicDrift
 from hybridsurrogate.effects.dynamics.dynamic_term import DynamicTerm
-from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.numerics.digits import interval
 from hybridsurrogate.ode.dynamics import DelayedState, MissingTerm, TimeVaryingParameter
 from hybridsurrogate.ode.simulator import OdeSimulator
@@ -177,7 +176,7 @@ class Parts:
 
     def function_name(self, cause: Cause, wanted: str, numbers: Iterable[str]) -> str:
         """Return a name for a cause's function that none of its numbers has."""
-        inner = cause.cause if isinstance(cause, InOutput) else cause
+        inner = cause.inner
         plain = re.sub(r"\W", "_", wanted)
         if plain in numbers:
             plain = f"{plain}_effect"
@@ -189,9 +188,7 @@ class Parts:
 
     def _own(self, one: FittedCause) -> tuple[FittedCause, str, dict[str, str]]:
         numbers: dict[str, str] = {}
-        inner, output, scale = one.cause, "", 1.0
-        if isinstance(inner, InOutput):
-            inner, output, scale = inner.cause, inner.output, float(inner.scale or 1.0)
+        inner, output, scale = one.cause.inner, one.cause.output, one.cause.unit_of_output
         sized = {name: scale * draws for name, draws in one.coefficients.items()}
         one = FittedCause(inner, one.theta, sized)
         self._heading(one.cause)
@@ -266,8 +263,7 @@ class Parts:
 
 def code_of(cause: Cause) -> Code | None:
     """Return the code of a cause; None for a user's, and where a subclass does something else."""
-    inner = cause.cause if isinstance(cause, InOutput) else cause
-    order = type(inner).__mro__
+    order = type(cause.inner).__mro__
     places = {
         name: next(k for k, one in enumerate(order) if name in vars(one))
         for name in ("code", *_REWRITES)
@@ -295,7 +291,7 @@ def as_cause(change: Modification) -> Cause:
 def placeholders(code: Code) -> set[str]:
     """Return the names in braces."""
     texts = [code.expression, *code.steps.values()]
-    return {name for text in texts for name in re.findall(r"(?<!\{)\{(\w+)\}", text)}
+    return {name for text in texts for name in names_in(text)}
 
 
 def arguments_of(part: Part) -> list[str]:

@@ -205,8 +205,8 @@ def extended_simulator(
     """
     changes = [c for c in causes if c.kind != "unexplained" and c.changes_output]
     inside = [c for c in changes if c.modification is not None]
-    moving = [c for c in changes if c.modification is None and c.moves_inputs]
-    outside = [c for c in changes if not c.moves_inputs]
+    moving = [c for c in changes if c.modification is None and "inputs" in c.acts_on]
+    outside = [c for c in changes if "inputs" not in c.acts_on]
     # a factor acts on the simulation alone, not on what other causes add to it
     outside.sort(key=lambda cause: not cause.touches_simulation)
     if simulator is None or not changes:

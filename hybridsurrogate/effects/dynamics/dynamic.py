@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hybridsurrogate.effects.base import Cause, Context, Rows
+from hybridsurrogate.effects.base import Context, Declared, Rows
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.simulation.modification import Modification
 from hybridsurrogate.types import Prior
@@ -15,14 +15,18 @@ NEEDS_ODE = (
 )
 
 
-class Dynamic(Cause):
+class Dynamic(Declared):
     """A cause that modifies the right-hand side, and sets the numbers of the modification."""
 
     priors: Mapping[str, Prior] | None = None
 
     @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The priors of the modification's numbers."""
+    def modification(self) -> Modification:
+        """The change of the right-hand side."""
+        raise NotImplementedError(f"{type(self).__name__} lacks the property modification.")
+
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the priors of the modification's numbers."""
         return self.priors or {}
 
     @property
@@ -33,12 +37,10 @@ class Dynamic(Cause):
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
         """Run the simulation with other numbers in its right-hand side."""
         change = self.modification
-        assert change is not None
         return X, {**omega, **{change.full(name): theta[name] for name in change.neutral}}
 
     def start(self) -> dict[str, float]:
         """Return sizes of zero."""
-        assert self.modification is not None
         return dict.fromkeys(self.modification.sizes, 0.0)
 
     def free_prefix(self, context: Context, change: Modification) -> str:
@@ -52,7 +54,6 @@ class Dynamic(Cause):
     def all_priors(self, defaults: Mapping[str, Prior]) -> dict[str, Prior]:
         """Return the priors of all numbers: those given, and else the defaults."""
         change = self.modification
-        assert change is not None
         given = self.priors or {}
         unknown = sorted(given.keys() - change.neutral.keys())
         if unknown:

@@ -9,8 +9,6 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.dynamics.dynamic import Dynamic
-from hybridsurrogate.effects.notation import SIMULATION, number, word
-from hybridsurrogate.effects.over_column import span_and_spacing
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.ode.dynamics import DelayedState
 from hybridsurrogate.priors import frozen
@@ -51,6 +49,7 @@ class DynamicDelay(Dynamic):
     """
 
     kind = "delay"
+    about = "state"
 
     def __init__(
         self,
@@ -61,11 +60,6 @@ class DynamicDelay(Dynamic):
         self.state = state
         self.prefix = prefix
         self.priors = priors
-
-    @property
-    def target(self) -> str:  # type: ignore[override]
-        """The state concerned."""
-        return self.state
 
     @property
     def variant(self) -> str:
@@ -85,7 +79,7 @@ class DynamicDelay(Dynamic):
     def prepare(self, context: Context) -> Cause:
         """Fill in the prior of the lag from the measured times."""
         self.size_of(context, self.state)
-        span, _ = span_and_spacing(context.column(context.inputs[0]))
+        span = context.axis(context.inputs[0]).span
         return self.filled(
             prefix=self.prefix or self.free_prefix(context, self.modification),
             priors=self.all_priors({"lag": frozen(stats.halfcauchy, scale=span / 10)}),
@@ -102,12 +96,6 @@ class DynamicDelay(Dynamic):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         return f"simulation whose slopes follow {self.state} as it was {values['lag']:.4g} earlier"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        state = word(self.state)
-        late = rf"{state}\left(t - {number(values['lag'])}\right)"
-        return rf"{SIMULATION}, \quad {state}\left(t\right) \to {late}"
 
 
 register(

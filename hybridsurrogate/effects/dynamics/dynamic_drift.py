@@ -3,23 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.axis import period_nodes
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows, quantiles
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.dynamics.dynamic import NEEDS_ODE, Dynamic
-from hybridsurrogate.effects.notation import (
-    SIMULATION,
-    digits_at,
-    minus,
-    number,
-    signed,
-    where,
-    word,
-)
-from hybridsurrogate.effects.over_column import period_nodes, period_prior, span_and_spacing
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.ode.dynamics import TimeVaryingParameter
 from hybridsurrogate.priors import frozen, prior_sd, truncated_normal
@@ -29,6 +21,11 @@ _N_LOCATIONS, _N_WIDTHS = 20, 4
 # halving and doubling are ordinary, but not of what is known to a per cent
 _LARGEST_CHANGE, _CHANGE_PER_DOUBT = 0.7, 3.0
 
+# what formulas have instead: a step in the dynamics is as steep as the solver resolves
+_SHOWN = {
+    "step": "1 + {amount} * ({t} >= {location})",
+    "periodic": "1 + {amplitude} * np.sin(2 * np.pi * {t} / {period} + {phase})",
+}
 # the factor on the parameter by shape, and the units of its numbers
 _CODE = {
     "step": (
@@ -36,11 +33,11 @@ _CODE = {
         {"amount": "1", "location": "{t}"},
     ),
     "ramp": (
-        "1 + {amount} * np.clip(({t} - {location}) / {duration}, 0, 1)",
+        "1 + {amount} * np.minimum(np.maximum(({t} - {location}) / {duration}, 0), 1)",
         {"amount": "1", "location": "{t}", "duration": "{t}"},
     ),
     "logistic": (
-        "1 + {amount} / 2 * (1 + np.tanh(({t} - {location}) / (2 * {width})))",
+        "1 + {amount} * logistic(({t} - {location}) / {width})",
         {"amount": "1", "location": "{t}", "width": "{t}"},
     ),
     "exponential": ("np.exp({rate} * ({t} - {center}))", {"rate": "1 / {t}"}),
@@ -109,6 +106,7 @@ class DynamicDrift(Dynamic):
     """
 
     kind = "parameter-drift"
+    about = "parameter"
 
     def __init__(
         self,
@@ -125,11 +123,6 @@ class DynamicDrift(Dynamic):
         self.prefix = prefix
         self.priors = priors
         self.center = center
-
-    @property
-    def target(self) -> str:  # type: ignore[override]
-        """The parameter concerned."""
-        return self.parameter
 
     @property
     def variant(self) -> str:
@@ -159,8 +152,8 @@ class DynamicDrift(Dynamic):
         time = context.inputs[0]
         if self.column not in (None, time):
             raise ValueError(f"The time of the simulation is {time!r}, not {self.column!r}.")
-        times = context.column(time)
-        low, (span, spacing) = float(times.min()), span_and_spacing(times)
+        axis = context.axis(time)
+        span, spacing = axis.span, axis.spacing
         # a logistic course takes 4.4 widths from 10 to 90 %: as sudden as the shortest ramp
         shortest = min(2 * spacing, 0.25 * span)
         size = _ordinary_change(context, self.parameter)
@@ -169,12 +162,12 @@ class DynamicDrift(Dynamic):
             "rate": frozen(stats.t, 3, scale=size / span),
             "sine": truncated_normal(0.0, size / 2, -size, size),
             "cosine": truncated_normal(0.0, size / 2, -size, size),
-            "location": frozen(stats.uniform, loc=low, scale=span),
+            "location": axis.location_prior,
             "width": frozen(stats.loguniform, 0.25 * shortest, 0.5 * span),
             "duration": frozen(stats.loguniform, shortest, 0.5 * span),
-            "period": period_prior(times),
+            "period": axis.period_prior,
         }
-        center = low + span / 2 * (change.shape == "periodic")
+        center = axis.origin + span / 2 * (change.shape == "periodic")
         return self.filled(
             column=time,
             prefix=self.prefix or self.free_prefix(context, change),
@@ -184,13 +177,12 @@ class DynamicDrift(Dynamic):
 
     def grid(self) -> dict[str, FloatArray]:
         """Return locations and widths, or periods evenly spaced in frequency."""
-        share = (np.arange(_N_LOCATIONS) + 0.5) / _N_LOCATIONS
         nodes = {}
         for name, prior in self.parameters.items():
             if name == "location":
-                nodes[name] = np.asarray(prior.ppf(share))
+                nodes[name] = quantiles(prior, _N_LOCATIONS)
             elif name in ("width", "duration"):
-                nodes[name] = np.asarray(prior.ppf((np.arange(_N_WIDTHS) + 0.5) / _N_WIDTHS))
+                nodes[name] = quantiles(prior, _N_WIDTHS)
             elif name == "period":
                 nodes[name] = period_nodes(prior)
         return nodes
@@ -201,6 +193,22 @@ class DynamicDrift(Dynamic):
             return dict(theta)
         amplitude = np.hypot(theta["sine"], theta["cosine"])
         return {"period": np.asarray(theta["period"]), "amplitude": amplitude}
+
+    def shown(self) -> Code:
+        """Return the factor on the parameter; of a wave with an unknown phase."""
+        code = self.code()
+        return replace(
+            code,
+            expression=_SHOWN.get(self.shape, code.expression),
+            numbers={**code.numbers, "amplitude": "1"},
+            columns={"t": self.column or "time"},
+        )
+
+    @property
+    def extents(self) -> Mapping[str, float]:
+        """How uncertain the place of a change is before it is fitted."""
+        prior = self.parameters.get("location")
+        return {} if prior is None else {self.column or "time": prior_sd(prior)}
 
     def code(self) -> Code:
         """Return the cause as Python."""
@@ -214,59 +222,6 @@ class DynamicDrift(Dynamic):
             does="scales rate",
             of=self.parameter,
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        if self.shape == "exponential":
-            verb = "falling" if values["rate"] < 0 else "rising"
-            return (
-                f"simulation with {self.parameter} {verb} by {100 * abs(values['rate']):.3g} % "
-                f"per unit of {self.column} (exponential)"
-            )
-        if self.shape == "periodic":
-            return (
-                f"simulation with {self.parameter} swinging by {100 * values['amplitude']:.3g} % "
-                f"with period {values['period']:.4g} in {self.column}"
-            )
-        verb = "falling" if values["amount"] < 0 else "rising"
-        extra = [f"{k} {values[k]:.3g}" for k in values if k in ("width", "duration")]
-        place = "from" if self.shape == "ramp" else "around"
-        return (
-            f"simulation with {self.parameter} {verb} by {100 * abs(values['amount']):.3g} % "
-            f"{place} {self.column} = {values['location']:.{self._digits(values)}g} "
-            f"({', '.join([self.shape, *extra])})"
-        )
-
-    def _digits(self, values: Mapping[str, float]) -> int:
-        """Return the digits of the location that the measured times resolve."""
-        prior = self.parameters.get("location")
-        scale = prior_sd(prior) if prior is not None else values["location"]
-        return digits_at(values["location"], scale, 4)
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        name, time = word(self.parameter), self.column or "time"
-        if self.shape == "exponential":
-            center, rate = self.center or 0.0, values["rate"]
-            distance = minus(time, center, digits_at(center, 1 / rate if rate else 0.0, 4))
-            exponent = rf"{number(values['rate'], 3)} \left({distance}\right)"
-            return rf"{SIMULATION}, \quad {name} \to {name} \exp\left({exponent}\right)"
-        if self.shape == "periodic":
-            angle = rf"\frac{{2 \pi \, {word(time)}}}{{{number(values['period'])}}}"
-            share = f"+ {number(values['amplitude'], 3)}"
-            course = rf"\sin\left({angle} + \varphi\right)"
-        else:
-            distance = minus(time, values["location"], self._digits(values))
-            share = signed(values["amount"], 3)
-            course = where(time, r"\geq", values["location"], self._digits(values))
-            if self.shape == "logistic":
-                width = number(values["width"], 3)
-                course = rf"\frac{{1}}{{1 + \exp\left(-{distance} / {width}\right)}}"
-            elif self.shape == "ramp":
-                duration = number(values["duration"], 3)
-                course = rf"\min\left(1, \max\left(0, {distance} / {duration}\right)\right)"
-        changed = rf"{name} \left(1 {share} \, {course}\right)"
-        return rf"{SIMULATION}, \quad {name} \to {changed}"
 
 
 def _ordinary_change(context: Context, name: str) -> float:

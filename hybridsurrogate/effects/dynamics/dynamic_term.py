@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy import stats
 
+from hybridsurrogate.effects.axis import period_nodes
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.dynamics.dynamic import Dynamic
-from hybridsurrogate.effects.notation import SIMULATION, number, signed, word
-from hybridsurrogate.effects.over_column import period_nodes, period_prior, span_and_spacing
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.ode.dynamics import MissingTerm
 from hybridsurrogate.priors import frozen
@@ -19,24 +19,12 @@ from hybridsurrogate.types import Prior
 
 # a level in the middle of the state's range leaves about a quarter of it above
 _OF_WHAT_IS_ABOVE = 4.0
-# what follows the rate
-_WORDS = {
-    "constant": "",
-    "proportional": " {x}",
-    "power": " * {size:.4g} ({x} / {size:.4g})^{exponent:.4g}",
-    "saturating": " {x} / ({half:.4g} + {x})",
-    "threshold": " max({x} - {level:.4g}, 0)",
-    "product": " {x} {other}",
+# what formulas have instead: a power without its sign, a wave with an unknown phase
+_SHOWN = {
+    "seasonal": "{amplitude} * np.sin(2 * np.pi * {t} / {period} + {phase})",
+    "power": "{rate} * {size} * ({state} / {size}) ** {exponent}",
+    "saturating": "{rate} * {state} / ({half} + {state})",
 }
-_LATEX = {
-    "constant": "",
-    "proportional": r" \, {x}",
-    "power": r" \cdot {size} \left(\frac{{{x}}}{{{size}}}\right)^{{{exponent}}}",
-    "saturating": r" \, \frac{{{x}}}{{{half} + {x}}}",
-    "threshold": r" \max({x} - {level}, 0)",
-    "product": r" \, {x} \, {other}",
-}
-
 # the term by form, and the units of its numbers
 _CODE = {
     "constant": ("{rate}", {"rate": "{state} / {t}"}),
@@ -123,6 +111,7 @@ class DynamicTerm(Dynamic):
     """
 
     kind = "missing-term"
+    about = "state"
 
     def __init__(
         self,
@@ -141,11 +130,6 @@ class DynamicTerm(Dynamic):
         self.center = center
         self.size = size
         self.other = other
-
-    @property
-    def target(self) -> str:  # type: ignore[override]
-        """The state concerned."""
-        return self.state
 
     @property
     def variant(self) -> str:
@@ -169,11 +153,10 @@ class DynamicTerm(Dynamic):
         change = self.modification
         size = self.size_of(context, self.state)
         size = size if self.size is None else self.size
-        times = context.column(context.inputs[0])
-        span, _ = span_and_spacing(times)
-        period = (self.priors or {}).get("period", period_prior(times))
+        axis = context.axis(context.inputs[0])
+        period = (self.priors or {}).get("period", axis.period_prior)
         swing = np.pi * size / float(period.median())
-        rate = 1 / span * (size if self.form in ("constant", "saturating") else 1.0)
+        rate = 1 / axis.span * (size if self.form in ("constant", "saturating") else 1.0)
         if self.form == "threshold":
             rate *= _OF_WHAT_IS_ABOVE
         if self.other is not None:
@@ -187,7 +170,7 @@ class DynamicTerm(Dynamic):
             "half": frozen(stats.loguniform, 0.1 * size, 10 * size),
             "level": frozen(stats.uniform, scale=2 * size),
         }
-        center = float(times.min() + times.max()) / 2 if change.form == "seasonal" else 0.0
+        center = axis.center if change.form == "seasonal" else 0.0
         return self.filled(
             prefix=self.prefix or self.free_prefix(context, change),
             priors=self.all_priors(defaults),
@@ -208,6 +191,12 @@ class DynamicTerm(Dynamic):
         amplitude = np.hypot(theta["sine"], theta["cosine"])
         return {"period": np.asarray(theta["period"]), "amplitude": amplitude}
 
+    def shown(self) -> Code:
+        """Return the term, as it is where the state is positive."""
+        code = self.code()
+        expression = _SHOWN.get(self.form, code.expression)
+        return replace(code, expression=expression, numbers={**code.numbers, "amplitude": "1"})
+
     def code(self) -> Code:
         """Return the cause as Python."""
         change = self.modification
@@ -227,30 +216,6 @@ class DynamicTerm(Dynamic):
             of=self.state,
             states=states,
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        if self.form == "seasonal":
-            return (
-                f"simulation with a forcing of {values['amplitude']:.4g} and period "
-                f"{values['period']:.4g} in the slope of {self.state}"
-            )
-        named = {"x": self.state, "other": self.other, "size": self.size, **values}
-        term = f"{values['rate']:+.4g}" + _WORDS[self.form].format(**named)
-        return f"simulation with {term} in the slope of {self.state}"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        state = word(self.state)
-        slope = rf"\frac{{d}}{{dt}} {state}"
-        if self.form == "seasonal":
-            angle = rf"\frac{{2 \pi \, t}}{{{number(values['period'])}}}"
-            term = rf"+ {number(values['amplitude'])} \sin\left({angle} + \varphi\right)"
-        else:
-            named = {name: number(value) for name, value in values.items()}
-            named |= {"x": state, "other": word(self.other or ""), "size": number(self.size or 1.0)}
-            term = signed(values["rate"]) + _LATEX[self.form].format(**named)
-        return rf"{SIMULATION}, \quad {slope} \to {slope} {term}"
 
 
 def _of_pairs(context: Context) -> Iterator[Cause]:
@@ -280,7 +245,6 @@ register(
         lacking=_lacking,
         like=("parameter-drift",),
         headline="The equation of {target} misses a constant {rate:gain|loss} of {rate:size}",
-        call="`DynamicTerm(state)`",
         formula="slope of the state + rate",
         priors="rate: Student-t, typical state over the span",
         estimates="rate",

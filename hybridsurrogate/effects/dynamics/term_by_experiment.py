@@ -7,12 +7,11 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from hybridsurrogate.effects.axis import position_among
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code, Table
 from hybridsurrogate.effects.dynamics.dynamic import Dynamic
 from hybridsurrogate.effects.dynamics.dynamic_term import DynamicTerm
-from hybridsurrogate.effects.notation import SIMULATION, signed, word
-from hybridsurrogate.effects.over_column import position_among
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.ode.dynamics import MissingTerm
 from hybridsurrogate.types import Prior
@@ -37,8 +36,8 @@ class TermByExperiment(Dynamic):
         As in `DynamicDrift`.
     prior : frozen scipy.stats distribution or None, default=None
         Of each rate. None: as in `DynamicTerm`.
-    levels : tuple of float or None, default=None
-        Values of the column. None: those of the measured rows, or 0, 1, ... of labels.
+    levels : tuple of float, default=()
+        Values of the column. Empty: those of the measured rows, or 0, 1, ... of labels.
     labels : tuple of str or None, default=None
         What to call them. None: as they are.
 
@@ -53,6 +52,7 @@ class TermByExperiment(Dynamic):
     """
 
     kind = "missing-term"
+    about = "state"
     meaning = (
         "{target} gains or loses something in proportion to it, at another rate in each "
         "experiment, and its equation leaves that out"
@@ -64,20 +64,15 @@ class TermByExperiment(Dynamic):
         column: str,
         prefix: str | None = None,
         prior: Prior | None = None,
-        levels: tuple[float, ...] | None = None,
+        levels: tuple[float, ...] = (),
         labels: tuple[str, ...] | None = None,
     ):
         self.state = state
         self.column = column
         self.prefix = prefix
-        self.prior = prior
+        self.prior: Prior = prior
         self.levels = levels
         self.labels = labels
-
-    @property
-    def target(self) -> str:  # type: ignore[override]
-        """The state concerned."""
-        return self.state
 
     @property
     def reads(self) -> tuple[str, ...]:
@@ -102,36 +97,28 @@ class TermByExperiment(Dynamic):
     def prepare(self, context: Context) -> Cause:
         """Fill in the experiments and the prior of their rates."""
         term = DynamicTerm(self.state, "proportional", self.prefix).prepare(context)
-        assert isinstance(term, DynamicTerm)
-        levels = self.levels
-        if levels is None and self.labels is not None:
-            levels = tuple(map(float, range(len(self.labels))))
-        elif levels is None:
-            levels = tuple(np.unique(context.column(self.column)).tolist())
+        found = context.axis(self.column).rows.tolist()
+        levels = self.levels or tuple(map(float, range(len(self.labels or ())))) or tuple(found)
         prior = self.prior or term.parameters["rate"]
         return self.filled(prefix=term.prefix, prior=prior, levels=levels)
 
     @property
     def _names(self) -> list[str]:
         """Names of the experiments' rates."""
-        assert self.levels is not None
         labels = self.labels or tuple(f"{level:.12g}" for level in self.levels)
         return [f"rate, {self.column} = {label}" for label in labels]
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The priors of the rates."""
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the priors of the rates."""
         return dict.fromkeys(self._names, self.prior)
 
     @property
     def priors_of_change(self) -> Mapping[str, Prior]:
         """The prior of the rate of one experiment."""
-        assert self.prior is not None
         return {"rate": self.prior}
 
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
         """Run the simulation with the rate of each row's experiment in its right-hand side."""
-        assert self.levels is not None
         which = position_among(self.levels, X[self.column])
         each = np.stack([*(theta[name] for name in self._names), np.zeros(len(which))])
         own = each[which, np.arange(len(which))]
@@ -139,7 +126,6 @@ class TermByExperiment(Dynamic):
 
     def rows_of(self, X: Rows) -> dict[str, NDArray[np.bool_]]:
         """Return the rows of each experiment."""
-        assert self.levels is not None
         which = position_among(self.levels, X[self.column])
         return {name: which == k for k, name in enumerate(self._names)}
 
@@ -153,7 +139,6 @@ class TermByExperiment(Dynamic):
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        assert self.levels is not None
         levels = tuple(zip(self.levels, self._names, strict=True))
         return Code(
             "{rate} * {state}",
@@ -169,13 +154,6 @@ class TermByExperiment(Dynamic):
         """Return the extended simulation in words."""
         rates = ", ".join(f"{values[name]:+.4g} ({name[6:]})" for name in self._names)
         return f"simulation with a rate per experiment times {self.state} in its slope: {rates}"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        state = word(self.state)
-        slope = rf"\frac{{d}}{{dt}} {state}"
-        rates = ", ".join(signed(values[name]) for name in self._names)
-        return rf"{SIMULATION}, \quad {slope} \to {slope} + r \, {state}, \quad r = {rates}"
 
 
 def _of_states(context: Context) -> Iterator[Cause]:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, signed, word
 from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.effects.registry import Form, over_extras, register
 
@@ -27,13 +24,15 @@ class Friction(OverColumn):
     ----------
     column : str
         A measured column that the simulation ignores, with rows on both sides of zero.
-    center, span : float or None, default=None
-        Middle and span of the measured rows.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
 
     Examples
     --------
     >>> import numpy as np, hybridsurrogate as hs
-    >>> hs.Friction("v", span=4.0).columns({"v": np.array([-2.0, 1.0])}, {}).tolist()
+    >>> from hybridsurrogate.effects.axis import Axis
+    >>> friction = hs.Friction("v", axis=Axis.of([-2.0, 2.0]))
+    >>> friction.columns({"v": np.array([-2.0, 1.0])}, {}).tolist()
     [[-1.0, -1.0], [0.5, 1.0]]
     """
 
@@ -47,15 +46,13 @@ class Friction(OverColumn):
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the column in half spans, and its sign."""
-        assert self.span is not None
         x = X[self.column]
-        return np.stack([2 * x / self.span, np.sign(x)], axis=-1)
+        return np.stack([2 * x / self.axis.span, np.sign(x)], axis=-1)
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return both parts in the units of output and column."""
-        assert self.span is not None
         return {
-            "viscous": 2 / self.span * np.asarray(coefficients["viscous"]),
+            "viscous": 2 / self.axis.span * np.asarray(coefficients["viscous"]),
             "dry": np.asarray(coefficients["dry"]),
         }
 
@@ -66,19 +63,6 @@ class Friction(OverColumn):
             {"viscous": "{y} / {x}", "dry": "{y}"},
             {"x": self.column},
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        return (
-            f"simulation {values['viscous']:+.4g} {self.column} "
-            f"{values['dry']:+.4g} sign({self.column})"
-        )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        x = word(self.column)
-        sign = rf"\operatorname{{sign}}\left({x}\right)"
-        return rf"{SIMULATION} {signed(values['viscous'])} \, {x} {signed(values['dry'])} \, {sign}"
 
 
 def _trouble(cause: Cause, context: Context) -> str | None:
@@ -100,8 +84,6 @@ register(
         least_distinct=6,
         trouble=_trouble,
         headline="{output} depends on {target} as by friction, which the simulation ignores",
-        call="`Friction(x)`",
-        formula="eta + viscous x + dry sign(x)",
         estimates="viscous, dry",
         left_out="fewer than 3 distinct values on one side of zero",
     )

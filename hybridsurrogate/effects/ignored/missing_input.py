@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 
+from hybridsurrogate.effects.axis import UNKNOWN, Axis
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code, Table
 from hybridsurrogate.effects.context import MOST_EXPERIMENTS
-from hybridsurrogate.effects.notation import (
-    SIMULATION,
-    digits_at,
-    minus,
-    plus,
-    signed,
-    where,
-    word,
-)
 from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.effects.registry import Form, over_extras, register
 from hybridsurrogate.exceptions import did_you_mean
@@ -51,15 +43,16 @@ class MissingInput(OverColumn):
     shape : {"linear", "quadratic", "categorical"}, default="linear"
     level : float or None, default=None
         The one level that is off; only with the categorical shape.
-    center, span : float or None, default=None
-        Where the simulation is right, and the span of the column. None: mean and span of the
-        measured rows.
-    levels : tuple of (value, share of the rows) or None, default=None
-        None: those of the measured rows, each with at least three of these; at most six, or twenty
+    center : float or None, default=None
+        Where the simulation is right. None: at the mean of the measured rows.
+    levels : tuple of (value, share of the rows), default=()
+        Empty: those of the measured rows, each with at least three of these; at most six, or twenty
         of a column that labels experiments.
     offset : bool, default=False
         Whether the value at which the simulation is right is unknown, so that an offset is
         estimated too; not with the quadratic shape or one level.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
 
     Examples
     --------
@@ -77,15 +70,21 @@ class MissingInput(OverColumn):
         shape: str = "linear",
         level: float | None = None,
         center: float | None = None,
-        span: float | None = None,
-        levels: tuple[tuple[float, float], ...] | None = None,
+        levels: tuple[tuple[float, float], ...] = (),
         offset: bool = False,
+        axis: Axis = UNKNOWN,
     ):
-        super().__init__(column, center, span)
+        super().__init__(column, axis)
+        self.center = center
         self.shape = shape
         self.level = level
         self.levels = levels
         self.offset = offset
+
+    @property
+    def pivot(self) -> float:
+        """Where the simulation is right."""
+        return self.axis.mean if self.center is None else self.center
 
     @property
     def name(self) -> str:
@@ -117,7 +116,7 @@ class MissingInput(OverColumn):
             return ("slope", "curvature")[: _SHAPES.index(self.shape) + 1]
         if self.level is not None:
             return ("amplitude",)
-        return tuple(f"level_{value:.12g}" for value, _ in self.levels or ())
+        return tuple(f"level_{value:.12g}" for value, _ in self.levels)
 
     def prepare(self, context: Context) -> Cause:
         """Fill in mean and span of the column, or its levels, from the measured rows."""
@@ -132,9 +131,7 @@ class MissingInput(OverColumn):
         if self.offset and (self.shape == "quadratic" or self.level is not None):
             raise ValueError("offset=True needs shape='linear', or 'categorical' without a level.")
         prepared = super().prepare(context)
-        if self.center is None:
-            prepared.center = float(np.mean(values))
-        if self.shape == "categorical" and self.levels is None:
+        if self.shape == "categorical" and not self.levels:
             trouble = trouble_with_levels(context, self.column)
             if trouble:
                 raise ValueError(f"A categorical cause has no use for this column: {trouble}.")
@@ -156,7 +153,6 @@ class MissingInput(OverColumn):
         values = np.asarray(X[self.column])
         if self.level is not None:
             return (values == self.level).astype(float)[:, None]
-        assert self.levels is not None
         known, shares = np.array(self.levels).T
         indicator = values[:, None] == known
         mean = 0.0 if self.offset else shares
@@ -167,7 +163,6 @@ class MissingInput(OverColumn):
         if self.level is not None:
             return {"amplitude": np.asarray(coefficients["amplitude"])}
         if self.shape == "categorical":
-            assert self.levels is not None
             if self.offset:
                 return {name: np.asarray(coefficients[name]) for name in self.coefficients}
             mean = sum(
@@ -175,10 +170,10 @@ class MissingInput(OverColumn):
                 for name, (_, share) in zip(self.coefficients, self.levels, strict=True)
             )
             return {name: coefficients[name] - mean for name in self.coefficients}
-        assert self.span is not None
-        out = {"slope": 2 * coefficients["slope"] / self.span}
+        span = self.axis.span
+        out = {"slope": 2 * coefficients["slope"] / span}
         if self.shape == "quadratic":
-            out["curvature"] = 4 * coefficients["curvature"] / self.span**2
+            out["curvature"] = 4 * coefficients["curvature"] / span**2
         if self.offset:
             out["offset"] = np.asarray(coefficients["offset"])
         return out
@@ -190,64 +185,16 @@ class MissingInput(OverColumn):
             at = {"level": (self.column, self.level)}
             return Code("{amplitude} * ({x} == {level})", {"amplitude": "{y}"}, x, levels=at)
         if self.shape == "categorical":
-            known = [value for value, _ in self.levels or ()]
+            known = [value for value, _ in self.levels]
             levels = tuple(zip(known, self.coefficients, strict=True))
             return Code("by_level({x}, {table})", {}, x, table=Table(self.column, levels))
-        assert self.center is not None
-        away = "({x} - {center})" if self.center else "{x}"
+        away = "({x} - {center})" if self.pivot else "{x}"
         line, numbers = f"{{slope}} * {away}", {"slope": "{y} / {x}"}
         if self.shape == "quadratic":
             line, numbers["curvature"] = f"{line} + {{curvature}} * {away} ** 2", "{y} / {x}^2"
         if self.offset:
             line, numbers["offset"] = f"{{offset}} + {line}", "{y}"
-        return Code(line, numbers, x, {"center": self.center} if self.center else {})
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        if self.level is not None:
-            where = f"{self.column} = {self.level:.12g}"
-            return f"simulation, and {values['amplitude']:+.4g} where {where}"
-        if self.shape == "categorical":
-            assert self.levels is not None
-            terms = ", ".join(
-                f"{values[name]:+.4g} where {self.column} = {value:.12g}"
-                for name, (value, _) in zip(self.coefficients, self.levels, strict=True)
-            )
-            return f"simulation, and {terms}"
-        assert self.center is not None
-        assert self.span is not None
-        distance = self.column
-        if self.center:
-            digits = digits_at(self.center, self.span)
-            distance = f"({self.column} {plus(-self.center, digits)})"
-        offset = f" {plus(values['offset'])}" if self.offset else ""
-        text = f"simulation{offset} {plus(values['slope'])} {distance}"
-        if self.shape == "quadratic":
-            text += f" {plus(values['curvature'])} {distance}^2"
-        return text
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        if self.level is not None:
-            indicator = where(self.column, "=", self.level, 12)
-            return rf"{SIMULATION} {signed(values['amplitude'])} \, {indicator}"
-        if self.shape == "categorical":
-            assert self.levels is not None
-            terms = " ".join(
-                rf"{signed(values[name])} \, {where(self.column, '=', value, 12)}"
-                for name, (value, _) in zip(self.coefficients, self.levels, strict=True)
-            )
-            return f"{SIMULATION} {terms}"
-        assert self.center is not None
-        assert self.span is not None
-        distance = word(self.column)
-        if self.center:
-            distance = minus(self.column, self.center, digits_at(self.center, self.span))
-        offset = f" {signed(values['offset'])}" if self.offset else ""
-        text = f"{SIMULATION}{offset} {signed(values['slope'])} {distance}"
-        if self.shape == "quadratic":
-            text += f" {signed(values['curvature'])} {distance}^{{2}}"
-        return text
+        return Code(line, numbers, x, {"center": self.pivot} if self.pivot else {})
 
 
 def trouble_with_levels(context: Context, column: str) -> str | None:
@@ -312,7 +259,6 @@ register(
         lacking=_lacking,
         like=("noise",),
         headline="{output} depends on {target}, which the simulation ignores",
-        call="`MissingInput(x)`",
         formula="eta + slope (x - mean)",
         estimates="slope",
         left_out="no measured column apart from the inputs",

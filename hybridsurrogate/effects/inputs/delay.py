@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, Rows
+from hybridsurrogate.effects.base import Cause, Context, Declared, Rows
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.context import trouble_with_labels
-from hybridsurrogate.effects.notation import SIMULATION, minus, plus
-from hybridsurrogate.effects.over_column import span_and_spacing
 from hybridsurrogate.effects.registry import Form, over_inputs, register
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
 
 
-class Delay(Cause):
+class Delay(Declared):
     """The simulation run at a shifted input: a response that is late, a clock set wrongly.
 
     ``simulation(x - lag)``, the lag in units of the column; positive when the measurements come
@@ -42,32 +38,23 @@ class Delay(Cause):
     """
 
     kind = "delay"
+    about = "column"
+    unknowns = ("lag",)
 
     def __init__(self, column: str, lag: Prior | None = None):
         self.column = column
         self.lag = lag
 
-    @property
-    def target(self) -> str:  # type: ignore[override]
-        """The input concerned."""
-        return self.column
-
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the lag."""
-        return {"lag": self.lag}
-
     def prepare(self, context: Context) -> Cause:
         """Fill in the prior from the measured rows."""
-        values = context.column(self.column)
+        context.column(self.column)
         if self.column not in context.inputs:
             raise ValueError(
                 f"A delay shifts an input of the simulation, and {self.column!r} is none: these "
                 f"are {list(context.inputs)}.{did_you_mean(self.column, context.inputs)}"
             )
-        span, _ = span_and_spacing(values)
-        lag = frozen(stats.t, 1, scale=span / 10) if self.lag is None else self.lag
-        return self.filled(lag=lag)
+        scale = context.axis(self.column).span / 10
+        return self.filled(lag=self.lag or frozen(stats.t, 1, scale=scale))
 
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
         """Run the simulation where the input was one lag ago."""
@@ -80,14 +67,6 @@ class Delay(Cause):
     def code(self) -> Code:
         """Return the cause as Python."""
         return Code("{x} - {lag}", {"lag": "{x}"}, {"x": self.column}, does="moves", of=self.column)
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        return f"simulation run at {self.column} {plus(-values['lag'])}"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        return rf"{SIMULATION}{minus(self.column, values['lag'], 4)}"
 
 
 def _trouble(cause: Cause, context: Context) -> str | None:
@@ -105,7 +84,6 @@ register(
         trouble=_trouble,
         like=("periodic", "wrong-constant"),
         headline="The measurements come {lag:size} {lag:later|earlier} than in the simulation",
-        call="`Delay(x)`",
         formula="eta(x - lag), x an input, of which the clock or the sensor is off; not cut off at "
         "the simulated range",
         priors="lag: Cauchy, scale a tenth of the span",

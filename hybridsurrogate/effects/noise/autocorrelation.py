@@ -7,10 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.axis import UNKNOWN, Axis
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows, quantiles
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, number, word
-from hybridsurrogate.effects.over_column import OverColumn, span_and_spacing
+from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -45,13 +45,14 @@ class Autocorrelation(OverColumn):
         Any measured column whose order means something, such as a time or a row number.
     length, amplitude : frozen scipy.stats distribution or None, default=None
         Priors, in the units of the column and of the output.
-    center, span : float or None, default=None
-        Middle and span of the measured rows.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
 
     Examples
     --------
     >>> import numpy as np, hybridsurrogate as hs
-    >>> drift = hs.Autocorrelation("t", center=5.0, span=10.0)
+    >>> from hybridsurrogate.effects.axis import Axis
+    >>> drift = hs.Autocorrelation("t", axis=Axis.of([0.0, 10.0]))
     >>> t = np.array([2.0, 3.0, 9.0])
     >>> columns = drift.columns({"t": t}, {"length": np.full(3, 1.0), "amplitude": np.ones(3)})
     >>> (columns @ columns.T)[0].round(2).tolist()
@@ -62,6 +63,7 @@ class Autocorrelation(OverColumn):
     meaning = (
         "residuals of {output} are correlated between neighbouring measurements along {column}"
     )
+    unknowns = ("length", "amplitude")
     is_process = True
     coefficient_sd = 1.0
     coefficients = (
@@ -74,10 +76,9 @@ class Autocorrelation(OverColumn):
         column: str,
         length: Prior | None = None,
         amplitude: Prior | None = None,
-        center: float | None = None,
-        span: float | None = None,
+        axis: Axis = UNKNOWN,
     ):
-        super().__init__(column, center, span)
+        super().__init__(column, axis)
         self.length = length
         self.amplitude = amplitude
 
@@ -96,26 +97,20 @@ class Autocorrelation(OverColumn):
         """False: the simulation is right."""
         return False
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The priors of length and amplitude."""
-        return {"length": self.length, "amplitude": self.amplitude}
-
     def prepare(self, context: Context) -> Cause:
         """Fill in middle and span of the column and the priors."""
-        prepared = super().prepare(context)
-        span, spacing = span_and_spacing(context.column(self.column))
-        if self.length is None:
-            longest = min(max(span / 20, 4 * spacing), span / 8)
-            prepared.length = frozen(stats.loguniform, min(spacing / 2, longest / 4), longest)
-        if self.amplitude is None:
-            prepared.amplitude = frozen(stats.loguniform, 0.003 * context.scale, context.scale)
-        return prepared
+        axis, scale = self.along(context), context.scale
+        longest = min(max(axis.span / 20, 4 * axis.spacing), axis.span / 8)
+        shortest = min(axis.spacing / 2, longest / 4)
+        return self.filled(
+            axis=axis,
+            length=self.length or frozen(stats.loguniform, shortest, longest),
+            amplitude=self.amplitude or frozen(stats.loguniform, 0.003 * scale, scale),
+        )
 
     def grid(self) -> dict[str, FloatArray]:
         """Return five lengths; the amplitude only scales the columns, as their size does."""
-        assert self.length is not None
-        return {"length": np.asarray(self.length.ppf((np.arange(5) + 0.5) / 5))}
+        return {"length": quantiles(self.length, 5)}
 
     def factors(self, X: Rows, theta: Rows) -> tuple[FloatArray, FloatArray]:
         """Return constant, cosines and sines, and the root of the variance of each wave."""
@@ -134,9 +129,8 @@ class Autocorrelation(OverColumn):
         self, length: FloatArray, amplitude: FloatArray, frequency: FloatArray
     ) -> FloatArray:
         """Return the standard deviations of the waves for each length and amplitude."""
-        assert self.span is not None
         order = np.arange(len(frequency))
-        rate = self.span / (2 * np.reshape(length, (-1, 1)))
+        rate = self.axis.span / (2 * np.reshape(length, (-1, 1)))
         # Fourier coefficients of exp(-rate distance) over half a period
         cut = 1 - (-1.0) ** order * np.exp(-rate * _PERIOD / 2)
         variance = np.where(order, 4, 2) / _PERIOD * rate / (rate**2 + frequency**2) * cut
@@ -164,14 +158,6 @@ class Autocorrelation(OverColumn):
             f"over {values['length']:.4g} units of {self.column}"
         )
 
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        column = word(self.column)
-        variance = rf"\left({number(values['amplitude'])}\right)^{{2}}"
-        decay = rf"e^{{-|{column} - {column}'| / {number(values['length'])}}}"
-        covariance = rf"{variance} \, {decay}"
-        return rf"{SIMULATION} + u, \quad \text{{cov}}\left(u, u'\right) = {covariance}"
-
 
 register(
     Form(
@@ -182,7 +168,6 @@ register(
         least_distinct=12,
         like=("unexplained",),
         headline="The errors of neighbouring measurements of {output} are correlated",
-        call="`Autocorrelation(x)`",
         formula="eta + u(x); u Gaussian, covariance amplitude² exp(-distance / length)",
         priors="length: log-uniform, half a spacing to a twentieth of the span or four spacings; "
         "amplitude: log-uniform, 0.3 % to 100 % of the spread of the output",

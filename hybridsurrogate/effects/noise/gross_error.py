@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from hybridsurrogate.effects.base import ROW, Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.base import ROW, Cause, Context, Declared, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, word
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.numerics.digits import listing
 from hybridsurrogate.numerics.digits import number as rounded
@@ -45,7 +44,7 @@ class GrossRow(NamedTuple):
     predicted: float = np.nan
 
 
-class GrossError(Cause):
+class GrossError(Declared):
     """One or two measurements are unlike all others, by any amount; the simulation is right.
 
     The mean-shift outlier model (Cook and Weisberg 1982, Residuals and Influence in Regression,
@@ -115,9 +114,8 @@ class GrossError(Cause):
         """False: the simulation is right."""
         return False
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """Which of the rows, or pairs, that are possible; those that are tried come first."""
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return which of all rows or pairs it is; those that are tried come first."""
         if self.rows or self.table is None:
             return {}
         n = comb(len(self.table), self.n_rows)
@@ -220,13 +218,6 @@ class GrossError(Cause):
         rows = [self._in_words(values, end) for end in ("", "_1", "_2") if f"row{end}" in values]
         return f"simulation; {listing(rows)}"
 
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the simulation, and the excluded rows."""
-        numbers = [
-            f"{values[f'row{end}']:.0f}" for end in ("", "_1", "_2") if f"row{end}" in values
-        ]
-        return rf"{SIMULATION}, \quad {word(f'without row {listing(numbers)}')}"
-
     def _in_words(self, values: Mapping[str, float], end: str) -> str:
         number = round(values[f"row{end}"])
         place = self._place(number)
@@ -262,7 +253,6 @@ register(
         trouble=_trouble,
         like=("noise", "episode", "step", "bump"),
         headline="One measurement of {output} is unlike all others",
-        call="`GrossError()`",
         formula="eta, + shift in row i (mean-shift outlier model)",
         priors="i: each of n rows with probability 1/n; of more than 200 rows those missed most",
         estimates="row, measured and predicted output",

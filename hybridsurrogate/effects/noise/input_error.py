@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.context import trouble_with_labels
 from hybridsurrogate.effects.noise.noise_of_slope import NoiseOfSlope, trouble
-from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.registry import Form, over_inputs, register
 
 
@@ -52,12 +51,6 @@ class InputError(NoiseOfSlope):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         return f"simulation, with {self.quantity} off by {values['spread']:.4g} (sd) in every row"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        name = word(self.quantity)
-        off = rf"\varepsilon_{{{name}}} \sim N(0, {number(values['spread'])}^2)"
-        return rf"{SIMULATION}, \quad {name} \to {name} + \varepsilon_{{{name}}}, \quad {off}"
 
 
 def _trouble(cause: Cause, context: Context) -> str | None:

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import stats
 
+from hybridsurrogate.effects.axis import UNKNOWN, Axis
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.effects.registry import Form, over_columns, register
 from hybridsurrogate.priors import frozen
@@ -32,42 +32,33 @@ class Noise(OverColumn):
         Any measured column.
     slope : frozen scipy.stats distribution or None, default=None
         Prior of the slope.
-    center, span : float or None, default=None
-        Mean and span of the measured rows.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
 
     Examples
     --------
     >>> import numpy as np, hybridsurrogate as hs
-    >>> growing = hs.Noise("t", center=1.0, span=2.0)
+    >>> from hybridsurrogate.effects.axis import Axis
+    >>> growing = hs.Noise("t", axis=Axis.of([0.0, 1.0, 2.0]))
     >>> growing.noise({"t": np.array([0.0, 1.0, 2.0])}, {"slope": np.log(2)}).round(3).tolist()
     [0.5, 1.0, 2.0]
     """
 
     kind = "noise"
+    unknowns = ("slope",)
 
-    def __init__(
-        self,
-        column: str,
-        slope: Prior | None = None,
-        center: float | None = None,
-        span: float | None = None,
-    ):
-        super().__init__(column, center, span)
+    def __init__(self, column: str, slope: Prior | None = None, axis: Axis = UNKNOWN):
+        super().__init__(column, axis)
         self.slope = slope
 
     @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the slope."""
-        return {"slope": self.slope}
+    def pivot(self) -> float:
+        """The mean of the measured rows."""
+        return self.axis.mean
 
     def prepare(self, context: Context) -> Cause:
-        """Fill in the mean of the column, its span and the prior."""
-        prepared = super().prepare(context)
-        if self.center is None:
-            prepared.center = float(np.mean(context.column(self.column)))
-        if self.slope is None:
-            prepared.slope = frozen(stats.norm)
-        return prepared
+        """Fill in the axis and the prior."""
+        return self.filled(axis=self.along(context), slope=self.slope or frozen(stats.norm))
 
     def noise(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the factor on the noise scale."""
@@ -75,17 +66,15 @@ class Noise(OverColumn):
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return growth of log sigma per unit of the column, and the factor over the whole span."""
-        assert self.span is not None
-        return {"slope": 2 * theta["slope"] / self.span, "ratio": np.exp(2 * theta["slope"])}
+        return {"slope": 2 * theta["slope"] / self.axis.span, "ratio": np.exp(2 * theta["slope"])}
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        assert self.center is not None
         return Code(
             "{sigma} * np.exp({slope} * ({x} - {center}))",
             {"slope": "1 / {x}"},
             {"x": self.column},
-            {"center": self.center},
+            {"center": self.pivot},
             does="scatters",
             name="noise_sd",
         )
@@ -94,17 +83,8 @@ class Noise(OverColumn):
         """Return the extended simulation in words."""
         return (
             f"simulation, with noise that changes by a factor of {values['ratio']:.4g} over "
-            f"{self.span:.4g} units of {self.column}"
+            f"{self.axis.span:.4g} units of {self.column}"
         )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        assert self.span is not None
-        growth = (
-            rf"\text{{noise factor }} {number(values['ratio'])} "
-            rf"\text{{ over }} {number(self.span)} \text{{ of }} {word(self.column)}"
-        )
-        return rf"{SIMULATION}, \quad {growth}"
 
 
 register(
@@ -115,7 +95,6 @@ register(
         meaning="the scatter of the measurements changes over {column}",
         least_rows=8,
         headline="The scatter of {output} changes over {column}",
-        call="`Noise(x)`",
         formula="eta; noise sigma exp(slope u), centred at the mean of x",
         priors="slope of u: standard normal",
         estimates="slope (of log sigma, per unit of x), ratio (last end against first)",

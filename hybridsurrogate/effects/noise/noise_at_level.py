@@ -7,16 +7,15 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.ignored.missing_input import trouble_with_levels
-from hybridsurrogate.effects.notation import SIMULATION, number, where
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
 
 
-class NoiseAtLevel(Cause):
+class NoiseAtLevel(Declared):
     """Noise that is larger or smaller where a column has one value; the simulation is right.
 
     One bad batch, one bad sensor: the standard deviation is ``ratio sigma`` there, and sigma
@@ -40,17 +39,14 @@ class NoiseAtLevel(Cause):
     """
 
     kind = "noise"
+    about = "column"
+    unknowns = ("ratio",)
     is_one_level = True
 
     def __init__(self, column: str, level: float, ratio: Prior | None = None):
         self.column = column
         self.level = level
         self.ratio = ratio
-
-    @property
-    def target(self) -> str:  # type: ignore[override]
-        """The column."""
-        return self.column
 
     @property
     def variant(self) -> str:
@@ -61,11 +57,6 @@ class NoiseAtLevel(Cause):
     def name(self) -> str:
         """The kind, the column and the level."""
         return f"{self.kind}({self.column} = {self.level:.12g})"
-
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the ratio."""
-        return {"ratio": self.ratio}
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the prior; raise ValueError where the level is never measured."""
@@ -93,12 +84,6 @@ class NoiseAtLevel(Cause):
         """Return the extended simulation in words."""
         there = f"where {self.column} = {self.level:.12g}"
         return f"simulation, with {values['ratio']:.4g} times the noise {there}"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        there = where(self.column, "=", self.level, 12)
-        factor = rf"\text{{noise factor }} {number(values['ratio'])}"
-        return rf"{SIMULATION}, \quad {factor} \, {there}"
 
 
 def _at_levels(context: Context) -> Iterator[Cause]:

@@ -7,9 +7,17 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import SIMULATED, Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.axis import UNMEASURED, OutputScale
+from hybridsurrogate.effects.base import (
+    SIMULATED,
+    Cause,
+    Context,
+    Declared,
+    FloatArray,
+    Rows,
+    quantiles,
+)
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, number
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -20,7 +28,7 @@ _FLOOR = 0.05
 _REACH = 2.0
 
 
-class NoiseOfMean(Cause):
+class NoiseOfMean(Declared):
     """Noise whose standard deviation is a power of the output's size; the simulation is right.
 
     The standard deviation is ``sigma (m / size)^exponent`` with
@@ -42,37 +50,27 @@ class NoiseOfMean(Cause):
     ----------
     exponent : frozen scipy.stats distribution or None, default=None
         Prior of the exponent.
-    center, size, spread : float or None, default=None
-        Mean, root mean square and standard deviation of the measured output on the scale of eta.
-    log_scale : bool or None, default=None
-        Whether eta is the logarithm of the output.
+    measured : OutputScale
+        Where the measured output lies; `prepare` looks.
 
     Examples
     --------
     >>> import numpy as np, hybridsurrogate as hs
-    >>> relative = hs.NoiseOfMean(center=0.0, size=2.0, spread=2.0, log_scale=False)
+    >>> from hybridsurrogate.effects.axis import OutputScale
+    >>> relative = hs.NoiseOfMean(measured=OutputScale(location=0.0, spread=2.0))
     >>> rows = {hs.SIMULATED: np.array([0.0, 2.0, 20.0])}
     >>> relative.noise(rows, {"exponent": 1.0}).round(2).tolist()
     [0.05, 1.0, 10.0]
     """
 
     kind = "noise"
+    unknowns = ("exponent",)
     meaning = "the scatter of the measurements changes with the size of {output}"
     follows_mean = True
 
-    def __init__(
-        self,
-        exponent: Prior | None = None,
-        center: float | None = None,
-        size: float | None = None,
-        spread: float | None = None,
-        log_scale: bool | None = None,
-    ):
+    def __init__(self, exponent: Prior | None = None, measured: OutputScale = UNMEASURED):
         self.exponent = exponent
-        self.center = center
-        self.size = size
-        self.spread = spread
-        self.log_scale = log_scale
+        self.measured = measured
 
     @property
     def variant(self) -> str:
@@ -84,29 +82,16 @@ class NoiseOfMean(Cause):
         """The kind, and what it follows."""
         return "noise(output)"
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the exponent."""
-        return {"exponent": self.exponent}
-
     def prepare(self, context: Context) -> Cause:
         """Fill in the usual size of the output and the prior."""
-        center = context.location if self.center is None else self.center
-        spread = context.scale if self.spread is None else self.spread
-        size = float(np.hypot(center, spread)) if self.size is None else self.size
-        log_scale = context.log_scale if self.log_scale is None else self.log_scale
-        relative = spread if log_scale else spread / size
-        prior = self.exponent
-        if prior is None:
-            prior = frozen(stats.norm, scale=max(1.0, 1 / (_REACH * relative)))
-        return self.filled(
-            exponent=prior, center=center, size=size, spread=spread, log_scale=log_scale
-        )
+        measured = self.measured if self.measured.is_known else context.measured
+        relative = measured.spread if measured.is_log else measured.spread / measured.size
+        prior = self.exponent or frozen(stats.norm, scale=max(1.0, 1 / (_REACH * relative)))
+        return self.filled(exponent=prior, measured=measured)
 
     def grid(self) -> dict[str, FloatArray]:
         """Return nine quantiles of the exponent."""
-        assert self.exponent is not None
-        return {"exponent": np.asarray(self.exponent.ppf((np.arange(9) + 0.5) / 9))}
+        return {"exponent": quantiles(self.exponent, 9)}
 
     def noise(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the factor on the noise scale."""
@@ -114,39 +99,31 @@ class NoiseOfMean(Cause):
         return np.exp(np.clip(theta["exponent"] * self._log_size(X[SIMULATED]), -50, 50))
 
     def _log_size(self, eta: FloatArray) -> FloatArray:
-        assert self.center is not None
-        assert self.size is not None
-        if self.log_scale:
-            return eta - self.center
-        return 0.5 * np.log((eta / self.size) ** 2 + _FLOOR**2)
+        if self.measured.is_log:
+            return eta - self.measured.location
+        return 0.5 * np.log((eta / self.measured.size) ** 2 + _FLOOR**2)
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the exponent, and the factor between a usual large output and a small one.
 
         They are one standard deviation of the output above and below its mean.
         """
-        assert self.center is not None
-        assert self.spread is not None
-        ends = np.array([self.center - self.spread, self.center + self.spread])
-        if not self.log_scale:
+        middle, spread = self.measured.location, self.measured.spread
+        ends = np.array([middle - spread, middle + spread])
+        if not self.measured.is_log:
             # of an output of both signs the small sizes are near zero
-            ends = np.maximum(abs(self.center) + np.array([-1.0, 1.0]) * self.spread, 0.0)
+            ends = np.maximum(abs(middle) + np.array([-1.0, 1.0]) * spread, 0.0)
         low, high = np.sort(self._log_size(ends))
         exponent = np.asarray(theta["exponent"])
         return {"exponent": exponent, "ratio": np.exp(exponent * (high - low))}
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        assert self.center is not None
-        assert self.size is not None
-        if self.log_scale:
-            factor, constants = (
-                "np.exp({exponent} * ({simulated} - {center}))",
-                {"center": self.center},
-            )
-        else:
-            factor = "(({simulated} / {size}) ** 2 + {floor}**2) ** ({exponent} / 2)"
-            constants = {"size": self.size, "floor": _FLOOR}
+        factor = "(({simulated} / {size}) ** 2 + {floor}**2) ** ({exponent} / 2)"
+        constants = {"size": self.measured.size, "floor": _FLOOR}
+        if self.measured.is_log:
+            factor = "np.exp({exponent} * ({simulated} - {center}))"
+            constants = {"center": self.measured.location}
         return Code(
             f"{{sigma}} * {factor}",
             {"exponent": "1"},
@@ -162,11 +139,6 @@ class NoiseOfMean(Cause):
             f"{values['exponent']:.3g}"
         )
 
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        power = rf"|{SIMULATION}|^{{{number(values['exponent'], 3)}}}"
-        return rf"{SIMULATION}, \quad \text{{noise}} \propto {power}"
-
 
 register(
     Form(
@@ -175,7 +147,6 @@ register(
         lambda context: [NoiseOfMean()],
         least_rows=8,
         headline="The scatter of {output} depends on its size",
-        call="`NoiseOfMean()`",
         formula="eta; noise sigma (m / size)^exponent, m = √(eta² + (size / 20)²), size: root mean "
         "square of the output",
         priors="exponent: normal, sd 1, or size / (2 spread of the output) where that is more",

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import NOISE_SD, SLOPE, Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.base import (
+    NOISE_SD,
+    SLOPE,
+    Cause,
+    Context,
+    Declared,
+    FloatArray,
+    Rows,
+    quantiles,
+)
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -20,7 +27,7 @@ _LEAST_CHANGE = 0.1
 _MOST = 1e6
 
 
-class NoiseOfSlope(Cause):
+class NoiseOfSlope(Declared):
     """Noise from a quantity ``q`` of the simulation that differs between rows.
 
     To first order around the simulation's output (Fuller 1987, Measurement Error Models, section
@@ -40,6 +47,9 @@ class NoiseOfSlope(Cause):
         A usual change of q, of which a thousandth is the step of differences.
     """
 
+    about = "quantity"
+    unknowns = ("ratio",)
+
     def __init__(
         self,
         quantity: str,
@@ -53,20 +63,10 @@ class NoiseOfSlope(Cause):
         self.step = step
 
     @property
-    def target(self) -> str:  # type: ignore[override]
-        """The input or parameter."""
-        return self.quantity
-
-    @property
     def follows_slope(self) -> tuple[str, float]:  # type: ignore[override]
         """The input or parameter, and a usual change of it."""
         assert self.step is not None
         return self.quantity, self.step
-
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the ratio."""
-        return {"ratio": self.ratio}
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the usual slope, the usual change and the prior."""
@@ -82,8 +82,7 @@ class NoiseOfSlope(Cause):
 
     def grid(self) -> dict[str, FloatArray]:
         """Return nine quantiles of the ratio."""
-        assert self.ratio is not None
-        return {"ratio": np.asarray(self.ratio.ppf((np.arange(9) + 0.5) / 9))}
+        return {"ratio": quantiles(self.ratio, 9)}
 
     def noise(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the factor on the noise scale."""

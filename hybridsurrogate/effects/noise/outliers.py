@@ -7,16 +7,15 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows, quantiles
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, number
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.likelihoods.contaminated import LARGEST, SMALLEST
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
 
 
-class Outliers(Cause):
+class Outliers(Declared):
     """Heavy tails: a share of the measurements scatters much more; the simulation is right.
 
     Each measurement is, with probability ``share``, an outlier, whose standard deviation is 3 to
@@ -44,6 +43,7 @@ class Outliers(Cause):
     """
 
     kind = "noise"
+    unknowns = ("share",)
     meaning = "a few measurements of {output} are far off, and carry little information"
 
     def __init__(self, share: Prior | None = None):
@@ -59,11 +59,6 @@ class Outliers(Cause):
         """The kind, and which."""
         return "noise(outliers)"
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the share."""
-        return {"share": self.share}
-
     def prepare(self, context: Context | None) -> Cause:
         """Fill in the prior."""
         share = frozen(stats.loguniform, 0.01, 0.4) if self.share is None else self.share
@@ -71,8 +66,7 @@ class Outliers(Cause):
 
     def grid(self) -> dict[str, FloatArray]:
         """Return six quantiles: the share is known to a factor at best."""
-        assert self.share is not None
-        return {"share": np.asarray(self.share.ppf((np.arange(6) + 0.5) / 6))}
+        return {"share": quantiles(self.share, 6)}
 
     def outliers(self, theta: Rows) -> FloatArray:
         """Return the share of outliers."""
@@ -98,11 +92,6 @@ class Outliers(Cause):
             f"{SMALLEST:g} to {LARGEST:g} times as much as the others"
         )
 
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        share = number(100 * values["share"], 2)
-        return rf"{SIMULATION}, \quad {share} \% \text{{ outliers}}"
-
 
 register(
     Form(
@@ -111,7 +100,6 @@ register(
         lambda context: [Outliers()],
         least_rows=8,
         headline="Some measurements of {output} are outliers",
-        call="`Outliers()`",
         formula="eta; each row with probability share an outlier, of 3 to 30 sigma (log-uniform)",
         priors="share: log-uniform, 1 to 40 %",
         estimates="share",

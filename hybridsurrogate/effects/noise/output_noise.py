@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, FloatArray, Rows
+from hybridsurrogate.effects.base import Declared, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.simulation.outputs import OUTPUT
@@ -17,7 +17,7 @@ from hybridsurrogate.types import Prior
 _SD = 2.0
 
 
-class OutputNoise(Cause):
+class OutputNoise(Declared):
     """Separate noise for each of several outputs, relative to that of the first.
 
     Outputs are in units of their measured standard deviations, and ratios log-normal around one.
@@ -45,9 +45,8 @@ class OutputNoise(Cause):
         self.outputs = outputs
         self.ratios = ratios
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The ratios of the other outputs, unless they are known."""
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the ratios of the other outputs, unless they are known."""
         if self.ratios is not None:
             return {}
         return {f"noise of {name}": frozen(stats.lognorm, _SD) for name in self.outputs[1:]}

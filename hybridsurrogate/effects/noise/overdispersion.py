@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import SIMULATED, Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.axis import UNMEASURED, OutputScale
+from hybridsurrogate.effects.base import SIMULATED, Cause, Context, Declared, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, number
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -20,7 +20,7 @@ _LARGEST_SCATTER = 2.0
 _ALIKE = 0.999
 
 
-class Overdispersion(Cause):
+class Overdispersion(Declared):
     """Counts that scatter more than their likelihood allows; the simulation is right.
 
     Of Poisson counts with mean mu the variance is ``mu + scatter^2 mu^2``, that of a negative
@@ -41,30 +41,35 @@ class Overdispersion(Cause):
     ----------
     ratio : frozen scipy.stats distribution or None, default=None
         Prior of the ratio of standard deviations, from 1 on.
-    center : float or None, default=None
-        Logarithm of the usual size of a count.
     trials : int or None, default=None
         Of each row, where successes are counted.
+    measured : OutputScale
+        Where the measured output lies; `prepare` looks.
 
     Examples
     --------
     >>> import numpy as np, hybridsurrogate as hs
-    >>> wide = hs.Overdispersion(center=np.log(20.0))
+    >>> from hybridsurrogate.effects.axis import OutputScale
+    >>> wide = hs.Overdispersion(measured=OutputScale(location=np.log(20.0)))
     >>> rows = {hs.SIMULATED: np.log([1.0, 20.0])}
     >>> wide.noise(rows, {"ratio": np.full(2, 3.0)}).round(2).tolist()
     [1.18, 3.0]
     """
 
     kind = "noise"
+    unknowns = ("ratio",)
     meaning = "counts of {output} scatter more than independent events or trials do"
     follows_mean = True
 
     def __init__(
-        self, ratio: Prior | None = None, center: float | None = None, trials: int | None = None
+        self,
+        ratio: Prior | None = None,
+        trials: int | None = None,
+        measured: OutputScale = UNMEASURED,
     ):
         self.ratio = ratio
-        self.center = center
         self.trials = trials
+        self.measured = measured
 
     @property
     def variant(self) -> str:
@@ -76,31 +81,25 @@ class Overdispersion(Cause):
         """The kind, and which."""
         return "noise(overdispersed)"
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the ratio."""
-        return {"ratio": self.ratio}
-
     def prepare(self, context: Context) -> Cause:
         """Fill in the usual size of a count or the number of trials, and the prior."""
-        center = context.location if self.center is None else self.center
+        measured = self.measured if self.measured.is_known else context.measured
         trials = context.trials if self.trials is None else self.trials
         ratio = self.ratio
         if ratio is None and trials is not None:
             correlation = _LARGEST_SCATTER**2 / (1 + _LARGEST_SCATTER**2)
             ratio = frozen(stats.loguniform, 1.0, float(np.sqrt(1 + (trials - 1) * correlation)))
         if ratio is None:
-            largest = np.hypot(1.0, _LARGEST_SCATTER * np.exp(0.5 * center))
+            largest = np.hypot(1.0, _LARGEST_SCATTER * np.exp(0.5 * measured.location))
             ratio = frozen(stats.loguniform, 1.0, max(float(largest), 2.0))
-        return self.filled(ratio=ratio, center=center, trials=trials)
+        return self.filled(ratio=ratio, trials=trials, measured=measured)
 
     def _scatter(self, theta: Rows) -> FloatArray:
         beyond = np.maximum(np.square(theta["ratio"]) - 1, 0.0)
         if self.trials is not None:
             correlation = np.minimum(beyond / (self.trials - 1), _ALIKE)
             return np.asarray(np.sqrt(correlation / (1 - correlation)))
-        assert self.center is not None
-        return np.asarray(np.sqrt(beyond * np.exp(-self.center)))
+        return np.asarray(np.sqrt(beyond * np.exp(-self.measured.location)))
 
     def noise(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the factor on the noise of a row, around which a search expands."""
@@ -143,19 +142,11 @@ class Overdispersion(Cause):
                 f"simulation, with successes whose standard deviation is {values['ratio']:.3g} "
                 f"times that of {self.trials} independent trials: beta-binomial"
             )
-        assert self.center is not None
+        usual = np.exp(self.measured.location)
         return (
             f"simulation, with counts whose standard deviation is {values['ratio']:.3g} times that "
-            f"of a Poisson distribution at a count of {np.exp(self.center):.3g}: negative binomial"
+            f"of a Poisson distribution at a count of {usual:.3g}: negative binomial"
         )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        scatter = number(values["scatter"], 3)
-        if self.trials is not None:
-            square = number(values["ratio"] ** 2, 3)
-            return rf"{SIMULATION}, \quad \text{{variance }} {square} \, n p (1 - p)"
-        return rf"{SIMULATION}, \quad \text{{variance }} \mu + {scatter}^2 \mu^2"
 
 
 register(
@@ -165,7 +156,6 @@ register(
         lambda context: [Overdispersion()] if context.overdisperses else [],
         least_rows=8,
         headline="The counts of {output} scatter more than independent events or trials do",
-        call="`Overdispersion()`",
         formula="counts of mean mu with variance mu + scatter² mu²; successes of n trials with "
         "variance ratio² n p (1 - p)",
         priors="ratio of standard deviations, at a usual count: log-uniform from 1 on",

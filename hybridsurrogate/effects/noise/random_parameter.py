@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.noise.noise_of_slope import NoiseOfSlope, trouble
-from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.registry import Form, register
 
 
@@ -53,12 +52,6 @@ class RandomParameter(NoiseOfSlope):
         """Return the extended simulation in words."""
         return f"simulation, with {self.quantity} varying by {values['spread']:.4g} (sd) by row"
 
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        name = word(self.quantity)
-        off = rf"\varepsilon_{{{name}}} \sim N(0, {number(values['spread'])}^2)"
-        return rf"{SIMULATION}, \quad {name} \to {name} + \varepsilon_{{{name}}}, \quad {off}"
-
 
 def _over_parameters(context: Context) -> Iterator[Cause]:
     return (RandomParameter(name) for name in (*context.parameters, *context.assumed))
@@ -75,7 +68,6 @@ register(
         trouble=trouble,
         like=("noise", "input-error"),
         headline="{target} differs from row to row, by about {spread}",
-        call="`RandomParameter(p)`",
         formula="eta; noise sigma √(1 + (ratio slope / usual)²), slope: d eta / dp, usual: its "
         "root mean square",
         priors="ratio: log-normal, median 2, sd of the log 1",

@@ -9,7 +9,6 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, number, plus, signed
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.effects.registry import Form, over_inputs, register
 from hybridsurrogate.priors import frozen
@@ -30,8 +29,8 @@ class Bump(Located):
         Any measured column.
     location : frozen scipy.stats distribution or None, default=None
         Prior of the middle of the bump; bounded.
-    center, span, spacing : float or None, default=None
-        Middle and span of the measured rows, and the distance of neighbours.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
 
     Examples
     --------
@@ -44,16 +43,11 @@ class Bump(Located):
     kind = "bump"
     coefficients = ("amplitude",)
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The priors of location and width."""
-        assert self.span is not None
-        assert self.spacing is not None
-        low = min(self.spacing, 0.1 * self.span)
-        return {
-            "location": self.location,
-            "width": frozen(stats.loguniform, 0.5 * low, 0.25 * self.span),
-        }
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the priors of location and width."""
+        low, span = min(self.axis.spacing, 0.1 * self.axis.span), self.axis.span
+        width = frozen(stats.loguniform, 0.5 * low, 0.25 * span)
+        return {"location": self.location, "width": width}
 
     def grid(self) -> dict[str, FloatArray]:
         """Return locations and widths."""
@@ -73,23 +67,6 @@ class Bump(Located):
             {"x": self.column},
         )
 
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        place, width = values["location"], values["width"]
-        return (
-            f"simulation {plus(values['amplitude'])} exp(-({self.column} "
-            f"{plus(-place, digits_at(place, width))})^2 / (2 * {width:.4g}^2))"
-        )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        place = values["location"]
-        square = rf"{minus(self.column, place, digits_at(place, values['width']))}^{{2}}"
-        return (
-            rf"{SIMULATION} {signed(values['amplitude'])} "
-            rf"\exp\left(-\frac{{{square}}}{{2 \cdot {number(values['width'])}^{{2}}}}\right)"
-        )
-
 
 register(
     Form(
@@ -103,8 +80,6 @@ register(
             "The simulation misses a {amplitude:rise|dip} of {output} by "
             "{amplitude:size} around {column} = {location:place}"
         ),
-        call="`Bump(x)`",
-        formula="eta + amplitude exp(-(x - location)² / (2 width²))",
         priors="location: uniform; width: log-uniform, half a spacing (at most a twentieth of the "
         "span) to a quarter of the span",
         estimates="location, width, amplitude",

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.axis import UNKNOWN, Axis
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows, quantiles
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.output.discrepancy_process import GaussianProcessDiscrepancy
 from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.effects.registry import Form, register
@@ -47,15 +47,17 @@ class CurveByExperiment(OverColumn):
     length, amplitude : frozen scipy.stats distribution or None, default=None
         Priors, in units of the column and of the output: log-uniform from 15 % to 100 % of the
         measured span, and from 0.3 % to 100 % of the spread of the output.
-    levels : tuple of float or None, default=None
-        The experiments; None: those of the measured rows.
-    center, span : float or None, default=None
-        Middle and span of the measured rows.
+    levels : tuple of float, default=()
+        The experiments; none: those of the measured rows.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
 
     Examples
     --------
     >>> import numpy as np, hybridsurrogate as hs
-    >>> own = hs.CurveByExperiment("t", "run", levels=(1.0, 2.0), center=5.0, span=10.0)
+    >>> from hybridsurrogate.effects.axis import Axis
+    >>> axis = Axis.of([0.0, 10.0])
+    >>> own = hs.CurveByExperiment("t", "run", levels=(1.0, 2.0), axis=axis)
     >>> rows = {"t": np.array([4.0, 4.0, 4.5]), "run": np.array([1.0, 2.0, 2.0])}
     >>> columns = own.columns(rows, {"length": np.full(3, 2.0), "amplitude": np.full(3, 0.1)})
     >>> (columns @ columns.T)[1].round(4).tolist()
@@ -63,6 +65,7 @@ class CurveByExperiment(OverColumn):
     """
 
     kind = "curve-by-experiment"
+    unknowns = ("length", "amplitude")
     is_process = True
     coefficient_sd = 1.0
 
@@ -72,11 +75,10 @@ class CurveByExperiment(OverColumn):
         by: str,
         length: Prior | None = None,
         amplitude: Prior | None = None,
-        levels: tuple[float, ...] | None = None,
-        center: float | None = None,
-        span: float | None = None,
+        levels: tuple[float, ...] = (),
+        axis: Axis = UNKNOWN,
     ):
-        super().__init__(column, center, span)
+        super().__init__(column, axis)
         self.by = by
         self.length = length
         self.amplitude = amplitude
@@ -98,40 +100,29 @@ class CurveByExperiment(OverColumn):
         return f"{self.kind}({self.column} by {self.by})"
 
     @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The priors of length and amplitude."""
-        return {"length": self.length, "amplitude": self.amplitude}
-
-    @property
     def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
         """One name a basis function and experiment, one not measured included."""
-        assert self.levels is not None
         experiments = [*(f"{level:.12g}" for level in self.levels), "another"]
         return tuple(f"{e}: wave_{k}" for e in experiments for k in range(_N_WAVES))
 
     def prepare(self, context: Context) -> Cause:
-        """Fill in the experiments, middle and span of the column and the priors."""
-        prepared = super().prepare(context)
-        assert prepared.span is not None
-        experiments = context.column(self.by)
-        if self.levels is None:
-            prepared.levels = tuple(np.unique(experiments).tolist())
-        if self.length is None:
-            prepared.length = frozen(stats.loguniform, _SHORTEST * prepared.span, prepared.span)
-        if self.amplitude is None:
-            prepared.amplitude = frozen(stats.loguniform, 0.003 * context.scale, context.scale)
-        return prepared
+        """Fill in the experiments, the axis and the priors."""
+        axis, scale = self.along(context), context.scale
+        experiments = tuple(context.axis(self.by).rows.tolist())
+        return self.filled(
+            axis=axis,
+            levels=self.levels or experiments,
+            length=self.length or frozen(stats.loguniform, _SHORTEST * axis.span, axis.span),
+            amplitude=self.amplitude or frozen(stats.loguniform, 0.003 * scale, scale),
+        )
 
     def grid(self) -> dict[str, FloatArray]:
         """Return six lengths; the amplitude only scales the columns, as their size does."""
-        assert self.length is not None
-        return {"length": np.asarray(self.length.ppf((np.arange(6) + 0.5) / 6))}
+        return {"length": quantiles(self.length, 6)}
 
     def factors(self, X: Rows, theta: Rows) -> tuple[FloatArray, FloatArray]:
         """Return the basis functions of each experiment's rows, and the heights of all."""
-        assert self.levels is not None
-        assert self.span is not None
-        scaled = 2 * np.asarray(theta["length"]) / self.span
+        scaled = 2 * np.asarray(theta["length"]) / self.axis.span
         parts = self._curve.factors(X, {"length_scale": scaled})
         of_rows, heights = (part[:, :_N_WAVES] for part in parts)
         levels = np.asarray(self.levels)
@@ -143,10 +134,8 @@ class CurveByExperiment(OverColumn):
 
     @property
     def _curve(self) -> GaussianProcessDiscrepancy:
-        assert self.center is not None
-        assert self.span is not None
-        half = self.span / 2
-        return GaussianProcessDiscrepancy({self.column: (self.center - half, self.center + half)})
+        half, middle = self.axis.span / 2, self.pivot
+        return GaussianProcessDiscrepancy({self.column: (middle - half, middle + half)})
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return length and standard deviation of the curves."""
@@ -154,7 +143,6 @@ class CurveByExperiment(OverColumn):
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        assert self.levels is not None
         x = {"x": self.column, "by": self.by}
         grid = {"grid": (*self._ends, _PLACES)}
         levels = {f"level{k}": (self.by, level) for k, level in enumerate(self.levels)}
@@ -170,13 +158,11 @@ class CurveByExperiment(OverColumn):
     @property
     def _ends(self) -> tuple[float, float]:
         """The places beyond which curves are constant."""
-        assert self.center is not None
-        assert self.span is not None
-        return self.center - 0.75 * self.span, self.center + 0.75 * self.span
+        reach = 0.75 * self.axis.span
+        return self.pivot - reach, self.pivot + reach
 
     def _tables(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the mean curve of each experiment on a grid."""
-        assert self.levels is not None
         grid, curves = np.linspace(*self._ends, _PLACES), []
         drawn = np.column_stack(list(coefficients.values()))
         for level in self.levels:
@@ -192,12 +178,6 @@ class CurveByExperiment(OverColumn):
             f"simulation + a smooth curve over {self.column} for each {self.by}, of "
             f"{values['amplitude']:.4g} (standard deviation)"
         )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        column, by = word(self.column), word(self.by)
-        spread = rf"\text{{sd}}(u_{{{by}}}) = {number(values['amplitude'])}"
-        return rf"{SIMULATION} + u_{{{by}}}({column}), \quad {spread}"
 
 
 def _own_curves(context: Context) -> Iterator[Cause]:
@@ -242,7 +222,6 @@ register(
             "{output} differs from the simulation by a smooth curve over {column} "
             "that is not the same in each experiment"
         ),
-        call="`CurveByExperiment(x, e)`",
         formula="eta + u_e(x); u_e Gaussian, covariance amplitude² exp(-distance²/(2 length²))",
         priors="length: log-uniform, 15 % to 100 % of the span; amplitude: log-uniform, 0.3 % to "
         "100 % of the spread of the output",

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from scipy import stats
 
+from hybridsurrogate.effects.axis import UNKNOWN, Axis
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, number, plus, signed
-from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
+from hybridsurrogate.effects.over_column import FromOrigin
 from hybridsurrogate.effects.registry import Form, over_inputs, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -32,6 +30,8 @@ class Decay(FromOrigin):
         Prior of the scale; positive.
     origin : float or None, default=None
         Where the amplitude is meant. None: the smallest measured value.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
 
     Examples
     --------
@@ -43,23 +43,24 @@ class Decay(FromOrigin):
 
     kind = "decay"
     coefficients = ("amplitude",)
+    unknowns = ("scale",)
 
-    def __init__(self, column: str, scale: Prior | None = None, origin: float | None = None):
-        super().__init__(column, origin)
+    def __init__(
+        self,
+        column: str,
+        scale: Prior | None = None,
+        origin: float | None = None,
+        axis: Axis = UNKNOWN,
+    ):
+        super().__init__(column, origin, axis)
         self.scale = scale
-
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the scale."""
-        return {"scale": self.scale}
 
     def prepare(self, context: Context) -> Cause:
         """Fill in origin and prior from the measured rows."""
-        prepared = super().prepare(context)
-        if self.scale is None:
-            span, spacing = span_and_spacing(context.column(self.column))
-            prepared.scale = frozen(stats.loguniform, min(2 * spacing, 0.5 * span), span)
-        return prepared
+        axis = self.along(context)
+        shortest = min(2 * axis.spacing, 0.5 * axis.span)
+        scale = self.scale or frozen(stats.loguniform, shortest, axis.span)
+        return self.filled(axis=axis, scale=scale)
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the share that remains."""
@@ -67,27 +68,11 @@ class Decay(FromOrigin):
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        assert self.origin is not None
         return Code(
             "{amplitude} * np.exp(-np.maximum({x} - {origin}, 0) / {scale})",
             {"amplitude": "{y}", "scale": "{x}"},
             {"x": self.column},
-            {"origin": self.origin},
-        )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        assert self.origin is not None
-        distance = f"{self.column} {plus(-self.origin, digits_at(self.origin, values['scale']))}"
-        return f"simulation {plus(values['amplitude'])} exp(-({distance}) / {values['scale']:.4g})"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        assert self.origin is not None
-        distance = minus(self.column, self.origin, digits_at(self.origin, values["scale"]))
-        return (
-            rf"{SIMULATION} {signed(values['amplitude'])} "
-            rf"\exp\left(-\frac{{{distance}}}{{{number(values['scale'])}}}\right)"
+            {"origin": self.pivot},
         )
 
 
@@ -103,7 +88,6 @@ register(
             "{output} starts {amplitude:size} {amplitude:above|below} the "
             "simulation, and the gap dies away over {scale}"
         ),
-        call="`Decay(x)`",
         formula="eta + amplitude exp(-(x - origin) / scale); origin: smallest measured x",
         priors="scale: log-uniform, 2 spacings to the span",
         estimates="amplitude, scale",

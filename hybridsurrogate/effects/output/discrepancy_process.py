@@ -7,9 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -23,7 +22,7 @@ _BOUNDARY = 1.5
 _PLACES = {1: 121, 2: 25}
 
 
-class GaussianProcessDiscrepancy(Cause):
+class GaussianProcessDiscrepancy(Declared):
     """A Gaussian process over the simulation's inputs, by a Hilbert-space basis.
 
     Squared-exponential kernel with one length scale on inputs scaled to [-1, 1]; the basis is a
@@ -61,7 +60,7 @@ class GaussianProcessDiscrepancy(Cause):
         amplitude: Prior | None = None,
     ):
         self.ranges = ranges
-        self.length_scale = length_scale
+        self.length_scale: Prior = length_scale
         self.amplitude = amplitude
 
     def prepare(self, context: Context) -> Cause:
@@ -78,8 +77,11 @@ class GaussianProcessDiscrepancy(Cause):
         return self.filled(ranges=ranges, length_scale=prior)
 
     @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the length scale, and of the amplitude where it has one."""
+    def _ranges(self) -> Mapping[str, tuple[float, float]]:
+        return self.ranges or {}
+
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the prior of the length scale, and of the amplitude where it has one."""
         if self.amplitude is None:
             return {"length_scale": self.length_scale}
         return {"length_scale": self.length_scale, "amplitude": self.amplitude}
@@ -92,13 +94,11 @@ class GaussianProcessDiscrepancy(Cause):
     @property
     def coefficients(self) -> tuple[str, ...]:  # type: ignore[override]
         """One name a basis function."""
-        assert self.ranges is not None
-        d, n = len(self.ranges), self._n_waves
+        d, n = len(self._ranges), self._n_waves
         return tuple(f"basis_{k}" for k in range(n**d if d <= 2 else n * d))
 
     def grid(self) -> dict[str, FloatArray]:
         """Return six length scales."""
-        assert self.length_scale is not None
         low, high = self.length_scale.support()
         if low > 0 and np.isfinite(high):
             nodes = np.geomspace(1.05 * low, high / 1.05, 6)
@@ -110,11 +110,10 @@ class GaussianProcessDiscrepancy(Cause):
 
     def factors(self, X: Rows, theta: Rows) -> tuple[FloatArray, FloatArray]:
         """Return the basis functions, and the root of the spectral density of each."""
-        assert self.ranges is not None
         root = np.pi * np.arange(1, self._n_waves + 1) / (2 * _BOUNDARY)
         length = np.reshape(theta["length_scale"], (-1, 1))
         density = np.sqrt(2 * np.pi) * length * np.exp(-0.5 * (length * root) ** 2)
-        waves = [_waves(X[name], limits, root) for name, limits in self.ranges.items()]
+        waves = [_waves(X[name], limits, root) for name, limits in self._ranges.items()]
         heights = [np.sqrt(density)] * len(waves)
         of_rows, of_draws = (_joined(each) for each in (waves, heights))
         if self.amplitude is not None:
@@ -125,8 +124,7 @@ class GaussianProcessDiscrepancy(Cause):
 
     @property
     def _n_waves(self) -> int:
-        assert self.ranges is not None
-        return _N_BASIS.get(len(self.ranges), _N_BASIS_EACH)
+        return _N_BASIS.get(len(self._ranges), _N_BASIS_EACH)
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the length scale on inputs scaled to [-1, 1], and the amplitude."""
@@ -134,8 +132,7 @@ class GaussianProcessDiscrepancy(Cause):
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        assert self.ranges is not None
-        names = list(self.ranges)
+        names = list(self._ranges)
         x = {f"x{k}": name for k, name in enumerate(names)}
         grids = {f"grid{k}": (*self._ends(name), _PLACES[1]) for k, name in enumerate(names)}
         if len(names) == 2:
@@ -155,15 +152,13 @@ class GaussianProcessDiscrepancy(Cause):
 
     def _ends(self, name: str) -> tuple[float, float]:
         """Return the places of an input beyond which the curve is constant."""
-        assert self.ranges is not None
-        low, high = self.ranges[name]
+        low, high = self._ranges[name]
         middle, reach = (low + high) / 2, _BOUNDARY * ((high - low) or 1.0) / 2
         return middle - reach, middle + reach
 
     def _tables(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the mean curve over each input, or the surface over two, on grids."""
-        assert self.ranges is not None
-        names = list(self.ranges)
+        names = list(self._ranges)
         several = len(names) == 2
         grids = [np.linspace(*self._ends(name), _PLACES[2 if several else 1]) for name in names]
         if several:
@@ -181,10 +176,6 @@ class GaussianProcessDiscrepancy(Cause):
     def formula(self, values: Mapping[str, float]) -> str:
         """Return the extended simulation in words."""
         return "simulation + a smooth discrepancy of unknown shape"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        return rf"{SIMULATION} + \delta, \quad \delta \text{{ smooth, of unknown shape}}"
 
 
 def _waves(x: FloatArray, limits: tuple[float, float], root: FloatArray) -> FloatArray:
@@ -213,7 +204,6 @@ register(
             "The simulation misses a smooth change of {output} that no cause of "
             "the catalogue explains"
         ),
-        call="`GaussianProcessDiscrepancy()`",
         formula="eta + a smooth curve over the inputs",
         priors="length scale on [-1, 1]: log-uniform, 0.15 (0.3 for several inputs) to 2",
         estimates="length_scale",

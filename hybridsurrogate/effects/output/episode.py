@@ -9,7 +9,6 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, digits_at, number, plus, signed, word
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.effects.registry import Form, over_inputs, register
 from hybridsurrogate.priors import frozen
@@ -31,13 +30,14 @@ class Episode(Located):
         Any measured column.
     location : frozen scipy.stats distribution or None, default=None
         Prior of the place where it begins; bounded.
-    center, span, spacing : float or None, default=None
-        Middle and span of the measured rows, and the distance of neighbours.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
 
     Examples
     --------
     >>> import numpy as np, hybridsurrogate as hs
-    >>> episode = hs.Episode("t", center=5.0, span=10.0, spacing=0.5)
+    >>> from hybridsurrogate.effects.axis import Axis
+    >>> episode = hs.Episode("t", axis=Axis.of(np.linspace(0, 10, 21)))
     >>> theta = {"location": np.array([2.0]), "share": np.array([0.5])}
     >>> {name: float(values[0]) for name, values in episode.estimates(theta, {}).items()}
     {'location': 2.0, 'end': 4.0}
@@ -48,9 +48,8 @@ class Episode(Located):
     kind = "episode"
     coefficients = ("amplitude",)
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The priors of the location and of the length's share."""
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the priors of the location and of the length's share."""
         return {"location": self.location, "share": frozen(stats.uniform)}
 
     def grid(self) -> dict[str, FloatArray]:
@@ -59,11 +58,9 @@ class Episode(Located):
 
     def end(self, theta: Rows) -> FloatArray:
         """Return where it ends."""
-        assert self.center is not None
-        assert self.span is not None
-        assert self.spacing is not None
-        shortest = min(self.spacing, 0.05 * self.span)
-        longest = np.maximum(self.center + 0.5 * self.span - theta["location"], shortest)
+        axis = self.axis
+        shortest = min(axis.spacing, 0.05 * axis.span)
+        longest = np.maximum(axis.center + 0.5 * axis.span - theta["location"], shortest)
         return theta["location"] + shortest * (longest / shortest) ** theta["share"]
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
@@ -84,25 +81,6 @@ class Episode(Located):
             {"x": self.column},
         )
 
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        begin, end = self._ends(values)
-        return (
-            f"simulation {plus(values['amplitude'])} from {self.column} = {begin[0]:.{begin[1]}g} "
-            f"to {end[0]:.{end[1]}g}"
-        )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        begin, end = self._ends(values)
-        within = rf"{number(*begin)} \leq {word(self.column)} < {number(*end)}"
-        return rf"{SIMULATION} {signed(values['amplitude'])} \, \mathbf{{1}}_{{{within}}}"
-
-    def _ends(self, values: Mapping[str, float]) -> tuple[tuple[float, int], tuple[float, int]]:
-        assert self.span is not None
-        begin, end = values["location"], values["end"]
-        return (begin, digits_at(begin, self.span, 6)), (end, digits_at(end, self.span, 6))
-
 
 register(
     Form(
@@ -117,7 +95,6 @@ register(
             "From {column} = {location:place} to {end:place} {output} is {amplitude:size} "
             "{amplitude:above|below} the simulation"
         ),
-        call="`Episode(x)`",
         formula="eta, + amplitude from location to end",
         priors="location: uniform over the rows; length: log-uniform, a spacing (at most a "
         "twentieth of the span) to the distance of the last row",

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from itertools import combinations
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.axis import UNKNOWN, Axis
+from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed
 from hybridsurrogate.effects.registry import Form, register
 
 
-class Interaction(Cause):
+class Interaction(Declared):
     """A product of two columns that the simulation lacks: one changes what the other does.
 
     ``simulation + slope (x1 - center_1) (x2 - center_2)``, the slope in units of the output per
@@ -22,13 +22,16 @@ class Interaction(Cause):
     ----------
     first, second : str
         Two different measured columns.
-    centers, spans : (float, float) or None, default=None
-        Middle and length of what is scaled to [-1, 1] in each. None: of the measured rows.
+    centers : (float, float) or None, default=None
+        Where the simulation is right. None: in the middle of the measured rows.
+    axes : (Axis, Axis)
+        Where the measured rows lie; `prepare` looks.
 
     Examples
     --------
     >>> import numpy as np, hybridsurrogate as hs
-    >>> both = hs.Interaction("t", "dose", centers=(1.0, 1.0), spans=(2.0, 4.0))
+    >>> from hybridsurrogate.effects.axis import Axis
+    >>> both = hs.Interaction("t", "dose", axes=(Axis.of([0.0, 2.0]), Axis.of([-1.0, 3.0])))
     >>> rows = {"t": np.array([0.0, 2.0]), "dose": np.array([3.0, 3.0])}
     >>> both.columns(rows, {}).ravel().tolist()
     [-1.0, 1.0]
@@ -42,12 +45,12 @@ class Interaction(Cause):
         first: str,
         second: str,
         centers: tuple[float, float] | None = None,
-        spans: tuple[float, float] | None = None,
+        axes: tuple[Axis, Axis] = (UNKNOWN, UNKNOWN),
     ):
         self.first = first
         self.second = second
         self.centers = centers
-        self.spans = spans
+        self.axes = axes
 
     @property
     def variant(self) -> str:
@@ -64,64 +67,48 @@ class Interaction(Cause):
         """Both columns."""
         return (self.first, self.second)
 
+    @property
+    def pivots(self) -> tuple[float, float]:
+        """The places from which it counts."""
+        first, second = self.axes
+        return self.centers or (first.center, second.center)
+
     def prepare(self, context: Context) -> Cause:
-        """Fill in middles and spans of the columns from the measured rows."""
+        """Look where the measured rows lie along both columns."""
         if self.first == self.second:
             raise ValueError(
                 f"An interaction needs two different columns, got {self.first!r} twice: a square "
                 "is Trend(column, degree=2)."
             )
-        (low, high), (bottom, top) = (
-            (float(v.min()), float(v.max())) for v in map(context.column, self.reads)
-        )
-        centers = ((low + high) / 2, (bottom + top) / 2)
-        spans = ((high - low) or 1.0, (top - bottom) or 1.0)
-        return self.filled(centers=self.centers or centers, spans=self.spans or spans)
+        known = all(axis.is_known for axis in self.axes)
+        measured = (context.axis(self.first), context.axis(self.second))
+        return self.filled(axes=self.axes if known else measured)
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the product of the columns, each scaled to [-1, 1]."""
-        assert self.centers is not None
-        assert self.spans is not None
         u, v = (
-            2 * (X[name] - center) / span
-            for name, center, span in zip(self.reads, self.centers, self.spans, strict=True)
+            2 * (X[name] - pivot) / axis.span
+            for name, pivot, axis in zip(self.reads, self.pivots, self.axes, strict=True)
         )
         return (u * v)[:, None]
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the slope per unit of the product."""
-        assert self.spans is not None
-        return {"slope": 4 * coefficients["slope"] / (self.spans[0] * self.spans[1])}
+        return {"slope": 4 * coefficients["slope"] / (self.axes[0].span * self.axes[1].span)}
+
+    @property
+    def extents(self) -> Mapping[str, float]:
+        """How far the measured rows reach along both."""
+        return {name: axis.span for name, axis in zip(self.reads, self.axes, strict=True)}
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        assert self.centers is not None
         return Code(
             "{slope} * ({first} - {first_center}) * ({second} - {second_center})",
             {"slope": "{y} / ({first} {second})"},
             {"first": self.first, "second": self.second},
-            dict(zip(("first_center", "second_center"), self.centers, strict=True)),
+            dict(zip(("first_center", "second_center"), self.pivots, strict=True)),
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        assert self.centers is not None
-        assert self.spans is not None
-        factors = (
-            f"({name} {plus(-center, digits_at(center, span))})"
-            for name, center, span in zip(self.reads, self.centers, self.spans, strict=True)
-        )
-        return f"simulation {plus(values['slope'])} {' '.join(factors)}"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        assert self.centers is not None
-        assert self.spans is not None
-        factors = (
-            minus(name, center, digits_at(center, span))
-            for name, center, span in zip(self.reads, self.centers, self.spans, strict=True)
-        )
-        return rf"{SIMULATION} {signed(values['slope'])} {' '.join(factors)}"
 
 
 def _of_pairs(context: Context) -> Iterator[Cause]:
@@ -148,7 +135,6 @@ register(
         lacking=_lacking,
         like=("gain",),
         headline="The simulation misses that {target} act together on {output}",
-        call="`Interaction(x1, x2)`",
         formula="eta + slope (x1 - center1) (x2 - center2)",
         estimates="slope",
         left_out="the simulation has one input",

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.ignored.missing_input import trouble_with_levels
-from hybridsurrogate.effects.notation import SIMULATION, plus, signed, where
 from hybridsurrogate.effects.registry import Form, register
 
 
-class Offset(Cause):
+class Offset(Declared):
     """A constant added to the simulation, such as a zero error of the instrument.
 
     - ``simulation + amplitude``, in the units of the output. On a logarithmic scale of the output a
@@ -43,6 +42,7 @@ class Offset(Cause):
     """
 
     kind = "offset"
+    about = "column"
     coefficients = ("amplitude",)
 
     def __init__(
@@ -56,11 +56,6 @@ class Offset(Cause):
     def coefficient_sd(self) -> float | None:  # type: ignore[override]
         """Standard deviation of the amplitude's prior."""
         return self.sd
-
-    @property
-    def target(self) -> str | None:  # type: ignore[override]
-        """The column of the level, if one is meant."""
-        return self.column
 
     @property
     def variant(self) -> str:
@@ -110,20 +105,6 @@ class Offset(Cause):
             levels={"level": (self.column, self.level)},
         )
 
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        if self.level is None:
-            return f"simulation {plus(values['amplitude'])}"
-        there = f"where {self.column} = {self.level:.12g}"
-        return f"simulation, and {values['amplitude']:+.4g} {there}"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        amplitude = signed(values["amplitude"])
-        if self.column is None or self.level is None:
-            return f"{SIMULATION} {amplitude}"
-        return rf"{SIMULATION} {amplitude} \, {where(self.column, '=', self.level, 12)}"
-
 
 def _at_levels(context: Context) -> Iterator[Cause]:
     # sensors side by side, or the standards of a calibration
@@ -148,8 +129,6 @@ register(
         trouble=_trouble_on_log_scale,
         like=("trend", "gain"),
         headline=("{output} is {amplitude:size} {amplitude:above|below} the simulation everywhere"),
-        call="`Offset()`",
-        formula="eta + amplitude",
         priors="sd of the amplitude: as above, or a third of the mean distance of measured from "
         "simulated outputs where that is more",
         estimates="amplitude",

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, number, plus
-from hybridsurrogate.effects.over_column import (
+from hybridsurrogate.effects.axis import (
     LONGEST_PERIOD,
-    OverColumn,
+    UNKNOWN,
+    Axis,
     highest_frequency,
     period_nodes,
 )
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.code import Code
+from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.effects.registry import Form, over_columns, over_inputs, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -44,28 +43,29 @@ class Periodic(OverColumn):
     period : frozen scipy.stats distribution or None, default=None
         Prior of the period.
     harmonics : {1, 2}, default=1
-    center, span : float or None, default=None
-        Where the phase is counted from, and the span of the measured rows.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
 
     Examples
     --------
     >>> import numpy as np, hybridsurrogate as hs
-    >>> wave = hs.Periodic("t", center=0.0, span=8.0)
+    >>> from hybridsurrogate.effects.axis import Axis
+    >>> wave = hs.Periodic("t", axis=Axis.of([-4.0, 4.0]))
     >>> wave.columns({"t": np.array([0.0, 1.0])}, {"period": 4.0}).round(3).tolist()
     [[0.0, 1.0], [1.0, 0.0]]
     """
 
     kind = "periodic"
+    unknowns = ("period",)
 
     def __init__(
         self,
         column: str,
         period: Prior | None = None,
         harmonics: int = 1,
-        center: float | None = None,
-        span: float | None = None,
+        axis: Axis = UNKNOWN,
     ):
-        super().__init__(column, center, span)
+        super().__init__(column, axis)
         self.period = period
         self.harmonics = harmonics
 
@@ -83,33 +83,24 @@ class Periodic(OverColumn):
         """Fill in the prior of the period from the measured rows."""
         if self.harmonics not in (1, 2):
             raise ValueError(f"harmonics must be 1 or 2, got {self.harmonics!r}.")
-        prepared = super().prepare(context)
-        if self.period is None:
-            distinct = np.unique(context.column(self.column))
-            span = float(np.ptp(distinct)) or 1.0
-            if self.harmonics == 1:
-                shortest = 1 / highest_frequency(distinct, _MOST_CYCLES)
-            else:
-                n = max(len(distinct), 4)
-                shortest = 2 * span * max(2.0 / (n - 1), 1.0 / _MOST_OF_OVERTONE)
-            prepared.period = frozen(stats.loguniform, shortest, LONGEST_PERIOD * span)
-        return prepared
+        axis = self.along(context)
+        return self.filled(axis=axis, period=self.period or self._period_prior(axis))
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the period."""
-        return {"period": self.period}
+    def _period_prior(self, axis: Axis) -> Prior:
+        if self.harmonics == 1:
+            shortest = 1 / highest_frequency(axis.rows, _MOST_CYCLES)
+        else:
+            n = max(len(axis.rows), 4)
+            shortest = 2 * axis.span * max(2.0 / (n - 1), 1.0 / _MOST_OF_OVERTONE)
+        return frozen(stats.loguniform, shortest, LONGEST_PERIOD * axis.span)
 
     def grid(self) -> dict[str, FloatArray]:
         """Return periods evenly spaced in frequency, five per independent (highest) frequency."""
-        assert self.span is not None
-        assert self.period is not None
-        return {"period": period_nodes(self.period, 5 * self.harmonics, self.span)}
+        return {"period": period_nodes(self.period, 5 * self.harmonics, self.axis.span)}
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return sines and cosines around the middle of the measured rows."""
-        assert self.center is not None
-        phase = 2 * np.pi * (X[self.column] - self.center) / theta["period"]
+        phase = 2 * np.pi * (X[self.column] - self.pivot) / theta["period"]
         sine, cosine = np.sin(phase), np.cos(phase)
         waves = [sine, cosine]
         if self.harmonics == 2:  # of the double angle
@@ -130,12 +121,11 @@ class Periodic(OverColumn):
         self, sine: FloatArray, cosine: FloatArray, period: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return a wave's amplitude, and where it peaks next to the middle of the rows."""
-        assert self.center is not None
         turn = np.asarray(cosine + 1j * np.asarray(sine))
         # one and the same peak in all draws
         typical = np.angle(np.mean(turn / np.maximum(np.abs(turn), 1e-300)))
         angle = typical + np.angle(turn * np.exp(-1j * typical))
-        return np.abs(turn), self.center + period * angle / (2 * np.pi)
+        return np.abs(turn), self.pivot + period * angle / (2 * np.pi)
 
     def code(self) -> Code:
         """Return the cause as Python."""
@@ -144,33 +134,9 @@ class Periodic(OverColumn):
         numbers = {"period": "{x}", "amplitude": "{y}", "peak": "{x}"}
         if self.harmonics == 2:
             whole += " + {overtone} * np.cos({overtone_angle})"
-            steps["overtone_angle"] = "4 * np.pi * ({x} - {overtone_peak}) / {period}"
+            steps["overtone_angle"] = "2 * np.pi * ({x} - {overtone_peak}) / ({period} / 2)"
             numbers |= {"overtone": "{y}", "overtone_peak": "{x}"}
         return Code(whole, numbers, {"x": self.column}, steps=steps)
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        return "simulation" + "".join(
-            f" + {values[size]:.4g} cos(2 pi ({self.column} "
-            f"{plus(-values[peak], digits_at(values[peak], period, 4))}) / {period:.5g})"
-            for size, peak, period in self._waves(values)
-        )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        text = SIMULATION
-        for size, peak, period in self._waves(values):
-            distance = minus(self.column, values[peak], digits_at(values[peak], period, 4))
-            angle = rf"\frac{{2 \pi \, {distance}}}{{{number(period, 5)}}}"
-            text += rf" + {number(values[size])} \cos\left({angle}\right)"
-        return text
-
-    def _waves(self, values: Mapping[str, float]) -> list[tuple[str, str, float]]:
-        """Return the names of amplitude and peak of each wave, and its period."""
-        waves = [("amplitude", "peak", values["period"])]
-        if "overtone" in values:
-            waves.append(("overtone", "overtone_peak", values["period"] / 2))
-        return waves
 
 
 register(
@@ -185,7 +151,6 @@ register(
             "The simulation misses a cycle of {output}: {amplitude:around} with a period of "
             "{period}"
         ),
-        call="`Periodic(x)`",
         formula="eta + amplitude cos(2π (x - peak) / period)",
         priors="period: log-uniform, 2 spacings (a fifth of that in irregular rows, at least a "
         "2500th of the span) to 2 spans",

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from hybridsurrogate.effects.base import FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.effects.registry import Form, over_inputs, register
-from hybridsurrogate.types import Prior
 
 
 class Ramp(Located):
@@ -27,24 +23,21 @@ class Ramp(Located):
         Any measured column.
     location : frozen scipy.stats distribution or None, default=None
         Prior of the place where the change sets in; bounded.
-    center, span, spacing : float or None, default=None
-        Middle and span of the measured rows, and the distance of neighbours.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
 
     Examples
     --------
     >>> import numpy as np, hybridsurrogate as hs
-    >>> ramp = hs.Ramp("t", span=10.0)
+    >>> from hybridsurrogate.effects.axis import Axis
+    >>> ramp = hs.Ramp("t", axis=Axis.of([0.0, 10.0]))
     >>> ramp.columns({"t": np.array([2.0, 4.0, 9.0])}, {"location": 4.0}).ravel().tolist()
     [0.0, 0.0, 0.5]
     """
 
     kind = "ramp"
     coefficients = ("slope",)
-
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the location."""
-        return {"location": self.location}
+    unknowns = ("location",)
 
     def grid(self) -> dict[str, FloatArray]:
         """Return locations; a hinge needs fewer than a step does."""
@@ -52,15 +45,13 @@ class Ramp(Located):
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the distance beyond the location, in spans of the measured rows."""
-        assert self.span is not None
-        return (np.maximum(X[self.column] - theta["location"], 0.0) / self.span)[:, None]
+        return (np.maximum(X[self.column] - theta["location"], 0.0) / self.axis.span)[:, None]
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the location, and the slope per unit of the column after it."""
-        assert self.span is not None
         return {
             "location": np.asarray(theta["location"]),
-            "slope": coefficients["slope"] / self.span,
+            "slope": coefficients["slope"] / self.axis.span,
         }
 
     def code(self) -> Code:
@@ -70,23 +61,6 @@ class Ramp(Located):
             {"location": "{x}", "slope": "{y} / {x}"},
             {"x": self.column},
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        assert self.span is not None
-        place = values["location"]
-        digits = digits_at(place, self.span)
-        return (
-            f"simulation, and from {self.column} = {place:.{digits}g} on "
-            f"{values['slope']:+.4g} ({self.column} {plus(-place, digits)})"
-        )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        assert self.span is not None
-        place = values["location"]
-        distance = minus(self.column, place, digits_at(place, self.span))
-        return rf"{SIMULATION} {signed(values['slope'])} \max\left(0, {distance}\right)"
 
 
 register(
@@ -101,8 +75,6 @@ register(
             "From {column} = {location:place} on {output} {slope:rises above|falls "
             "below} the simulation by {slope:size}"
         ),
-        call="`Ramp(x)`",
-        formula="eta + slope max(x - location, 0)",
         priors="location: uniform over the rows",
         estimates="location, slope",
         left_out="fewer than 6 distinct values",

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
 
@@ -17,7 +17,7 @@ from hybridsurrogate.types import Prior
 GROWTH, LEAST, MOST = 0.25, 0.01, 2.0
 
 
-class Remainder(Cause):
+class Remainder(Declared):
     """What the simulation may still lack beyond the measured range; within it, nothing.
 
     ``simulation + amplitude z d^(1/4)`` with d the distance to the measured range of an input, in
@@ -69,9 +69,8 @@ class Remainder(Cause):
         # an input that was not varied has no unit of distance
         return Remainder(self.size, {name: e for name, e in ends.items() if e[0] < e[1]})
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the amplitude."""
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the prior of the amplitude."""
         return {"amplitude": frozen(stats.loguniform, LEAST * self.size, MOST * self.size)}
 
     @property
@@ -86,9 +85,8 @@ class Remainder(Cause):
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the standard deviation beyond each end, (n, q)."""
-        assert self.ranges is not None
         sides = []
-        for name, (low, high) in self.ranges.items():
+        for name, (low, high) in (self.ranges or {}).items():
             for distance in (low - X[name], X[name] - high):
                 sides.append((np.maximum(distance, 0.0) / (high - low)) ** GROWTH)
         if not sides:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from scipy import stats
 
+from hybridsurrogate.effects.axis import UNKNOWN, Axis
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed
-from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
+from hybridsurrogate.effects.over_column import FromOrigin
 from hybridsurrogate.effects.registry import Form, over_inputs, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -32,6 +30,8 @@ class Saturation(FromOrigin):
         Prior of the place where half is reached; above the origin.
     origin : float or None, default=None
         Where the deviation begins. None: the smallest measured value.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
 
     Examples
     --------
@@ -43,58 +43,40 @@ class Saturation(FromOrigin):
 
     kind = "saturation"
     coefficients = ("amplitude",)
+    unknowns = ("half",)
 
-    def __init__(self, column: str, half: Prior | None = None, origin: float | None = None):
-        super().__init__(column, origin)
+    def __init__(
+        self,
+        column: str,
+        half: Prior | None = None,
+        origin: float | None = None,
+        axis: Axis = UNKNOWN,
+    ):
+        super().__init__(column, origin, axis)
         self.half = half
-
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the place where half is reached."""
-        return {"half": self.half}
 
     def prepare(self, context: Context) -> Cause:
         """Fill in origin and prior from the measured rows."""
-        prepared = super().prepare(context)
-        if self.half is None:
-            span, spacing = span_and_spacing(context.column(self.column))
-            prepared.half = frozen(
-                stats.loguniform, min(spacing, 0.5 * span), span, loc=prepared.origin
-            )
-        return prepared
+        axis = self.along(context)
+        begin = axis.origin if self.origin is None else self.origin
+        shortest = min(axis.spacing, 0.5 * axis.span)
+        half = self.half or frozen(stats.loguniform, shortest, axis.span, loc=begin)
+        return self.filled(axis=axis, half=half)
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the share that is reached."""
-        assert self.origin is not None
         u = self.distance(X)
-        return (u / (u + (theta["half"] - self.origin)))[:, None]
+        return (u / (u + (theta["half"] - self.pivot)))[:, None]
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        assert self.origin is not None
         return Code(
             "{amplitude} * {beyond} / ({beyond} + ({half} - {origin}))",
             {"amplitude": "{y}", "half": "{x}"},
             {"x": self.column},
-            {"origin": self.origin},
+            {"origin": self.pivot},
             steps={"beyond": "np.maximum({x} - {origin}, 0)"},
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        assert self.origin is not None
-        half = values["half"] - self.origin
-        u = f"({self.column} {plus(-self.origin, digits_at(self.origin, abs(half)))})"
-        return f"simulation {plus(values['amplitude'])} {u} / ({u} + {half:.4g})"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        assert self.origin is not None
-        beyond = values["half"] - self.origin
-        distance = minus(self.column, self.origin, digits_at(self.origin, abs(beyond)))
-        half = signed(beyond)
-        ratio = rf"\frac{{{distance}}}{{{distance} {half}}}"
-        return f"{SIMULATION} {signed(values['amplitude'])} {ratio}"
 
 
 register(
@@ -109,7 +91,6 @@ register(
             "{output} {amplitude:rises above|falls below} the simulation over "
             "{column} and levels off"
         ),
-        call="`Saturation(x)`",
         formula="eta + amplitude (x - origin) / ((x - origin) + (half - origin))",
         priors="half - origin: log-uniform, one spacing to the span",
         estimates="amplitude, half (where half of it is reached)",

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-import numpy as np
-
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.axis import MOST_GAPS, UNKNOWN, Axis
+from hybridsurrogate.effects.base import FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, digits_at, signed, where
-from hybridsurrogate.effects.over_column import MOST_GAPS, Located, gaps
+from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.effects.registry import Form, over_columns, register
 from hybridsurrogate.types import Prior
 
@@ -31,10 +27,8 @@ class Step(Located):
     location : frozen scipy.stats distribution or None, default=None
         Prior of the place of the jump; bounded.
     before : bool, default=False
-    center, span, spacing : float or None, default=None
-        Middle and span of the measured rows, and the distance of neighbours.
-    rows : ndarray or None, default=None
-        Distinct measured values of the column, rising.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
 
     Examples
     --------
@@ -46,44 +40,27 @@ class Step(Located):
 
     kind = "step"
     coefficients = ("amplitude",)
+    unknowns = ("location",)
 
     def __init__(
         self,
         column: str,
         location: Prior | None = None,
         before: bool = False,
-        center: float | None = None,
-        span: float | None = None,
-        spacing: float | None = None,
-        rows: FloatArray | None = None,
+        axis: Axis = UNKNOWN,
     ):
-        super().__init__(column, location, center, span, spacing)
+        super().__init__(column, location, axis)
         self.before = before
-        self.rows = rows
-
-    def prepare(self, context: Context) -> Cause:
-        """Fill in the prior of the location and the measured values."""
-        prepared = super().prepare(context)
-        if self.rows is None:
-            prepared.rows = np.unique(context.column(self.column))
-        return prepared
 
     @property
     def variant(self) -> str:
         """On which side the level is off, where it is not the usual one."""
         return "before" if self.before else ""
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the location."""
-        return {"location": self.location}
-
     def grid(self) -> dict[str, FloatArray]:
         """Return the gaps between neighbouring rows; of many rows two locations a distance."""
-        assert self.location is not None
-        assert self.rows is not None
-        many = len(self.rows) > MOST_GAPS
-        return {"location": self.locations(200) if many else gaps(self.rows, self.location)}
+        many = len(self.axis.rows) > MOST_GAPS
+        return {"location": self.locations(200) if many else self.axis.gaps(self.location)}
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return 0 before and 1 from the location on, or -1 before and 0 from there on."""
@@ -100,27 +77,6 @@ class Step(Located):
             {"x": self.column},
         )
 
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        assert self.span is not None
-        place = values["location"]
-        at = f"{self.column} = {place:.{digits_at(place, self.span, 6)}g}"
-        where = f"before {at}" if self.before else f"from {at} on"
-        return f"simulation, and {where} {self._sign * values['amplitude']:+.4g}"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        assert self.span is not None
-        place = values["location"]
-        indicator = where(
-            self.column, "<" if self.before else r"\geq", place, digits_at(place, self.span, 6)
-        )
-        return rf"{SIMULATION} {signed(self._sign * values['amplitude'])} \, {indicator}"
-
-    @property
-    def _sign(self) -> int:
-        return -1 if self.before else 1
-
 
 register(
     Form(
@@ -134,7 +90,6 @@ register(
             "At {column} = {location:place} {output} {amplitude:rises|falls} by "
             "{amplitude:size}, and the simulation does not"
         ),
-        call="`Step(x)`",
         formula="eta, + amplitude from location on",
         priors="location: uniform over the rows",
         estimates="location, amplitude",

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
+from hybridsurrogate.effects.axis import UNKNOWN, Axis
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, plus, signed
-from hybridsurrogate.effects.over_column import FromOrigin, OverColumn, span_and_spacing
+from hybridsurrogate.effects.over_column import FromOrigin, OverColumn
 from hybridsurrogate.effects.registry import Form, over_inputs, register
 
 
@@ -27,27 +25,22 @@ class Trend(OverColumn):
     column : str
         Any measured column.
     degree : {1, 2}, default=1
-    center, span : float or None, default=None
-        Middle and length of what is scaled to [-1, 1]. None: of the measured rows.
+    axis : Axis
+        Where the measured rows lie, which are scaled to [-1, 1]; `prepare` looks.
 
     Examples
     --------
     >>> import numpy as np, hybridsurrogate as hs
-    >>> line = hs.Trend("t", center=5.0, span=10.0)
+    >>> from hybridsurrogate.effects.axis import Axis
+    >>> line = hs.Trend("t", axis=Axis.of([0.0, 10.0]))
     >>> line.columns({"t": np.array([0.0, 5.0, 10.0])}, {}).tolist()
     [[1.0, -1.0], [1.0, 0.0], [1.0, 1.0]]
     """
 
     kind = "trend"
 
-    def __init__(
-        self,
-        column: str,
-        degree: int = 1,
-        center: float | None = None,
-        span: float | None = None,
-    ):
-        super().__init__(column, center, span)
+    def __init__(self, column: str, degree: int = 1, axis: Axis = UNKNOWN):
+        super().__init__(column, axis)
         self.degree = degree
 
     @property
@@ -74,48 +67,23 @@ class Trend(OverColumn):
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the slope per unit of the column, and the level, both in the middle."""
-        assert self.span is not None
         out = {
-            "slope": 2 * coefficients["slope"] / self.span,
+            "slope": 2 * coefficients["slope"] / self.axis.span,
             "level": np.asarray(coefficients["level"]),
         }
         if self.degree == 2:
             out["level"] = coefficients["level"] - 0.5 * coefficients["curvature"]
-            out["curvature"] = 6 * coefficients["curvature"] / self.span**2
+            out["curvature"] = 6 * coefficients["curvature"] / self.axis.span**2
         return out
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        assert self.center is not None
         line = "{level} + {slope} * ({x} - {center})"
         numbers = {"slope": "{y} / {x}", "level": "{y}"}
         if self.degree == 2:
             line += " + {curvature} * ({x} - {center}) ** 2"
             numbers["curvature"] = "{y} / {x}^2"
-        return Code(line, numbers, {"x": self.column}, {"center": self.center})
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        assert self.center is not None
-        assert self.span is not None
-        digits = digits_at(self.center, self.span)
-        text = (
-            f"simulation {plus(values['level'])} {plus(values['slope'])} "
-            f"({self.column} {plus(-self.center, digits)})"
-        )
-        if "curvature" in values:
-            text += f" {plus(values['curvature'])} ({self.column} {plus(-self.center, digits)})^2"
-        return text
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        assert self.center is not None
-        assert self.span is not None
-        distance = minus(self.column, self.center, digits_at(self.center, self.span))
-        text = f"{SIMULATION} {signed(values['level'])} {signed(values['slope'])} {distance}"
-        if "curvature" in values:
-            text += f" {signed(values['curvature'])} {distance}^{{2}}"
-        return text
+        return Code(line, numbers, {"x": self.column}, {"center": self.pivot})
 
 
 class TrendSinceStart(FromOrigin):
@@ -130,13 +98,14 @@ class TrendSinceStart(FromOrigin):
         Any measured column.
     origin : float or None, default=None
         Where the simulation is right. None: at the first of the measured rows.
-    span : float or None, default=None
-        How far the measured rows reach.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
 
     Examples
     --------
     >>> import numpy as np, hybridsurrogate as hs
-    >>> line = hs.TrendSinceStart("t", origin=2.0, span=10.0)
+    >>> from hybridsurrogate.effects.axis import Axis
+    >>> line = hs.TrendSinceStart("t", origin=2.0, axis=Axis.of([2.0, 12.0]))
     >>> line.columns({"t": np.array([2.0, 7.0])}, {}).ravel().tolist()
     [0.0, 0.5]
     """
@@ -144,53 +113,27 @@ class TrendSinceStart(FromOrigin):
     kind = "trend"
     coefficients = ("slope",)
 
-    def __init__(self, column: str, origin: float | None = None, span: float | None = None):
-        super().__init__(column, origin)
-        self.span = span
-
     @property
     def variant(self) -> str:
         """The name of this form, which has no level, unlike a trend."""
         return "since the start"
 
-    def prepare(self, context: Context) -> Cause:
-        """Fill in where the measured rows begin, and how far they reach."""
-        span, _ = span_and_spacing(context.column(self.column))
-        return super().prepare(context).filled(span=span if self.span is None else self.span)
-
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the distance from the start, in spans of the measured rows."""
-        assert self.span is not None
-        return (self.distance(X) / self.span)[:, None]
+        return (self.distance(X) / self.axis.span)[:, None]
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the slope per unit of the column."""
-        assert self.span is not None
-        return {"slope": coefficients["slope"] / self.span}
+        return {"slope": coefficients["slope"] / self.axis.span}
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        assert self.origin is not None
         return Code(
             "{slope} * np.maximum({x} - {origin}, 0)",
             {"slope": "{y} / {x}"},
             {"x": self.column},
-            {"origin": self.origin},
+            {"origin": self.pivot},
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        assert self.origin is not None
-        assert self.span is not None
-        digits = digits_at(self.origin, self.span)
-        return f"simulation {plus(values['slope'])} ({self.column} {plus(-self.origin, digits)})"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        assert self.origin is not None
-        assert self.span is not None
-        distance = minus(self.column, self.origin, digits_at(self.origin, self.span))
-        return rf"{SIMULATION} {signed(values['slope'])} {distance}"
 
 
 register(
@@ -202,7 +145,6 @@ register(
         least_distinct=3,
         like=("ramp", "saturation", "parameter-drift"),
         headline="{output} {slope:rises|falls} against the simulation by {slope:size}",
-        call="`Trend(x)`",
         formula="eta + level + slope (x - center)",
         estimates="slope, level",
         left_out="x has fewer than 3 distinct values",
@@ -231,7 +173,6 @@ register(
         meaning="the gap between measured and simulated {output} is nothing at the first {column} "
         "and grows steadily from there",
         least_distinct=3,
-        call="`TrendSinceStart(x)`",
         formula="eta + slope (x - first)",
         estimates="slope",
         left_out="x has fewer than 3 distinct values",

@@ -6,9 +6,8 @@ from collections.abc import Mapping
 
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, Rows
+from hybridsurrogate.effects.base import Cause, Context, Declared, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -20,7 +19,7 @@ _FACTOR, _WIDTHS = 10.0, 5.0
 _TAIL = 0.001
 
 
-class NarrowPrior(Cause):
+class NarrowPrior(Declared):
     """A parameter with a value outside its prior; the simulation is right.
 
     ``simulation(x, parameter = value)``, in the units of the parameter. It is compared where the
@@ -48,16 +47,12 @@ class NarrowPrior(Cause):
     """
 
     kind = "narrow-prior"
+    about = "parameter"
 
     def __init__(self, parameter: str, prior: Prior | None = None, nearest: float | None = None):
         self.parameter = parameter
         self.prior = prior
         self.nearest = nearest
-
-    @property
-    def target(self) -> str:  # type: ignore[override]
-        """The parameter concerned."""
-        return self.parameter
 
     @property
     def concerns(self) -> str:
@@ -69,9 +64,8 @@ class NarrowPrior(Cause):
         """The parameter itself."""
         return self.parameter
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The wide prior of the parameter's value."""
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the wide prior of the parameter's value."""
         return {"value": self.prior}
 
     def prepare(self, context: Context) -> Cause:
@@ -99,16 +93,13 @@ class NarrowPrior(Cause):
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        return Code("{value}", {"value": "{of}"}, does="replaces", of=self.parameter)
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        return f"simulation with {self.parameter} = {values['value']:.4g} (outside its prior)"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        name, value = word(self.parameter), number(values["value"])
-        return rf"{SIMULATION}, \quad {name} = {value} \text{{ (outside its prior)}}"
+        return Code(
+            "{value}",
+            {"value": "{of}"},
+            does="replaces",
+            of=self.parameter,
+            note="outside its prior",
+        )
 
 
 def _widened(prior: Prior) -> Prior:
@@ -134,7 +125,6 @@ register(
         lacking=_lacking,
         like=("wrong-constant", "parameter-drift"),
         headline="The prior of {target} excludes the value that the data ask for",
-        call="`NarrowPrior(p)`",
         formula="eta(p = value), value outside the prior of p",
         priors="value: log-uniform from a tenth of the prior's lower end to ten times its upper "
         "one; uniform to five widths beyond where p is not positive",

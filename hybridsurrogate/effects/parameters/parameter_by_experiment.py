@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.axis import position_among
+from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows
 from hybridsurrogate.effects.code import Code, Table
-from hybridsurrogate.effects.notation import SIMULATION, number, word
-from hybridsurrogate.effects.over_column import position_among
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import frozen, prior_sd
@@ -24,7 +23,7 @@ _ANOTHER = "another"
 _WIDEST = 2.0
 
 
-class ParameterByExperiment(Cause):
+class ParameterByExperiment(Declared):
     """A parameter that differs between experiments: batches, subjects, sensors, sites.
 
     - ``how="spread"``: experiment e has ``parameter + spread u_e`` with u_e standard normal. The
@@ -48,8 +47,8 @@ class ParameterByExperiment(Cause):
         Prior of the spread, or its value where it is known, in units of the parameter.
     prior : frozen scipy.stats distribution or None, default=None
         Of the parameter. None: as in the simulation.
-    levels : tuple of float or None, default=None
-        Values of the column. None: those of the measured rows, or 0, 1, ... of labels.
+    levels : tuple of float, default=()
+        Values of the column. Empty: those of the measured rows, or 0, 1, ... of labels.
     labels : tuple of str or None, default=None
         What to call them. None: as they are.
 
@@ -67,6 +66,7 @@ class ParameterByExperiment(Cause):
     """
 
     kind = "parameter-by-experiment"
+    about = "parameter"
     # one population, one size
     is_process = True
 
@@ -77,21 +77,16 @@ class ParameterByExperiment(Cause):
         how: str = "spread",
         spread: Prior | float | None = None,
         prior: Prior | None = None,
-        levels: tuple[float, ...] | None = None,
+        levels: tuple[float, ...] = (),
         labels: tuple[str, ...] | None = None,
     ):
         self.parameter = parameter
         self.column = column
         self.how = how
         self.spread = spread
-        self.prior = prior
+        self.prior: Prior = prior
         self.levels = levels
         self.labels = labels
-
-    @property
-    def target(self) -> str:  # type: ignore[override]
-        """The parameter."""
-        return self.parameter
 
     @property
     def reads(self) -> tuple[str, ...]:
@@ -121,23 +116,18 @@ class ParameterByExperiment(Cause):
         spread = self.spread
         if spread is None:
             spread = frozen(stats.halfcauchy, scale=prior_sd(prior))
-        levels = self.levels
-        if levels is None and self.labels is not None:
-            levels = tuple(map(float, range(len(self.labels))))
-        elif levels is None:
-            levels = tuple(np.unique(context.column(self.column)).tolist())
+        found = context.axis(self.column).rows.tolist()
+        levels = self.levels or tuple(map(float, range(len(self.labels or ())))) or tuple(found)
         return self.filled(prior=prior, spread=spread, levels=levels)
 
     @property
     def _names(self) -> list[str]:
         """Names of the experiments' separate numbers."""
-        assert self.levels is not None
         labels = self.labels or tuple(f"{level:.12g}" for level in self.levels)
         return [f"{self.column} = {label}" for label in labels]
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The priors of the spread, and of the experiments."""
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the priors of the spread, and of the experiments."""
         if self.how == "own":
             return dict.fromkeys(self._names, self.prior)
         unit = dict.fromkeys([*self._names, f"{_ANOTHER} {self.column}"], frozen(stats.norm))
@@ -153,20 +143,17 @@ class ParameterByExperiment(Cause):
 
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
         """Give each row the parameter of its experiment."""
-        assert self.levels is not None
         mean, which = omega[self.parameter], position_among(self.levels, X[self.column])
         rest = mean if self.how == "own" else theta[f"{_ANOTHER} {self.column}"]
         each = np.stack([*(theta[name] for name in self._names), rest])
         own = each[which, np.arange(len(which))]
         if self.how == "spread":
-            assert self.prior is not None
             spread = theta.get("spread", self.spread)
             own = np.clip(mean + spread * own, *self.prior.support())
         return X, {**omega, self.parameter: own}
 
     def rows_of(self, X: Rows) -> dict[str, NDArray[np.bool_]]:
         """Return the rows of each experiment, and those of other experiments."""
-        assert self.levels is not None
         names = [*self._names, f"{_ANOTHER} {self.column}"]
         which = position_among(self.levels, X[self.column])
         return {name: which == k for k, name in enumerate(names) if name in self.parameters}
@@ -179,7 +166,6 @@ class ParameterByExperiment(Cause):
         """Return one wide spread, from which the experiments are followed."""
         if "spread" not in self.parameters:
             return {}
-        assert self.prior is not None
         return {"spread": np.array([[0.0, 2 * _WIDEST * prior_sd(self.prior)]])}
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
@@ -195,8 +181,6 @@ class ParameterByExperiment(Cause):
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        assert self.levels is not None
-        assert self.prior is not None
         table = Table(self.column, tuple(zip(self.levels, self._names, strict=True)), "{of}")
         at = {"x": self.column}
         if self.how == "own":
@@ -218,14 +202,6 @@ class ParameterByExperiment(Cause):
             f"simulation with {self.parameter} differing between the values of {self.column} by "
             f"{values['spread']:.4g} (standard deviation)"
         )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        name, column = word(self.parameter), word(self.column)
-        own = rf"{name} \to {name}_{{{column}}}"
-        if self.how == "own":
-            return rf"{SIMULATION}, \quad {own}"
-        return rf"{SIMULATION}, \quad {own}, \quad \sigma_{{{name}}} = {number(values['spread'])}"
 
 
 def _between_experiments(context: Context) -> Iterator[Cause]:

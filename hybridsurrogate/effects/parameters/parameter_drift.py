@@ -3,29 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy import special, stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.axis import LONGEST_PERIOD, MOST_GAPS, UNKNOWN, Axis, period_nodes
+from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows, quantiles
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import (
-    SIMULATION,
-    digits_at,
-    minus,
-    number,
-    signed,
-    where,
-    word,
-)
-from hybridsurrogate.effects.over_column import (
-    LONGEST_PERIOD,
-    MOST_GAPS,
-    gaps,
-    period_nodes,
-    span_and_spacing,
-)
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import frozen, prior_sd
@@ -40,7 +26,6 @@ class _Shape(NamedTuple):
 
     sizes: tuple[str, ...]
     shift: Callable[[FloatArray, Rows], FloatArray]
-    words: str
     code: str
     units: Mapping[str, str]
 
@@ -66,35 +51,31 @@ _SHAPES = {
     "linear": _Shape(
         ("slope",),
         _linear,
-        "changing by {slope:+.4g} per unit of {column} around {column} = {center}",
         "{slope} * ({x} - {center})",
         {"slope": "{of} / {x}"},
     ),
     "step": _Shape(
         ("change",),
         _jump,
-        "{change:+.4g} from {column} = {location} on",
         "{change} * ({x} >= {location})",
         {"change": "{of}", "location": "{x}"},
     ),
     "logistic": _Shape(
         ("change",),
         _logistic,
-        "changing by {change:+.4g} around {column} = {location} within {width:.4g}",
-        "{change} / 2 * (1 + np.tanh(({x} - {location}) / (2 * {width})))",
+        "{change} * logistic(({x} - {location}) / {width})",
         {"change": "{of}", "location": "{x}", "width": "{x}"},
     ),
     "periodic": _Shape(
         ("sine", "cosine"),
         _periodic,
-        "swinging by {amplitude:.4g} over {column} with period {period:.5g}",
         "{sine} * np.sin({angle}) + {cosine} * np.cos({angle})",
         {"sine": "{of}", "cosine": "{of}", "period": "{x}"},
     ),
 }
 
 
-class ParameterDrift(Cause):
+class ParameterDrift(Declared):
     """A parameter that changes over a column instead of staying constant.
 
     The simulation is run with ``parameter + shift(x)``:
@@ -123,12 +104,10 @@ class ParameterDrift(Cause):
         Prior of the slope, or of whatever the size of the shape is.
     center : float or None, default=None
         Where a linear drift leaves the parameter as it is. None: the middle of the measured rows.
-    span : float or None, default=None
-        How far the measured rows reach.
     others : dict of name to frozen scipy.stats distribution, or None, default=None
         Priors of location, width or period. None: as above, from the measured rows.
-    rows : ndarray or None, default=None
-        Distinct measured values of the column, rising.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
 
     Examples
     --------
@@ -140,6 +119,7 @@ class ParameterDrift(Cause):
     """
 
     kind = "parameter-drift"
+    about = "parameter"
 
     def __init__(
         self,
@@ -148,23 +128,16 @@ class ParameterDrift(Cause):
         shape: str = "linear",
         slope: Prior | None = None,
         center: float | None = None,
-        span: float | None = None,
         others: Mapping[str, Prior] | None = None,
-        rows: FloatArray | None = None,
+        axis: Axis = UNKNOWN,
     ):
         self.parameter = parameter
         self.column = column
         self.shape = shape
         self.slope = slope
         self.center = center
-        self.span = span
         self.others = others
-        self.rows = rows
-
-    @property
-    def target(self) -> str:  # type: ignore[override]
-        """The parameter concerned."""
-        return self.parameter
+        self.axis = axis
 
     @property
     def reads(self) -> tuple[str, ...]:
@@ -182,9 +155,8 @@ class ParameterDrift(Cause):
         shape = "" if self.shape == "linear" else f", {self.shape}"
         return f"{self.kind}({self.parameter} over {self.column}{shape})"
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The priors of the sizes, and of where or how fast."""
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the priors of the sizes, and of where or how fast."""
         return {**dict.fromkeys(_SHAPES[self.shape].sizes, self.slope), **(self.others or {})}
 
     def prepare(self, context: Context) -> Cause:
@@ -199,13 +171,11 @@ class ParameterDrift(Cause):
                 f"shape must be one of {list(_SHAPES)}, got {self.shape!r}."
                 f"{did_you_mean(self.shape, _SHAPES)}"
             )
-        values = context.column(self.column)
-        low, high = float(values.min()), float(values.max())
-        span, spacing = span_and_spacing(values)
+        axis = context.axis(self.column)
+        span, spacing, location = axis.span, axis.spacing, axis.location_prior
         size = prior_sd(context.parameters[self.parameter])
         if self.shape == "linear":
             size /= span
-        location = frozen(stats.uniform, loc=low, scale=span)
         shortest = float(np.clip(4 * spacing, span / _MOST_CYCLES, span))
         defaults: dict[str, dict[str, Prior]] = {
             "linear": {},
@@ -218,17 +188,14 @@ class ParameterDrift(Cause):
         }
         return self.filled(
             slope=frozen(stats.t, 1, scale=size) if self.slope is None else self.slope,
-            center=(low + high) / 2 if self.center is None else self.center,
-            span=span if self.span is None else self.span,
             others={**defaults[self.shape], **(self.others or {})},
-            rows=np.unique(values) if self.rows is None else self.rows,
+            axis=self.axis if self.axis.is_known else axis,
         )
 
     def inputs(self, X: Rows, omega: Rows, theta: Rows) -> tuple[Rows, Rows]:
         """Shift the parameter, row by row."""
-        assert self.center is not None
         # places are where they are; slopes and phases are counted from the middle
-        x = X[self.column] - (0.0 if "location" in theta else self.center)
+        x = X[self.column] - (0.0 if "location" in theta else self.pivot)
         shift = _SHAPES[self.shape].shift(x, theta)
         return X, {**omega, self.parameter: omega[self.parameter] + shift}
 
@@ -242,18 +209,14 @@ class ParameterDrift(Cause):
         The simulation runs at every node, so there are fewer than for a curve that is added.
         """
         others = self.others or {}
-        assert self.rows is not None
-        if self.shape == "step" and len(self.rows) <= MOST_GAPS:
-            return {"location": gaps(self.rows, others["location"])}
+        if self.shape == "step" and len(self.axis.rows) <= MOST_GAPS:
+            return {"location": self.axis.gaps(others["location"])}
         shares = {"location": 24 if self.shape == "step" else 16, "width": 4}
         nodes = {
-            name: np.asarray(prior.ppf((np.arange(shares[name]) + 0.5) / shares[name]))
-            for name, prior in others.items()
-            if name in shares
+            name: quantiles(prior, shares[name]) for name, prior in others.items() if name in shares
         }
         if "period" in others:
-            assert self.span is not None
-            nodes["period"] = period_nodes(others["period"], 4, self.span)
+            nodes["period"] = period_nodes(others["period"], 4, self.axis.span)
         return nodes
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
@@ -263,51 +226,36 @@ class ParameterDrift(Cause):
             return {"period": np.asarray(theta["period"]), "amplitude": amplitude}
         return {name: np.asarray(draws) for name, draws in theta.items()}
 
+    def shown(self) -> Code:
+        """Return the expression, of a wave with its amplitude and an unknown phase."""
+        if self.shape != "periodic":
+            return self.code()
+        wave = "{of} + {amplitude} * np.sin(2 * np.pi * {x} / {period} + {phase})"
+        return replace(self.code(), expression=wave, numbers={"amplitude": "{of}", "period": "{x}"})
+
+    @property
+    def extents(self) -> Mapping[str, float]:
+        """How far the measured rows reach along the column."""
+        return {self.column: self.axis.span}
+
+    @property
+    def pivot(self) -> float:
+        """Where a linear drift leaves the parameter as it is, and a wave has phase zero."""
+        return self.axis.center if self.center is None else self.center
+
     def code(self) -> Code:
         """Return the cause as Python."""
-        assert self.center is not None
         located = "location" in _SHAPES[self.shape].units
         angle = {"angle": "2 * np.pi * ({x} - {center}) / {period}"}
         return Code(
             f"{{of}} + {_SHAPES[self.shape].code}",
             _SHAPES[self.shape].units,
             {"x": self.column},
-            {} if located else {"center": self.center},
+            {} if located else {"center": self.pivot},
             steps=angle if self.shape == "periodic" else {},
             does="moves",
             of=self.parameter,
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        places = {name: f"{at:.{digits}g}" for name, (at, digits) in self._places(values).items()}
-        text = _SHAPES[self.shape].words.format(**{**values, **places, "column": self.column})
-        return f"simulation with {self.parameter} {text}"
-
-    def _places(self, values: Mapping[str, float]) -> dict[str, tuple[float, int]]:
-        """Return centre and location, each with its significant digits."""
-        assert self.center is not None
-        assert self.span is not None
-        places = {"center": self.center, "location": values.get("location", self.center)}
-        return {name: (place, digits_at(place, self.span)) for name, place in places.items()}
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        name, places = word(self.parameter), self._places(values)
-        if self.shape == "linear":
-            shift = f"{signed(values['slope'])} {minus(self.column, *places['center'])}"
-        elif self.shape == "step":
-            indicator = where(self.column, r"\geq", *places["location"])
-            shift = rf"{signed(values['change'])} \, {indicator}"
-        elif self.shape == "logistic":
-            distance = minus(self.column, *places["location"])
-            width = number(values["width"])
-            shift = rf"\frac{{{number(values['change'])}}}{{1 + \exp({distance} / {width})}}"
-            shift = "+ " + shift.replace(r"\exp(", r"\exp(-")
-        else:
-            angle = rf"\frac{{2 \pi \, {word(self.column)}}}{{{number(values['period'], 5)}}}"
-            shift = rf"+ {number(values['amplitude'])} \sin\left({angle} + \varphi\right)"
-        return rf"{SIMULATION}, \quad {name} \to {name} {shift}"
 
 
 def _over_inputs(shape: str) -> Callable[[Context], Iterator[Cause]]:
@@ -347,7 +295,6 @@ register(
         lacking=_lacking,
         like=("trend", "gain"),
         headline="{target} changes over {column}, and the simulation keeps it constant",
-        call="`ParameterDrift(p, x)`",
         formula="eta(p + slope (x - center))",
         priors="slope: Cauchy, one prior sd of p over the span",
         estimates="slope",

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from hybridsurrogate.effects.base import Cause, Context, Rows
+from hybridsurrogate.effects.base import Cause, Context, Declared, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, number, word
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.types import Prior
 
 
-class WrongConstant(Cause):
+class WrongConstant(Declared):
     """An assumed constant of the simulation that has another value.
 
     ``simulation(x, constant = value)``, in the units of the constant; the prior is the one that the
@@ -37,6 +36,7 @@ class WrongConstant(Cause):
     """
 
     kind = "wrong-constant"
+    about = "constant"
 
     def __init__(self, constant: str, prior: Prior | None = None, assumed: float | None = None):
         self.constant = constant
@@ -44,18 +44,12 @@ class WrongConstant(Cause):
         self.assumed = assumed
 
     @property
-    def target(self) -> str:  # type: ignore[override]
-        """The constant concerned."""
-        return self.constant
-
-    @property
     def replaces(self) -> str | None:
         """The constant itself."""
         return self.constant
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the constant's value."""
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the prior of the constant's value."""
         return {"value": self.prior}
 
     def prepare(self, context: Context) -> Cause:
@@ -80,18 +74,9 @@ class WrongConstant(Cause):
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        return Code("{value}", {"value": "{of}"}, does="replaces", of=self.constant)
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        return f"simulation with {self.constant} = {values['value']:.4g} (was {self.assumed:.4g})"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
         assert self.assumed is not None
-        name = word(self.constant)
-        value, was = number(values["value"]), number(self.assumed)
-        return rf"{SIMULATION}, \quad {name} = {value} \text{{ (was }} {was} \text{{)}}"
+        was = f"was {self.assumed:.4g}"
+        return Code("{value}", {"value": "{of}"}, does="replaces", of=self.constant, note=was)
 
 
 def _lacking(context: Context) -> list[tuple[None, str]]:
@@ -107,7 +92,6 @@ register(
         lacking=_lacking,
         like=("gain", "parameter-drift"),
         headline="The assumed constant {target} is wrong: the data ask for {value}",
-        call="`WrongConstant(c)`",
         formula="eta(c = value)",
         priors="value: the prior given with `Assumed`",
         estimates="value",

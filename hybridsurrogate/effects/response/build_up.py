@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.axis import UNKNOWN, Axis
+from hybridsurrogate.effects.base import Act, Cause, Context, FloatArray, Rows, quantiles
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, minus, number, plus
-from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
+from hybridsurrogate.effects.over_column import FromOrigin
 from hybridsurrogate.effects.registry import Form, over_inputs, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -35,6 +35,8 @@ class BuildUp(FromOrigin):
         Prior of the scale.
     log_scale : bool or None, default=None
         Whether the output is logarithmic, so that the logarithm of the share is added.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
 
     Raises
     ------
@@ -50,6 +52,7 @@ class BuildUp(FromOrigin):
     """
 
     kind = "build-up"
+    unknowns = ("scale",)
 
     def __init__(
         self,
@@ -57,15 +60,11 @@ class BuildUp(FromOrigin):
         origin: float | None = None,
         scale: Prior | None = None,
         log_scale: bool | None = None,
+        axis: Axis = UNKNOWN,
     ):
-        super().__init__(column, origin)
+        super().__init__(column, origin, axis)
         self.scale = scale
         self.log_scale = log_scale
-
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the scale."""
-        return {"scale": self.scale}
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the prior from the measured rows."""
@@ -75,17 +74,17 @@ class BuildUp(FromOrigin):
                 f"{self.column!r} does not begin near zero: give the place where the "
                 f"build-up begins, as in BuildUp({self.column!r}, origin={values.min():.4g})."
             )
-        span, spacing = span_and_spacing(values)
+        axis = self.along(context)
         return self.filled(
+            axis=axis,
             origin=self.origin or 0.0,
-            scale=self.scale or frozen(stats.loguniform, 0.1 * spacing, 0.5 * span),
+            scale=self.scale or frozen(stats.loguniform, 0.1 * axis.spacing, 0.5 * axis.span),
             log_scale=context.log_scale if self.log_scale is None else self.log_scale,
         )
 
     def grid(self) -> dict[str, FloatArray]:
         """Return scales, evenly spaced on a logarithmic scale."""
-        assert self.scale is not None
-        return {"scale": np.asarray(self.scale.ppf((np.arange(20) + 0.5) / 20))}
+        return {"scale": quantiles(self.scale, 20)}
 
     def gain(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the share that is there."""
@@ -101,37 +100,27 @@ class BuildUp(FromOrigin):
         return simulated + np.log(share), np.ones_like(simulated)
 
     @property
-    def bends(self) -> bool:
-        """Not at all: either is a straight line over the simulated output."""
-        return False
+    def acts_on(self) -> frozenset[Act]:
+        """A factor: its logarithm, too, is a straight line over the simulated output."""
+        return frozenset({"gain"})
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        assert self.origin is not None
         share = "-np.expm1(-np.maximum({x} - {origin}, 0) / {scale})"
         whole = "{simulated} * {share}"
         if self.log_scale:
             whole = "{simulated} + np.log(np.maximum({share}, np.finfo(float).tiny))"
+        return replace(self.shown(), expression=whole, steps={"share": share})
+
+    def shown(self) -> Code:
+        """Return the output itself times the share."""
         return Code(
-            whole,
+            "{simulated} * (1 - np.exp(-np.maximum({x} - {origin}, 0) / {scale}))",
             {"scale": "{x}"},
             {"x": self.column},
-            {"origin": self.origin},
-            steps={"share": share},
+            {"origin": self.pivot},
             does="responds",
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        assert self.origin is not None
-        place = f"({self.column} {plus(-self.origin)})" if self.origin else self.column
-        return f"simulation * (1 - exp(-{place} / {values['scale']:.4g}))"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        assert self.origin is not None
-        power = rf"-\frac{{{minus(self.column, self.origin)}}}{{{number(values['scale'])}}}"
-        return rf"{SIMULATION} \left(1 - e^{{{power}}}\right)"
 
 
 def _begins_at_zero(context: Context, column: str) -> bool:
@@ -159,7 +148,6 @@ register(
         headline=(
             "{output} builds up at the start, over {scale}, where the simulation has it at once"
         ),
-        call="`BuildUp(x)`",
         formula="eta (1 - exp(-x / scale))",
         priors="scale: log-uniform, a tenth of a spacing to half the span",
         estimates="scale",

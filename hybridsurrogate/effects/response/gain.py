@@ -7,9 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, number
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -17,7 +16,7 @@ from hybridsurrogate.types import Prior
 _LAPLACE_SCALE = 1 / 3
 
 
-class Gain(Cause):
+class Gain(Declared):
     """A factor on the simulation, such as a sensor that reads too high.
 
     ``gain * simulation``; the logarithm of the gain is Laplace with scale 1/3, or more where
@@ -49,9 +48,8 @@ class Gain(Cause):
         self.log_scale = log_scale
         self.scale = scale
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the factor: log gain is Laplace."""
+    def priors_by_name(self) -> Mapping[str, Prior]:
+        """Return the prior of the factor: log gain is Laplace."""
         return {} if self.log_scale else {"gain": frozen(stats.loglaplace, 1 / self._scale)}
 
     @property
@@ -97,17 +95,11 @@ class Gain(Cause):
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        if self.log_scale:
-            return Code("np.log({gain})", {"gain": "1"})
+        return Code("np.log({gain})", {"gain": "1"}) if self.log_scale else self.shown()
+
+    def shown(self) -> Code:
+        """Return the factor on the output itself."""
         return Code("{gain} * {simulated}", {"gain": "1"}, does="responds")
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        return f"{values['gain']:.4g} * simulation"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        return rf"{number(values['gain'])} \cdot {SIMULATION}"
 
 
 register(
@@ -118,8 +110,6 @@ register(
         meaning="measured {output} is a constant multiple of simulated {output}",
         like=("offset", "wrong-constant"),
         headline="{output} is {gain} times what the simulation gives",
-        call="`Gain()`",
-        formula="gain eta",
         priors="log gain: Laplace, scale 1/3, or a third of the log ratio of measured to simulated "
         "outputs where that exceeds 2",
         estimates="gain",

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.axis import UNMEASURED, OutputScale
+from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows, quantiles
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, number
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
 
 
-class Limit(Cause):
+class Limit(Declared):
     """The output stops at a limit that the simulation exceeds: an overflow, the end of a scale.
 
     ``min(simulation, limit)``, or with ``below=True`` ``max(simulation, limit)``, as in censored
@@ -29,10 +27,8 @@ class Limit(Cause):
         Whether nothing is below the limit, as under a detection limit, instead of above.
     limit : frozen scipy.stats distribution or None, default=None
         Prior of the limit, on the scale of eta.
-    log_scale : bool or None, default=None
-        Whether eta is the logarithm of the output.
-    unit : float or None, default=None
-        What one on the scale of eta is in the user's units.
+    measured : OutputScale
+        Where the measured output lies; `prepare` looks.
 
     Examples
     --------
@@ -43,42 +39,32 @@ class Limit(Cause):
     """
 
     kind = "limit"
+    unknowns = ("limit",)
 
     def __init__(
         self,
         below: bool = False,
         limit: Prior | None = None,
-        log_scale: bool | None = None,
-        unit: float | None = None,
+        measured: OutputScale = UNMEASURED,
     ):
         self.below = below
         self.limit = limit
-        self.log_scale = log_scale
-        self.unit = unit
+        self.measured = measured
 
     @property
     def variant(self) -> str:
         """On which side nothing is, where it is not the usual one."""
         return "below" if self.below else ""
 
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """The prior of the limit."""
-        return {"limit": self.limit}
-
     def prepare(self, context: Context) -> Cause:
         """Fill in the prior from where the output is."""
-        prior = frozen(stats.norm, loc=context.location, scale=context.scale)
-        return self.filled(
-            limit=self.limit or prior,
-            log_scale=context.log_scale if self.log_scale is None else self.log_scale,
-            unit=context.unit if self.unit is None else self.unit,
-        )
+        measured = self.measured if self.measured.is_known else context.measured
+        limit = self.limit or frozen(stats.norm, loc=context.location, scale=context.scale)
+        return self.filled(limit=limit, measured=measured)
 
     def grid(self) -> dict[str, FloatArray]:
         """Return quantiles of the limit."""
-        assert self.limit is not None
-        return {"limit": np.asarray(self.limit.ppf((np.arange(50) + 0.5) / 50))}
+        return {"limit": quantiles(self.limit, 50)}
 
     def response(
         self, simulated: FloatArray, X: Rows, theta: Rows
@@ -89,29 +75,21 @@ class Limit(Cause):
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the limit in units of the output."""
-        assert self.unit is not None
-        limit = self.unit * np.asarray(theta["limit"])
-        return {"limit": np.exp(limit) if self.log_scale else limit}
+        limit = self.measured.unit * np.asarray(theta["limit"])
+        return {"limit": np.exp(limit) if self.measured.is_log else limit}
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        end = "maximum" if self.below else "minimum"
-        limit = "np.log({limit})" if self.log_scale else "{limit}"
-        unit = "{plain}" if self.log_scale else "{y}"
-        return Code(f"np.{end}({{simulated}}, {limit})", {"limit": unit}, does="responds")
+        if not self.measured.is_log:
+            return self.shown()
+        return Code(self._end("np.log({limit})"), {"limit": "{plain}"}, does="responds")
 
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        return f"simulation, but never {self._side} {values['limit']:.4g}"
+    def shown(self) -> Code:
+        """Return the limit of the output itself."""
+        return Code(self._end("{limit}"), {"limit": "{y}"}, does="responds")
 
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        end = "max" if self.below else "min"
-        return rf"\{end}\left({SIMULATION}, {number(values['limit'])}\right)"
-
-    @property
-    def _side(self) -> str:
-        return "below" if self.below else "above"
+    def _end(self, limit: str) -> str:
+        return f"np.{'maximum' if self.below else 'minimum'}({{simulated}}, {limit})"
 
 
 register(
@@ -124,8 +102,6 @@ register(
         least_rows=8,
         like=("saturation", "response"),
         headline="{output} stops at {limit}, and the simulation goes beyond",
-        call="`Limit()`",
-        formula="min(eta, limit)",
         priors="limit: normal, mean and sd of the measured output",
         estimates="limit",
         left_out="fewer than 8 rows",

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.axis import UNKNOWN, Axis
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows, quantiles
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, digits_at, minus, number, plus
 from hybridsurrogate.effects.over_column import Located
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
@@ -35,8 +35,8 @@ class Loss(Located):
         Prior of the place where the loss sets in; bounded.
     scale : frozen scipy.stats distribution or None, default=None
         Prior of the scale; positive.
-    center, span, spacing : float or None, default=None
-        Middle and span of the measured rows, and the distance of neighbours.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
 
     Raises
     ------
@@ -52,28 +52,22 @@ class Loss(Located):
     """
 
     kind = "ramp"
+    unknowns = ("location", "scale")
 
     def __init__(
         self,
         column: str,
         location: Prior | None = None,
         scale: Prior | None = None,
-        center: float | None = None,
-        span: float | None = None,
-        spacing: float | None = None,
+        axis: Axis = UNKNOWN,
     ):
-        super().__init__(column, location, center, span, spacing)
+        super().__init__(column, location, axis)
         self.scale = scale
 
     @property
     def variant(self) -> str:
         """The name of this form, which is no straight line that is added."""
         return "loss"
-
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """Priors of location and scale."""
-        return {"location": self.location, "scale": self.scale}
 
     def prepare(self, context: Context) -> Cause:
         """Fill in the priors from the measured rows."""
@@ -82,16 +76,13 @@ class Loss(Located):
                 f"Loss({self.column!r}) is for an output itself; where its logarithm is measured, "
                 f"use Ramp({self.column!r}), which is the same."
             )
-        prepared = super().prepare(context)
-        if self.scale is None:
-            prepared.scale = frozen(stats.loguniform, prepared.spacing, _LONGEST * prepared.span)
-        return prepared
+        axis = self.along(context)
+        scale = self.scale or frozen(stats.loguniform, axis.spacing, _LONGEST * axis.span)
+        return self.filled(axis=axis, location=self.location or axis.location_prior, scale=scale)
 
     def grid(self) -> dict[str, FloatArray]:
         """Return locations, and scales evenly spaced on a logarithmic scale."""
-        assert self.scale is not None
-        scales = np.asarray(self.scale.ppf((np.arange(12) + 0.5) / 12))
-        return {"location": self.locations(40), "scale": scales}
+        return {"location": self.locations(40), "scale": quantiles(self.scale, 12)}
 
     def gain(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the share that remains."""
@@ -105,24 +96,6 @@ class Loss(Located):
             {"x": self.column},
             does="responds",
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        assert self.span is not None
-        place = values["location"]
-        digits = digits_at(place, self.span)
-        return (
-            f"simulation, from {self.column} = {place:.{digits}g} on times "
-            f"exp(-({self.column} {plus(-place, digits)}) / {values['scale']:.4g})"
-        )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        assert self.span is not None
-        place = values["location"]
-        distance = minus(self.column, place, digits_at(place, self.span))
-        power = rf"-\frac{{\max\left(0, {distance}\right)}}{{{number(values['scale'])}}}"
-        return rf"{SIMULATION} \, e^{{{power}}}"
 
 
 def _over_inputs(context: Context) -> Iterator[Cause]:
@@ -144,8 +117,6 @@ register(
         least_distinct=8,
         lacking=_lacking,
         headline="From {column} = {location:place} on {output} is lost, and the simulation has all",
-        call="`Loss(x)`",
-        formula="eta exp(-max(x - location, 0) / scale)",
         priors="location: uniform over the rows; scale: log-uniform, a spacing to five spans",
         estimates="location, scale",
         left_out="fewer than 8 distinct values; the output is logarithmic",

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from scipy import stats
 
-from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
+from hybridsurrogate.effects.axis import UNKNOWN, Axis
+from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows, quantiles
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, minus, number, plus
-from hybridsurrogate.effects.over_column import FromOrigin, span_and_spacing
+from hybridsurrogate.effects.over_column import FromOrigin
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -41,6 +42,8 @@ class SecondStore(FromOrigin):
         Where the size is meant. None: the smallest measured value.
     size, scale : frozen scipy.stats distribution or None, default=None
         Priors; positive.
+    axis : Axis
+        Where the measured rows lie; `prepare` looks.
 
     Examples
     --------
@@ -52,6 +55,7 @@ class SecondStore(FromOrigin):
     """
 
     kind = "second-store"
+    unknowns = ("size", "scale")
 
     def __init__(
         self,
@@ -59,15 +63,11 @@ class SecondStore(FromOrigin):
         origin: float | None = None,
         size: Prior | None = None,
         scale: Prior | None = None,
+        axis: Axis = UNKNOWN,
     ):
-        super().__init__(column, origin)
+        super().__init__(column, origin, axis)
         self.size = size
         self.scale = scale
-
-    @property
-    def parameters(self) -> Mapping[str, Prior]:  # type: ignore[override]
-        """Priors of size and scale."""
-        return {"size": self.size, "scale": self.scale}
 
     def prepare(self, context: Context) -> Cause:
         """Fill in origin and priors from the measured rows.
@@ -82,19 +82,16 @@ class SecondStore(FromOrigin):
                 f"SecondStore({self.column!r}) is for a logarithmic output; where the output "
                 f"itself is measured, use Decay({self.column!r}), which is the same."
             )
-        values = context.column(self.column)
-        span, _ = span_and_spacing(values)
-        usual = float(np.exp(context.location))
+        axis, usual = self.along(context), float(np.exp(context.location))
         return self.filled(
-            origin=float(values.min()) if self.origin is None else self.origin,
+            axis=axis,
             size=self.size or frozen(stats.loguniform, _LEAST * usual, _MOST * usual),
-            scale=self.scale or frozen(stats.loguniform, span / 4, 4 * span),
+            scale=self.scale or frozen(stats.loguniform, axis.span / 4, 4 * axis.span),
         )
 
     def grid(self) -> dict[str, FloatArray]:
         """Return sizes and scales, evenly spaced on logarithmic scales."""
-        share = (np.arange(_NODES) + 0.5) / _NODES
-        return {name: np.asarray(prior.ppf(share)) for name, prior in self.parameters.items()}
+        return {name: quantiles(prior, _NODES) for name, prior in self.parameters.items()}
 
     def response(
         self, simulated: FloatArray, X: Rows, theta: Rows
@@ -108,27 +105,19 @@ class SecondStore(FromOrigin):
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        assert self.origin is not None
+        whole = "np.logaddexp({simulated}, np.log({size}) - {beyond} / {scale})"
+        return replace(self.shown(), expression=whole)
+
+    def shown(self) -> Code:
+        """Return what is added to the output itself."""
         return Code(
-            "np.logaddexp({simulated}, np.log({size}) - {beyond} / {scale})",
+            "{simulated} + {size} * np.exp(-{beyond} / {scale})",
             {"size": "{plain}", "scale": "{x}"},
             {"x": self.column},
-            {"origin": self.origin},
+            {"origin": self.pivot},
             steps={"beyond": "np.maximum({x} - {origin}, 0)"},
             does="responds",
         )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        assert self.origin is not None
-        place = f"({self.column} {plus(-self.origin)})" if self.origin else self.column
-        return f"simulation {plus(values['size'])} exp(-{place} / {values['scale']:.4g})"
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        assert self.origin is not None
-        power = rf"-\frac{{{minus(self.column, self.origin)}}}{{{number(values['scale'])}}}"
-        return rf"{SIMULATION} + {number(values['size'])} \, e^{{{power}}}"
 
 
 def _over_inputs(context: Context) -> Iterator[Cause]:
@@ -150,7 +139,6 @@ register(
         lacking=_lacking,
         like=("saturation", "ramp"),
         headline="A part of {output} empties more slowly than in the simulation, over {scale}",
-        call="`SecondStore(x)`",
         formula="log(exp(eta) + size exp(-(x - origin) / scale)); origin: smallest measured x",
         priors="size: log-uniform, 0.03 to 30 times the geometric mean of the output; scale: "
         "log-uniform, a quarter of the span to four times it",

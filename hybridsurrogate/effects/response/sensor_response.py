@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import stats
 
+from hybridsurrogate.effects.axis import UNMEASURED, OutputScale
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
-from hybridsurrogate.effects.notation import SIMULATION, number, plus, signed
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
@@ -30,15 +30,14 @@ class SensorResponse(Cause):
 
     Parameters
     ----------
-    center, scale : float or None, default=None
-        Middle and usual deviation of the output, on the scale of eta.
-    unit : float or None, default=None
-        What one on the scale of eta is in the user's units.
+    measured : OutputScale
+        Where the measured output lies; `prepare` looks.
 
     Examples
     --------
     >>> import numpy as np, hybridsurrogate as hs
-    >>> bent = hs.SensorResponse(center=5.0, scale=5.0)
+    >>> from hybridsurrogate.effects.axis import OutputScale
+    >>> bent = hs.SensorResponse(OutputScale(spread=5.0, simulated=5.0))
     >>> theta = {"level": 0.0, "gain": 1.0, "curvature": -0.1}
     >>> bent.response(np.array([0.0, 5.0, 10.0]), {}, theta)[0].tolist()
     [0.0, 5.5, 10.0]
@@ -51,23 +50,12 @@ class SensorResponse(Cause):
         "curvature": frozen(stats.norm),
     }
 
-    def __init__(
-        self,
-        center: float | None = None,
-        scale: float | None = None,
-        unit: float | None = None,
-    ):
-        self.center = center
-        self.scale = scale
-        self.unit = unit
+    def __init__(self, measured: OutputScale = UNMEASURED):
+        self.measured = measured
 
     def prepare(self, context: Context) -> Cause:
         """Fill in middle and deviation from where the output is."""
-        return self.filled(
-            center=context.location - context.distance if self.center is None else self.center,
-            scale=context.scale if self.scale is None else self.scale,
-            unit=context.unit if self.unit is None else self.unit,
-        )
+        return self.filled(measured=self.measured if self.measured.is_known else context.measured)
 
     def start(self) -> dict[str, float]:
         """Return a straight line through zero with slope one."""
@@ -77,23 +65,18 @@ class SensorResponse(Cause):
         self, simulated: FloatArray, X: Rows, theta: Rows
     ) -> tuple[FloatArray, FloatArray]:
         """Return the bent output and its slope."""
-        assert self.center is not None
-        assert self.scale is not None
-        away = simulated - self.center
-        u = away / self.scale
-        bent = self.scale * (theta["level"] + theta["curvature"] * (u**2 - 1))
-        return self.center + theta["gain"] * away + bent, theta["gain"] + 2 * theta["curvature"] * u
+        center, scale = self.measured.simulated, self.measured.spread
+        away = simulated - center
+        u = away / scale
+        bent = scale * (theta["level"] + theta["curvature"] * (u**2 - 1))
+        return center + theta["gain"] * away + bent, theta["gain"] + 2 * theta["curvature"] * u
 
     def estimates(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
         """Return the parabola's numbers in the units of the output."""
-        assert self.scale is not None
-        assert self.unit is not None
         at_zero, slope = self.response(np.zeros_like(theta["gain"]), {}, theta)
-        return {
-            "level": self.unit * at_zero,
-            "gain": slope,
-            "curvature": theta["curvature"] / (self.unit * self.scale),
-        }
+        unit = self.measured.unit
+        curvature = theta["curvature"] / (unit * self.measured.spread)
+        return {"level": unit * at_zero, "gain": slope, "curvature": curvature}
 
     def code(self) -> Code:
         """Return the cause as Python."""
@@ -101,20 +84,6 @@ class SensorResponse(Cause):
             "{level} + {gain} * {simulated} + {curvature} * {simulated}**2",
             {"level": "{y}", "gain": "1", "curvature": "1 / {y}"},
             does="responds",
-        )
-
-    def formula(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in words."""
-        return (
-            f"{values['level']:.4g} {plus(values['gain'])} simulation "
-            f"{plus(values['curvature'])} simulation^2"
-        )
-
-    def latex(self, values: Mapping[str, float]) -> str:
-        """Return the extended simulation in LaTeX."""
-        return (
-            rf"{number(values['level'])} {signed(values['gain'])} \, {SIMULATION} "
-            rf"{signed(values['curvature'])} \, {SIMULATION}^{{2}}"
         )
 
 
@@ -128,7 +97,6 @@ register(
         least_rows=8,
         like=("gain", "limit"),
         headline="{output} is not in proportion to what is simulated: its scale is bent",
-        call="`SensorResponse()`",
         formula="level + gain eta + curvature eta²",
         priors="in sd of the output, around its middle: level, curvature standard normal; log "
         "gain: Laplace, scale 1/3",

@@ -31,7 +31,7 @@ def main_directions(problem: MeasuredGiven, z: FloatArray, sigma: float) -> Meas
         As it was where features factorise, are few, or noise or a cause follows their output.
     """
     model, c = problem.model, problem.c
-    follows = model.noise_follows or any(effect.bends for effect in model.effects)
+    follows = model.noise_follows or any("response" in effect.acts_on for effect in model.effects)
     if model.factorises or follows or c.shape[1] < SETTINGS.few_coefficients:
         return problem
     asked = min(SETTINGS.direction_nodes, len(z), max(1, SETTINGS.direction_rows // len(problem.y)))

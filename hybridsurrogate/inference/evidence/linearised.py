@@ -227,7 +227,7 @@ def _noise_at_nodes(
     if not model.touches_noise:
         return None
     values = _values_at_nodes(model, grid, z)
-    values = values if model.effects and model.effects[-1].touches_noise else values[:1]
+    values = values if model.effects and "noise" in model.effects[-1].acts_on else values[:1]
     slopes: list[FloatArray | None] = [None] * len(model.effects)
     if any(effect.follows_slope for effect in model.effects):
         at_z = model.slopes(X, model.values(z[None]), c, simulated[None])
@@ -237,7 +237,7 @@ def _noise_at_nodes(
 
 
 def _outliers_at_nodes(model: MeasuredModel, grid: Grid, z: FloatArray) -> FloatArray | None:
-    if not any(effect.has_outliers for effect in model.effects):
+    if not any("outliers" in effect.acts_on for effect in model.effects):
         return None
     return model.outlier_share(_values_at_nodes(model, grid, z))
 
@@ -406,7 +406,7 @@ def is_long(model: MeasuredModel, X: FloatArray, grid: Grid) -> bool:
     """
     if not len(grid.nodes) or model.effects[-1].touches_simulation:
         return False
-    if model.effects[-1].touches_noise or model.effects[-1].has_outliers:
+    if "noise" in model.effects[-1].acts_on or "outliers" in model.effects[-1].acts_on:
         return False
     return len(grid.points) * _numbers(model, X) > _MOST_KEPT
 

@@ -95,7 +95,7 @@ def test_a_cause_that_leaves_noise_is_named():
 def test_nothing_found_and_outliers_have_no_check():
     found = diagnosed(lambda t: 0 * t, 0)
     assert found.residual_check_ is None
-    heavy = next(w for w in found.search_.candidates if w.cause and w.cause.has_outliers)
+    heavy = next(w for w in found.search_.candidates if w.cause and "outliers" in w.cause.acts_on)
     assert check_residuals(found.search_, heavy) is None
 
 

@@ -12,6 +12,7 @@ import hybridsurrogate as hs
 from hybridsurrogate.datasets import make_log_sin
 from hybridsurrogate.diagnosis.validation.beta_scan import best_beta, scan_beta
 from hybridsurrogate.diagnosis.validation.folds import random_folds
+from hybridsurrogate.effects.axis import Axis
 
 
 def line(t, level, slope):
@@ -30,7 +31,7 @@ def test_trust_rises_once_the_fault_is_named():
         n_draws=200,
         random_state=0,
     )
-    parabola = hs.Trend("t", degree=2, center=7.0, span=14.0)
+    parabola = hs.Trend("t", degree=2, axis=Axis.of([0.0, 14.0]))
     after = clone(before).set_params(effects=(parabola,))
     betas = np.array([0.05, 0.5, 0.9])
     X = t[:, None]

@@ -133,7 +133,7 @@ def test_outliers_are_part_of_the_statistic_where_nothing_else_is_compared():
     t = np.linspace(0, 10, 30)
     y = 1 + 2 * t + np.random.default_rng(0).standard_normal(30)
     found, _ = weigh(t[:, None], y, forms=("noise: tails", "trend"))
-    none, tails = (w for w in found.candidates if w.cause is None or w.cause.has_outliers)
+    none, tails = (w for w in found.candidates if w.cause is None or "outliers" in w.cause.acts_on)
     trends = [w for w in found.candidates if w is not tails]
     both, trend, alone = (
         null_test(replace(found, candidates=some), 9, np.random.RandomState(0))

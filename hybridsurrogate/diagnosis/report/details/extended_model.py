@@ -8,7 +8,6 @@ from hybridsurrogate.diagnosis.report.elements.view import View, averaged, label
 from hybridsurrogate.diagnosis.source.python_code import extended_model, python_source
 from hybridsurrogate.effects import Remainder
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.effects.notation import word
 from hybridsurrogate.effects.output.remainder import GROWTH
 from hybridsurrogate.effects.registry import meaning_of
@@ -40,9 +39,8 @@ def formulas(view: View) -> tuple[tuple[str, str, str], ...]:
     out = []
     for finding, cause in view.findings:
         # of several outputs a formula without "in" is of all of them
-        whole = view.stacking is not None and not isinstance(cause, InOutput)
-        own = digits.listing(list(view.outputs)) if whole else view.output
-        own = cause.output if isinstance(cause, InOutput) else own
+        whole = digits.listing(list(view.outputs)) if view.stacking is not None else view.output
+        own = cause.output or whole
         plain, latex = own, word(own)
         if view.log_scale:
             plain, latex = f"log {plain}", rf"\log {latex}"
@@ -76,8 +74,8 @@ def _sentences(view: View) -> list[str]:
 
 def _meaning(view: View, cause: Cause) -> str:
     """Return what a cause means for the one who wrote the simulation."""
-    if isinstance(cause, InOutput):
-        return _meaning(view.of(cause.output), cause.cause)
+    if cause.output is not None:
+        return _meaning(view.of(cause.output), cause.inner)
     target = (cause.target or "").replace(" * ", " and ")
     column = getattr(cause, "column", None) or target
     text = (meaning_of(cause) or "").format(output=view.output, target=target, column=column)
@@ -98,9 +96,8 @@ def _averaged(view: View) -> list[str]:
 def _beyond(view: View) -> list[str]:
     """Report what the extension allows for beyond the measured range."""
     kept = [e for e in view.result.extension.estimator.effects if not e.is_learned]
-    own = [e for e in kept if not isinstance(e, InOutput) or e.output == view.output]
-    plain = [e.cause if isinstance(e, InOutput) else e for e in own]
-    found = next((e for e in plain if isinstance(e, Remainder)), None)
+    own = [e.inner for e in kept if e.output in (None, view.output)]
+    found = next((e for e in own if isinstance(e, Remainder)), None)
     if found is None:
         return []
     at_half = view.unit * 0.5**GROWTH

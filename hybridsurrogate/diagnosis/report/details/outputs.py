@@ -8,7 +8,6 @@ from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
 from hybridsurrogate.diagnosis.report.elements.tables import output_table
 from hybridsurrogate.diagnosis.report.elements.view import View, label_of_cause
-from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.numerics import digits
 
 
@@ -32,10 +31,10 @@ def sentences(view: View) -> list[str]:
     """Report for each output whether a cause concerns it."""
     out = []
     for name in view.outputs:
-        own = [c for _, c in view.findings if not isinstance(c, InOutput) or c.output == name]
+        own = [c for _, c in view.findings if c.output in (None, name)]
         if not own:
             out.append(f"{name}: the simulation stands as it is.")
             continue
-        shared = "" if all(isinstance(c, InOutput) for c in own) else ", shared by all outputs"
+        shared = "" if all(c.output is not None for c in own) else ", shared by all outputs"
         out.append(f"{name}: {digits.listing([label_of_cause(c) for c in own])}{shared}.")
     return out

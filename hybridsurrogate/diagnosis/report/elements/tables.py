@@ -12,7 +12,6 @@ from hybridsurrogate.diagnosis.answers.table import form_of
 from hybridsurrogate.diagnosis.report.elements.view import View
 from hybridsurrogate.diagnosis.search.candidate import total_evidence
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
 from hybridsurrogate.numerics import digits
 from hybridsurrogate.types import FloatArray
@@ -129,8 +128,8 @@ def unit_of(view: View, cause: Cause, name: str) -> str:
     name : str
         Of the estimate.
     """
-    if isinstance(cause, InOutput):
-        return unit_of(view.of(cause.output), cause.cause, name)
+    if cause.output is not None:
+        return unit_of(view.of(cause.output), cause.inner, name)
     along = getattr(cause, "column", None) or view.inputs[0]
     column = view.unit_of(along)
     if cause.kind == "interaction":

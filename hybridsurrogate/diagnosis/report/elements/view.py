@@ -22,7 +22,6 @@ from hybridsurrogate.diagnosis.validation.beta_scan import has_weight, is_slow
 from hybridsurrogate.diagnosis.validation.gain import in_one_word
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.context import label_columns
-from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.effects.noise.output_noise import OutputNoise
 from hybridsurrogate.estimators.averaged import AveragedSurrogate, leading
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
@@ -398,7 +397,7 @@ def view_of(result: DiagnosisResult, units: Mapping[str, str] | None = None) -> 
         )
     if view.stacking is None:
         return view
-    if isinstance(view.cause, InOutput):
+    if view.cause is not None and view.cause.output is not None:
         return view.of(view.cause.output)
     views = [view.of(name) for name in view.outputs]
 
@@ -440,9 +439,11 @@ _OF = ("wrong-constant", "parameter-drift", "interaction", "missing-term")
 
 def label_of_cause(cause: Cause | None) -> str:
     """Return how a report calls a cause, None for nothing wrong."""
-    if isinstance(cause, InOutput):
-        return f"{label_of_cause(cause.cause)}, output {cause.output}"
-    return label("none", None) if cause is None else label(cause.kind, cause.target, cause.variant)
+    if cause is None:
+        return label("none", None)
+    inner = cause.inner
+    text = label(inner.kind, inner.target, inner.variant)
+    return text if cause.output is None else f"{text}, output {cause.output}"
 
 
 def label_of(candidate: Candidate) -> str:

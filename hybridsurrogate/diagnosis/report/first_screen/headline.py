@@ -10,7 +10,6 @@ from hybridsurrogate.diagnosis.answers.finding import CauseFinding
 from hybridsurrogate.diagnosis.report.elements.tables import noise_of, unit_of
 from hybridsurrogate.diagnosis.report.elements.view import View, label_of_cause
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.effects.registry import headline_of, meaning_of
 from hybridsurrogate.numerics import digits
 
@@ -117,9 +116,9 @@ def sentence_of(view: View, finding: CauseFinding, cause: Cause) -> str:
     finding : CauseFinding
     cause : Cause
     """
-    if isinstance(cause, InOutput):
-        inner = replace(finding, target=cause.cause.target)
-        return sentence_of(view.of(cause.output), inner, cause.cause)
+    if cause.output is not None:
+        inner = replace(finding, target=cause.inner.target)
+        return sentence_of(view.of(cause.output), inner, cause.inner)
     form = headline_of(cause)
     places: dict[str, Any] = {
         "output": view.output,

@@ -1,0 +1,442 @@
+"""The expression of a cause in plain text and in LaTeX.
+
+A cause is written once, as Python with names in braces (`effects.code`). Here that is read as a
+sum, its names become words and numbers, and it is printed as text, or as LaTeX in the part of it
+that matplotlib's mathtext reads too.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+from hybridsurrogate.effects.code import Code, names_in
+from hybridsurrogate.effects.notation import digits_at, number, word
+
+Values = Mapping[str, float]
+Printer = Callable[[Code, Values, Mapping[str, float]], str]
+
+_DIGITS, _DIGITS_OF_PLACE, _DIGITS_OF_LEVEL = 4, 5, 12
+# how tightly a sum, a product and a power hold together
+_SUM, _PRODUCT, _POWER, _WHOLE = range(4)
+_RELATIONS: dict[type, tuple[str, str]] = {
+    ast.Eq: ("=", "="),
+    ast.Lt: ("<", "<"),
+    ast.LtE: ("<=", r"\leq"),
+    ast.Gt: (">", ">"),
+    ast.GtE: (">=", r"\geq"),
+}
+_TURNED: dict[type, type] = {ast.GtE: ast.LtE, ast.Gt: ast.Lt}
+_SHORT = {"maximum": "max", "minimum": "min"}
+_IN_LATEX = ("exp", "cos", "sin", "log", "max", "min", "tanh")
+
+
+@dataclass(frozen=True)
+class _Number:
+    value: float
+    digits: int = _DIGITS
+
+
+@dataclass(frozen=True)
+class _Word:
+    text: str
+    latex: str
+    # of a column: how far its rows reach
+    span: float | None = None
+
+
+@dataclass(frozen=True)
+class _Sum:
+    terms: tuple[_Node, ...]
+
+
+@dataclass(frozen=True)
+class _Product:
+    sign: int
+    factors: tuple[_Node, ...]
+    divisors: tuple[_Node, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Power:
+    base: _Node
+    exponent: _Node
+
+
+@dataclass(frozen=True)
+class _Call:
+    function: str
+    arguments: tuple[_Node, ...]
+
+
+@dataclass(frozen=True)
+class _Condition:
+    parts: tuple[tuple[_Node, type, _Node], ...]
+
+
+_Node = _Number | _Word | _Sum | _Product | _Power | _Call | _Condition
+
+_ONE, _OUTPUT = _Number(1.0), _Word("simulation", word("simulation"))
+
+
+def in_words(code: Code, values: Values, spans: Mapping[str, float]) -> str:
+    """Return the extended simulation in plain text.
+
+    Parameters
+    ----------
+    code : Code
+    values : dict of name to float
+        The numbers of the cause.
+    spans : dict of column to float
+        How far measured rows reach: places are written with digits that resolve it.
+
+    Examples
+    --------
+    >>> line = Code("{slope} * ({x} - {center})", {"slope": "{y} / {x}"}, {"x": "t"}, {"center": 5})
+    >>> in_words(line, {"slope": -0.25}, {"t": 10.0})
+    'simulation - 0.25 (t - 5)'
+    """
+    show = _Text().show
+    whole, note = _whole(code, values, spans), f" ({code.note})" if code.note else ""
+    if code.does == "moves":
+        run_at = "run at" if code.of in code.columns.values() else "with"
+        return f"simulation {run_at} {show(whole)}"
+    if code.does == "scales rate":
+        return f"simulation with {show(whole)}"
+    if code.does == "replaces":
+        return f"simulation with {code.of} = {show(whole)}{note}"
+    if code.does == "adds to slope":
+        return f"simulation with {show(whole)} in the slope of {code.of}"
+    return show(whole)
+
+
+def in_latex(code: Code, values: Values, spans: Mapping[str, float]) -> str:
+    r"""Return the extended simulation in LaTeX, as `in_words` does in text.
+
+    Examples
+    --------
+    >>> line = Code("{slope} * ({x} - {center})", {"slope": "{y} / {x}"}, {"x": "t"}, {"center": 5})
+    >>> print(in_latex(line, {"slope": -0.25}, {"t": 10.0}))
+    \text{simulation} - 0.25 \, \left(\text{t} - 5\right)
+    """
+    whole, of = _whole(code, values, spans), word(code.of)
+    if code.does == "adds to slope":
+        slope = rf"\frac{{d}}{{dt}} {of}"
+        changed = _added(_Word("", slope), whole)
+        return rf"{word('simulation')}, \quad {slope} \to {_Latex().show(changed)}"
+    text = _Latex().show(whole)
+    if code.does == "moves" and code.of in code.columns.values():
+        return rf"{word('simulation')}\left({text}\right)"
+    if code.does in ("moves", "scales rate"):
+        return rf"{word('simulation')}, \quad {of} \to {text}"
+    if code.does == "replaces":
+        note = rf" \, {word(f'({code.note})')}" if code.note else ""
+        return rf"{word('simulation')}, \quad {of} = {text}{note}"
+    return text
+
+
+def is_expression(code: Code) -> bool:
+    """Return whether it is an expression of the simulation, and not of noise or of a delay."""
+    return code.does not in ("scatters", "delays", "nothing")
+
+
+def sentence(text: str) -> str:
+    r"""Return a formula in words in LaTeX.
+
+    Examples
+    --------
+    >>> print(sentence("simulation, with noise"))
+    \text{simulation}, \quad \text{with noise}
+    """
+    if not text.startswith("simulation"):
+        return word(text)
+    rest = text.removeprefix("simulation")
+    between, rest = (r", \quad", rest[1:]) if rest[:1] in (",", ";") else (r" \,", rest)
+    return f"{word('simulation')}{between} {word(rest.strip())}" if rest else word("simulation")
+
+
+def _whole(code: Code, values: Values, spans: Mapping[str, float]) -> _Node:
+    reader = _Reader(code, values, spans)
+    change = reader.read(code.expression)
+    if code.does == "adds":
+        return _added(reader.word("simulated"), change)
+    return _multiplied(reader.word("of"), change) if code.does == "scales rate" else change
+
+
+class _Reader:
+    """Reads a template, with words and numbers for its names."""
+
+    def __init__(self, code: Code, values: Values, spans: Mapping[str, float]) -> None:
+        self.code = code
+        self.values = values
+        self.spans = spans
+
+    def read(self, template: str) -> _Node:
+        names = {name: name for name in names_in(template)}
+        return self.node(ast.parse(template.format_map(names), mode="eval").body)
+
+    def node(self, tree: ast.expr) -> _Node:
+        match tree:
+            case ast.Name(id=name):
+                return self.name(name)
+            case ast.Constant(value=int() | float() as value):
+                return _Number(value)
+            case ast.UnaryOp(op=ast.USub(), operand=inner):
+                return _negative(self.node(inner))
+            case ast.BinOp(left=left, op=ast.BitAnd(), right=right):
+                sides = (self.node(left), self.node(right))
+                both = (side.parts for side in sides if isinstance(side, _Condition))
+                return _Condition(tuple(part for parts in both for part in parts))
+            case ast.BinOp(left=left, op=op, right=right):
+                return self.operation(self.node(left), op, self.node(right), tree)
+            case ast.Compare(left=left, ops=[op], comparators=[right]) if type(op) in _RELATIONS:
+                place = self.node(left)
+                return _Condition(((place, type(op), _resolved(place, self.node(right))),))
+            case ast.Call(func=ast.Name(id="by_level")):
+                return self.levels()
+            case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name), args=arguments):
+                return self.call(name, tuple(map(self.node, arguments)))
+            case ast.Attribute(attr="pi"):
+                return _Word("pi", r"\pi")
+        return self.other(tree)
+
+    def other(self, tree: ast.expr) -> _Node:
+        """Return what is none of these as it stands in Python."""
+        text = ast.unparse(tree)
+        return _Word(text, word(text))
+
+    def operation(self, left: _Node, op: ast.operator, right: _Node, tree: ast.expr) -> _Node:
+        match op:
+            case ast.Add() | ast.Sub():
+                right = _resolved(left, right)
+                right = _negative(right) if isinstance(op, ast.Sub) else right
+                if isinstance(left, _Number) and isinstance(right, _Number):
+                    return replace(left, value=left.value + right.value)
+                nothing = isinstance(right, _Number) and not right.value
+                return left if nothing else _added(left, right)
+            case ast.Mult():
+                return _multiplied(left, right)
+            case ast.Div():
+                if isinstance(left, _Number) and isinstance(right, _Number) and right.value:
+                    return replace(left, value=left.value / right.value)
+                return _divided(left, right)
+            case ast.Pow():
+                return _Power(left, right)
+        return self.other(tree)
+
+    def call(self, name: str, arguments: tuple[_Node, ...]) -> _Node:
+        if name == "logistic":
+            return _divided(_ONE, _added(_ONE, _Call("exp", (_negative(arguments[0]),))))
+        return _Call(_SHORT.get(name, name), arguments)
+
+    def name(self, name: str) -> _Node:
+        code = self.code
+        steps = {**code.steps, **code.by_row}
+        if name in steps:
+            return self.read(steps[name])
+        if name in code.numbers and name in self.values:
+            along = code.numbers[name].strip("{}") in (*code.columns, "t")
+            return _Number(self.values[name], _DIGITS_OF_PLACE if along else _DIGITS)
+        if name in code.constants:
+            return _Number(code.constants[name], _DIGITS_OF_PLACE)
+        if name in code.levels:
+            return _Number(code.levels[name][1], _DIGITS_OF_LEVEL)
+        return self.word(name)
+
+    def word(self, name: str) -> _Word:
+        if name == "phase":
+            return _Word(name, r"\varphi")
+        known = {**self.code.columns, **self.code.states, "simulated": "simulation"}
+        text = known.get(name, self.code.of if name == "of" else name)
+        return _Word(text, word(text), self.spans.get(text))
+
+    def levels(self) -> _Node:
+        """Return the numbers of all levels, each where it is."""
+        table = self.code.table
+        assert table is not None
+        column = _Word(table.column, word(table.column))
+        terms = tuple(
+            _multiplied(
+                _Number(self.values[name]),
+                _Condition(((column, ast.Eq, _Number(level, _DIGITS_OF_LEVEL)),)),
+            )
+            for level, name in table.levels
+        )
+        return _Sum(terms)
+
+
+def _resolved(column: _Node, place: _Node) -> _Node:
+    """Return a place on a column with digits that resolve its rows."""
+    if not isinstance(column, _Word) or column.span is None or not isinstance(place, _Number):
+        return place
+    return replace(place, digits=max(digits_at(place.value, column.span), place.digits))
+
+
+def _signed(node: _Node) -> tuple[int, _Node]:
+    """Return the sign of a term, and the term without it."""
+    if isinstance(node, _Number) and node.value < 0:
+        return -1, replace(node, value=-node.value)
+    return (node.sign, replace(node, sign=1)) if isinstance(node, _Product) else (1, node)
+
+
+def _as_product(node: _Node) -> _Product:
+    sign, size = _signed(node)
+    return replace(size, sign=sign) if isinstance(size, _Product) else _Product(sign, (size,))
+
+
+def _added(left: _Node, right: _Node) -> _Node:
+    sides = (side.terms if isinstance(side, _Sum) else (side,) for side in (left, right))
+    return _Sum(tuple(term for side in sides for term in side))
+
+
+def _multiplied(left: _Node, right: _Node) -> _Node:
+    a, b = _as_product(left), _as_product(right)
+    return _Product(a.sign * b.sign, a.factors + b.factors, a.divisors + b.divisors)
+
+
+def _divided(left: _Node, right: _Node) -> _Node:
+    a, b = _as_product(left), _as_product(right)
+    return _Product(a.sign * b.sign, a.factors + b.divisors, a.divisors + b.factors)
+
+
+def _negative(node: _Node) -> _Node:
+    if isinstance(node, _Number):
+        return replace(node, value=-node.value)
+    product = _as_product(node)
+    return replace(product, sign=-product.sign)
+
+
+def _is_output(node: _Node) -> bool:
+    return (node.base if isinstance(node, _Power) else node) == _OUTPUT
+
+
+class _Text:
+    """Prints in plain text."""
+
+    def show(self, node: _Node, least: int = _SUM) -> str:
+        """Return an expression, in brackets where it does not hold together enough."""
+        text, holds = self.shown(node)
+        return text if holds >= least else self.brackets(text)
+
+    def shown(self, node: _Node) -> tuple[str, int]:
+        match node:
+            case _Number(value, digits):
+                return self.number(value, digits), _WHOLE if value >= 0 else _SUM
+            case _Word():
+                return self.word(node), _WHOLE
+            case _Sum(terms):
+                return self.sum(terms), _SUM
+            case _Product(sign, factors, divisors):
+                text = self.product(factors, divisors)
+                return (f"-{text}", _SUM) if sign < 0 else (text, _PRODUCT)
+            case _Power(base, exponent):
+                return self.power(self.show(base, _WHOLE), exponent), _POWER
+            case _Call("abs", (inner,)):
+                return f"|{self.show(inner)}|", _WHOLE
+            case _Call(name, arguments):
+                inside = ", ".join(self.show(one) for one in arguments)
+                return self.function(name) + self.brackets(inside), _WHOLE
+            case _Condition(parts):
+                return self.condition(parts), _SUM
+
+    def sum(self, terms: tuple[_Node, ...]) -> str:
+        text = self.show(terms[0])
+        for before, term in pairwise(terms):
+            sign, size = _signed(term)
+            text += f"{self.end_of(before)} {'-' if sign < 0 else '+'} {self.show(size)}"
+        return text
+
+    def product(self, factors: tuple[_Node, ...], divisors: tuple[_Node, ...]) -> str:
+        """Return factors over divisors, and where that holds."""
+        where = [one for one in factors if isinstance(one, _Condition)]
+        plain = tuple(one for one in factors if not isinstance(one, _Condition))
+        text = self.fraction(plain, divisors) if divisors else self.factors(plain)
+        return text + "".join(self.where(one) for one in where)
+
+    def factors(self, factors: tuple[_Node, ...]) -> str:
+        factors = tuple(one for one in factors if one != _ONE) or (_ONE,)
+        text = self.show(factors[0], _PRODUCT)
+        for before, factor in pairwise(factors):
+            apart = isinstance(factor, _Number) or _is_output(before) or _is_output(factor)
+            text += self.times[apart] + self.show(factor, _PRODUCT)
+        return text
+
+    def condition(self, parts: tuple[tuple[_Node, type, _Node], ...]) -> str:
+        if len(parts) == 2 and parts[0][0] == parts[1][0] and parts[0][1] in _TURNED:
+            (column, first, low), (_, second, high) = parts
+            names = self.relation(_TURNED[first]), self.relation(second)
+            return f"{self.show(low)} {names[0]} {self.show(column)} {names[1]} {self.show(high)}"
+        each = (f"{self.show(a)} {self.relation(of)} {self.show(b)}" for a, of, b in parts)
+        return self.also.join(each)
+
+    times: tuple[str, str] = (" ", " * ")
+    also = " and "
+
+    def number(self, value: float, digits: int) -> str:
+        return f"{value:.{digits}g}"
+
+    def word(self, node: _Word) -> str:
+        return node.text
+
+    def function(self, name: str) -> str:
+        return name
+
+    def relation(self, of: type) -> str:
+        return _RELATIONS[of][0]
+
+    def brackets(self, text: str) -> str:
+        return f"({text})"
+
+    def fraction(self, factors: tuple[_Node, ...], divisors: tuple[_Node, ...]) -> str:
+        below = self.show(divisors[0], _POWER)
+        below = below if len(divisors) == 1 else f"({self.factors(divisors)})"
+        return f"{self.factors(factors)} / {below}"
+
+    def power(self, base: str, exponent: _Node) -> str:
+        return f"{base}^{self.show(exponent, _WHOLE)}"
+
+    def where(self, condition: _Condition) -> str:
+        return f" where {self.show(condition)}"
+
+    def end_of(self, term: _Node) -> str:
+        """Return what ends a term: its condition does not hold for the next one."""
+        factors = term.factors if isinstance(term, _Product) else ()
+        return "," if any(isinstance(one, _Condition) for one in factors) else ""
+
+
+class _Latex(_Text):
+    """Prints in LaTeX."""
+
+    times = (r" \, ", r" \cdot ")
+    also = r" \, \text{ and } \, "
+
+    def number(self, value: float, digits: int) -> str:
+        return number(value, digits)
+
+    def word(self, node: _Word) -> str:
+        return node.latex
+
+    def function(self, name: str) -> str:
+        return rf"\{name}" if name in _IN_LATEX else rf"\operatorname{{{name}}}"
+
+    def relation(self, of: type) -> str:
+        return _RELATIONS[of][1]
+
+    def brackets(self, text: str) -> str:
+        return rf"\left({text}\right)"
+
+    def fraction(self, factors: tuple[_Node, ...], divisors: tuple[_Node, ...]) -> str:
+        above = self.show(factors[0]) if len(factors) == 1 else self.factors(factors)
+        below = self.show(divisors[0]) if len(divisors) == 1 else self.factors(divisors)
+        return rf"\frac{{{above}}}{{{below}}}"
+
+    def power(self, base: str, exponent: _Node) -> str:
+        return f"{base}^{{{self.show(exponent)}}}"
+
+    def where(self, condition: _Condition) -> str:
+        return rf" \, \mathbf{{1}}_{{{self.show(condition)}}}"
+
+    def end_of(self, term: _Node) -> str:
+        return ""
