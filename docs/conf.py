@@ -8,6 +8,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import api
 import catalogue
+from jinja2 import FileSystemLoader
+from jinja2.sandbox import SandboxedEnvironment
+from numpydoc import docscrape_sphinx
 
 project = "hybridsurrogate"
 author = "The hybridsurrogate founders"
@@ -41,6 +44,10 @@ sphinx_gallery_conf = {
     "ignore_pattern": r"(^|/)(?!plot_)[^/]*\.py$",
     "abort_on_example_error": True,
 }
+# numpydoc compiles its template anew for each of thousands of docstrings: here once
+_templates = Path(docscrape_sphinx.__file__).parent / "templates"
+_environment = SandboxedEnvironment(loader=FileSystemLoader(_templates))
+docscrape_sphinx.SandboxedEnvironment = lambda loader: _environment
 html_theme = "pydata_sphinx_theme"
 html_title = "hybridsurrogate"
 html_static_path = ["_static"]

@@ -20,8 +20,25 @@ os.environ.setdefault("HYBRIDSURROGATE_SHARED", str(SHARED))
 
 def pytest_collection_modifyitems(items):
     """Put what runs longest first: with short tests last, processes end together."""
-    longest = ("stories", "statistical", "studies")
+    longest = ("house", "statistical", "stories", "studies")
     items.sort(key=lambda item: item.path.parent.name not in longest)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Keep the tests of a file in one process: else what they share is fitted in each."""
+    if config.getvalue("dist") != "load":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    class Files(LoadFileScheduling):
+        def _split_scope(self, nodeid):
+            file = super()._split_scope(nodeid)
+            # these share the diagnosis of each outcome
+            return file.rpartition("/")[0] if "diagnosis/report/" in file else file
+
+    config.option.loadscopereorder = False
+    return Files(config, log)
 
 
 def fall(t, gravity):

@@ -201,8 +201,8 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
     >>> case = make_log_sin(random_state=0)
     >>> model = hs.PowerScaledSurrogate(
     ...     case.simulator, surrogate=hs.ExactSurrogate(), random_state=0)
-    >>> diagnosis = hs.DiscrepancyDiagnosis(model, random_state=0).fit(case.X, case.y)
-    >>> diagnosis.best_cause_.kind
+    >>> diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0)
+    >>> diagnosis.fit(case.X, case.y).best_cause_.kind
     'periodic'
     """
 

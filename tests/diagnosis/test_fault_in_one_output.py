@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from few_kinds import all_but
 from scipy.stats import norm
 from sklearn.base import clone
 
@@ -241,11 +242,19 @@ def test_a_cause_of_ones_own_is_weighed_in_each_output():
     assert set(targets) == {"h: t"}
 
 
-def test_two_causes_in_two_outputs():
+@pytest.mark.parametrize(
+    "exclude",
+    [
+        all_but("step", "periodic", "trend", "bump", "offset"),
+        pytest.param((), marks=pytest.mark.slow),
+    ],
+    ids=["few kinds", "all"],
+)
+def test_two_causes_in_two_outputs(exclude):
     X, Y = measured(4)
     Y[:, 0] += 5 * NOISE[0] * (X[:, 0] > 6)
     Y[:, 1] += 4 * NOISE[1] * np.sin(2 * np.pi * X[:, 0] / 2.5)
-    diagnosis = fitted(X, Y, max_causes=2)
+    diagnosis = fitted(X, Y, max_causes=2, exclude=exclude)
     found = {(f.kind, f.target) for f in diagnosis.found_causes_}
     assert found == {("step", "h: t"), ("periodic", "q: t")}
 

@@ -40,7 +40,7 @@ CHECKED = {
     ),
     "gaussian-process": power_scaled(surrogate=hs.GaussianProcess(degree=1)),
     "features": power_scaled(surrogate=hs.FeatureSurrogate(SplineTransformer(n_knots=3))),
-    "network": power_scaled(surrogate=hs.NetworkSurrogate(hidden_layer_sizes=(4,))),
+    "network": power_scaled(surrogate=hs.NetworkSurrogate(hidden_layer_sizes=(2,))),
     "parametric": power_scaled(
         surrogate=hs.ParametricSurrogate(line, {"height": norm(0, 100), "slope": norm(0, 100)})
     ),

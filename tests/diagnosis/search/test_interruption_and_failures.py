@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from few_kinds import all_but
 from scipy.stats import halfnorm, norm, uniform
 from searching import compared
 from sklearn.base import clone
@@ -77,7 +78,7 @@ def test_an_interrupt_in_the_folds_keeps_everything_but_the_gain(monkeypatch):
     def stop(*arguments):
         raise KeyboardInterrupt
 
-    diagnosis = diagnosis_of().set_params(cv=2)
+    diagnosis = diagnosis_of(cv=2, exclude=all_but("step", "trend"))
     with monkeypatch.context() as patched:
         patched.setattr("hybridsurrogate.diagnosis.fitting.folds.cross_validated", stop)
         with (
@@ -170,7 +171,7 @@ class Windy(Own):
 )
 def test_a_cause_of_the_users_that_lacks_something_is_skipped_with_a_reason(cause, kind, reason):
     with pytest.warns(hs.DiagnosisWarning, match="was not compared"):
-        diagnosis = diagnosis_of(cause).fit(T[:, None], Y)
+        diagnosis = diagnosis_of(cause, exclude=all_but("step", "trend", kind)).fit(T[:, None], Y)
     table = diagnosis.causes_
     notes = table[(table["kind"] == kind) & (table["log_evidence"].isna())]["note"]
     assert any(note.startswith("not compared: ") and reason in note for note in notes)
@@ -179,7 +180,7 @@ def test_a_cause_of_the_users_that_lacks_something_is_skipped_with_a_reason(caus
 
 def test_too_few_distinct_values_are_a_reason_too():
     t = np.repeat([0.0, 5.0, 10.0], 10)
-    diagnosis = diagnosis_of().fit(t[:, None], Y)
+    diagnosis = diagnosis_of(exclude=all_but("step", "offset")).fit(t[:, None], Y)
     notes = diagnosis.causes_.groupby("kind")["note"].unique()
     assert list(notes["step"]) == ["not compared: t has 3 distinct values, 6 are needed"]
     # of all rows, and of those at each of the three values
@@ -193,7 +194,8 @@ def half_broken(t, level, slope):
 
 def test_parameters_for_which_the_simulation_fails_are_impossible_and_reported():
     y = line(T, 1.0, 1.3) + 0.2 * np.random.default_rng(1).standard_normal(30)
-    diagnosis = diagnosis_of(function=half_broken).fit(T[:, None], y)
+    few = all_but("offset", "trend", "step")
+    diagnosis = diagnosis_of(function=half_broken, exclude=few).fit(T[:, None], y)
     assert diagnosis.estimator_.posterior_.values[:, 1].min() >= 1.0
     assert diagnosis.verdict_ == "adequate"
     notes = diagnosis.causes_.set_index("kind")["note"]

@@ -1,0 +1,183 @@
+"""The first step of densities whose constant and moments are known: each of its ways to draw.
+
+Gaussians around modes; several of them; a narrow proposal along each piece of a place's density; a
+ridge straightened; one large batch of wider proposals; an ensemble. Hierarchies have coordinates of
+their own, in test_hierarchical.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import hybridsurrogate as hs
+from hybridsurrogate.inference import posterior_sampler
+from hybridsurrogate.inference.posterior_sampler import evidence_around, first_step
+from hybridsurrogate.inference.procedure import make_target
+from hybridsurrogate.likelihoods import as_likelihood
+from hybridsurrogate.model.problem import make_problem
+
+LOG_2PI = np.log(2 * np.pi)
+
+
+class Known:
+    """The posterior of three parameters, and of a step's place, with another density in place."""
+
+    is_exact = True
+    n_noise = 0
+
+    def __init__(self, log_density, effects=()):
+        simulator = hs.Simulator(
+            lambda t, a, b, c: a + b * t + c * t**2,
+            inputs={"t": (-1, 1)},
+            parameters={name: stats.norm(0, 1) for name in "abc"},
+        )
+        t = np.linspace(-1, 1, 20)
+        rows = ("t",), t[:, None], np.cos(40 * t)
+        normal, exact = as_likelihood("normal"), hs.ExactSurrogate()
+        problem = make_problem(simulator, exact, normal, None, effects, *rows)
+        self.target, self.log_density = make_target(problem, 0.0, 1.0), log_density
+
+    def __getattr__(self, name):
+        return getattr(self.target, name)
+
+    def with_model(self, model):
+        return self
+
+    def search_density(self, u):
+        # scipy's densities of one point are numbers
+        return np.reshape(self.log_density(u), len(u))
+
+    extended_log_density = joint_log_density = search_density
+
+    def to_ensemble(self, points):
+        return points
+
+    def resolved(self, points, random_state):
+        return points, np.empty((len(points), 0)), np.empty((len(points), 0))
+
+    from_ensemble = resolved
+
+
+def drawn(log_density, effects=(), sampler="auto", n_draws=2000, seed=0):
+    target = Known(log_density, effects)
+    return first_step(target, sampler, n_draws, np.random.RandomState(seed))
+
+
+def log_constant(diagnostics, n=4):
+    """Return the log of the integral of the density over all n unknowns.
+
+    The evidence is that of standard normal coordinates whose constants the density leaves out.
+    """
+    return diagnostics.log_evidence + 0.5 * (n - 1) * LOG_2PI
+
+
+def effective(found):
+    """Independent draws with the error of these: of the weights, and of choosing by them."""
+    return 1 / (1 / found.diagnostics.effective_draws + 1 / len(found.u))
+
+
+def assert_moments(found, mean, covariance):
+    """Means and covariances, each within four standard errors of so many effective draws."""
+    n, sd = effective(found), np.sqrt(np.diag(covariance))
+    z = (found.u - mean) / sd
+    np.testing.assert_allclose(z.mean(axis=0), 0, atol=4 / np.sqrt(n))
+    correlation = covariance / np.outer(sd, sd)
+    np.testing.assert_allclose(z.T @ z / len(z), correlation, atol=4 * np.sqrt(2 / n))
+
+
+MEAN = np.array([0.4, -0.8, 0.2, -1.5])
+FACTOR = np.array([[0.3, 0, 0, 0], [0.2, 0.1, 0, 0], [-0.1, 0.3, 0.5, 0], [0, 0, 0.05, 0.2]])
+GAUSSIAN = stats.multivariate_normal(MEAN, FACTOR @ FACTOR.T)
+
+
+def test_a_gaussian_is_drawn_as_it_is():
+    found = drawn(lambda u: 3.0 + GAUSSIAN.logpdf(u))
+    assert found.diagnostics.sampler == "importance"
+    assert log_constant(found.diagnostics) == pytest.approx(3.0, abs=0.02)
+    assert_moments(found, MEAN, GAUSSIAN.cov)
+    again = evidence_around(
+        Known(lambda u: 3.0 + GAUSSIAN.logpdf(u)), MEAN[None] + 0.3, np.random.RandomState(0)
+    )
+    assert again == pytest.approx(found.diagnostics.log_evidence, abs=0.02)
+
+
+def test_each_of_two_modes_has_its_share():
+    away = np.array([2.5, 0, 0, 0])
+
+    def density(u):
+        first, second = GAUSSIAN.logpdf(u), GAUSSIAN.logpdf(u - away)
+        return np.logaddexp(np.log(0.7) + first, np.log(0.3) + second)
+
+    found = drawn(density)
+    assert found.diagnostics.n_modes == 2
+    assert log_constant(found.diagnostics) == pytest.approx(0.0, abs=0.05)
+    n = effective(found)
+    # midway: more than four standard deviations from either
+    share = np.mean(found.u[:, 0] > MEAN[0] + 1.25)
+    assert share == pytest.approx(0.3, abs=4 * np.sqrt(0.21 / n))
+
+
+THICK = 1e-4
+
+
+def bent(u):
+    """The second unknown follows the first on a curve, ten thousand times as long as thick."""
+    return (
+        stats.norm.logpdf(u[:, 0])
+        + stats.norm.logpdf(u[:, 1], np.exp(u[:, 0] / 2), THICK)
+        + stats.norm.logpdf(u[:, 2:], [0, -1.5], [0.05, 0.05]).sum(axis=1)
+    )
+
+
+def test_a_ridge_is_drawn_along_its_whole_length(monkeypatch):
+    ridges, follow = [], posterior_sampler.ridge_through
+
+    def spy(*arguments):
+        ridges.append(follow(*arguments))
+        return ridges[-1]
+
+    monkeypatch.setattr(posterior_sampler, "ridge_through", spy)
+    found = drawn(bent)
+    assert len(ridges) == 1
+    assert found.diagnostics.sampler == "importance"
+    assert log_constant(found.diagnostics) == pytest.approx(0.0, abs=0.1)
+    n = effective(found)
+    assert found.u[:, 0].mean() == pytest.approx(0, abs=4 / np.sqrt(n))
+    assert found.u[:, 0].std() == pytest.approx(1, abs=4 / np.sqrt(2 * n))
+    off = (found.u[:, 1] - np.exp(found.u[:, 0] / 2)) / THICK
+    assert off.std() == pytest.approx(1, abs=4 / np.sqrt(2 * n))
+
+
+# heavy in all directions at once: a Student-t of two degrees of freedom has no second moments
+TAILS = stats.multivariate_t(MEAN, FACTOR @ FACTOR.T, df=2)
+
+
+def test_a_large_batch_of_wider_proposals_has_the_constant_of_heavy_tails(monkeypatch):
+    batches, like_prior = [], posterior_sampler._like_prior
+    monkeypatch.setattr(
+        posterior_sampler, "_like_prior", lambda wide: (batches.append(wide), like_prior(wide))[1]
+    )
+    # as where few draws count
+    settings = replace(posterior_sampler.SETTINGS, enough_effective=np.inf)
+    monkeypatch.setattr(posterior_sampler, "SETTINGS", settings)
+    found = drawn(TAILS.logpdf)
+    assert len(batches) == 1
+    assert found.diagnostics.sampler == "importance"
+    assert log_constant(found.diagnostics) == pytest.approx(0.0, abs=0.05)
+    n = effective(found)
+    for k in range(4):
+        marginal = stats.t(2, MEAN[k], np.sqrt(TAILS.shape[k, k]))
+        for p in (0.05, 0.5, 0.95):
+            share = np.mean(found.u[:, k] < marginal.ppf(p))
+            assert share == pytest.approx(p, abs=4 * np.sqrt(p * (1 - p) / n))
+
+
+def test_an_ensemble_draws_what_importance_sampling_cannot(monkeypatch):
+    # no k-hat is good enough
+    monkeypatch.setattr(posterior_sampler, "KHAT_LIMIT", -np.inf)
+    found = drawn(GAUSSIAN.logpdf)
+    assert found.diagnostics.sampler == "emcee"
+    assert found.diagnostics.converged
+    assert_moments(found, MEAN, GAUSSIAN.cov)
