@@ -146,7 +146,7 @@ class CheckedEstimator(BaseEstimator):
         """
         likelihood = self.checked_settings()[1]
         check_outcomes(y, likelihood)
-        if len(self._output_names(None if y is None else as_table(y, "y"))) == 1:
+        if len(self.output_names(None if y is None else as_table(y, "y"))) == 1:
             X, y, sample_weight = without_gaps(X, y, sample_weight)
         X = complete_table(X, labels=self.experiment)
         tables = [X, *self._further_tables()]
@@ -200,7 +200,7 @@ class CheckedEstimator(BaseEstimator):
     ) -> tuple[FloatArray, FloatArray]:
         """Return rows and outputs as floats: (n,), or (n, k) with NaN of several outputs."""
         y = None if y is None else as_table(y, "y")
-        names = self._output_names(y)
+        names = self.output_names(y)
         if len(names) == 1:
             y = None if y is None else as_numbers(y, "y")
             least = 2 if reset else 1
@@ -214,7 +214,7 @@ class CheckedEstimator(BaseEstimator):
         check_consistent_length(rows, output)
         return rows, output
 
-    def _output_names(self, y: Any) -> tuple[str, ...]:
+    def output_names(self, y: Any) -> tuple[str, ...]:
         """Return the names of the outputs: of the simulation's, else of the columns of y."""
         if self.simulation is not None:
             return self.simulation.outputs
@@ -229,7 +229,7 @@ class CheckedEstimator(BaseEstimator):
         if OUTPUT in columns:
             raise ValueError(f"{OUTPUT!r} is a name that the package uses: rename the column.")
         inputs = columns if self.simulation is None else self.simulation.input_names
-        names = self._output_names(output)
+        names = self.output_names(output)
         scaled = likelihood.scales_noise and not likelihood.log_scale
         stacking = stacking_of(output, names, len(inputs), scaled)
         if self.simulation is None:

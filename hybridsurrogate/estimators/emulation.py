@@ -10,7 +10,7 @@ import copy
 import time
 import warnings
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -221,10 +221,9 @@ def left_open(posterior: Posterior, X: FloatArray, weights: FloatArray) -> float
 
 def posterior_of_simulation(estimator: SurrogateEstimator) -> Posterior:
     """Return the posterior based on the simulation, without effects drawn from priors alone."""
-    if hasattr(estimator, "simulation_posterior_"):
-        found: Posterior = estimator.simulation_posterior_
-        return found
-    return estimator._learned()[0][1]
+    fit: Any = estimator.inference_
+    found: Posterior = (fit["simulation"] if isinstance(fit, dict) else fit).second
+    return found
 
 
 def _places(simulator: Simulator, measured: FloatArray) -> FloatArray:

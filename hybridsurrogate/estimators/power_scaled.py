@@ -229,7 +229,7 @@ class PowerScaledSurrogate(SurrogateEstimator):
 
     def _pointwise_loo(self, progress: bool = False) -> PointwiseLoo:
         random = check_random_state(self.random_state)
-        return loo_of_fit(self.inference_, self.data_.distinct, self.sampler, random, progress)
+        return loo_of_fit(self.inference_, self.data_, self.sampler, random, progress)
 
     def _mixture(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
         return [(1.0, self.posterior_)]

@@ -155,7 +155,7 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
             powers = (1.0, 0.0)
             fits[source] = fit_problem(problem, powers, self.sampler, int(self.n_draws), random)
         loos = {
-            source: loo_of_fit(fit, rows, self.sampler, random)
+            source: loo_of_fit(fit, data, self.sampler, random)
             for source, fit in (fits.items() if self.beta == "stacking" else ())
         }
         for fit in fits.values():
@@ -180,7 +180,7 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
     def _parts_loo(self, random: np.random.RandomState, progress: bool) -> dict[str, PointwiseLoo]:
         """Return the leave-one-out densities of both surrogates."""
         return {
-            source: loo_of_fit(fit, self.data_.distinct, self.sampler, random, progress)
+            source: loo_of_fit(fit, self.data_, self.sampler, random, progress)
             for source, fit in self.inference_.items()
         }
 

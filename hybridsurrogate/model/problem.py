@@ -237,29 +237,41 @@ class PlainProblem:
     @cached_property
     def _context(self) -> Context:
         """What causes may use."""
-        plain, c = self.problem, self._reference
-        model, likelihood = plain.model, plain.likelihood
-        rows = plain.X, c, plain.y, plain.weights
-        context = make_context(
-            self.simulation,
-            model.columns,
-            model.n_inputs,
-            plain.X,
-            plain.scale,
-            likelihood,
-            model.basis,
-            float(np.average(plain.y, weights=plain.weights)),
-            mismatch(model, *rows),
-            of_each_output(model, *rows, plain.stacking, likelihood),
-            self.experiments,
-        )
-        if plain.stacking is not None:
-            return context
-        return with_slopes(context, model, plain.X, c, at_medians(model))
+        return self.context_of(self.problem, self._reference, at_medians(self.problem.model))
 
     @cached_property
     def _reference(self) -> FloatArray:
         return _reference(self.problem.model.basis, self.domain, self.run_weights)
+
+    def context_of(self, problem: Problem, c: FloatArray, values: FloatArray) -> Context:
+        """Return what causes may use of a problem of the same simulation.
+
+        Parameters
+        ----------
+        problem : Problem
+        c : ndarray of shape (p,)
+            Coefficients of the surrogate.
+        values : ndarray of shape (1, n_unknowns)
+            Unknowns at which slopes are taken.
+        """
+        model, likelihood, stacking = problem.model, problem.likelihood, problem.stacking
+        rows = problem.X, c, problem.y, problem.weights
+        context = make_context(
+            self.simulation,
+            model.columns,
+            model.n_inputs,
+            problem.X,
+            problem.scale,
+            likelihood,
+            model.basis,
+            float(np.average(problem.y, weights=problem.weights)),
+            mismatch(model, *rows),
+            of_each_output(model, *rows, stacking, likelihood),
+            self.experiments,
+        )
+        if stacking is not None:
+            return context
+        return with_slopes(context, model, problem.X, c, values)
 
 
 def make_problem(

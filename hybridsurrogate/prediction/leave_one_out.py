@@ -33,7 +33,7 @@ from hybridsurrogate.inference.sampling.modes import Gaussian
 from hybridsurrogate.inference.warm_start import carried, carried_step
 from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.model.problem import Problem
-from hybridsurrogate.model.rows.measured_data import DistinctRows, MeasuredData
+from hybridsurrogate.model.rows.measured_data import MeasuredData
 from hybridsurrogate.notebook.bars import counted
 from hybridsurrogate.numerics.psis import khat_limit, pareto_smooth
 from hybridsurrogate.prediction.cavity import without_each
@@ -142,7 +142,7 @@ def loo_of_rows(found: PointwiseLoo, data: MeasuredData, mixture_at: MixtureAt) 
 
 def loo_of_fit(
     fit: Fit,
-    rows: DistinctRows,
+    data: MeasuredData,
     sampler: str | EnsembleSampler,
     random_state: np.random.RandomState,
     progress: bool = False,
@@ -152,14 +152,15 @@ def loo_of_fit(
     Importance sampling is replaced by a fit without the row where its k-hat exceeds what so many
     draws can bear. Rows without weight have NaN, and a k-hat of minus infinity.
     """
-    inside = rows.origin >= 0
+    origin, given = data.distinct.origin, data.share * data.single.weights
+    inside = origin >= 0
     n = len(inside)
     out = PointwiseLoo(np.full(n, np.nan), np.full(n, -np.inf), np.zeros(n, dtype=bool))
     if not inside.any():
         return out
     # equal rows of equal weight are the same question
     asked, which = np.unique(
-        np.column_stack([rows.origin, np.minimum(rows.given, 1.0)])[inside],
+        np.column_stack([origin, np.minimum(given, 1.0)])[inside],
         axis=0,
         return_inverse=True,
     )

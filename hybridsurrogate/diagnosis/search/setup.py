@@ -20,7 +20,6 @@ from hybridsurrogate.effects.parameters.parameter_by_experiment import Parameter
 from hybridsurrogate.estimators.power_scaled import FitTask, PowerScaledSurrogate
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.inference.prior_ends import at_prior_ends
-from hybridsurrogate.model.context import make_context, mismatch, of_each_output, with_slopes
 from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.statistics import (
@@ -92,9 +91,7 @@ def prepare(
     ValueError
         By name, for a cause of the user's that returns a wrong shape or NaN.
     """
-    likelihood, data = fitted.likelihood_, fitted.data_
-    columns, experiments, X = data.columns, data.experiments, data.single.X
-    plain = fitted.plain_
+    data, plain = fitted.data_, fitted.plain_
     if plain.run_weights is not None:
         # whatever beta a search has the runs in full
         plain = FitTask.of(clone(fitted).set_params(beta=1.0), data).plain
@@ -107,23 +104,9 @@ def prepare(
     problem = problem.given(np.median(hyper, axis=0))
     problem = replace(problem, good=_best_draw(fitted, problem))
     coefficients = emulator_posterior(problem.model.basis, problem.simulation).mean
-    rows = problem.X, coefficients, problem.y, problem.weights
-    context = make_context(
-        data.simulation,
-        columns,
-        problem.model.n_inputs,
-        X,
-        problem.scale,
-        likelihood,
-        problem.model.basis,
-        float(np.average(problem.y, weights=problem.weights)),
-        mismatch(problem.model, *rows),
-        of_each_output(problem.model, *rows, problem.stacking, likelihood),
-        experiments,
-    )
+    at = problem.model.values(problem.good)
+    context = plain.context_of(problem, coefficients, at)
     if problem.stacking is None:
-        at = problem.model.values(problem.good)
-        context = with_slopes(context, problem.model, X, coefficients, at)
         context = replace(context, unusual=_most_missed(problem, coefficients))
     if problem.model.basis.is_simulation:
         ends = {one.name: one.mean for one in at_prior_ends(fitted.posterior_)}

@@ -30,14 +30,13 @@ class DistinctRows(NamedTuple):
     """Distinct rows that train.
 
     Rows (n, n_columns), outputs (n,) and weights (n,). For each single row ``origin`` is the index
-    of its distinct row (-1: none, it had no weight), and ``given`` is its weight.
+    of its distinct row (-1: none, it had no weight).
     """
 
     X: FloatArray
     y: FloatArray
     weights: FloatArray
     origin: NDArray[np.intp]
-    given: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +115,7 @@ class MeasuredData:
         both = zip((own.X, own.y, self.share * own.weights), self.further, strict=True)
         merged = merged_rows(SingleRows(*map(np.concatenate, both)))
         origin = np.where(own.origin < 0, -1, merged.origin[own.origin])
-        return merged._replace(origin=origin, given=self.share * own.given)
+        return merged._replace(origin=origin)
 
     def leaving_out(self, effects: Sequence[Cause]) -> MeasuredData:
         """Return the data without weight in the rows that effects leave out."""
@@ -161,4 +160,4 @@ def merged_rows(rows: SingleRows) -> DistinctRows:
     np.add.at(total, index.ravel(), weights[kept])
     where = np.full(len(y), -1, dtype=np.intp)
     where[kept] = index.ravel()
-    return DistinctRows(table[:, :-1], table[:, -1], total, where, weights)
+    return DistinctRows(table[:, :-1], table[:, -1], total, where)
