@@ -219,27 +219,21 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
             For NaN or infinity in X.
         """
         check_is_fitted(self)
-        if self.data_.stacking is None:
-            return self._log_density_with_gaps(self._in_order(X), as_table(y, "y"))
-        rows, output = self._checked(self, self._in_order(X), y, reset=False)
-        check_size(output, "y")
-        rows = self._known_columns(rows)
-        long, values = self.data_.stacking.rows(rows), self.data_.stacking.values(output)
-        there = np.isfinite(values)
-        density = self._log_density(long[there], values[there])
-        density = density - self.data_.stacking.log_scale(long[there])
-        return _spread_out(density, there).reshape(output.shape)
-
-    def _log_density_with_gaps(self, X: Any, y: Any) -> FloatArray:
-        """Return the log predictive density of rows of one output, NaN where y is, (n,)."""
+        X, y, stacking = self._in_order(X), as_table(y, "y"), self.data_.stacking
         there = has_measurement(y)
-        if there.any() and np.shape(X)[:1] == there.shape:
+        if stacking is None and there.any() and np.shape(X)[:1] == there.shape:
             X, y = (_safe_indexing(table, np.flatnonzero(there)) for table in (X, y))
-        elif len(there) and not there.any():
+        elif stacking is None and len(there) and not there.any():
             raise ValueError("Input y contains NaN alone: no row has a measurement.")
         rows, output = self._checked(self, X, y, reset=False)
         check_size(output, "y")
-        return _spread_out(self._log_density(self._known_columns(rows), output), there)
+        rows = self._known_columns(rows)
+        if stacking is None:
+            return _spread_out(self._log_density(rows, output), there)
+        long, values = stacking.rows(rows), stacking.values(output)
+        there = np.isfinite(values)
+        density = self._log_density(long[there], values[there]) - stacking.log_scale(long[there])
+        return _spread_out(density, there).reshape(output.shape)
 
     def _log_density(self, rows: FloatArray, output: FloatArray) -> FloatArray:
         """Return the log predictive density of checked rows with one output each, (n,)."""

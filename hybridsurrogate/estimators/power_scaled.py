@@ -268,16 +268,11 @@ class FitTask:
         surrogate, likelihood = estimator.checked_settings()
         data = data.leaving_out(as_causes(estimator.effects))
         plain = plain_problem(
-            data.simulation,
+            data,
             surrogate,
             likelihood,
             estimator.noise_prior,
-            data.columns,
-            *data.distinct[:2],
-            weights=data.distinct.weights,
             run_weights=estimator._run_weights(data),
-            stacking=data.stacking,
-            experiments=data.experiments,
         )
         problem = plain.with_effects(estimator._learned_effects(data))
         return cls(estimator, surrogate, likelihood, data, plain, problem)

@@ -12,11 +12,11 @@ from sklearn.utils import check_random_state
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.emulation import emulated, take
 from hybridsurrogate.inference.loo import PointwiseLoo, stacking_weight
-from hybridsurrogate.inference.procedure import fit_problem
+from hybridsurrogate.inference.procedure import Fit, fit_problem
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.model.posterior import Diagnostics, Posterior
-from hybridsurrogate.model.problem import make_problem
+from hybridsurrogate.model.problem import plain_problem
 from hybridsurrogate.model.rows.measured_data import MeasuredData
 from hybridsurrogate.prediction.leave_one_out import loo_of_fit
 from hybridsurrogate.prediction.summary import Part
@@ -134,30 +134,14 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         self
         """
         surrogate, likelihood = self.checked_settings()
-        random, rows = check_random_state(self.random_state), data.distinct
-        sources = ("measured",) if self.simulation is None else ("measured", "simulation")
-        fits = {}
-        for source in sources:
-            problem = make_problem(
-                data.simulation,
-                surrogate if source == "simulation" else surrogate.of_measured_data(),
-                likelihood,
-                self.noise_prior,
-                data.effects() if source == "simulation" else (),
-                data.columns,
-                rows.X,
-                rows.y,
-                measured_only=source == "measured",
-                weights=rows.weights,
-                stacking=data.stacking,
-                experiments=data.experiments,
-            )
-            powers = (1.0, 0.0)
+        random, powers, fits = check_random_state(self.random_state), (1.0, 0.0), {}
+        for source in ("measured",) if self.simulation is None else ("measured", "simulation"):
+            alone = source == "measured"
+            family = surrogate.of_measured_data() if alone else surrogate
+            plain = plain_problem(data, family, likelihood, self.noise_prior, measured_only=alone)
+            problem = plain.with_effects(() if alone else data.effects())
             fits[source] = fit_problem(problem, powers, self.sampler, int(self.n_draws), random)
-        loos = {
-            source: loo_of_fit(fit, data, self.sampler, random)
-            for source, fit in (fits.items() if self.beta == "stacking" else ())
-        }
+        beta = self._stacked(fits, data, random) if self.beta == "stacking" else self.beta
         for fit in fits.values():
             fit.diagnostics.warn()
         self._store(data)
@@ -165,7 +149,7 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         self.measured_posterior_ = fits["measured"].second
         self.simulation_posterior_ = fits["simulation"].second if len(fits) > 1 else None
         self.diagnostics_ = {source: fit.diagnostics for source, fit in fits.items()}
-        self.beta_: Any = self._stacked(loos, data) if self.beta == "stacking" else self.beta
+        self.beta_: Any = beta
         return self
 
     def _check_beta(self) -> None:
@@ -177,25 +161,23 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
             return
         super()._check_beta()
 
-    def _parts_loo(self, random: np.random.RandomState, progress: bool) -> dict[str, PointwiseLoo]:
-        """Return the leave-one-out densities of both surrogates."""
-        return {
+    def _stacked(
+        self, fits: dict[str, Fit], data: MeasuredData, random: np.random.RandomState
+    ) -> float:
+        """Return the weight of the simulation whose leave-one-out predictions are the best."""
+        if "simulation" not in fits:
+            return 0.0
+        inside = data.distinct.origin >= 0
+        loos = [loo_of_fit(fit, data, self.sampler, random) for fit in fits.values()]
+        measured, simulation = (loo.log_density[inside] for loo in loos)
+        return stacking_weight(simulation, measured, data.single.weights[inside])
+
+    def _pointwise_loo(self, progress: bool = False) -> PointwiseLoo:
+        random = check_random_state(self.random_state)
+        parts = {
             source: loo_of_fit(fit, self.data_, self.sampler, random, progress)
             for source, fit in self.inference_.items()
         }
-
-    def _stacked(self, loos: dict[str, PointwiseLoo], data: MeasuredData) -> float:
-        if self.simulation is None:
-            return 0.0
-        inside = data.distinct.origin >= 0
-        return stacking_weight(
-            loos["simulation"].log_density[inside],
-            loos["measured"].log_density[inside],
-            data.single.weights[inside],
-        )
-
-    def _pointwise_loo(self, progress: bool = False) -> PointwiseLoo:
-        parts = self._parts_loo(check_random_state(self.random_state), progress)
         if "simulation" not in parts:
             return parts["measured"]
         beta, X = self.beta_, self.data_.single.X

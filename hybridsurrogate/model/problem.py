@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from hybridsurrogate.model.context import (
 from hybridsurrogate.model.finite_differences import least_step
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.rows.experiments import Experiments
+from hybridsurrogate.model.rows.measured_data import MeasuredData
 from hybridsurrogate.model.rows.observed import SimulatedRows
 from hybridsurrogate.model.rows.stacking import Stacking
 from hybridsurrogate.model.statistics import (
@@ -283,34 +283,30 @@ def make_problem(
     columns: tuple[str, ...],
     X: FloatArray,
     y: FloatArray,
-    **settings: Any,
 ) -> Problem:
-    """Return a `plain_problem` with causes; settings are those."""
-    plain = plain_problem(simulation, surrogate, likelihood, noise_prior, columns, X, y, **settings)
-    return plain.with_effects(effects)
+    """Return the problem of rows of one output, as they are."""
+    ones, order = np.ones(len(y)), range(len(columns))
+    data = MeasuredData(X, y, ones, None, order, columns, simulation, None, None)
+    plain = plain_problem(data, surrogate, likelihood, noise_prior)
+    return plain.on_rows(X, y, ones).with_effects(effects)
 
 
 def plain_problem(
-    simulation: SimulationData | Simulator | None,
+    data: MeasuredData,
     surrogate: Surrogate,
     likelihood: Likelihood,
     noise_prior: Prior | None,
-    columns: tuple[str, ...],
-    X: FloatArray,
-    y: FloatArray,
     measured_only: bool = False,
-    weights: FloatArray | None = None,
     run_weights: FloatArray | None = None,
-    stacking: Stacking | None = None,
-    experiments: Experiments | None = None,
 ) -> PlainProblem:
-    """Wire surrogate and priors; compute the statistics of the simulation runs once.
+    """Wire surrogate and priors to distinct rows; compute the statistics of the runs once.
 
     With ``measured_only`` the simulation lends its input ranges and nothing else. Weights are
     powers of the likelihoods of single rows and runs. Of several outputs the rows are stacked, and
-    the noise of each is a part of the model. ``experiments`` names the column of their labels.
+    the noise of each is a part of the model.
     """
-    weights = np.ones(len(y)) if weights is None else weights
+    simulation, stacking, columns = data.simulation, data.stacking, data.columns
+    X, y, weights, _ = data.distinct
     eta, scale, prior = _measured(likelihood, noise_prior, stacking, X, y, weights)
     world = None if measured_only else simulation
     runs = world if isinstance(world, SimulationData) else None
@@ -369,7 +365,7 @@ def plain_problem(
         scale,
         stacking=stacking,
     )
-    return PlainProblem(problem, world, domain, noise_prior, run_weights, experiments)
+    return PlainProblem(problem, world, domain, noise_prior, run_weights, data.experiments)
 
 
 def _measured(
