@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import clone
-from sklearn.utils import check_random_state
 
 from hybridsurrogate.arguments.description import described
 from hybridsurrogate.arguments.scalars import check_flag
@@ -153,7 +152,7 @@ def _power_scaled_path(
     # from the middle outwards: there both sources speak, and the ends are its neighbours
     for k in counted(_outwards(grid), "Weights beta", progress):
         one = task.with_settings(beta=float(grid[k]))
-        n, random = int(one.estimator.n_draws), check_random_state(one.estimator.random_state)
+        n, random = int(one.estimator.n_draws), one.random_state()
         source = _nearest(out, grid, k)
         fit = None
         if source is not None:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from sklearn.base import clone
-from sklearn.utils import check_random_state
 
 from hybridsurrogate.estimators.power_scaled import FitTask, PowerScaledSurrogate
 from hybridsurrogate.inference.sampling.adaptive_importance import Proposals
@@ -38,8 +36,8 @@ def fitted_near(task: FitTask, known: PowerScaledSurrogate) -> PowerScaledSurrog
             return None
         proposals = thinned(proposals, _PROPOSALS_A_DRAW * n)
         proposals = _under_other_priors(proposals, before, problem.model)
-    random = check_random_state(clone(task.estimator).random_state)
-    fit = carried(problem, task.powers, proposals, n, _PROPOSALS_A_DRAW * n, random)
+    most = _PROPOSALS_A_DRAW * n
+    fit = carried(problem, task.powers, proposals, n, most, task.random_state())
     if fit is None:
         return None
     fit.diagnostics.warn()

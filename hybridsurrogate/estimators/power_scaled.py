@@ -299,7 +299,11 @@ class FitTask:
 
     def with_settings(self, **settings: Any) -> FitTask:
         """Return the task with other settings of the draws, or a number as weight beta."""
-        return replace(self, estimator=clone(self.estimator).set_params(**settings))
+        return replace(self, estimator=copy.copy(self.estimator).set_params(**settings))
+
+    def random_state(self) -> np.random.RandomState:
+        """Return what a fit draws from: the same for each."""
+        return check_random_state(copy.deepcopy(self.estimator.random_state))
 
     def draw(self, random_state: np.random.RandomState) -> Fit:
         """Return draws of both steps."""
@@ -308,7 +312,7 @@ class FitTask:
 
     def fit(self) -> PowerScaledSurrogate:
         """Return a fitted estimator."""
-        fit = self.draw(check_random_state(clone(self.estimator).random_state))
+        fit = self.draw(self.random_state())
         fit.diagnostics.warn()
         return self.fitted_by(fit)
 
