@@ -425,7 +425,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         check_scalar(n, "n", Integral, min_val=1)
-        simulation = self.estimator_.simulation_
+        simulation = self.estimator_.data_.simulation
         models = self.estimator_, self.extended_estimator_
         names = [*simulation.input_names, *simulation.parameter_ranges]
         return next_runs(self.search_, [m.posterior_ for m in models], int(n), names)

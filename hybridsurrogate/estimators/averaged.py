@@ -171,7 +171,8 @@ class AveragedSurrogate(SurrogateEstimator):
         return average._keep(list(estimators), checked)
 
     def _keep(self, fitted: list[PowerScaledSurrogate], weights: FloatArray) -> AveragedSurrogate:
-        self._store_as(fitted[0])
+        self._store(fitted[0].data_)
+        self.emulation_ = fitted[0].emulation_
         self.estimators_, self.weights_ = fitted, weights / weights.sum()
         return self
 
@@ -251,7 +252,7 @@ class AveragedSurrogate(SurrogateEstimator):
 
     def _learned(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
         pairs = zip(self.weights_, self.estimators_, strict=True)
-        return [(float(weight), one._fitted[1].second) for weight, one in pairs if weight > 0]
+        return [(float(weight), one.inference_.second) for weight, one in pairs if weight > 0]
 
     def _parts(self) -> list[Part]:
         pairs = zip(self.weights_, self.estimators_, strict=True)

@@ -46,7 +46,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
 
     diagnostics_: Any
     posterior_: Any
-    _fitted: Any
+    inference_: Any
 
     @abstractmethod
     def _mixture(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
@@ -155,7 +155,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
             check_number(level, "levels", Real, min_val=0, max_val=1, include_boundaries="neither")
         check_consistent_length(X, y)
         X, y = self.checked_rows(X), self.measured_outputs(y)
-        values = y if self.stacking_ is None else self.stacking_.values(y)
+        values = y if self.data_.stacking is None else self.data_.stacking.values(y)
         there = np.isfinite(values)
         inside = inside_intervals(self._mixture, X[there], values[there], levels)
         return [_spread_out(one, there).reshape(y.shape) for one in inside]
@@ -219,27 +219,21 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
             For NaN or infinity in X.
         """
         check_is_fitted(self)
-        if self.stacking_ is None:
-            return self._log_density_with_gaps(self._in_order(X), as_table(y, "y"))
-        rows, output = self._checked(self, self._in_order(X), y, reset=False)
-        check_size(output, "y")
-        rows = self._known_columns(rows)
-        long, values = self.stacking_.rows(rows), self.stacking_.values(output)
-        there = np.isfinite(values)
-        density = self._log_density(long[there], values[there])
-        density = density - self.stacking_.log_scale(long[there])
-        return _spread_out(density, there).reshape(output.shape)
-
-    def _log_density_with_gaps(self, X: Any, y: Any) -> FloatArray:
-        """Return the log predictive density of rows of one output, NaN where y is, (n,)."""
+        X, y, stacking = self._in_order(X), as_table(y, "y"), self.data_.stacking
         there = has_measurement(y)
-        if there.any() and np.shape(X)[:1] == there.shape:
+        if stacking is None and there.any() and np.shape(X)[:1] == there.shape:
             X, y = (_safe_indexing(table, np.flatnonzero(there)) for table in (X, y))
-        elif len(there) and not there.any():
+        elif stacking is None and len(there) and not there.any():
             raise ValueError("Input y contains NaN alone: no row has a measurement.")
         rows, output = self._checked(self, X, y, reset=False)
         check_size(output, "y")
-        return _spread_out(self._log_density(self._known_columns(rows), output), there)
+        rows = self._known_columns(rows)
+        if stacking is None:
+            return _spread_out(self._log_density(rows, output), there)
+        long, values = stacking.rows(rows), stacking.values(output)
+        there = np.isfinite(values)
+        density = self._log_density(long[there], values[there]) - stacking.log_scale(long[there])
+        return _spread_out(density, there).reshape(output.shape)
 
     def _log_density(self, rows: FloatArray, output: FloatArray) -> FloatArray:
         """Return the log predictive density of checked rows with one output each, (n,)."""
@@ -291,10 +285,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         """
         check_is_fitted(self)
         progress = check_flag(progress, "progress")
-        found, (X, y) = self._pointwise_loo(progress), self.single_rows_
-        outside = self._rows.origin < 0
-        log_scale = 0.0 if self.stacking_ is None else self.stacking_.log_scale(X)
-        return loo_of_rows(found, outside, self._mixture, X, y, self.row_weights_, log_scale)
+        return loo_of_rows(self._pointwise_loo(progress), self.data_, self._mixture)
 
     @abstractmethod
     def _pointwise_loo(self, progress: bool = False) -> PointwiseLoo:
@@ -346,7 +337,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
 
     def _units_of(self, names: Sequence[str], units: Mapping[str, str]) -> list[str]:
         """Return the unit of each row of a summary."""
-        simulation = getattr(self, "simulation_", None)
+        simulation = self.data_.simulation
         outputs: tuple[str, ...] = getattr(simulation, "outputs", ())
         inputs: tuple[str, ...] = getattr(simulation, "input_names", ())
         columns = [*inputs, *getattr(self, "feature_names_in_", ())]
@@ -365,7 +356,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
     def _parts(self) -> list[Part]:
         """Return the posteriors of `_mixture`, without rows, with what is known of them."""
         (weight, posterior), *_ = self._mixture()
-        return [Part(weight, posterior, self.diagnostics_, self._fitted[0].noise_prior)]
+        return [Part(weight, posterior, self.diagnostics_, self.inference_.problem.noise_prior)]
 
     def to_arviz(self) -> Any:
         """Return posterior, prior, log likelihood, log prior, predictions and data for ArviZ.
@@ -386,7 +377,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
             ``parameter_chain``, ``parameter_draw``.
         """
         check_is_fitted(self)
-        X, y = self.single_rows_
+        X, y, _ = self.data_.single
         random = check_random_state(self.random_state)
         posteriors, followed = curves(self._mixture(X), None, random)
         priors = {id(part.posterior.model): part.noise_prior for part in self._parts()}

@@ -99,7 +99,7 @@ def choose_beta(
     grid = np.linspace(0, 1, 21) if betas is None else np.atleast_1d(as_numbers(betas, "betas"))
     X, table, _ = without_gaps(X, y)
     X = complete_table(X, labels=model.experiment)
-    names = model._output_names(table)
+    names = model.output_names(table)
     outputs = as_outputs(table) if len(names) == 1 else as_several(table, names)
     if isinstance(cv, str):
         if cv != LEAVE_FUTURE_OUT:

@@ -10,14 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import clone
-from sklearn.utils import check_random_state
 
 from hybridsurrogate.arguments.description import described
 from hybridsurrogate.arguments.scalars import check_flag
 from hybridsurrogate.estimators.base import SurrogateEstimator
-from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, prepared
 from hybridsurrogate.estimators.predictive_weighted import PredictiveWeightedSurrogate
-from hybridsurrogate.inference.procedure import fit_problem
 from hybridsurrogate.inference.warm_start import carried
 from hybridsurrogate.model.powers import powers_of
 from hybridsurrogate.notebook.bars import counted
@@ -150,28 +148,23 @@ def _power_scaled_path(
 ) -> BetaPath:
     out: dict[int, Any] = {}
     refitted, khat = np.zeros(len(grid), dtype=bool), np.full(len(grid), np.nan)
-    checked = clone(model).set_params(beta=0.5)
-    surrogate, likelihood = checked._check_parameters()
-    data = checked._check_fit_data(X, y, likelihood, sample_weight)
-    problem = checked._problem(surrogate, likelihood, data, data.rows)
+    task = prepared(clone(model).set_params(beta=0.5), X, y, sample_weight)
     # from the middle outwards: there both sources speak, and the ends are its neighbours
     for k in counted(_outwards(grid), "Weights beta", progress):
-        one = copy.copy(checked).set_params(beta=float(grid[k]))
-        random = check_random_state(one.random_state)
-        fit = None
+        one = task.with_settings(beta=float(grid[k]))
+        n, random = int(one.estimator.n_draws), one.random_state()
         source = _nearest(out, grid, k)
+        fit = None
         if source is not None:
-            known = out[source]._fitted[1].proposals
-            n, powers = int(one.n_draws), powers_of(float(grid[k]))
-            fit = carried(problem, powers, known, n, int(_PROPOSALS_A_DRAW * n), random)
+            known = out[source].inference_.proposals
+            most = int(_PROPOSALS_A_DRAW * n)
+            fit = carried(one.problem, one.powers, known, n, most, random)
         refitted[k] = fit is None
         if fit is None:
-            fit = fit_problem(
-                problem, powers_of(float(grid[k])), one.sampler, int(one.n_draws), random
-            )
+            fit = one.draw(random)
         else:
             khat[k] = fit.diagnostics.khat
-        out[k] = one._keep(data, data.rows, problem, fit)
+        out[k] = one.fitted_by(fit)
         fit.diagnostics.warn()
     return BetaPath(grid, [out[k] for k in range(len(grid))], refitted, khat)
 

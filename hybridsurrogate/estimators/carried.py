@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
-from sklearn.base import clone
-from sklearn.utils import check_random_state
 
-from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.estimators.power_scaled import FitTask, PowerScaledSurrogate
 from hybridsurrogate.inference.sampling.adaptive_importance import Proposals
 from hybridsurrogate.inference.warm_start import carried, thinned
 from hybridsurrogate.model.observation import MeasuredModel
@@ -17,32 +14,20 @@ from hybridsurrogate.priors import to_normal
 _PROPOSALS_A_DRAW = 3
 
 
-def fitted_near(
-    estimator: PowerScaledSurrogate,
-    X: ArrayLike,
-    y: ArrayLike,
-    known: PowerScaledSurrogate,
-    sample_weight: ArrayLike | None = None,
-) -> PowerScaledSurrogate | None:
-    """Return an estimator fitted to rows X, y by the proposals of its fit to most of them and more.
+def fitted_near(task: FitTask, known: PowerScaledSurrogate) -> PowerScaledSurrogate | None:
+    """Return an estimator fitted to rows by the proposals of its fit to most of them and more.
 
     None where these do not serve. A mode that all rows together exclude gets no proposals, so this
     is for scores of rows left out, not for a model that is kept.
 
     Parameters
     ----------
-    estimator : PowerScaledSurrogate
-        Not fitted.
-    X, y : array-like of shape (n, n_columns), (n,)
+    task : FitTask
+        The rows.
     known : PowerScaledSurrogate
         Fitted, with the same unknowns.
-    sample_weight : array-like of shape (n,) or None, default=None
     """
-    out = clone(estimator)
-    surrogate, likelihood = out._check_parameters()
-    data = out._check_fit_data(X, y, likelihood, sample_weight)
-    problem = out._problem(surrogate, likelihood, data, data.rows)
-    n, whole = int(out.n_draws), known._fitted[1]
+    problem, n, whole = task.problem, int(task.estimator.n_draws), known.inference_
     proposals = whole.proposals
     if proposals is not None:
         before = whole.first.model
@@ -51,18 +36,12 @@ def fitted_near(
             return None
         proposals = thinned(proposals, _PROPOSALS_A_DRAW * n)
         proposals = _under_other_priors(proposals, before, problem.model)
-    fit = carried(
-        problem,
-        out._powers(data.rows.X),
-        proposals,
-        n,
-        _PROPOSALS_A_DRAW * n,
-        check_random_state(out.random_state),
-    )
+    most = _PROPOSALS_A_DRAW * n
+    fit = carried(problem, task.powers, proposals, n, most, task.random_state())
     if fit is None:
         return None
     fit.diagnostics.warn()
-    return out._keep(data, data.rows, problem, fit)
+    return task.fitted_by(fit)
 
 
 def _under_other_priors(

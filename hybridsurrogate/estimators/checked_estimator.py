@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any
 
@@ -26,16 +25,14 @@ from hybridsurrogate.model.rows.columns import (
     warn_outside,
 )
 from hybridsurrogate.model.rows.experiments import (
-    Experiments,
     check_column,
     check_experiments,
     experiments_of,
 )
+from hybridsurrogate.model.rows.measured_data import MeasuredData, SingleRows
 from hybridsurrogate.model.rows.measured_rows import (
-    MeasuredRows,
     check_outcomes,
     check_weights,
-    merged_rows,
     without_gaps,
 )
 from hybridsurrogate.model.rows.stacking import Stacking, as_several, stacking_of
@@ -55,49 +52,7 @@ from hybridsurrogate.surrogates.families.exact import ExactSurrogate
 from hybridsurrogate.surrogates.families.polynomial_chaos import PolynomialChaos
 from hybridsurrogate.types import FloatArray
 
-# what a fit keeps of the measured data
-_STORED = (
-    "measured_", "single_rows_", "row_weights_", "simulation_", "stacking_", "experiments_",
-    "_columns", "column_order_", "_rows", "emulation_",
-)  # fmt: skip
-
 SAMPLERS = ("auto", "importance", "emcee")
-
-
-@dataclass(frozen=True, eq=False)
-class CheckedData:
-    """Measured data as ``fit`` checked them, for it to store at its end.
-
-    Attributes
-    ----------
-    X, y, weights : ndarray of shape (n, n_columns), (n,), (n,)
-        As given, the simulation's inputs first.
-    names : ndarray of str of shape (n_columns,), or None
-        Columns in the order of ``fit``, where X had names.
-    order : sequence of int
-        Position in ``fit`` of each column of X.
-    rows : MeasuredRows
-        The same, equal rows merged.
-    simulation : SimulationData, Simulator or None
-        Of several outputs with one output a row.
-    single : tuple of ndarray, (m, n_columns), (m,) and (m,)
-        Rows, outputs and weights with one output each: of a single output those given.
-    stacking : Stacking or None
-        How several outputs are laid out.
-    experiments : Experiments or None
-        Which experiment a row is of.
-    """
-
-    X: FloatArray
-    y: FloatArray
-    weights: FloatArray
-    names: Any
-    order: Sequence[int]
-    rows: MeasuredRows
-    simulation: SimulationData | Simulator | None
-    single: tuple[FloatArray, FloatArray, FloatArray]
-    stacking: Stacking | None
-    experiments: Experiments | None
 
 
 class CheckedEstimator(BaseEstimator):
@@ -105,13 +60,20 @@ class CheckedEstimator(BaseEstimator):
 
     experiment: str | None = None
     by_experiment: Mapping[str, str] | None = None
+    data_: MeasuredData
     emulation_: Any = None
+
+    @property
+    def measured_(self) -> tuple[FloatArray, FloatArray]:
+        """The measured rows of the fit, as checked."""
+        return self.data_.X, self.data_.y
 
     def __getstate__(self) -> dict[str, Any]:
         state: dict[str, Any] = super().__getstate__()
         return state_to_pickle(state, type(self).__name__)
 
-    def _check_parameters(self) -> tuple[Surrogate, Likelihood]:
+    def checked_settings(self) -> tuple[Surrogate, Likelihood]:
+        """Return surrogate and likelihood; raise where a parameter is not usable."""
         if self.simulation is not None and not isinstance(
             self.simulation, SimulationData | Simulator
         ):
@@ -172,22 +134,26 @@ class CheckedEstimator(BaseEstimator):
             raise ValueError("beta(X) must lie between 0 and 1 for every row.")
         return beta
 
-    def _check_fit_data(
-        self,
-        X: ArrayLike,
-        y: ArrayLike,
-        likelihood: Likelihood,
-        sample_weight: ArrayLike | None = None,
-    ) -> CheckedData:
-        # scikit-learn stores names where it finds them; ``fit`` stores nothing before its end
-        seen = copy.copy(self)
+    def checked_data(
+        self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None
+    ) -> MeasuredData:
+        """Return what was measured, checked as ``fit`` does, which calls this.
+
+        Parameters
+        ----------
+        X, y, sample_weight
+            As in ``fit``.
+        """
+        likelihood = self.checked_settings()[1]
         check_outcomes(y, likelihood)
-        if len(self._output_names(None if y is None else as_table(y, "y"))) == 1:
+        if len(self.output_names(None if y is None else as_table(y, "y"))) == 1:
             X, y, sample_weight = without_gaps(X, y, sample_weight)
         X = complete_table(X, labels=self.experiment)
         tables = [X, *self._further_tables()]
         experiments = experiments_of(tables, self.experiment, self.by_experiment)
         X = X if experiments is None else experiments.numbered(X)
+        # scikit-learn stores names where it finds them; ``fit`` stores nothing before its end
+        seen = copy.copy(self)
         rows, output = self._checked(seen, X, y, reset=True)
         check_spread(rows, "X")
         check_spread(output, "y")
@@ -205,37 +171,36 @@ class CheckedEstimator(BaseEstimator):
         check_reach(columns, rows, self.simulation)
         warn_outside(columns, rows, self.simulation)
         warn_elsewhere(output, self.simulation)
-        stacking, simulation, single = None, self.simulation, (rows, output, weights)
+        stacking, simulation = None, self.simulation
         if output.ndim > 1:
             # rows of no weight are as if they were not there
             counted = output[weights > 0]
             stacking, simulation = self._stacked_outputs(columns, counted, likelihood)
             columns = (*columns[: stacking.at], OUTPUT, *columns[stacking.at :])
-            long, values = stacking.rows(rows), stacking.values(output)
-            there = np.isfinite(values)
-            single = long[there], values[there], np.repeat(weights, output.shape[1])[there]
-        single = (*single[:2], self._counted(columns, *single))
-        merged = merged_rows(columns, *single)
-        return CheckedData(
-            rows, output, weights, names, order, merged, simulation, single, stacking, experiments
+        data = MeasuredData(
+            rows, output, weights, names, order, columns, simulation, stacking, experiments
         )
-
-    def _counted(
-        self, columns: tuple[str, ...], X: FloatArray, y: FloatArray, weights: FloatArray
-    ) -> FloatArray:
-        """Return the weights (n,) of rows; a subclass may leave some out."""
-        return weights
+        share, sets = self._further_sets(data)
+        for further in sets:
+            likelihood.check_training(further.y[np.isfinite(further.y)])
+            check_reach(data.given_columns, further.X, self.simulation)
+            warn_outside(data.given_columns, further.X, self.simulation)
+        return data.joined(sets, share) if sets else data
 
     def _further_tables(self) -> Sequence[Any]:
         """Return measured rows in addition to those in ``fit``, as tables."""
         return ()
 
+    def _further_sets(self, data: MeasuredData) -> tuple[float, Sequence[SingleRows]]:
+        """Return these rows checked, and the weight of those in ``fit`` relative to theirs."""
+        return 1.0, ()
+
     def _checked(
         self, estimator: Any, X: ArrayLike, y: ArrayLike, reset: bool
     ) -> tuple[FloatArray, FloatArray]:
         """Return rows and outputs as floats: (n,), or (n, k) with NaN of several outputs."""
-        X, y = complete_table(X), None if y is None else as_table(y, "y")
-        names = self._output_names(y)
+        y = None if y is None else as_table(y, "y")
+        names = self.output_names(y)
         if len(names) == 1:
             y = None if y is None else as_numbers(y, "y")
             least = 2 if reset else 1
@@ -249,7 +214,7 @@ class CheckedEstimator(BaseEstimator):
         check_consistent_length(rows, output)
         return rows, output
 
-    def _output_names(self, y: Any) -> tuple[str, ...]:
+    def output_names(self, y: Any) -> tuple[str, ...]:
         """Return the names of the outputs: of the simulation's, else of the columns of y."""
         if self.simulation is not None:
             return self.simulation.outputs
@@ -264,35 +229,21 @@ class CheckedEstimator(BaseEstimator):
         if OUTPUT in columns:
             raise ValueError(f"{OUTPUT!r} is a name that the package uses: rename the column.")
         inputs = columns if self.simulation is None else self.simulation.input_names
-        names = self._output_names(output)
+        names = self.output_names(output)
         scaled = likelihood.scales_noise and not likelihood.log_scale
         stacking = stacking_of(output, names, len(inputs), scaled)
         if self.simulation is None:
             return stacking, None
         return stacking, self.simulation.single_output(stacking.scale)
 
-    def _store(self, data: CheckedData, rows: MeasuredRows | None = None) -> None:
-        """Store the measured data of a fit that has ended, and the rows that trained."""
-        self.measured_, self.single_rows_ = (data.X, data.y), data.single[:2]
-        self.row_weights_ = data.single[2]
-        self.simulation_, self.stacking_ = data.simulation, data.stacking
-        self.experiments_ = data.experiments
-        self._columns, self.column_order_ = data.rows.columns, data.order
-        self._rows = data.rows if rows is None else rows
-        self.emulation_ = None
+    def _store(self, data: MeasuredData) -> None:
+        """Store the measured data of a fit that has ended."""
+        self.data_, self.emulation_ = data, None
         self.n_features_in_ = data.X.shape[1]
         if data.names is not None:
             self.feature_names_in_ = data.names
         elif hasattr(self, "feature_names_in_"):
             del self.feature_names_in_
-
-    def _store_as(self, fitted: CheckedEstimator) -> None:
-        """Store the measured data of another estimator, which was fitted to them."""
-        for name in ("n_features_in_", "feature_names_in_", *_STORED):
-            if hasattr(fitted, name):
-                setattr(self, name, getattr(fitted, name))
-            elif hasattr(self, name):
-                delattr(self, name)
 
     def checked_rows(self, X: ArrayLike) -> FloatArray:
         """Return rows as the fitted model reads them: the simulation's inputs first.
@@ -311,21 +262,17 @@ class CheckedEstimator(BaseEstimator):
         simulation = self._trained_on
         if isinstance(simulation, SimulationData):
             # a simulation that is run itself extrapolates nothing
-            warn_outside(self._given_columns, rows, simulation, self.measured_[0])
-        return rows if self.stacking_ is None else self.stacking_.rows(rows)
+            warn_outside(self.data_.given_columns, rows, simulation, self.measured_[0])
+        return rows if self.data_.stacking is None else self.data_.stacking.rows(rows)
 
     @property
     def _trained_on(self) -> SimulationData | Simulator | None:
         """The simulation, or the runs of it that the fit made."""
         return self.simulation if self.emulation_ is None else self.emulation_.runs
 
-    @property
-    def _given_columns(self) -> tuple[str, ...]:
-        return tuple(name for name in self._columns if name != OUTPUT)
-
     def _back(self, values: FloatArray) -> FloatArray:
         """Return values of rows (..., m) as they were asked for, of several outputs (..., n, k)."""
-        return values if self.stacking_ is None else self.stacking_.back(values)
+        return values if self.data_.stacking is None else self.data_.stacking.back(values)
 
     def measured_outputs(self, y: ArrayLike, word: str = "y") -> FloatArray:
         """Return outputs as the fitted model reads them: of several in the simulation's order.
@@ -342,23 +289,23 @@ class CheckedEstimator(BaseEstimator):
         ndarray of shape (n,) or (n, k)
         """
         check_is_fitted(self)
-        if self.stacking_ is None:
+        if self.data_.stacking is None:
             return as_outputs(y, word, gaps=True)
-        return as_several(as_table(y, word), self.stacking_.names, word)
+        return as_several(as_table(y, word), self.data_.stacking.names, word)
 
     def _known_columns(self, rows: FloatArray) -> FloatArray:
         """Return rows with the simulation's inputs first, none of them out of all bounds."""
         check_size(rows, "X")
-        rows = rows[:, self.column_order_]
-        check_reach(self._given_columns, rows, self._trained_on)
+        rows = rows[:, self.data_.order]
+        check_reach(self.data_.given_columns, rows, self._trained_on)
         return rows
 
     def _in_order(self, X: ArrayLike) -> Any:
         """Return columns with the names of those in ``fit`` in their order there."""
         table = complete_table(X, labels=self.experiment)
-        if self.experiments_ is not None:
-            table = self.experiments_.numbered(table)
-        order = list(getattr(self, "feature_names_in_", self._given_columns))
+        if self.data_.experiments is not None:
+            table = self.data_.experiments.numbered(table)
+        order = list(getattr(self, "feature_names_in_", self.data_.given_columns))
         if sorted(column_names(table)) != sorted(order):
             return table  # scikit-learn says which are missing, or new
         # names that ``fit`` had of the simulation alone are none to scikit-learn

@@ -10,12 +10,12 @@ import copy
 import time
 import warnings
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
 from joblib import effective_n_jobs, parallel_config
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.exceptions import (
@@ -25,6 +25,8 @@ from hybridsurrogate.exceptions import (
 )
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.model.posterior import Posterior
+from hybridsurrogate.model.rows.columns import check_reach, warn_elsewhere
+from hybridsurrogate.model.rows.measured_data import MeasuredData
 from hybridsurrogate.numerics.digits import number
 from hybridsurrogate.simulation.design import draw_design
 from hybridsurrogate.simulation.files.table_file import RUN
@@ -89,9 +91,7 @@ class Emulation:
         )
 
 
-def emulated(
-    estimator: E, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None
-) -> E | None:
+def emulated(estimator: E, data: MeasuredData) -> E | None:
     """Return the estimator fitted to runs of its simulation; None where it needs no emulator.
 
     That is where a surrogate was chosen, there is nothing to run, or a run takes no time.
@@ -99,8 +99,7 @@ def emulated(
     Parameters
     ----------
     estimator : SurrogateEstimator
-    X, y, sample_weight
-        As in ``fit``.
+    data : MeasuredData
 
     Returns
     -------
@@ -112,16 +111,10 @@ def emulated(
     EmulationWarning
         That the simulation was emulated, from how many runs, and how well.
     """
-    if estimator.surrogate is not None:
-        return None
-    likelihood = estimator._check_parameters()[1]
     simulator = estimator.simulation
-    if not isinstance(simulator, Simulator):
+    if estimator.surrogate is not None or not isinstance(simulator, Simulator):
         return None
-    with warnings.catch_warnings():
-        # the fit says so again
-        warnings.simplefilter("ignore", HybridSurrogateWarning)
-        data = estimator._check_fit_data(X, y, likelihood, sample_weight)
+    likelihood = estimator.checked_settings()[1]
     inputs = data.X[data.weights > 0][:, : len(simulator.input_names)]
     seconds = seconds_a_set(simulator, inputs)
     if seconds < _SLOW:
@@ -138,9 +131,11 @@ def emulated(
     for left in range(_ROUNDS, -1, -1):
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", HybridSurrogateWarning)
+            check_reach(data.given_columns, data.X, runs)
+            warn_elsewhere(data.y, runs)
             fitted = copy.copy(estimator).set_params(simulation=runs, surrogate=Kriging())
-            fitted.fit(X, y, sample_weight)
-        rows = fitted._rows
+            fitted.fit_data(data.simulated_by(runs))
+        rows = data.distinct
         found = left_open(posterior_of_simulation(fitted), rows.X, rows.weights)
         if found < _OPEN or not left:
             break
@@ -226,10 +221,9 @@ def left_open(posterior: Posterior, X: FloatArray, weights: FloatArray) -> float
 
 def posterior_of_simulation(estimator: SurrogateEstimator) -> Posterior:
     """Return the posterior based on the simulation, without effects drawn from priors alone."""
-    if hasattr(estimator, "simulation_posterior_"):
-        found: Posterior = estimator.simulation_posterior_
-        return found
-    return estimator._learned()[0][1]
+    fit: Any = estimator.inference_
+    found: Posterior = (fit["simulation"] if isinstance(fit, dict) else fit).second
+    return found
 
 
 def _places(simulator: Simulator, measured: FloatArray) -> FloatArray:
@@ -305,7 +299,7 @@ def _further(
     fitted: SurrogateEstimator, simulator: Simulator, n: int, random: np.random.RandomState
 ) -> pd.DataFrame:
     """Return points at which draws of the posterior are furthest from all runs and each other."""
-    posterior, X = posterior_of_simulation(fitted), fitted._rows.X
+    posterior, X = posterior_of_simulation(fitted), fitted.data_.distinct.X
     some = posterior.take(random.choice(posterior.n_draws, _CANDIDATES))
     inputs, omega = posterior.model.places(X, some.values)
     # each draw at one of the rows

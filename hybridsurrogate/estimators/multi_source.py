@@ -13,19 +13,16 @@ from sklearn.utils.validation import check_array, check_consistent_length, check
 
 from hybridsurrogate.arguments.description import described
 from hybridsurrogate.effects.base import Cause
-from hybridsurrogate.estimators.checked_estimator import CheckedData
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood
-from hybridsurrogate.model.problem import Problem, make_problem
 from hybridsurrogate.model.rows.columns import (
-    check_reach,
     column_names,
     matched_columns,
-    warn_outside,
 )
-from hybridsurrogate.model.rows.measured_rows import MeasuredRows, merged_rows, without_gaps
+from hybridsurrogate.model.rows.measured_data import MeasuredData, SingleRows
+from hybridsurrogate.model.rows.measured_rows import without_gaps
 from hybridsurrogate.model.rows.stacking import as_several
 from hybridsurrogate.simulation.arrays import (
     as_numbers,
@@ -33,7 +30,6 @@ from hybridsurrogate.simulation.arrays import (
     check_size,
     complete_table,
 )
-from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.simulation.variables import priors_of
 from hybridsurrogate.surrogates.base import Surrogate
@@ -137,7 +133,8 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
     def _simulations(self) -> list[Source]:
         return [source for source in self.sources if isinstance(source.data, SimulationData)]
 
-    def _check_parameters(self) -> tuple[Surrogate, Likelihood]:
+    def checked_settings(self) -> tuple[Surrogate, Likelihood]:
+        """Return surrogate and likelihood; raise where a parameter is not usable."""
         if isinstance(self.sources, Source):
             raise TypeError("sources must be a sequence: write [Source(...)] for one source.")
         if not isinstance(self.sources, list | tuple):
@@ -166,64 +163,33 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
         check_number(self.power, "power", Real, min_val=0, max_val=1)
         if not any(source.power > 0 for source in self.sources) and not self.power:
             raise ValueError("The powers of all sources are zero: there is nothing to train on.")
-        return super()._check_parameters()
+        return super().checked_settings()
 
-    def _problem(
-        self, surrogate: Surrogate, likelihood: Likelihood, data: CheckedData, rows: MeasuredRows
-    ) -> Problem:
+    def _run_weights(self, data: MeasuredData) -> FloatArray | None:
         powers = []
         for source in self._simulations():
             assert isinstance(source.data, SimulationData)
             # of several outputs one row for each that a run has
             powers.append(np.full(int(np.isfinite(source.data.y).sum()), float(source.power)))
-        return make_problem(
-            data.simulation,
-            surrogate,
-            likelihood,
-            self.noise_prior,
-            self._learned_effects(data),
-            rows.columns,
-            rows.X,
-            rows.y,
-            weights=rows.weights,
-            run_weights=np.concatenate(powers) if powers else None,
-            stacking=data.stacking,
-            experiments=data.experiments,
-        )
+        return np.concatenate(powers) if powers else None
 
     def _further_tables(self) -> Sequence[Any]:
         further = [s.data for s in self.sources if not isinstance(s.data, SimulationData)]
         return [complete_table(X, labels=self.experiment) for X, _ in further]
 
-    def _all_rows(self, data: CheckedData, likelihood: Likelihood) -> MeasuredRows:
-        """Return the rows of all measured sets, with weights relative to the largest power."""
+    def _further_sets(self, data: MeasuredData) -> tuple[float, Sequence[SingleRows]]:
+        """Return rows of all further sets, weights relative to the largest power."""
         # measured rows that count nowhere in step 1 still carry step 2
-        rows, top = data.rows, self._largest_power()
-        own = self.power / top if top else 1.0
-        X, y, weights = [rows.X], [rows.y], [rows.weights * own]
+        top, sets = self._largest_power(), []
         for source in self.sources:
-            if isinstance(source.data, SimulationData):
-                continue
-            more, values = self._read(source.data, data)
-            likelihood.check_training(values[np.isfinite(values)])
-            given = tuple(name for name in rows.columns if name != OUTPUT)
-            check_reach(given, more, self.simulation)
-            warn_outside(given, more, self.simulation)
-            if data.stacking is not None:
-                more, values = data.stacking.rows(more), data.stacking.values(values)
-                there = np.isfinite(values)
-                more, values = more[there], values[there]
-            X.append(more)
-            y.append(values)
-            weights.append(np.full(len(values), source.power / top if top else 1.0))
-        merged = merged_rows(
-            rows.columns, np.concatenate(X), np.concatenate(y), np.concatenate(weights)
-        )
-        origin = np.where(rows.origin < 0, -1, merged.origin[rows.origin])
-        return merged._replace(origin=origin, given=rows.given * own)
+            if not isinstance(source.data, SimulationData):
+                rows, values = self._read(source.data, data)
+                weights = np.full(len(rows), source.power / top if top else 1.0)
+                sets.append(SingleRows(rows, values, weights))
+        return self.power / top if top else 1.0, sets
 
     def _read(
-        self, source: tuple[ArrayLike, ArrayLike], data: CheckedData
+        self, source: tuple[ArrayLike, ArrayLike], data: MeasuredData
     ) -> tuple[FloatArray, FloatArray]:
         """Return a measured source with its columns in the order of those in ``fit``."""
         X, y, _ = without_gaps(*source)
@@ -232,7 +198,7 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
             X = data.experiments.numbered(X)
         # an array has the columns of the X in ``fit``
         order, names = data.order, column_names(X)
-        columns = [name for name in data.rows.columns if name != OUTPUT]
+        columns = data.given_columns
         if data.stacking is None:
             more, values = check_X_y(X, as_numbers(y, "y"), dtype=np.float64)
         else:

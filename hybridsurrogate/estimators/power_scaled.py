@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from sklearn.base import clone
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
 from hybridsurrogate.effects.argument_checks import check_arguments
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.base import SurrogateEstimator
-from hybridsurrogate.estimators.checked_estimator import CheckedData
 from hybridsurrogate.estimators.emulation import emulated, take
 from hybridsurrogate.inference.loo import PointwiseLoo
 from hybridsurrogate.inference.procedure import Fit, fit_problem
@@ -23,8 +24,8 @@ from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.model.powers import powers_of
 from hybridsurrogate.model.prior_only import with_prior_only
-from hybridsurrogate.model.problem import Problem, make_problem
-from hybridsurrogate.model.rows.measured_rows import MeasuredRows
+from hybridsurrogate.model.problem import PlainProblem, Problem, plain_problem
+from hybridsurrogate.model.rows.measured_data import MeasuredData
 from hybridsurrogate.prediction.leave_one_out import loo_of_fit
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
@@ -164,31 +165,33 @@ class PowerScaledSurrogate(SurrogateEstimator):
         -------
         self
         """
-        found = emulated(self, X, y, sample_weight)
-        if found is not None:
-            return take(self, found)
-        surrogate, likelihood = self._check_parameters()
-        data = self._check_fit_data(X, y, likelihood, sample_weight)
-        rows = self._all_rows(data, likelihood)
-        problem = self._problem(surrogate, likelihood, data, rows)
-        random, powers = check_random_state(self.random_state), self._powers(rows.X)
-        fit = fit_problem(problem, powers, self.sampler, int(self.n_draws), random)
+        data = self.checked_data(X, y, sample_weight)
+        found = emulated(self, data)
+        return self.fit_data(data) if found is None else take(self, found)
+
+    def fit_data(self, data: MeasuredData) -> PowerScaledSurrogate:
+        """Fit to data that `checked_data` returned.
+
+        Parameters
+        ----------
+        data : MeasuredData
+
+        Returns
+        -------
+        self
+        """
+        task = FitTask.of(self, data)
+        fit = task.draw(check_random_state(self.random_state))
         fit.diagnostics.warn()
-        return self._keep(data, rows, problem, fit)
+        return self._keep(task, fit)
 
-    def _all_rows(self, data: CheckedData, likelihood: Likelihood) -> MeasuredRows:
-        """Return the rows that train: those in ``fit``, and further ones that a subclass has."""
-        return data.rows
-
-    def _keep(
-        self, data: CheckedData, rows: MeasuredRows, problem: Problem, fit: Fit
-    ) -> PowerScaledSurrogate:
+    def _keep(self, task: FitTask, fit: Fit) -> PowerScaledSurrogate:
         """Store the results of a fit."""
-        self._store(data, rows)
-        self._fitted = problem, fit
-        self.surrogate_, self.likelihood_ = self._check_parameters()
+        self._store(task.data)
+        self.plain_, self.inference_ = task.plain, fit
+        self.surrogate_, self.likelihood_ = task.surrogate, task.likelihood
         prior_only = [effect for effect in as_causes(self.effects) if not effect.is_learned]
-        self.posterior_ = with_prior_only(fit.second, problem, prior_only)
+        self.posterior_ = with_prior_only(fit.second, fit.problem, prior_only)
         self.first_step_ = fit.first
         self.diagnostics_ = fit.diagnostics
         return self
@@ -202,47 +205,21 @@ class PowerScaledSurrogate(SurrogateEstimator):
             Such as `Remainder`. A cause that measured rows inform needs another fit.
         """
         check_is_fitted(self)
-        problem, _ = self._fitted
         out = copy.copy(self)
         out.effects = (*as_causes(self.effects), *effects)
-        out.posterior_ = with_prior_only(self.posterior_, problem, effects)
+        out.posterior_ = with_prior_only(self.posterior_, self.inference_.problem, effects)
         return out
 
-    def _problem(
-        self, surrogate: Surrogate, likelihood: Likelihood, data: CheckedData, rows: MeasuredRows
-    ) -> Problem:
-        run_weights = None
+    def _run_weights(self, data: MeasuredData) -> FloatArray | None:
+        """Return powers of the likelihoods of single runs, None where all are the same."""
         if callable(self.beta) and isinstance(data.simulation, SimulationData):
-            run_weights = powers_of(self._beta_at(self.beta, data.simulation.X))[0]
-        return make_problem(
-            data.simulation,
-            surrogate,
-            likelihood,
-            self.noise_prior,
-            self._learned_effects(data),
-            rows.columns,
-            rows.X,
-            rows.y,
-            weights=rows.weights,
-            run_weights=run_weights,
-            stacking=data.stacking,
-            experiments=data.experiments,
-        )
+            return powers_of(self._beta_at(self.beta, data.simulation.X))[0]
+        return None
 
-    def _learned_effects(self, data: CheckedData) -> tuple[Cause, ...]:
+    def _learned_effects(self, data: MeasuredData) -> tuple[Cause, ...]:
         """Return the effects that rows inform: the user's, then what differs by experiment."""
-        learned = tuple(effect for effect in as_causes(self.effects) if effect.is_learned)
-        return learned if data.experiments is None else (*learned, *data.experiments.effects())
-
-    def _counted(
-        self, columns: tuple[str, ...], X: FloatArray, y: FloatArray, weights: FloatArray
-    ) -> FloatArray:
-        """Return the weights (n,) of rows, zero where an effect leaves a row out."""
-        rows = dict(zip(columns, X.T, strict=True))
-        for effect in as_causes(self.effects):
-            left_out = effect.leaves_out(rows, y)
-            weights = weights if left_out is None else np.where(left_out, 0.0, weights)
-        return weights
+        learned = (effect for effect in as_causes(self.effects) if effect.is_learned)
+        return (*learned, *data.effects())
 
     def _powers(self, X: FloatArray) -> tuple[float, float | FloatArray]:
         """Return alpha_S and alpha_R; a weight that changes with x is in the rows' powers."""
@@ -251,15 +228,116 @@ class PowerScaledSurrogate(SurrogateEstimator):
         return 1.0, powers_of(self._beta_at(self.beta, X))[1]
 
     def _pointwise_loo(self, progress: bool = False) -> PointwiseLoo:
-        problem, fit = self._fitted
         random = check_random_state(self.random_state)
-        return loo_of_fit(problem, fit, self._rows, self.sampler, random, progress)
+        return loo_of_fit(self.inference_, self.data_, self.sampler, random, progress)
 
     def _mixture(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
         return [(1.0, self.posterior_)]
 
     def _learned(self, X: FloatArray | None = None) -> list[tuple[Any, Posterior]]:
-        return [(1.0, self._fitted[1].second)]
+        return [(1.0, self.inference_.second)]
+
+
+@dataclass(frozen=True, eq=False)
+class FitTask:
+    """Measured data and the problem that an estimator is fitted to, for one fit or many.
+
+    Attributes
+    ----------
+    estimator : PowerScaledSurrogate
+        With the settings of the fit; it stays as it is.
+    surrogate, likelihood : Surrogate, Likelihood
+        Those used.
+    data : MeasuredData
+    plain : PlainProblem
+        Of these data.
+    problem : Problem
+        The same with the estimator's effects.
+    """
+
+    estimator: PowerScaledSurrogate
+    surrogate: Surrogate
+    likelihood: Likelihood
+    data: MeasuredData
+    plain: PlainProblem
+    problem: Problem
+
+    @classmethod
+    def of(cls, estimator: PowerScaledSurrogate, data: MeasuredData) -> FitTask:
+        """Return the task of an estimator and data that its `checked_data` returned."""
+        surrogate, likelihood = estimator.checked_settings()
+        data = data.leaving_out(as_causes(estimator.effects))
+        plain = plain_problem(
+            data,
+            surrogate,
+            likelihood,
+            estimator.noise_prior,
+            run_weights=estimator._run_weights(data),
+        )
+        problem = plain.with_effects(estimator._learned_effects(data))
+        return cls(estimator, surrogate, likelihood, data, plain, problem)
+
+    @classmethod
+    def of_fitted(cls, estimator: PowerScaledSurrogate) -> FitTask:
+        """Return the task that an estimator was fitted to."""
+        used = estimator.surrogate_, estimator.likelihood_, estimator.data_, estimator.plain_
+        return cls(clone(estimator), *used, estimator.inference_.problem)
+
+    @property
+    def powers(self) -> tuple[float, float | FloatArray]:
+        """Return alpha_S and alpha_R."""
+        return self.estimator._powers(self.data.distinct.X)
+
+    def with_effects(self, effects: Sequence[Cause]) -> FitTask:
+        """Return the task of other effects; the data are as they are, but for rows left out."""
+        task = self.with_settings(effects=effects)
+        data = task.data.leaving_out(as_causes(effects))
+        if data is not self.data:
+            return FitTask.of(task.estimator, data)
+        problem = self.plain.with_effects(task.estimator._learned_effects(data))
+        return replace(task, problem=problem)
+
+    def with_settings(self, **settings: Any) -> FitTask:
+        """Return the task with other settings of the draws, or a number as weight beta."""
+        return replace(self, estimator=copy.copy(self.estimator).set_params(**settings))
+
+    def random_state(self) -> np.random.RandomState:
+        """Return what a fit draws from: the same for each."""
+        return check_random_state(copy.deepcopy(self.estimator.random_state))
+
+    def draw(self, random_state: np.random.RandomState) -> Fit:
+        """Return draws of both steps."""
+        one = self.estimator
+        return fit_problem(self.problem, self.powers, one.sampler, int(one.n_draws), random_state)
+
+    def fit(self) -> PowerScaledSurrogate:
+        """Return a fitted estimator."""
+        fit = self.draw(self.random_state())
+        fit.diagnostics.warn()
+        return self.fitted_by(fit)
+
+    def fitted_by(self, fit: Fit) -> PowerScaledSurrogate:
+        """Return an estimator fitted by draws from elsewhere."""
+        return clone(self.estimator)._keep(self, fit)
+
+
+def prepared(
+    estimator: PowerScaledSurrogate,
+    X: ArrayLike,
+    y: ArrayLike,
+    sample_weight: ArrayLike | None = None,
+) -> FitTask:
+    """Return what an estimator is fitted to, checked and built once for many fits.
+
+    A simulation that is slow to run is called as it is.
+
+    Parameters
+    ----------
+    estimator : PowerScaledSurrogate
+    X, y, sample_weight
+        As in ``fit``.
+    """
+    return FitTask.of(estimator, estimator.checked_data(X, y, sample_weight))
 
 
 def as_causes(effects: Any, argument: str = "effects") -> tuple[Cause, ...]:

@@ -10,14 +10,14 @@ from numpy.typing import ArrayLike
 from sklearn.utils import check_random_state
 
 from hybridsurrogate.estimators.base import SurrogateEstimator
-from hybridsurrogate.estimators.checked_estimator import CheckedData
 from hybridsurrogate.estimators.emulation import emulated, take
 from hybridsurrogate.inference.loo import PointwiseLoo, stacking_weight
-from hybridsurrogate.inference.procedure import fit_problem
+from hybridsurrogate.inference.procedure import Fit, fit_problem
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.model.posterior import Diagnostics, Posterior
-from hybridsurrogate.model.problem import make_problem
+from hybridsurrogate.model.problem import plain_problem
+from hybridsurrogate.model.rows.measured_data import MeasuredData
 from hybridsurrogate.prediction.leave_one_out import loo_of_fit
 from hybridsurrogate.prediction.summary import Part
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
@@ -118,45 +118,38 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         -------
         self
         """
-        found = emulated(self, X, y, sample_weight)
-        if found is not None:
-            return take(self, found)
-        surrogate, likelihood = self._check_parameters()
-        data = self._check_fit_data(X, y, likelihood, sample_weight)
-        random, rows = check_random_state(self.random_state), data.rows
-        sources = ("measured",) if self.simulation is None else ("measured", "simulation")
-        fits = {}
-        differing = () if data.experiments is None else data.experiments.effects()
-        for source in sources:
-            problem = make_problem(
-                data.simulation,
-                surrogate if source == "simulation" else surrogate.of_measured_data(),
-                likelihood,
-                self.noise_prior,
-                differing if source == "simulation" else (),
-                rows.columns,
-                rows.X,
-                rows.y,
-                measured_only=source == "measured",
-                weights=rows.weights,
-                stacking=data.stacking,
-                experiments=data.experiments,
-            )
-            powers = (1.0, 0.0)
-            fit = fit_problem(problem, powers, self.sampler, int(self.n_draws), random)
-            fits[source] = problem, fit
-        loos = {
-            source: loo_of_fit(problem, fit, rows, self.sampler, random)
-            for source, (problem, fit) in (fits.items() if self.beta == "stacking" else ())
-        }
-        for _, fit in fits.values():
+        data = self.checked_data(X, y, sample_weight)
+        found = emulated(self, data)
+        return self.fit_data(data) if found is None else take(self, found)
+
+    def fit_data(self, data: MeasuredData) -> PredictiveWeightedSurrogate:
+        """Fit both surrogates to data that `checked_data` returned.
+
+        Parameters
+        ----------
+        data : MeasuredData
+
+        Returns
+        -------
+        self
+        """
+        surrogate, likelihood = self.checked_settings()
+        random, powers, fits = check_random_state(self.random_state), (1.0, 0.0), {}
+        for source in ("measured",) if self.simulation is None else ("measured", "simulation"):
+            alone = source == "measured"
+            family = surrogate.of_measured_data() if alone else surrogate
+            plain = plain_problem(data, family, likelihood, self.noise_prior, measured_only=alone)
+            problem = plain.with_effects(() if alone else data.effects())
+            fits[source] = fit_problem(problem, powers, self.sampler, int(self.n_draws), random)
+        beta = self._stacked(fits, data, random) if self.beta == "stacking" else self.beta
+        for fit in fits.values():
             fit.diagnostics.warn()
         self._store(data)
-        self._fitted = fits
-        self.measured_posterior_ = fits["measured"][1].second
-        self.simulation_posterior_ = fits["simulation"][1].second if len(fits) > 1 else None
-        self.diagnostics_ = {source: fit.diagnostics for source, (_, fit) in fits.items()}
-        self.beta_: Any = self._stacked(loos, data) if self.beta == "stacking" else self.beta
+        self.inference_ = fits
+        self.measured_posterior_ = fits["measured"].second
+        self.simulation_posterior_ = fits["simulation"].second if len(fits) > 1 else None
+        self.diagnostics_ = {source: fit.diagnostics for source, fit in fits.items()}
+        self.beta_: Any = beta
         return self
 
     def _check_beta(self) -> None:
@@ -168,28 +161,26 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
             return
         super()._check_beta()
 
-    def _parts_loo(self, random: np.random.RandomState, progress: bool) -> dict[str, PointwiseLoo]:
-        """Return the leave-one-out densities of both surrogates."""
-        return {
-            source: loo_of_fit(problem, fit, self._rows, self.sampler, random, progress)
-            for source, (problem, fit) in self._fitted.items()
-        }
-
-    def _stacked(self, loos: dict[str, PointwiseLoo], data: CheckedData) -> float:
-        if self.simulation is None:
+    def _stacked(
+        self, fits: dict[str, Fit], data: MeasuredData, random: np.random.RandomState
+    ) -> float:
+        """Return the weight of the simulation whose leave-one-out predictions are the best."""
+        if "simulation" not in fits:
             return 0.0
-        inside = data.rows.origin >= 0
-        return stacking_weight(
-            loos["simulation"].log_density[inside],
-            loos["measured"].log_density[inside],
-            data.single[2][inside],
-        )
+        inside = data.distinct.origin >= 0
+        loos = [loo_of_fit(fit, data, self.sampler, random) for fit in fits.values()]
+        measured, simulation = (loo.log_density[inside] for loo in loos)
+        return stacking_weight(simulation, measured, data.single.weights[inside])
 
     def _pointwise_loo(self, progress: bool = False) -> PointwiseLoo:
-        parts = self._parts_loo(check_random_state(self.random_state), progress)
+        random = check_random_state(self.random_state)
+        parts = {
+            source: loo_of_fit(fit, self.data_, self.sampler, random, progress)
+            for source, fit in self.inference_.items()
+        }
         if "simulation" not in parts:
             return parts["measured"]
-        beta, X = self.beta_, self.single_rows_[0]
+        beta, X = self.beta_, self.data_.single.X
         weight = self._beta_at(beta, X) if callable(beta) else float(beta)
         with np.errstate(divide="ignore"):
             log_density = np.logaddexp(
@@ -205,7 +196,7 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
             return [(1.0, self.measured_posterior_)]
         weight: Any
         if callable(self.beta_):
-            weight = self._beta_at(self.beta_, self.single_rows_[0] if X is None else X)
+            weight = self._beta_at(self.beta_, self.data_.single.X if X is None else X)
             weight = weight if X is not None else float(weight.mean())
         else:
             weight = float(self.beta_)
@@ -213,11 +204,11 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         return [pair for pair in pairs if np.max(pair[0]) > 0]
 
     def _parts(self) -> list[Part]:
-        source = {id(fit.second): name for name, (_, fit) in self._fitted.items()}
+        source = {id(fit.second): name for name, fit in self.inference_.items()}
         parts = []
         for weight, posterior in self._mixture():
             name = source[id(posterior)]
-            prior = self._fitted[name][0].noise_prior
+            prior = self.inference_[name].problem.noise_prior
             parts.append(Part(float(weight), posterior, self.diagnostics_[name], prior))
         return parts
 
@@ -228,5 +219,5 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
             weights = {"measured": 1.0 - float(beta), "simulation": float(beta)}
         return [
             (source, weights[source], fit.second, self.diagnostics_[source])
-            for source, (_, fit) in self._fitted.items()
+            for source, fit in self.inference_.items()
         ]

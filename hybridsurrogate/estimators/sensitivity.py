@@ -106,9 +106,9 @@ def sobol_indices(
         priors = [_marginal(posterior.values[:, k]) for k in range(len(names))]
     first, total = _indices(outputs, priors, int(n), random_generator(random_state))
     table = pd.DataFrame(np.repeat(rows, len(names), axis=0), columns=list(model.columns))
-    if estimator.stacking_ is not None:
+    if estimator.data_.stacking is not None:
         which = table.pop(OUTPUT).to_numpy(dtype=int)
-        table["output"] = np.array(estimator.stacking_.names)[which]
+        table["output"] = np.array(estimator.data_.stacking.names)[which]
     table["parameter"] = np.tile(names, len(rows))
     table["first"], table["total"] = first.ravel(), total.ravel()
     return table

@@ -33,6 +33,7 @@ class Fit:
 
     Attributes
     ----------
+    problem : Problem
     first, second : Posterior
     unknowns : ndarray of shape (S, d)
         Draws of u = [z, z_hyper, log sigma] of step 1.
@@ -45,6 +46,7 @@ class Fit:
         Draws of [z, log sigma] of step 2; None where there was none.
     """
 
+    problem: Problem
     first: Posterior
     second: Posterior
     unknowns: FloatArray
@@ -138,7 +140,7 @@ def finish(
     model, first = problem.model, posterior_of(problem, drawn)
     if powers[0] == 0 and np.all(powers[1] == 1):
         # measured rows alone were used, at full power: step 2 would repeat step 1
-        return Fit(first, first, drawn.u, drawn.diagnostics, powers, drawn.proposals)
+        return Fit(problem, first, first, drawn.u, drawn.diagnostics, powers, drawn.proposals)
     again = measured_draws(problem, drawn.u, drawn.c, drawn.a, random_state)
     z = np.hstack([again.z, drawn.u[:, model.n_unknowns : -1]])
     second = replace(
@@ -151,7 +153,7 @@ def finish(
         second_effective_draws=again.effective_draws,
     )
     unknowns = np.column_stack([again.z, np.log(again.sigma)])
-    return Fit(first, second, drawn.u, diagnostics, powers, drawn.proposals, unknowns)
+    return Fit(problem, first, second, drawn.u, diagnostics, powers, drawn.proposals, unknowns)
 
 
 def posterior_of(problem: Problem, drawn: FirstStep) -> Posterior:

@@ -104,7 +104,7 @@ class Diagnostics:
                 f"The posterior draws are doubtful: {'; '.join(problems)}. Try {advice}, or a "
                 "lower surrogate degree.",
                 SamplingWarning,
-                stacklevel=3,
+                stacklevel=4,
             )
 
 

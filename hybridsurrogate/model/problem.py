@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
-from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.in_output import prepared_for
 from hybridsurrogate.effects.noise.output_noise import OutputNoise
 from hybridsurrogate.exceptions import did_you_mean
@@ -21,6 +23,7 @@ from hybridsurrogate.model.context import (
 from hybridsurrogate.model.finite_differences import least_step
 from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.model.rows.experiments import Experiments
+from hybridsurrogate.model.rows.measured_data import MeasuredData
 from hybridsurrogate.model.rows.observed import SimulatedRows
 from hybridsurrogate.model.rows.stacking import Stacking
 from hybridsurrogate.model.statistics import (
@@ -167,6 +170,110 @@ def within_outputs(
     return out
 
 
+@dataclass(frozen=True, eq=False)
+class PlainProblem:
+    """A problem without causes, and what it takes to add some: built once for many sets of them.
+
+    Attributes
+    ----------
+    problem : Problem
+    simulation : SimulationData, Simulator or None
+        That causes may use.
+    domain : Domain
+        Of the surrogate.
+    noise_prior : frozen distribution or None
+        As the user gave it.
+    run_weights : ndarray or None
+        Powers of the likelihoods of single runs.
+    experiments : Experiments or None
+    """
+
+    problem: Problem
+    simulation: SimulationData | Simulator | None
+    domain: Domain
+    noise_prior: Prior | None
+    run_weights: FloatArray | None
+    experiments: Experiments | None
+
+    def with_effects(self, effects: Sequence[Cause]) -> Problem:
+        """Return the problem with causes, prepared and checked."""
+        plain, likelihood = self.problem, self.problem.likelihood
+        if plain.stacking is not None and likelihood.scales_noise:
+            effects = (*effects, OutputNoise(plain.stacking.names))
+        model = plain.model.with_effects([prepared_for(one, self._context) for one in effects])
+        try:
+            check_effects(model, plain.X)
+        except KeyError as error:
+            there = [*model.columns, *model.parameters, *model.constants]
+            name = error.args[0] if error.args else ""
+            raise ValueError(
+                f"A cause needs {error}; there are {there}.{did_you_mean(name, there)}"
+            ) from error
+        if any("outliers" in effect.acts_on for effect in model.effects):
+            _check_outliers(likelihood)
+        if any("overdispersion" in effect.acts_on for effect in model.effects):
+            _check_overdispersed(likelihood)
+        if model.noise_follows or any("response" in effect.acts_on for effect in model.effects):
+            model = replace(model, reference=self._reference)
+        return replace(plain, model=model)
+
+    def on_rows(self, X: FloatArray, y: FloatArray, weights: FloatArray) -> PlainProblem:
+        """Return the same of rows of the same measurements, laid out otherwise."""
+        plain = self.problem
+        given = plain.likelihood, self.noise_prior, plain.stacking
+        eta, scale, prior = _measured(*given, X, y, weights)
+        problem = replace(
+            plain,
+            model=replace(plain.model, default_sd=3 * scale),
+            X=X,
+            y=eta,
+            weights=weights,
+            observed=y,
+            noise_prior=prior,
+            scale=scale,
+        )
+        return replace(self, problem=problem)
+
+    @cached_property
+    def _context(self) -> Context:
+        """What causes may use."""
+        return self.context_of(self.problem, self._reference, at_medians(self.problem.model))
+
+    @cached_property
+    def _reference(self) -> FloatArray:
+        return _reference(self.problem.model.basis, self.domain, self.run_weights)
+
+    def context_of(self, problem: Problem, c: FloatArray, values: FloatArray) -> Context:
+        """Return what causes may use of a problem of the same simulation.
+
+        Parameters
+        ----------
+        problem : Problem
+        c : ndarray of shape (p,)
+            Coefficients of the surrogate.
+        values : ndarray of shape (1, n_unknowns)
+            Unknowns at which slopes are taken.
+        """
+        model, likelihood, stacking = problem.model, problem.likelihood, problem.stacking
+        rows = problem.X, c, problem.y, problem.weights
+        context = make_context(
+            self.simulation,
+            model.columns,
+            model.n_inputs,
+            problem.X,
+            problem.scale,
+            likelihood,
+            model.basis,
+            float(np.average(problem.y, weights=problem.weights)),
+            mismatch(model, *rows),
+            of_each_output(model, *rows, stacking, likelihood),
+            self.experiments,
+        )
+        if stacking is not None:
+            return context
+        return with_slopes(context, model, problem.X, c, values)
+
+
 def make_problem(
     simulation: SimulationData | Simulator | None,
     surrogate: Surrogate,
@@ -176,28 +283,38 @@ def make_problem(
     columns: tuple[str, ...],
     X: FloatArray,
     y: FloatArray,
-    measured_only: bool = False,
-    weights: FloatArray | None = None,
-    run_weights: FloatArray | None = None,
-    stacking: Stacking | None = None,
-    experiments: Experiments | None = None,
 ) -> Problem:
-    """Wire surrogate, causes and priors; compute the statistics of the simulation runs once.
+    """Return the problem of rows of one output, as they are."""
+    ones, order = np.ones(len(y)), range(len(columns))
+    data = MeasuredData(X, y, ones, None, order, columns, simulation, None, None)
+    plain = plain_problem(data, surrogate, likelihood, noise_prior)
+    return plain.on_rows(X, y, ones).with_effects(effects)
+
+
+def plain_problem(
+    data: MeasuredData,
+    surrogate: Surrogate,
+    likelihood: Likelihood,
+    noise_prior: Prior | None,
+    measured_only: bool = False,
+    run_weights: FloatArray | None = None,
+) -> PlainProblem:
+    """Wire surrogate and priors to distinct rows; compute the statistics of the runs once.
 
     With ``measured_only`` the simulation lends its input ranges and nothing else. Weights are
     powers of the likelihoods of single rows and runs. Of several outputs the rows are stacked, and
-    the noise of each is a part of the model. ``experiments`` names the column of their labels.
+    the noise of each is a part of the model.
     """
-    weights = np.ones(len(y)) if weights is None else weights
-    eta = likelihood.working(y)
-    scale = spread(within_outputs(X, eta, weights, stacking), weights)
-    runs = simulation if isinstance(simulation, SimulationData) and not measured_only else None
-    run_eta, refused = (None, None) if runs is None else _working(likelihood, runs.y)
-    outputs = eta if run_eta is None else run_eta
-    shares = weights if run_eta is None else None
-    n_inputs = len(simulation.input_names) if simulation is not None else X.shape[1]
+    simulation, stacking, columns = data.simulation, data.stacking, data.columns
+    X, y, weights, _ = data.distinct
+    eta, scale, prior = _measured(likelihood, noise_prior, stacking, X, y, weights)
     world = None if measured_only else simulation
+    runs = world if isinstance(world, SimulationData) else None
+    run_eta, refused = (None, None) if runs is None else _working(likelihood, runs.y)
+    outputs, shares = (eta, weights) if run_eta is None else (run_eta, None)
+    n_inputs = len(simulation.input_names) if simulation is not None else X.shape[1]
     ranges = dict(world.parameter_ranges) if world else {}
+    middle = np.mean(list(ranges.values()) or np.empty((0, 2)), axis=1)
     domain = Domain(
         _ranges_of_inputs(simulation, X[:, :n_inputs]),
         np.array(list(ranges.values())).reshape(-1, 2),
@@ -205,35 +322,17 @@ def make_problem(
         spread(outputs, shares),
         _callable(world, likelihood),
         X[:, :n_inputs] if runs is None else runs.X,
-        np.tile(np.mean(list(ranges.values()) or np.empty((0, 2)), axis=1), (len(X), 1))
-        if runs is None
-        else runs.omega,
+        np.tile(middle, (len(X), 1)) if runs is None else runs.omega,
         outputs,
         columns[:n_inputs],
         tuple(ranges),
     )
-    try:
-        basis = _built(surrogate, domain, stacking)
-    except (IndexError, ValueError) as error:
-        # rows of a simulation have all that it gives; the hint is for those without
-        if world is not None or (simulation is None and isinstance(error, ValueError)):
-            raise
-        raise ValueError(
-            f"{type(surrogate).__name__} cannot be trained on measured data alone, where omega has "
-            f"no columns ({error}). If it needs parameters, override of_measured_data to return a "
-            "surrogate without, such as PolynomialChaos(), for predictive weighting."
-        ) from error
+    basis = _trained(surrogate, domain, stacking, simulation, world)
     if refused is not None and not basis.holds_runs:
         raise refused
-    trained = bool(len(basis.coefficient_mean) or basis.hyperpriors)
-    if isinstance(world, Simulator) and trained:
-        raise ValueError(
-            f"{type(surrogate).__name__} is trained on runs, but simulation is a Simulator that "
-            "has not been run: pass simulator.run(100), or surrogate=ExactSurrogate()."
-        )
     if runs is not None:
         _check_size(basis, runs.n_rows)
-    plain = MeasuredModel(
+    model = MeasuredModel(
         columns,
         n_inputs,
         dict(world.parameters) if world else {},
@@ -242,37 +341,9 @@ def make_problem(
         3 * scale,
         basis,
     )
-    plain = replace(plain, least_step=least_step(plain, X))
-    if stacking is not None and likelihood.scales_noise:
-        effects = (*effects, OutputNoise(stacking.names))
-    if effects:
-        reference = _reference(basis, domain, run_weights)
-        location = float(np.average(eta, weights=weights))
-        far = mismatch(plain, X, reference, eta, weights)
-        each = of_each_output(plain, X, reference, eta, weights, stacking, likelihood)
-        context = make_context(
-            world, columns, n_inputs, X, scale, likelihood, basis, location, far, each, experiments
-        )
-        if stacking is None:
-            context = with_slopes(context, plain, X, reference, at_medians(plain))
-        effects = tuple(prepared_for(effect, context) for effect in effects)
-    model = plain.with_effects(effects)
-    try:
-        check_effects(model, X)
-    except KeyError as error:
-        there = [*columns, *model.parameters, *model.constants]
-        name = error.args[0] if error.args else ""
-        raise ValueError(
-            f"A cause needs {error}; there are {there}.{did_you_mean(name, there)}"
-        ) from error
-    if any("outliers" in effect.acts_on for effect in effects):
-        _check_outliers(likelihood)
-    if any("overdispersion" in effect.acts_on for effect in effects):
-        _check_overdispersed(likelihood)
-    if model.noise_follows or any("response" in effect.acts_on for effect in effects):
-        model = replace(model, reference=_reference(basis, domain, run_weights))
+    model = replace(model, least_step=least_step(model, X))
     kept, run_statistics = None, None
-    if runs is not None and run_eta is not None and trained and not basis.holds_runs:
+    if runs is not None and run_eta is not None and _learns(basis) and not basis.holds_runs:
         ones = np.broadcast_to(1.0, runs.y.shape)  # takes no memory
         kept = SimulatedRows(
             runs.y, ones if run_weights is None else run_weights, runs.X, runs.omega
@@ -281,8 +352,7 @@ def make_problem(
             run_statistics = statistics_of_runs(
                 basis, runs.X, runs.omega, run_eta, domain.scale, run_weights
             )
-    prior = noise_prior if noise_prior is not None else likelihood.noise_prior(scale)
-    return Problem(
+    problem = Problem(
         model,
         X,
         eta,
@@ -295,6 +365,53 @@ def make_problem(
         scale,
         stacking=stacking,
     )
+    return PlainProblem(problem, world, domain, noise_prior, run_weights, data.experiments)
+
+
+def _measured(
+    likelihood: Likelihood,
+    noise_prior: Prior | None,
+    stacking: Stacking | None,
+    X: FloatArray,
+    y: FloatArray,
+    weights: FloatArray,
+) -> tuple[FloatArray, float, Prior]:
+    """Return y on the scale of eta, its spread, and the prior of the noise."""
+    eta = likelihood.working(y)
+    scale = spread(within_outputs(X, eta, weights, stacking), weights)
+    return eta, scale, likelihood.noise_prior(scale) if noise_prior is None else noise_prior
+
+
+def _learns(basis: Basis) -> bool:
+    return bool(len(basis.coefficient_mean) or basis.hyperpriors)
+
+
+def _trained(
+    surrogate: Surrogate,
+    domain: Domain,
+    stacking: Stacking | None,
+    simulation: SimulationData | Simulator | None,
+    world: SimulationData | Simulator | None,
+) -> Basis:
+    """Return the surrogate on its domain; raise ValueError for one that cannot be trained there."""
+    name = type(surrogate).__name__
+    try:
+        basis = _built(surrogate, domain, stacking)
+    except (IndexError, ValueError) as error:
+        # rows of a simulation have all that it gives; the hint is for those without
+        if world is not None or (simulation is None and isinstance(error, ValueError)):
+            raise
+        raise ValueError(
+            f"{name} cannot be trained on measured data alone, where omega has "
+            f"no columns ({error}). If it needs parameters, override of_measured_data to return a "
+            "surrogate without, such as PolynomialChaos(), for predictive weighting."
+        ) from error
+    if isinstance(world, Simulator) and _learns(basis):
+        raise ValueError(
+            f"{name} is trained on runs, but simulation is a Simulator that "
+            "has not been run: pass simulator.run(100), or surrogate=ExactSurrogate()."
+        )
+    return basis
 
 
 def _working(likelihood: Likelihood, y: FloatArray) -> tuple[FloatArray, ValueError | None]:

@@ -33,7 +33,7 @@ from hybridsurrogate.inference.sampling.modes import Gaussian
 from hybridsurrogate.inference.warm_start import carried, carried_step
 from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.model.problem import Problem
-from hybridsurrogate.model.rows.measured_rows import MeasuredRows
+from hybridsurrogate.model.rows.measured_data import MeasuredData
 from hybridsurrogate.notebook.bars import counted
 from hybridsurrogate.numerics.psis import khat_limit, pareto_smooth
 from hybridsurrogate.prediction.cavity import without_each
@@ -122,24 +122,18 @@ class Loo:
     n_refits: int
 
 
-def loo_of_rows(
-    found: PointwiseLoo,
-    outside: NDArray[np.bool_],
-    mixture_at: MixtureAt,
-    X: FloatArray,
-    y: FloatArray,
-    weights: FloatArray,
-    log_scale: FloatArray | float = 0.0,
-) -> Loo:
-    """Return the score of all measured rows; those ``outside`` the fit get their density here.
+def loo_of_rows(found: PointwiseLoo, data: MeasuredData, mixture_at: MixtureAt) -> Loo:
+    """Return the score of all measured rows; those outside the fit get their density here.
 
     Outputs that were divided by scales have a density that is less by the logarithm of these.
     """
+    (X, y, weights), outside = data.single, data.distinct.origin < 0
     pointwise, khat = found.log_density.copy(), found.khat
     if outside.any():
         mixture = mixture_at(X[outside])
         pointwise[outside] = log_density_of(mixture, X[outside], y[outside])
-    pointwise = pointwise - log_scale
+    if data.stacking is not None:
+        pointwise = pointwise - data.stacking.log_scale(X)
     mean = float(np.average(pointwise, weights=weights))
     spread = np.average((pointwise - mean) ** 2, weights=weights)
     error = float(np.sqrt(spread / max(weights.sum() - 1, 1.0)))
@@ -147,9 +141,8 @@ def loo_of_rows(
 
 
 def loo_of_fit(
-    problem: Problem,
     fit: Fit,
-    rows: MeasuredRows,
+    data: MeasuredData,
     sampler: str | EnsembleSampler,
     random_state: np.random.RandomState,
     progress: bool = False,
@@ -159,19 +152,20 @@ def loo_of_fit(
     Importance sampling is replaced by a fit without the row where its k-hat exceeds what so many
     draws can bear. Rows without weight have NaN, and a k-hat of minus infinity.
     """
-    inside = rows.origin >= 0
+    origin, given = data.distinct.origin, data.share * data.single.weights
+    inside = origin >= 0
     n = len(inside)
     out = PointwiseLoo(np.full(n, np.nan), np.full(n, -np.inf), np.zeros(n, dtype=bool))
     if not inside.any():
         return out
     # equal rows of equal weight are the same question
     asked, which = np.unique(
-        np.column_stack([rows.origin, np.minimum(rows.given, 1.0)])[inside],
+        np.column_stack([origin, np.minimum(given, 1.0)])[inside],
         axis=0,
         return_inverse=True,
     )
     found = _loo_of_distinct(
-        problem, fit, asked[:, 0].astype(int), asked[:, 1], sampler, random_state, progress
+        fit, asked[:, 0].astype(int), asked[:, 1], sampler, random_state, progress
     )
     out.log_density[inside] = found.log_density[which.ravel()]
     out.khat[inside] = found.khat[which.ravel()]
@@ -180,7 +174,6 @@ def loo_of_fit(
 
 
 def _loo_of_distinct(
-    problem: Problem,
     fit: Fit,
     index: NDArray[np.intp],
     less: FloatArray,
@@ -189,6 +182,7 @@ def _loo_of_distinct(
     progress: bool,
 ) -> PointwiseLoo:
     """Return the densities of rows of a problem, by position, with so much less weight each."""
+    problem = fit.problem
     X, y = problem.X[index], problem.observed[index]
     power = np.broadcast_to(fit.powers[1], problem.y.shape)[index]
     if fit.second is fit.first:  # there was no step 2

@@ -9,6 +9,7 @@ from sklearn.model_selection import GridSearchCV
 import hybridsurrogate as hs
 from hybridsurrogate.datasets import make_log_sin
 from hybridsurrogate.estimators.carried import fitted_near
+from hybridsurrogate.estimators.power_scaled import prepared
 from hybridsurrogate.surrogates.emulation import process
 from hybridsurrogate.surrogates.emulation.curve_emulator import emulate_curves
 
@@ -88,7 +89,7 @@ def test_one_fit_of_a_fold(benchmark, how):
     fits = {
         "anew": lambda: clone(model).fit(case.X[rows], case.y[rows]),
         "from the proposals of the whole": lambda: fitted_near(
-            model, case.X[rows], case.y[rows], whole
+            prepared(model, case.X[rows], case.y[rows]), whole
         ),
     }
     assert benchmark.pedantic(fits[how], rounds=5, warmup_rounds=1) is not None

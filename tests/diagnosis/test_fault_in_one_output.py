@@ -158,13 +158,13 @@ def test_estimates_and_the_extended_simulation_have_the_units_of_the_output(bias
     # one draw, run by the extended simulation, is that draw's prediction
     values = {"a": draws.values[0, 0], "k": draws.values[0, 1], "period": draws.values[0, 2]}
     columns = [name for name in names if name not in values]
-    scale = diagnosis.estimator_.stacking_.scale[1]
+    scale = diagnosis.estimator_.data_.stacking.scale[1]
     # what follows is the remainder beyond the measured range
     values |= dict(zip(columns, scale * draws.effect_coefficients[0], strict=False))
     told = diagnosis.extended_simulator_(X, np.tile([values[n] for n in names], (len(X), 1)))
     rows = diagnosis.extended_estimator_.checked_rows(X)
     eta = draws.take(np.array([0])).eta(rows)[0]
-    expected = diagnosis.estimator_.stacking_.back(eta)[0]
+    expected = diagnosis.estimator_.data_.stacking.back(eta)[0]
     # at the ends, where only the other output was measured, a remainder comes to it
     there = np.isfinite(Y)
     np.testing.assert_allclose(told[there], expected[there], rtol=1e-6, atol=1e-9)

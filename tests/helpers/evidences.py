@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from hybridsurrogate.diagnosis.search.context import SearchContext
 
-from hybridsurrogate.diagnosis.search.evidence import Search, search
 from hybridsurrogate.diagnosis.search.exact_scores import _sized
+from hybridsurrogate.diagnosis.search.search import Search, search
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.inference.posterior_sampler import evidence_around
 from hybridsurrogate.inference.procedure import make_target
@@ -18,14 +19,15 @@ from hybridsurrogate.model.statistics import emulator_posterior
 
 def searched(problem: Problem, causes: Sequence[Cause]) -> Search:
     """Return the search over some causes of a simulation that is run, without remainders."""
-    return search(problem, causes, emulator_posterior(problem.model.basis, None), False)
+    emulator = emulator_posterior(problem.model.basis, None)
+    return search(SearchContext.of(problem, emulator), causes)
 
 
 def by_importance(result: Search, k: int) -> float:
     """Return the log evidence of the k-th candidate of a search in normal rows."""
     candidate = result.candidates[k]
     model, starts = _sized(result, candidate)
-    u = np.column_stack([starts, np.full(len(starts), np.log(candidate.sigma))])
+    u = np.column_stack([starts, np.full(len(starts), np.log(candidate.fit.sigma))])
     target = make_target(replace(result.problem, model=model), 0.0, 1.0)
     return evidence_around(target, u, np.random.RandomState(0))
 

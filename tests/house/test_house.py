@@ -15,7 +15,7 @@ MOST_FILES, MOST_LINES = 13, 60
 # read from top to bottom, by file: wiring, the fields of a summary, a
 # section's sentences, a constructor's arguments
 LONG = {
-    ("model.problem", "make_problem"),
+    ("model.problem", "plain_problem"),
     ("diagnosis.report.summary", "summary"),
     ("ode.simulator", "__init__"),
 }

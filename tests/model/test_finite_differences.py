@@ -92,7 +92,7 @@ def diagnosis_of(function, y):
 )
 def test_slopes_are_taken_over_steps_that_jumps_do_not_rule(function, vectorized, is_rough):
     X, model = T[::4, None], model_of(function, vectorized)
-    rows = model._check_parameters()
+    rows = model.checked_settings()
     problem = make_problem(model.simulation, *rows, None, (), ("t",), X, X[:, 0])
     step = least_step(problem.model, problem.X)
     assert step == problem.model.least_step

@@ -131,8 +131,8 @@ def decay(t, rate):
 
 def test_each_row_given_the_others_is_a_ratio_of_joint_densities(with_process):
     model, _, _ = with_process
-    problem, fit = model._fitted
-    problem = replace(problem, weights=np.tile([1.0, 2.0], 20))
+    fit = model.inference_
+    problem = replace(fit.problem, weights=np.tile([1.0, 2.0], 20))
     draws, index = fit.second.take(np.arange(3)), np.array([0, 1, 20])
     predicted, removed = without_each(problem, draws, index, np.ones(3))
     plain = replace(draws, effect_coefficients=np.zeros_like(draws.effect_coefficients))

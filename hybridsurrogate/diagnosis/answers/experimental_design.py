@@ -160,10 +160,10 @@ def next_measurements(
     cost : array-like of shape (m,), callable or None
     """
     if places is None:
-        rows = places_between(found, fitted.simulation_.input_ranges)
+        rows = places_between(found, fitted.data_.simulation.input_ranges)
     else:
         rows = fitted.checked_rows(places)
-    table = table_of(found, rows, fitted.experiments_)
+    table = table_of(found, rows, fitted.data_.experiments)
     costs = costs_of(table, cost)
     chosen, bits = zip(*batch(found, rows, n, costs), strict=True)
     table = table.iloc[list(chosen)].reset_index(drop=True)

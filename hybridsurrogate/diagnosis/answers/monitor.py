@@ -134,7 +134,7 @@ def monitored(
         models, shares = [clone(models[k]).fit(*so_far, weights) for k in kept], shares[kept]
     passed = np.flatnonzero(odds >= limit)
     end = int(passed[0]) + 1 if len(passed) else len(odds)
-    table = table_of(found, estimator.checked_rows(X), estimator.experiments_)
+    table = table_of(found, estimator.checked_rows(X), estimator.data_.experiments)
     table = table.assign(y=np.ravel(y))[np.isfinite(np.ravel(y))].iloc[:end]
     table = table.assign(deviation=np.concatenate(parts)[:end], e_value=np.exp(odds[:end]))
     if not len(passed):
@@ -195,8 +195,8 @@ def _deviations(
     model = models[0]
     rows, values = model.checked_rows(X), y[: len(X)]
     width = 1
-    if model.stacking_ is not None:
-        width, values = len(model.stacking_.names), model.stacking_.values(values)
+    if model.data_.stacking is not None:
+        width, values = len(model.data_.stacking.names), model.data_.stacking.values(values)
     there = np.flatnonzero(np.isfinite(values))
     likelihood, values = model.posterior_.likelihood, values[there]
     likelihood.check(values, "new")

@@ -24,7 +24,7 @@ def with_remainder(
 
 def _remainders(before: PowerScaledSurrogate, after: PowerScaledSurrogate) -> tuple[Cause, ...]:
     """Return the remainder, of several outputs one for each; none of what did not change."""
-    rows, stacking = before.single_rows_[0], before.stacking_
+    rows, stacking = before.data_.single.X, before.data_.stacking
     change = np.mean(after.posterior_.eta(rows)[0], axis=0)
     change = change - np.mean(before.posterior_.eta(rows)[0], axis=0)
     if stacking is None:

@@ -75,7 +75,7 @@ def _doubts(
     steps: Sequence[SearchStep], before: Any, problem: Problem, verdict: str
 ) -> list[Caution]:
     """Return what makes a search doubtful: single rows, columns and their units."""
-    first, ranges = steps[0], before.simulation_.input_ranges
+    first, ranges = steps[0], before.data_.simulation.input_ranges
     found = with_rows(accepted(steps), steps)
     left_out = [
         one for cause in found if isinstance(cause, GrossError) for one in gross_errors(cause)

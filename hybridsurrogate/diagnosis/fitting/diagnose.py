@@ -124,7 +124,7 @@ def diagnose(
         with one_blas_thread(), doing("Search", settings.progress):
             compared = compare(prepared, before, settings, random)
             search = compared.steps[0].search
-            check = check_emulator(search, prepared.problem.model.basis, before.simulation_)
+            check = check_emulator(search, prepared.problem.model.basis, before.data_.simulation)
             if check is not None:
                 cautions += check.cautions(before.surrogate_)
             steps = compared.steps
@@ -135,7 +135,7 @@ def diagnose(
             cautions += doubts
             asked, place = _asked(steps, before)
             rows = deepcopy((X, y))
-            extension = extend(before, steps, conclusion, (X, y), rows, weights, settings.n_jobs)
+            extension = extend(before, steps, conclusion, rows, weights, settings.n_jobs)
         posteriors = posteriors_of_mean(before, extension.estimator, steps)
         cautions += cautions_of_dispersion(prepared.problem, posteriors)
         cautions += cautions_of_rounding(before.likelihood_, check)
@@ -182,7 +182,7 @@ def checked(prepared: Prepared, before: Any) -> list[Caution]:
     model = problem.model
     check_rows(len(problem.y), model.columns, [*model.parameters, *model.constants])
     check_digits(problem)
-    ranges = before.simulation_.input_ranges
+    ranges = before.data_.simulation.input_ranges
     return [*copied_rows(problem.X, problem.y), *doubtful_columns(problem, ranges)]
 
 
@@ -214,7 +214,7 @@ def compare(
 
 def _asked(steps: Sequence[SearchStep], before: Any) -> tuple[Search, NextMeasurement]:
     """Return the search about which one more measurement informs most, and where that is."""
-    ranges = before.simulation_.input_ranges
+    ranges = before.data_.simulation.input_ranges
     places = [next_measurement(step.conditional, ranges) for step in steps]
     most = max(range(len(steps)), key=lambda k: places[k].information)
     return steps[most].conditional, places[most]

@@ -28,7 +28,6 @@ def extend(
     before: Any,
     steps: Sequence[SearchStep],
     conclusion: Conclusion,
-    measured: tuple[ArrayLike, ArrayLike],
     kept: tuple[ArrayLike, ArrayLike],
     weights: FloatArray | None,
     n_jobs: int | None,
@@ -41,19 +40,19 @@ def extend(
         Fitted.
     steps : sequence of SearchStep
     conclusion : Conclusion
-    measured, kept : (X, y)
-        To fit to, and a copy for later scans over the weight.
+    kept : (X, y)
+        A copy of what was measured, for later scans over the weight.
     weights : ndarray of shape (n,) or None
     n_jobs : int or None
         For these scans.
     """
     causes, search = accepted(steps), steps[0].search
-    after = extended(before, steps, *measured, weights)
+    after = extended(before, steps)
     found = leading(after)
     outputs, first = before.simulation.outputs, steps[0].chosen.cause
     bands = dict(zip(outputs, estimate_discrepancies(search, first), strict=True))
     simulator = extended_simulator(before.simulation.simulator, causes, search.problem)
-    table = confounding(before, found, before.single_rows_[0])
+    table = confounding(before, found, before.data_.single.X)
     for sentence in sentences(confounded(table)):
         warnings.warn(sentence, ConfoundingWarning, stacklevel=4)
     return Extension(

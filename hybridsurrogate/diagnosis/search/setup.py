@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from sklearn.base import clone
 
 from hybridsurrogate.catalogue import Skipped, catalogue
 from hybridsurrogate.diagnosis.emulation.conditioned import krige
@@ -16,12 +17,11 @@ from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.in_output import prepared_for
 from hybridsurrogate.effects.noise.gross_error import MOST_ROWS
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
-from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.estimators.power_scaled import FitTask, PowerScaledSurrogate
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.inference.prior_ends import at_prior_ends
-from hybridsurrogate.model.context import make_context, mismatch, of_each_output, with_slopes
 from hybridsurrogate.model.posterior import Posterior
-from hybridsurrogate.model.problem import Problem, make_problem
+from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.statistics import (
     EmulatorPosterior,
     emulator_posterior,
@@ -91,23 +91,11 @@ def prepare(
     ValueError
         By name, for a cause of the user's that returns a wrong shape or NaN.
     """
-    surrogate, likelihood = fitted.surrogate_, fitted.likelihood_
-    X, y = fitted.single_rows_
-    columns = fitted.posterior_.model.columns
-    experiments = fitted.experiments_
-    problem = make_problem(
-        fitted.simulation_,
-        surrogate,
-        likelihood,
-        fitted.noise_prior,
-        () if experiments is None else experiments.effects(),
-        columns,
-        X,
-        y,
-        weights=fitted.row_weights_,
-        stacking=fitted.stacking_,
-        experiments=experiments,
-    )
+    data, plain = fitted.data_, fitted.plain_
+    if plain.run_weights is not None:
+        # whatever beta a search has the runs in full
+        plain = FitTask.of(clone(fitted).set_params(beta=1.0), data).plain
+    problem = plain.on_rows(*data.single).with_effects(data.effects())
     # as many measurements as there are rows, whatever the unit of their weights
     problem = replace(problem, weights=problem.weights / problem.weights.mean())
     problem = _at_spread_of(at_noise_of(problem, fitted.posterior_), fitted.posterior_)
@@ -116,23 +104,9 @@ def prepare(
     problem = problem.given(np.median(hyper, axis=0))
     problem = replace(problem, good=_best_draw(fitted, problem))
     coefficients = emulator_posterior(problem.model.basis, problem.simulation).mean
-    rows = problem.X, coefficients, problem.y, problem.weights
-    context = make_context(
-        fitted.simulation_,
-        columns,
-        problem.model.n_inputs,
-        X,
-        problem.scale,
-        likelihood,
-        problem.model.basis,
-        float(np.average(problem.y, weights=problem.weights)),
-        mismatch(problem.model, *rows),
-        of_each_output(problem.model, *rows, problem.stacking, likelihood),
-        experiments,
-    )
+    at = problem.model.values(problem.good)
+    context = plain.context_of(problem, coefficients, at)
     if problem.stacking is None:
-        at = problem.model.values(problem.good)
-        context = with_slopes(context, problem.model, X, coefficients, at)
         context = replace(context, unusual=_most_missed(problem, coefficients))
     if problem.model.basis.is_simulation:
         ends = {one.name: one.mean for one in at_prior_ends(fitted.posterior_)}
@@ -205,7 +179,7 @@ def trained_emulator(
     """Return the problem with the simulation conditioned on the runs alone."""
     basis = problem.model.basis
     emulator = emulator_posterior(basis, problem.simulation)
-    runs = fitted.simulation_
+    runs = fitted.data_.simulation
     trained = problem.simulation is not None or basis.holds_runs
     if not trained or not isinstance(runs, SimulationData):
         return problem, emulator

@@ -50,7 +50,7 @@ def extended_model(
     ode = simulator if isinstance(simulator, OdeSimulator) else None
     states = ode.states if ode is not None else ()
     names = [*model.columns, *simulation.outputs, *simulation.parameter_ranges, *states]
-    experiments, sizes = estimator.experiments_, tuple[float, ...]()
+    experiments, sizes = estimator.data_.experiments, tuple[float, ...]()
     if ode is not None:
         rows = estimator.measured_[0][:, : len(ode.input_names)]
         sizes = tuple(ode.typical_states(rows).values())
@@ -67,7 +67,7 @@ def extended_model(
             FittedCause(cause, *posterior.draws_of(k)) for k, cause in enumerate(model.effects)
         ],
         likelihood=posterior.plain_likelihood,
-        sigma=_sigma(posterior, simulation.outputs, estimator.stacking_),
+        sigma=_sigma(posterior, simulation.outputs, estimator.data_.stacking),
         simulator=simulator,
         sizes=sizes,
         labels=labels,

@@ -203,7 +203,7 @@ def pointwise(
     scores = Scores(estimator.log_predictive_density(X, y), error, inside, half, weight)
     if error.ndim > 1:
         scores = scores._replace(
-            error=error / estimator.stacking_.scale,
+            error=error / estimator.data_.stacking.scale,
             weight=np.repeat(weight[:, None], y.shape[1], 1),
         )
     there = np.isfinite(y)

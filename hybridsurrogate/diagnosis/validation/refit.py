@@ -26,7 +26,7 @@ from hybridsurrogate.diagnosis.validation.rows_left_out import with_rows
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.carried import fitted_near
-from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.estimators.power_scaled import FitTask, PowerScaledSurrogate, prepared
 from hybridsurrogate.exceptions import HybridSurrogateWarning
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.model.problem import Problem
@@ -79,14 +79,14 @@ class Refit:
     def __call__(self, X: ArrayLike, y: ArrayLike, weights: FloatArray | None = None) -> Pair:
         """Return the models before and after for these rows."""
         draws = min(int(self.estimator.n_draws), FOLD_DRAWS)
-        plain = clone(self.estimator).set_params(n_draws=draws)
-        before = quickly_fitted(plain, X, y, self.fitted.before, weights)
-        prepared = prepare(before, self.own, self.excluded, self.max_causes)
-        problem = with_basis(prepared.problem, self.found[0].problem.model.basis)
+        task = prepared(clone(self.estimator).set_params(n_draws=draws), X, y, weights)
+        before = quickly_fitted(task, self.fitted.before)
+        setup = prepare(before, self.own, self.excluded, self.max_causes)
+        problem = with_basis(setup.problem, self.found[0].problem.model.basis)
         problem = on_working_rows(problem, before.posterior_)
         steps = forward_search(
             problem,
-            prepared.causes,
+            setup.causes,
             self.found[0].context.emulator,
             self.max_causes,
             self.false_alarm_rate,
@@ -102,8 +102,7 @@ class Refit:
 
         def fitted(causes: tuple[Cause, ...]) -> PowerScaledSurrogate:
             fit = quickly_fitted if causes == found else coarsely_fitted
-            model = clone(plain).set_params(effects=with_rows(causes, steps))
-            return fit(model, X, y, known.get(_forms(causes)), weights)
+            return fit(task.with_effects(with_rows(causes, steps)), known.get(_forms(causes)))
 
         return Pair(before, averaged_over(steps, before, fitted), kind)
 
@@ -118,40 +117,29 @@ def _forms(causes: Sequence[Cause]) -> tuple[tuple[str, str], ...]:
     return tuple((cause.name, cause.variant) for cause in causes)
 
 
-def quickly_fitted(
-    estimator: PowerScaledSurrogate,
-    X: ArrayLike,
-    y: ArrayLike,
-    near: PowerScaledSurrogate | None = None,
-    weights: FloatArray | None = None,
-) -> PowerScaledSurrogate:
+def quickly_fitted(task: FitTask, near: PowerScaledSurrogate | None = None) -> PowerScaledSurrogate:
     """Fit by importance draws; by the ensemble only where these are not to be trusted.
 
     An ensemble that smooths trusted draws of several modes is worth its time in a model that is
     kept, not in one of many folds. Its proposals are those of ``near``, fitted to all rows, if
     these serve.
     """
-    if estimator.sampler != "auto":
-        return estimator.fit(X, y, weights)
-    known = fitted_near(estimator, X, y, near, weights) if near is not None else None
+    if task.estimator.sampler != "auto":
+        return task.fit()
+    known = fitted_near(task, near) if near is not None else None
     if known is not None:
         return known
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", HybridSurrogateWarning)
-        quick = clone(estimator).set_params(sampler="importance").fit(X, y, weights)
+        quick = task.with_settings(sampler="importance").fit()
     if quick.diagnostics_.khat <= KHAT_LIMIT:
         return quick
     # an ensemble that has not converged by then warns
-    ensemble = EnsembleSampler(max_steps=FOLD_STEPS)
-    return clone(estimator).set_params(sampler=ensemble).fit(X, y, weights)
+    return task.with_settings(sampler=EnsembleSampler(max_steps=FOLD_STEPS)).fit()
 
 
 def coarsely_fitted(
-    estimator: PowerScaledSurrogate,
-    X: ArrayLike,
-    y: ArrayLike,
-    near: PowerScaledSurrogate | None = None,
-    weights: FloatArray | None = None,
+    task: FitTask, near: PowerScaledSurrogate | None = None
 ) -> PowerScaledSurrogate:
     """Fit one of several models that are averaged by importance draws, trusted or not.
 
@@ -159,11 +147,13 @@ def coarsely_fitted(
     from those of a long ensemble; those of an ensemble of 1000 steps, which takes 15 times as long,
     0.12.
     """
-    model = clone(estimator).set_params(n_draws=min(int(estimator.n_draws), ALTERNATIVE_DRAWS))
-    if model.sampler == "auto":
-        model.set_params(sampler="importance")
-    known = fitted_near(model, X, y, near, weights) if near is not None else None
-    return model.fit(X, y, weights) if known is None else known
+    one = task.estimator
+    task = task.with_settings(
+        n_draws=min(int(one.n_draws), ALTERNATIVE_DRAWS),
+        sampler="importance" if one.sampler == "auto" else one.sampler,
+    )
+    known = fitted_near(task, near) if near is not None else None
+    return task.fit() if known is None else known
 
 
 def accepted(steps: Sequence[SearchStep]) -> tuple[Cause, ...]:
@@ -172,11 +162,7 @@ def accepted(steps: Sequence[SearchStep]) -> tuple[Cause, ...]:
 
 
 def extended(
-    before: PowerScaledSurrogate,
-    steps: Sequence[SearchStep],
-    X: ArrayLike,
-    y: ArrayLike,
-    weights: FloatArray | None = None,
+    before: PowerScaledSurrogate, steps: Sequence[SearchStep]
 ) -> PowerScaledSurrogate | AveragedSurrogate:
     """Return the estimator extended by what may be missing, fitted; the one before for nothing.
 
@@ -186,12 +172,11 @@ def extended(
     found = accepted(steps)
     if not found:
         return before
+    task = FitTask.of_fitted(before)
 
     def fitted(causes: tuple[Cause, ...]) -> PowerScaledSurrogate:
-        model = clone(before).set_params(effects=with_rows(causes, steps))
-        if causes == found:
-            return model.fit(X, y, weights)
-        return coarsely_fitted(model, X, y, weights=weights)
+        one = task.with_effects(with_rows(causes, steps))
+        return one.fit() if causes == found else coarsely_fitted(one)
 
     return averaged_over(steps, before, fitted)
 

@@ -1,9 +1,9 @@
-"""Measured rows as an estimator gets them: without gaps, checked weights, equal rows merged."""
+"""Checks of measured rows as an estimator gets them: gaps, outcomes and weights."""
 
 from __future__ import annotations
 
 import warnings
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,22 +14,6 @@ from hybridsurrogate.exceptions import MissingMeasurementWarning
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_size
 from hybridsurrogate.types import FloatArray
-
-
-class MeasuredRows(NamedTuple):
-    """Distinct measured rows.
-
-    Column names, rows (n, n_columns), outputs (n,) and weights (n,). For each row that was given,
-    ``origin`` is the index of its distinct row (-1: none, it had no weight), and ``given`` is its
-    weight.
-    """
-
-    columns: tuple[str, ...]
-    X: FloatArray
-    y: FloatArray
-    weights: FloatArray
-    origin: NDArray[np.intp]
-    given: FloatArray
 
 
 def without_gaps(
@@ -153,20 +137,3 @@ def check_weights(sample_weight: ArrayLike | None, n: int) -> FloatArray:
     if not weights.sum() > 0:
         raise ValueError("sample_weight sums to zero: no measured row would count.")
     return weights
-
-
-def merged_rows(
-    columns: tuple[str, ...], X: FloatArray, y: FloatArray, weights: FloatArray
-) -> MeasuredRows:
-    """Return distinct rows, sorted, with the sums of their weights; rows without weight go.
-
-    A row of weight two and a row given twice are then the same numbers in the same order, and so
-    are their fits.
-    """
-    kept = weights > 0
-    table, index = np.unique(np.column_stack([X, y])[kept], axis=0, return_inverse=True)
-    total = np.zeros(len(table))
-    np.add.at(total, index.ravel(), weights[kept])
-    where = np.full(len(y), -1, dtype=np.intp)
-    where[kept] = index.ravel()
-    return MeasuredRows(columns, table[:, :-1], table[:, -1], total, where, weights)

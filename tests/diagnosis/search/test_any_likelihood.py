@@ -144,7 +144,7 @@ def test_evidence_by_importance_is_that_of_quadrature():
     model = hs.PowerScaledSurrogate(
         RATE, surrogate=hs.ExactSurrogate(), likelihood="poisson", random_state=0
     ).fit(year[:, None], counts)
-    problem, _ = model._fitted
+    problem = model.inference_.problem
     found = evidence_around(
         make_target(problem, 0.0, 1.0), np.zeros((1, 2)), np.random.RandomState(0)
     )

@@ -550,7 +550,7 @@ def test_several_outputs(effects, function):
     own = [one.cause for one in effects if isinstance(one, hs.InOutput)][:1]
     own = [cause for cause in own if "code" not in vars(type(cause))]
     found = imported(source)["extended"](function, *own, t)
-    expected = fitted.stacking_.back(eta)[0]
+    expected = fitted.data_.stacking.back(eta)[0]
     curve = effects[0].kind == "unexplained"
     together = np.column_stack([found["h"], found["q"]])
     np.testing.assert_allclose(together, expected, rtol=1e-6, atol=1e-3 if curve else 1e-9)
@@ -619,7 +619,7 @@ def test_dynamics_of_experiments_with_an_input_and_a_start():
     source, fitted, eta = of_one_draw(model, frame, Y + 0.1 * np.cos(9 * Y))
     module = imported(source)
     found = module["extended"](restarted, beginning, total, *frame.to_numpy().T)
-    expected = fitted.stacking_.back(eta)[0]
+    expected = fitted.data_.stacking.back(eta)[0]
     np.testing.assert_allclose(np.column_stack(list(found.values())), expected, rtol=1e-4)
 
 

@@ -15,6 +15,7 @@ from hybridsurrogate.diagnosis.validation.folds import folds_beyond, future_fold
 from hybridsurrogate.diagnosis.validation.gain import FoldGain, Held, gain_over, pointwise
 from hybridsurrogate.diagnosis.validation.refit import Pair, Refit
 from hybridsurrogate.estimators.carried import fitted_near
+from hybridsurrogate.estimators.power_scaled import prepared
 
 
 def line(t, level, slope):
@@ -83,7 +84,7 @@ def test_a_fold_is_fitted_from_the_proposals_of_the_whole(simulator):
     )
     whole = clone(model).fit(t[:, None], y)
     rows = np.flatnonzero(np.arange(60) % 5 != 2)
-    near = fitted_near(model, t[rows, None], y[rows], whole)
+    near = fitted_near(prepared(model, t[rows, None], y[rows]), whole)
     anew = clone(model).fit(t[rows, None], y[rows])
     n = min(one.diagnostics_.effective_draws for one in (near, anew))
     # four errors of the difference of two means; of the sds likewise
@@ -102,7 +103,7 @@ def test_a_fold_is_fitted_from_the_proposals_of_the_whole(simulator):
     # to keep the draws of all rows would be noticed
     assert max(distance["near"]) < limit < max(distance["whole"])
     # what is true of other data serves nobody
-    assert fitted_near(model, t[rows, None], 5 - 3 * y[rows], whole) is None
+    assert fitted_near(prepared(model, t[rows, None], 5 - 3 * y[rows]), whole) is None
 
 
 @pytest.mark.parametrize("cause", [hs.Step("t"), hs.Ramp("t"), hs.Bump("t")])
@@ -115,7 +116,7 @@ def test_proposals_that_a_fold_excludes_serve_nobody(simulator, cause):
         simulator, surrogate=hs.ExactSurrogate(), effects=[cause], n_draws=300, random_state=0
     )
     whole = clone(model).fit(t[:, None], y)
-    assert fitted_near(model, t[:30, None], y[:30], whole) is None
+    assert fitted_near(prepared(model, t[:30, None], y[:30]), whole) is None
 
 
 def test_a_fold_is_fitted_from_the_whole_where_priors_follow_the_rows(simulator):
@@ -136,7 +137,7 @@ def test_a_fold_is_fitted_from_the_whole_where_priors_follow_the_rows(simulator)
         for one in (whole, clone(model).fit(t[rows, None], y[rows]))
     ]
     assert priors[0] != priors[1]
-    near = fitted_near(model, t[rows, None], y[rows], whole)
+    near = fitted_near(prepared(model, t[rows, None], y[rows]), whole)
     anew = clone(model).fit(t[rows, None], y[rows])
     n = min(one.diagnostics_.effective_draws for one in (near, anew))
     expected = anew.posterior_.values

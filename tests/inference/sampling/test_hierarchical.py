@@ -19,7 +19,7 @@ def target_of(by, seed=0, **data):
     model = hs.PowerScaledSurrogate(
         DECAY, surrogate=hs.ExactSurrogate(), experiment="batch", by_experiment=by, random_state=0
     ).fit(X, y)
-    return make_target(model._fitted[0], 0.0, 1.0)
+    return make_target(model.inference_.problem, 0.0, 1.0)
 
 
 @pytest.mark.parametrize("by", [{"rate": "spread"}, {"rate": "spread", "level": "spread"}])

@@ -57,7 +57,7 @@ def _span(low: float, high: float) -> str:
 
 def _numbered(view: View) -> list[str]:
     """Report which number stands for which experiment, where these had names."""
-    experiments = view.result.before.experiments_
+    experiments = view.result.before.data_.experiments
     if experiments is None or experiments.labels is None:
         return []
     names = digits.listing([f"{k} stands for {name}" for k, name in enumerate(experiments.labels)])

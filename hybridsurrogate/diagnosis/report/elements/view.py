@@ -282,7 +282,7 @@ class View:
         """Return rows whose simulation inputs come first as the user's columns."""
         estimator = self.result.before
         rows = np.empty_like(X)
-        rows[:, estimator.column_order_] = X
+        rows[:, estimator.data_.order] = X
         names = getattr(estimator, "feature_names_in_", None)
         return rows if names is None else pd.DataFrame(rows, columns=names)
 
