@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from hybridsurrogate.diagnosis.search.context import SearchContext
 
+from hybridsurrogate.diagnosis.search.context import SearchContext
 from hybridsurrogate.diagnosis.search.exact_scores import _sized
 from hybridsurrogate.diagnosis.search.search import Search, search
 from hybridsurrogate.effects.base import Cause
