@@ -11,6 +11,7 @@ from hybridsurrogate.inference.sampling.moment_matching import matched_draws
 from hybridsurrogate.model.posterior import MIN_EFFECTIVE
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.numerics.psis import KHAT_LIMIT
+from hybridsurrogate.numerics.threads import one_blas_thread
 from hybridsurrogate.types import FloatArray
 
 
@@ -61,10 +62,11 @@ def carried(
     random_state: np.random.RandomState,
 ) -> Fit | None:
     """Return the fit of a problem whose step 1 is `carried_step`, None where that is."""
-    step = carried_step(problem, powers, proposals, n_draws, n_proposals, random_state)
-    if step is None:
-        return None
-    return finish(problem, powers_used(problem, powers), step, random_state)
+    with one_blas_thread():
+        step = carried_step(problem, powers, proposals, n_draws, n_proposals, random_state)
+        if step is None:
+            return None
+        return finish(problem, powers_used(problem, powers), step, random_state)
 
 
 def thinned(proposals: Proposals, n: int) -> Proposals:

@@ -36,6 +36,7 @@ from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.rows.measured_data import MeasuredData
 from hybridsurrogate.notebook.bars import counted
 from hybridsurrogate.numerics.psis import khat_limit, pareto_smooth
+from hybridsurrogate.numerics.threads import one_blas_thread
 from hybridsurrogate.prediction.cavity import without_each
 from hybridsurrogate.prediction.mixture import MixtureAt, log_density_of
 from hybridsurrogate.types import FloatArray
@@ -164,9 +165,10 @@ def loo_of_fit(
         axis=0,
         return_inverse=True,
     )
-    found = _loo_of_distinct(
-        fit, asked[:, 0].astype(int), asked[:, 1], sampler, random_state, progress
-    )
+    with one_blas_thread():
+        found = _loo_of_distinct(
+            fit, asked[:, 0].astype(int), asked[:, 1], sampler, random_state, progress
+        )
     out.log_density[inside] = found.log_density[which.ravel()]
     out.khat[inside] = found.khat[which.ravel()]
     out.failed[inside] = found.failed[which.ravel()]

@@ -64,7 +64,7 @@ class MeasuredData:
     further : SingleRows or None
         Of further measured sets, which train, too.
     share : float
-        Of the weights beside those.
+        Of the weights in ``fit``, relative to theirs.
     """
 
     X: FloatArray
