@@ -41,7 +41,7 @@ _TABLE = Option("table", "path", "csv file to write; - prints it", "-", "FILE", 
 
 
 @dataclass(frozen=True)
-class Command:
+class Subcommand:
     """A command of the command line.
 
     Attributes
@@ -72,7 +72,7 @@ _LIST = Option("list", "yes", "list the demonstrations", False, in_file=False)
 _OWN_CAUSES = "look for up to N causes (2 for co2, else 1)"
 
 COMMANDS = (
-    Command(
+    Subcommand(
         "demo",
         "diagnose a simulation on data inside the package",
         "Diagnoses data inside the package, and prints what it finds as it finds it.",
@@ -93,7 +93,7 @@ COMMANDS = (
         demo,
         "hybridsurrogate demo --report nile.html",
     ),
-    Command(
+    Subcommand(
         "diagnose",
         "find out what a simulation gets wrong, from its runs and your data",
         "Finds out whether a simulation is wrong, names the cause, and measures the gain. The "
@@ -117,7 +117,7 @@ COMMANDS = (
         "hybridsurrogate diagnose measured.csv --simulation decay.py:decay --inputs minutes "
         "--prior rate=0.2,0.05 --output glucose",
     ),
-    Command(
+    Subcommand(
         "report",
         "report a saved diagnosis",
         "Reports what diagnose --save wrote. Nothing is fitted.",
@@ -125,7 +125,7 @@ COMMANDS = (
         report,
         "hybridsurrogate report study.hs --report study.html --units co2=ppm",
     ),
-    Command(
+    Subcommand(
         "next-runs",
         "list the simulation runs that a diagnosis lacks most",
         "Lists the runs that would decide most of what the known ones leave open, as csv.",
@@ -138,7 +138,7 @@ COMMANDS = (
         next_runs,
         "hybridsurrogate next-runs study.hs --number 10 --table more.csv",
     ),
-    Command(
+    Subcommand(
         "fit",
         "train a surrogate on runs and measurements",
         "Trains a surrogate on two data sources and prints the estimates. The simulation is a file "
@@ -148,7 +148,7 @@ COMMANDS = (
         "hybridsurrogate fit measured.csv --simulation runs.csv --inputs minutes --parameters rate "
         "--output glucose --beta 0.5 --save fit.hs",
     ),
-    Command(
+    Subcommand(
         "predict",
         "predict from a saved fit or diagnosis",
         "Writes mean, standard deviation and 90 % interval of new measurements as csv. A diagnosis "
@@ -170,7 +170,7 @@ COMMANDS = (
         predict,
         "hybridsurrogate predict fit.hs new.csv --table predicted.csv",
     ),
-    Command(
+    Subcommand(
         "choose-beta",
         "choose the weight of the simulation",
         "Compares weights of the simulation by the log density of held-out measurements.",

@@ -13,12 +13,12 @@ from hybridsurrogate.command_line.output import (
     as_json,
     check_outputs,
     first_words,
+    print_table,
     report_of,
     say,
     stage,
     write_files,
     write_json,
-    write_table,
 )
 from hybridsurrogate.command_line.study import (
     Study,
@@ -72,7 +72,7 @@ def report(given: argparse.Namespace) -> int:
 def next_runs(given: argparse.Namespace) -> int:
     """Write the runs that a saved diagnosis asks for; return the exit code."""
     check_outputs(given)
-    write_table(read_saved(given.saved, DiscrepancyDiagnosis).next_runs(given.number), given)
+    print_table(read_saved(given.saved, DiscrepancyDiagnosis).next_runs(given.number), given)
     return _DONE
 
 

@@ -13,13 +13,13 @@ from hybridsurrogate.command_line.output import (
     STDOUT,
     as_json,
     check_outputs,
+    print_table,
     say,
     stage,
     write_files,
     write_json,
-    write_table,
 )
-from hybridsurrogate.command_line.study import check_columns, model_of, read_study_data
+from hybridsurrogate.command_line.study import check_file_columns, model_of, read_study_data
 from hybridsurrogate.command_line.user_code import read_saved
 from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
 from hybridsurrogate.estimators import choose_beta as held_out
@@ -78,7 +78,7 @@ def predict(given: argparse.Namespace) -> int:
     for k, name in enumerate(outputs):
         for word, values in (("mean", mean), ("sd", sd), ("low", low), ("high", high)):
             table[f"{name}_{word}"] = values if len(outputs) == 1 else values[:, k]
-    write_table(table, given)
+    print_table(table, given)
     return 0
 
 
@@ -91,7 +91,7 @@ def _rows_for(model: Any, table: pd.DataFrame, path: str) -> pd.DataFrame:
             "It was fitted to an array of more columns than the simulation has inputs, and these "
             "have no names: fit it to a DataFrame."
         )
-    check_columns(names, table, path)
+    check_file_columns(names, table, path)
     label = model.experiment
     return pd.DataFrame(
         {name: table[name] if name == label else numbers_of(table[name], path) for name in names}

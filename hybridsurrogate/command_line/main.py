@@ -12,7 +12,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from hybridsurrogate.command_line.commands import COMMANDS, Command
+from hybridsurrogate.command_line.commands import COMMANDS, Subcommand
 from hybridsurrogate.command_line.options import completed
 from hybridsurrogate.command_line.output import STDOUT, Unbroken
 from hybridsurrogate.command_line.parsers import make_parser
@@ -37,7 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         cannot be used.
     """
     words = vars(make_parser().parse_args(argv))
-    command: Command = words.pop("command")
+    command: Subcommand = words.pop("command")
     with warnings.catch_warnings():
         warnings.simplefilter("always", HybridSurrogateWarning)
         warnings.showwarning = _PrintOnce()  # catch_warnings restores it
@@ -54,7 +54,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             return _INTERRUPTED
 
 
-def _settings(command: Command, words: dict[str, Any]) -> argparse.Namespace:
+def _settings(command: Subcommand, words: dict[str, Any]) -> argparse.Namespace:
     """Return a value for each option of a command, and ``result``, where results are printed."""
     known = [option for one in COMMANDS for option in one.options]
     from_file = read_study(words["config"], known) if "config" in words else {}

@@ -119,10 +119,10 @@ def first_words(report: Report, result: DiagnosisResult) -> str:
     report : Report
     result : DiagnosisResult
     """
-    return "\n".join([report.headline, *report.lead, "", table_of_causes(result.causes)])
+    return "\n".join([report.headline, *report.lead, "", kinds_as_text(result.causes)])
 
 
-def table_of_causes(causes: pd.DataFrame) -> str:
+def kinds_as_text(causes: pd.DataFrame) -> str:
     """Return the most probable kinds of cause as text, a line each.
 
     Parameters
@@ -133,7 +133,7 @@ def table_of_causes(causes: pd.DataFrame) -> str:
     Examples
     --------
     >>> import pandas as pd
-    >>> print(table_of_causes(pd.DataFrame({
+    >>> print(kinds_as_text(pd.DataFrame({
     ...     "kind": ["step", "none", "step"], "target": ["year", None, "year"],
     ...     "probability": [0.5, 0.1, 0.4]})))
     cause         probability
@@ -213,7 +213,7 @@ def as_json(numbers: Any) -> str:
     return json.dumps(numbers, indent=2, allow_nan=False)
 
 
-def write_table(table: pd.DataFrame, given: argparse.Namespace) -> None:
+def print_table(table: pd.DataFrame, given: argparse.Namespace) -> None:
     """Write a table as csv to the file that ``table`` names, or as a command's result.
 
     Parameters

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from hybridsurrogate.command_line.commands import COMMANDS, Command
+from hybridsurrogate.command_line.commands import COMMANDS, Subcommand
 from hybridsurrogate.command_line.options import Option
 from hybridsurrogate.command_line.parsers import EXIT_CODES
 
@@ -43,7 +43,7 @@ def reference_page() -> str:
     return "\n".join([_HEAD, *(line for command in COMMANDS for line in _section(command))])
 
 
-def _section(command: Command) -> Iterator[str]:
+def _section(command: Subcommand) -> Iterator[str]:
     yield f"## {command.name}\n\n{command.description}\n"
     yield f"```console\n$ {command.example}\n```\n"
     yield "| option | meaning | default |\n|---|---|---|"

@@ -129,7 +129,7 @@ def checked_units(pairs: Sequence[str], known: Iterable[str]) -> dict[str, str]:
 def _from_runs(given: argparse.Namespace, runs: pd.DataFrame) -> SimulationData:
     parameters = list(given.parameters)
     constants = named(given.assumed, "--assumed NAME=VALUE,LOW,HIGH", "0.5,0.3,0.9")
-    check_columns([*parameters, *constants], runs, given.simulation)
+    check_file_columns([*parameters, *constants], runs, given.simulation)
     ends = {
         name: (float(runs[name].min()), float(runs[name].max()))
         for name in (*parameters, *constants)
@@ -182,7 +182,7 @@ def _priors(given: argparse.Namespace, parameters: Sequence[str]) -> dict[str, s
     return texts
 
 
-def check_columns(names: Sequence[str], table: pd.DataFrame, path: str) -> None:
+def check_file_columns(names: Sequence[str], table: pd.DataFrame, path: str) -> None:
     """Raise ValueError where a table of a file has not all of the columns.
 
     Parameters
@@ -230,7 +230,7 @@ def _make_numbers(
 def _measured(path: str, names: Iterable[str], outputs: list[str]) -> pd.DataFrame:
     """Return measured rows that have the named columns, and any of the outputs."""
     table = read_table(path)
-    check_columns(list(names), table, path)
+    check_file_columns(list(names), table, path)
     table, *_ = without_gaps(table, table[outputs], word=", ".join(outputs))
     # a comma at the end of each line makes a column without a cell
     return table.dropna(axis="columns", how="all")

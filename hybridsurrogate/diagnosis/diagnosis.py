@@ -23,7 +23,7 @@ from hybridsurrogate.diagnosis.answers.finding import CauseFinding
 from hybridsurrogate.diagnosis.answers.monitor import Monitor, followed, monitored
 from hybridsurrogate.diagnosis.answers.next_runs import next_runs
 from hybridsurrogate.diagnosis.checks.caution import Caution
-from hybridsurrogate.diagnosis.checks.columns import check_columns
+from hybridsurrogate.diagnosis.checks.columns import check_usable_columns
 from hybridsurrogate.diagnosis.checks.data import counted_rows
 from hybridsurrogate.diagnosis.checks.emulator import EmulatorCheck
 from hybridsurrogate.diagnosis.checks.parameters import check_settings
@@ -334,7 +334,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         X, y, weights = without_gaps(X, y, sample_weight)
         X = complete_table(X, labels=labels)
         X, y, weights = counted_rows(X, y, weights)
-        check_columns(X, y, getattr(self.estimator, "simulation", None))
+        check_usable_columns(X, y, getattr(self.estimator, "simulation", None))
         settings, random = self._settings(), check_random_state(self.random_state)
         try:
             result = diagnose(self.estimator, X, y, weights, settings, random)

@@ -10,10 +10,10 @@ parameters, inputs, dynamics, noise. Registered classes are names of this packag
 from hybridsurrogate.effects.base import SIMULATED, SLOPE, Cause, Context
 from hybridsurrogate.effects.in_output import InOutput
 from hybridsurrogate.effects.output.remainder import Remainder
-from hybridsurrogate.effects.registry import classes, load
+from hybridsurrogate.effects.registry import classes, load_causes
 
 __all__ = ["SIMULATED", "SLOPE", "Cause", "Context", "InOutput", "Remainder"]
 
-load()
+load_causes()
 globals().update(classes())
 __all__ += sorted(classes())

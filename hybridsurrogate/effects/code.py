@@ -26,7 +26,7 @@ Tables = Callable[[Rows, Rows], dict[str, FloatArray]]
 
 
 @dataclass(frozen=True)
-class Table:
+class LevelTable:
     """Numbers of a cause that belong to the levels of a column.
 
     Attributes
@@ -107,7 +107,7 @@ class Code:
     does: Does = "adds"
     of: str = ""
     states: Mapping[str, str] = field(default_factory=dict)
-    table: Table | None = None
+    table: LevelTable | None = None
     by_row: Mapping[str, str] = field(default_factory=dict)
     grids: Mapping[str, tuple[float, float, int]] = field(default_factory=dict)
     tables: Tables | None = None

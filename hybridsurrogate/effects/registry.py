@@ -121,7 +121,7 @@ def register(form: Form) -> None:
     add(FORMS, form.name, form, lambda one: one.cause)
 
 
-def load() -> None:
+def load_causes() -> None:
     """Import every file of the rooms of effects/, so that its causes register themselves."""
     for room in _ROOMS:
         import_all(f"{__package__}.{room}")

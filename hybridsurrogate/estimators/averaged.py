@@ -20,7 +20,7 @@ from hybridsurrogate.exceptions import SamplingWarning
 from hybridsurrogate.inference.loo import PointwiseLoo
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.model.posterior import Diagnostics, Posterior
-from hybridsurrogate.prediction.summary import Part
+from hybridsurrogate.prediction.summary import MixturePart
 from hybridsurrogate.simulation.arrays import as_numbers
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.types import FloatArray
@@ -254,7 +254,7 @@ class AveragedSurrogate(SurrogateEstimator):
         pairs = zip(self.weights_, self.estimators_, strict=True)
         return [(float(weight), one.inference_.second) for weight, one in pairs if weight > 0]
 
-    def _parts(self) -> list[Part]:
+    def _parts(self) -> list[MixturePart]:
         pairs = zip(self.weights_, self.estimators_, strict=True)
         return [
             part._replace(weight=float(weight))

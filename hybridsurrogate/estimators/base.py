@@ -36,7 +36,7 @@ from hybridsurrogate.prediction.mixture import (
     samples,
     warn_of_carried,
 )
-from hybridsurrogate.prediction.summary import Part, summary_of
+from hybridsurrogate.prediction.summary import MixturePart, summary_of
 from hybridsurrogate.simulation.arrays import as_numbers, as_table, check_size
 from hybridsurrogate.types import FloatArray
 
@@ -353,10 +353,12 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         of_rows = {"sigma": of_noise, **units}
         return [of_rows.get(name, "") for name in plain]
 
-    def _parts(self) -> list[Part]:
+    def _parts(self) -> list[MixturePart]:
         """Return the posteriors of `_mixture`, without rows, with what is known of them."""
         (weight, posterior), *_ = self._mixture()
-        return [Part(weight, posterior, self.diagnostics_, self.inference_.problem.noise_prior)]
+        return [
+            MixturePart(weight, posterior, self.diagnostics_, self.inference_.problem.noise_prior)
+        ]
 
     def to_arviz(self) -> Any:
         """Return posterior, prior, log likelihood, log prior, predictions and data for ArviZ.

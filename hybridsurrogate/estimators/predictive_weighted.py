@@ -19,7 +19,7 @@ from hybridsurrogate.model.posterior import Diagnostics, Posterior
 from hybridsurrogate.model.problem import plain_problem
 from hybridsurrogate.model.rows.measured_data import MeasuredData
 from hybridsurrogate.prediction.leave_one_out import loo_of_fit
-from hybridsurrogate.prediction.summary import Part
+from hybridsurrogate.prediction.summary import MixturePart
 from hybridsurrogate.simulation.simulator import SimulationData, Simulator
 from hybridsurrogate.surrogates.base import Surrogate
 from hybridsurrogate.types import FloatArray, Prior
@@ -203,13 +203,13 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         pairs = [(weight, self.simulation_posterior_), (1.0 - weight, self.measured_posterior_)]
         return [pair for pair in pairs if np.max(pair[0]) > 0]
 
-    def _parts(self) -> list[Part]:
+    def _parts(self) -> list[MixturePart]:
         source = {id(fit.second): name for name, fit in self.inference_.items()}
         parts = []
         for weight, posterior in self._mixture():
             name = source[id(posterior)]
             prior = self.inference_[name].problem.noise_prior
-            parts.append(Part(float(weight), posterior, self.diagnostics_[name], prior))
+            parts.append(MixturePart(float(weight), posterior, self.diagnostics_[name], prior))
         return parts
 
     def _draws(self) -> list[tuple[str, Any, Posterior, Diagnostics]]:

@@ -26,7 +26,7 @@ from hybridsurrogate.simulation.modification import Active, Drive, Modification,
 from hybridsurrogate.simulation.outputs import by_output
 from hybridsurrogate.types import FloatArray
 
-Columns = Mapping[str, FloatArray]
+StateColumns = Mapping[str, FloatArray]
 # calls of a right-hand side that a step takes by methods of scipy
 _CALLS_A_STEP = 100
 # sets of solutions that go on together, and are kept
@@ -89,13 +89,13 @@ class OdeFunction:
         """Return the outputs."""
         return self.outputs(columns)[0]
 
-    def outputs(self, columns: Columns) -> tuple[FloatArray, str | None]:
+    def outputs(self, columns: StateColumns) -> tuple[FloatArray, str | None]:
         """Return the outputs (n,), NaN where a solution failed, and the first error's words.
 
         Of several outputs (n_outputs, n).
         """
 
-        def observed(solutions: _Solutions, columns: Columns, rows: slice) -> FloatArray:
+        def observed(solutions: _Solutions, columns: StateColumns, rows: slice) -> FloatArray:
             return self._observed(
                 solutions.at_rows(rows), {name: columns[name][rows] for name in self.observe_names}
             )
@@ -103,7 +103,7 @@ class OdeFunction:
         several = len(self.outputs_seen) > 1
         return self._in_batches(columns, observed, (len(self.outputs_seen),) if several else ())
 
-    def _observed(self, states: FloatArray, given: Columns) -> FloatArray:
+    def _observed(self, states: FloatArray, given: StateColumns) -> FloatArray:
         """Return what observe makes of states (n_states, m): (m,), of several outputs (k, m)."""
         values = self.observe(states, **given)
         shape: tuple[int, ...] = (states.shape[1],)
@@ -115,15 +115,15 @@ class OdeFunction:
             shape = len(self.outputs_seen), *shape
         return checked_array(values, "observe", shape, "a number for each solution")
 
-    def solution(self, columns: Columns) -> FloatArray:
+    def solution(self, columns: StateColumns) -> FloatArray:
         """Return the states (n_states, n), NaN where a solution failed."""
 
-        def states(solutions: _Solutions, columns: Columns, rows: slice) -> FloatArray:
+        def states(solutions: _Solutions, columns: StateColumns, rows: slice) -> FloatArray:
             return solutions.at_rows(rows)
 
         return self._in_batches(columns, states, (len(self.states),))[0]
 
-    def check(self, columns: Columns) -> None:
+    def check(self, columns: StateColumns) -> None:
         """Try the functions out, and raise what is wrong with them."""
         solutions = self._solutions(columns)
         state = solutions.initial()
@@ -136,8 +136,8 @@ class OdeFunction:
 
     def _in_batches(
         self,
-        columns: Columns,
-        take: Callable[[_Solutions, Columns, slice], FloatArray],
+        columns: StateColumns,
+        take: Callable[[_Solutions, StateColumns, slice], FloatArray],
         shape: tuple[int, ...],
     ) -> tuple[FloatArray, str | None]:
         times = columns[self.time]
@@ -187,7 +187,7 @@ class OdeFunction:
 
     def _solutions(
         self,
-        columns: Columns,
+        columns: StateColumns,
         first: NDArray[np.intp] | None = None,
         member: NDArray[np.intp] | None = None,
     ) -> _Solutions:

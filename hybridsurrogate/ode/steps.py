@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.exceptions import SolverWarning
-from hybridsurrogate.ode.function import Columns, OdeFunction
+from hybridsurrogate.ode.function import OdeFunction, StateColumns
 from hybridsurrogate.ode.integration import extent
 from hybridsurrogate.types import FloatArray
 
@@ -30,7 +30,7 @@ _MENDS, _LEFT = 8.0, 1 / 15
 _ROUNDING = 1e-10
 
 
-def chosen(function: OdeFunction, columns: Columns, span: float) -> OdeFunction:
+def chosen(function: OdeFunction, columns: StateColumns, span: float) -> OdeFunction:
     """Return the function with a step, or with the method for stiff equations where none will do.
 
     Parameters
@@ -66,7 +66,7 @@ def chosen(function: OdeFunction, columns: Columns, span: float) -> OdeFunction:
     return replace(stiff, max_steps=function.max_steps)
 
 
-def sized(function: OdeFunction, columns: Columns) -> OdeFunction:
+def sized(function: OdeFunction, columns: StateColumns) -> OdeFunction:
     """Return a function of the method "rosenbrock" with the sizes of its states.
 
     Sizes are how far states go at the medians of the priors; none where that solution fails.
@@ -86,7 +86,7 @@ def sized(function: OdeFunction, columns: Columns) -> OdeFunction:
     return replace(function, sizes=tuple(map(float, size)))
 
 
-def with_step(function: OdeFunction, columns: Columns, span: float) -> OdeFunction:
+def with_step(function: OdeFunction, columns: StateColumns, span: float) -> OdeFunction:
     """Return the function with the longest step that solutions allow.
 
     Parameters
@@ -124,7 +124,7 @@ class _Found(NamedTuple):
     known: NDArray[np.bool_]
 
 
-def _ladder(function: OdeFunction, columns: Columns, span: float, most: int) -> _Found:
+def _ladder(function: OdeFunction, columns: StateColumns, span: float, most: int) -> _Found:
     """Return the fewest steps with small errors, up to the most."""
 
     def solved(n_steps: int) -> FloatArray:
@@ -147,13 +147,13 @@ def _ladder(function: OdeFunction, columns: Columns, span: float, most: int) -> 
         fine = solved(n_steps)
 
 
-def _solved(function: OdeFunction, columns: Columns) -> FloatArray:
+def _solved(function: OdeFunction, columns: StateColumns) -> FloatArray:
     """Return solutions (n_states, n_solutions, n_times)."""
     out = function.solution(columns)
     return out.reshape(len(out), _n_solutions(function, columns), -1)
 
 
-def warn_if_too_long(function: OdeFunction, columns: Columns) -> None:
+def warn_if_too_long(function: OdeFunction, columns: StateColumns) -> None:
     """Warn where solutions, as in `with_step`, change when the step is halved."""
     coarse, fine = (
         _solved(f, columns) for f in (function, replace(function, step=function.step / 2))
@@ -161,12 +161,12 @@ def warn_if_too_long(function: OdeFunction, columns: Columns) -> None:
     _warn(_change(coarse, fine, _known(fine)), function.step, "max_step")
 
 
-def _n_solutions(function: OdeFunction, columns: Columns) -> int:
+def _n_solutions(function: OdeFunction, columns: StateColumns) -> int:
     times = columns[function.time]
     return int(np.sum(times == times[0]))
 
 
-def _times(function: OdeFunction, columns: Columns) -> int:
+def _times(function: OdeFunction, columns: StateColumns) -> int:
     return len(columns[function.time]) // _n_solutions(function, columns)
 
 

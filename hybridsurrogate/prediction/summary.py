@@ -14,7 +14,7 @@ from hybridsurrogate.prediction.variables import variables_of
 from hybridsurrogate.types import FloatArray, Prior
 
 
-class Part(NamedTuple):
+class MixturePart(NamedTuple):
     """One of the posteriors that are mixed, its weight, and how its draws were made."""
 
     weight: float
@@ -23,12 +23,12 @@ class Part(NamedTuple):
     noise_prior: Prior
 
 
-def summary_of(parts: Sequence[Part]) -> pd.DataFrame:
+def summary_of(parts: Sequence[MixturePart]) -> pd.DataFrame:
     """Return estimates by name: see ``summary`` of the estimators.
 
     Parameters
     ----------
-    parts : sequence of Part
+    parts : sequence of MixturePart
     """
     tables = []
     for k, part in enumerate(parts):
@@ -39,7 +39,7 @@ def summary_of(parts: Sequence[Part]) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True).set_index("name")
 
 
-def _rows(part: Part) -> list[dict[str, object]]:
+def _rows(part: MixturePart) -> list[dict[str, object]]:
     posterior = part.posterior
     model, rows = posterior.model, []
     # causes report their own numbers, in the user's units
@@ -62,7 +62,7 @@ def _rows(part: Part) -> list[dict[str, object]]:
 def _row(
     name: str,
     values: FloatArray,
-    part: Part,
+    part: MixturePart,
     *,
     experiment: str = "",
     cause: str = "",

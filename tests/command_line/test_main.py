@@ -12,7 +12,7 @@ import hybridsurrogate as hs
 from hybridsurrogate.command_line import diagnoses
 from hybridsurrogate.command_line.commands import COMMANDS
 from hybridsurrogate.command_line.main import main
-from hybridsurrogate.command_line.output import table_of_causes
+from hybridsurrogate.command_line.output import kinds_as_text
 
 
 def test_the_version(capsys):
@@ -219,7 +219,7 @@ def test_forms_of_a_kind_are_one_line_of_the_table():
             "probability": [0.4, 0.35, 0.2, 0.05],
         }
     )
-    lines = table_of_causes(table).splitlines()
+    lines = kinds_as_text(table).splitlines()
     assert [line.split("  ")[0].strip() for line in lines] == [
         "cause",
         "step in t",

@@ -127,7 +127,9 @@ def places_between(result: Search, ranges: Mapping[str, tuple[float, float]]) ->
     return np.stack([axis[k] for axis, k in zip(axes, chosen.T, strict=True)], axis=1)
 
 
-def table_of(result: Search, rows: FloatArray, experiments: Experiments | None) -> pd.DataFrame:
+def rows_as_table(
+    result: Search, rows: FloatArray, experiments: Experiments | None
+) -> pd.DataFrame:
     """Return rows (m, n_columns) as a table, outputs and experiments by name."""
     table = pd.DataFrame(rows, columns=list(result.problem.model.columns))
     names: dict[str, tuple[str, ...]] = {}
@@ -163,7 +165,7 @@ def next_measurements(
         rows = places_between(found, fitted.data_.simulation.input_ranges)
     else:
         rows = fitted.checked_rows(places)
-    table = table_of(found, rows, fitted.data_.experiments)
+    table = rows_as_table(found, rows, fitted.data_.experiments)
     costs = costs_of(table, cost)
     chosen, bits = zip(*batch(found, rows, n, costs), strict=True)
     table = table.iloc[list(chosen)].reset_index(drop=True)

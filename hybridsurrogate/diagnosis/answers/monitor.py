@@ -21,7 +21,7 @@ from scipy import special
 from sklearn.base import clone
 from sklearn.utils import check_consistent_length
 
-from hybridsurrogate.diagnosis.answers.experimental_design import table_of
+from hybridsurrogate.diagnosis.answers.experimental_design import rows_as_table
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
@@ -134,7 +134,7 @@ def monitored(
         models, shares = [clone(models[k]).fit(*so_far, weights) for k in kept], shares[kept]
     passed = np.flatnonzero(odds >= limit)
     end = int(passed[0]) + 1 if len(passed) else len(odds)
-    table = table_of(found, estimator.checked_rows(X), estimator.data_.experiments)
+    table = rows_as_table(found, estimator.checked_rows(X), estimator.data_.experiments)
     table = table.assign(y=np.ravel(y))[np.isfinite(np.ravel(y))].iloc[:end]
     table = table.assign(deviation=np.concatenate(parts)[:end], e_value=np.exp(odds[:end]))
     if not len(passed):

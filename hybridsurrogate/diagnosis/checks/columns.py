@@ -54,7 +54,7 @@ _SHIFTED = {
 }
 
 
-def check_columns(
+def check_usable_columns(
     X: Any, y: ArrayLike | None, simulation: SimulationData | Simulator | None
 ) -> None:
     """Raise ValueError for columns that make a diagnosis impossible, before anything is fitted.

@@ -15,7 +15,7 @@ from hybridsurrogate.diagnosis.search.context import FLOOR
 from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.diagnosis.search.working_rows import BLUR
-from hybridsurrogate.diagnosis.validation.folds import rows_of
+from hybridsurrogate.diagnosis.validation.folds import row_taker
 from hybridsurrogate.effects.noise.gross_error import GrossError
 from hybridsurrogate.model.problem import Problem
 from hybridsurrogate.model.rows.measured_rows import check_weights
@@ -48,7 +48,7 @@ def counted_rows(
     if np.all(weights == 1.0):
         return X, y, None
     kept = np.flatnonzero(weights > 0)
-    return rows_of(X)(kept), rows_of(y)(kept), weights[kept]
+    return row_taker(X)(kept), row_taker(y)(kept), weights[kept]
 
 
 def copies(X: FloatArray, y: FloatArray) -> int:

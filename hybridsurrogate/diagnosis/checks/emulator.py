@@ -24,7 +24,7 @@ MOST_OPEN, MOST_MISSED = 1.0, 2.0
 _MOST_OPEN_OF_WHOLE = 0.3
 
 
-def advice(surrogate: Surrogate | None) -> str:
+def advice_on_runs(surrogate: Surrogate | None) -> str:
     """Return what to do about a surrogate that misses the simulation."""
     return "give more runs" if isinstance(surrogate, Kriging) else "try Kriging() or more runs"
 
@@ -117,7 +117,7 @@ class EmulatorCheck(NamedTuple):
             out.append(
                 f"At the measured rows {type(surrogate).__name__}, trained on the runs alone, "
                 f"misses the simulation by {self.missed:.1f} times the noise. The search does "
-                f"without it, but what is predicted rests on it: {advice(surrogate)}."
+                f"without it, but what is predicted rests on it: {advice_on_runs(surrogate)}."
             )
         return [Caution("runs", sentence) for sentence in out]
 

@@ -81,7 +81,7 @@ def confounded(table: pd.DataFrame) -> pd.DataFrame:
     ]
 
 
-def sentences(table: pd.DataFrame) -> Iterator[str]:
+def sentences_on_parameters(table: pd.DataFrame) -> Iterator[str]:
     """Yield a sentence for each row."""
     for row in table.to_dict("records"):
         name = row["parameter"]

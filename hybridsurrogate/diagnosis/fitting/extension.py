@@ -10,11 +10,19 @@ from numpy.typing import ArrayLike
 
 from hybridsurrogate.diagnosis.answers.discrepancy import estimate_discrepancies
 from hybridsurrogate.diagnosis.answers.finding import finding_of
-from hybridsurrogate.diagnosis.checks.identifiability import confounded, confounding, sentences
+from hybridsurrogate.diagnosis.checks.identifiability import (
+    confounded,
+    confounding,
+    sentences_on_parameters,
+)
 from hybridsurrogate.diagnosis.fitting.result import Conclusion, Extension
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans
-from hybridsurrogate.diagnosis.validation.refit import accepted, extended, extended_simulator
+from hybridsurrogate.diagnosis.validation.refit import (
+    accepted,
+    extended_estimator,
+    extended_simulator,
+)
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.averaged import AveragedSurrogate, leading
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
@@ -47,13 +55,13 @@ def extend(
         For these scans.
     """
     causes, search = accepted(steps), steps[0].search
-    after = extended(before, steps)
+    after = extended_estimator(before, steps)
     found = leading(after)
     outputs, first = before.simulation.outputs, steps[0].chosen.cause
     bands = dict(zip(outputs, estimate_discrepancies(search, first), strict=True))
     simulator = extended_simulator(before.simulation.simulator, causes, search.problem)
     table = confounding(before, found, before.data_.single.X)
-    for sentence in sentences(confounded(table)):
+    for sentence in sentences_on_parameters(confounded(table)):
         warnings.warn(sentence, ConfoundingWarning, stacklevel=4)
     return Extension(
         estimator=after,

@@ -25,7 +25,7 @@ class Local(NamedTuple):
     covariance: FloatArray
 
 
-class Rows(NamedTuple):
+class LinearisedRows(NamedTuple):
     """Rows under one cause at one node.
 
     ``offset`` (n,), ``design`` (n, d + r + q) with raw columns, the sizes from column ``first`` on,
@@ -40,7 +40,7 @@ class Rows(NamedTuple):
 
 def measured_and_other(
     result: Search, w: Candidate, X: FloatArray, node: int | None = None
-) -> tuple[Rows, Rows]:
+) -> tuple[LinearisedRows, LinearisedRows]:
     """Return the measured rows and rows X; what an emulator leaves open they have in common."""
     n = len(result.problem.X)
     both = np.vstack([result.problem.X, result.problem.with_noise(X)])
@@ -50,7 +50,9 @@ def measured_and_other(
     first = design.shape[1] - H.shape[1]
     noise = np.ones(len(both)) if parts.noise is None else parts.noise[0]
     pieces = slice(n), slice(n, None)
-    measured, others = (Rows(parts.mean[0][k], design[k], first, noise[k]) for k in pieces)
+    measured, others = (
+        LinearisedRows(parts.mean[0][k], design[k], first, noise[k]) for k in pieces
+    )
     return measured, others
 
 
@@ -64,7 +66,7 @@ def _at_node(result: Search, w: Candidate, X: FloatArray, node: int) -> Linearis
     return linearise(w.fit.model, X, result.context.emulator, grid, w.fit.mode.z)
 
 
-def local_posterior(result: Search, w: Candidate, rows: Rows, size: float) -> Local:
+def local_posterior(result: Search, w: Candidate, rows: LinearisedRows, size: float) -> Local:
     """Return the posterior of a cause's linear coefficients, its size of scale ``size``."""
     design, first = rows.design, rows.first
     H = design[:, first:]

@@ -103,10 +103,10 @@ def null_test(
     """
     responses = np.vstack([result.problem.y, replicates(result, n_replicates, random_state)])
     if not with_faults:
-        statistic = statistics(result, responses)
+        statistic = evidence_ratios(result, responses)
         return NullTest(float(statistic[0]), statistic[1:])
     sizes, data = _faulty(result)
-    statistic = statistics(result, np.vstack([responses, data.reshape(-1, data.shape[-1])]))
+    statistic = evidence_ratios(result, np.vstack([responses, data.reshape(-1, data.shape[-1])]))
     own, of_faults = np.split(statistic, [len(responses)])
     faults = Faults(sizes, of_faults.reshape(data.shape[:-1]))
     return NullTest(float(own[0]), own[1:], faults=faults)
@@ -123,7 +123,7 @@ def faults_of(result: Search) -> Faults:
     result : Search
     """
     sizes, data = _faulty(result)
-    statistic = statistics(result, data.reshape(-1, data.shape[-1]))
+    statistic = evidence_ratios(result, data.reshape(-1, data.shape[-1]))
     return Faults(sizes, statistic.reshape(data.shape[:-1]))
 
 
@@ -148,7 +148,7 @@ def _shapes(result: Search) -> FloatArray:
     return curves / np.sqrt(np.mean(curves**2, axis=1, keepdims=True))
 
 
-def statistics(result: Search, responses: FloatArray) -> FloatArray:
+def evidence_ratios(result: Search, responses: FloatArray) -> FloatArray:
     """Return T of each of several data sets at the same inputs.
 
     Parameters

@@ -13,7 +13,7 @@ from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.linearised import Linearised
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan, scan_with_process
-from hybridsurrogate.inference.evidence.outliers import settled
+from hybridsurrogate.inference.evidence.outliers import at_best_node
 from hybridsurrogate.inference.evidence.settings import SETTINGS
 from hybridsurrogate.types import FloatArray
 
@@ -112,7 +112,7 @@ def _with_process(result: Search, w: Candidate, bases: FloatArray) -> float:
     beyond_node = 0.0
     if parts.noise_differs:
         # every node would need a factorisation: that of the best one gives what a curve adds
-        parts = settled(parts, problem.y, sigma)
+        parts = at_best_node(parts, problem.y, sigma)
         plain = scan(parts, problem.y[None], sigma, noise, sizes)[0]
         beyond_node = float(special.logsumexp(nodes)) - float(plain[0])
     terms = scan_with_process(parts, problem.y, sigma, noise, sizes, bases, sizes[::2])

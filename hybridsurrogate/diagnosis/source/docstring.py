@@ -5,12 +5,12 @@ from __future__ import annotations
 import textwrap
 
 from hybridsurrogate.diagnosis.source.extended_model import ExtendedModel
-from hybridsurrogate.diagnosis.source.parts import Parts, own_arguments
+from hybridsurrogate.diagnosis.source.parts import SourceParts, own_arguments
 from hybridsurrogate.diagnosis.source.text import WIDTH, inline
 from hybridsurrogate.numerics.digits import listing
 
 
-def docstring(model: ExtendedModel, parts: Parts) -> str:
+def docstring(model: ExtendedModel, parts: SourceParts) -> str:
     """Return the docstring, quotes included."""
     outputs = listing(list(model.outputs))
     causes = [one.cause for one in model.causes if one.cause.is_learned]

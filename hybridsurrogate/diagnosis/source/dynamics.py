@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from hybridsurrogate.diagnosis.source.extended_model import ExtendedModel
-from hybridsurrogate.diagnosis.source.parts import Parts, arguments_of, numbers_of
+from hybridsurrogate.diagnosis.source.parts import SourceParts, arguments_of, call_values_of
 from hybridsurrogate.diagnosis.source.text import call, definition, keywords, text_of, tuple_of
 
 # methods of the module by those of the simulator; others are scipy's own
@@ -21,7 +21,7 @@ _LEAST_STEPS = 100
 INSIDE = ("scales rate", "adds to slope", "delays")
 
 
-def varying_in(parts: Parts) -> list[str]:
+def varying_in(parts: SourceParts) -> list[str]:
     """Return what solutions differ in: arguments of the right-hand side and of the start."""
     assert parts.ode is not None
     ode = parts.ode.function
@@ -31,7 +31,7 @@ def varying_in(parts: Parts) -> list[str]:
     return list(dict.fromkeys([*names, *numbers]))
 
 
-def dynamics(model: ExtendedModel, parts: Parts) -> list[str]:
+def dynamics(model: ExtendedModel, parts: SourceParts) -> list[str]:
     """Return the functions that solve the changed ODE."""
     assert parts.ode is not None
     ode, time = parts.ode.function, parts.ids[parts.ode.input_names[0]]
@@ -75,7 +75,9 @@ def dynamics(model: ExtendedModel, parts: Parts) -> list[str]:
     return [_right_hand_side(parts, time, varying, seen), solution, _SOLUTIONS.format_map(given)]
 
 
-def _right_hand_side(parts: Parts, time: str, varying: Sequence[str], seen: Sequence[str]) -> str:
+def _right_hand_side(
+    parts: SourceParts, time: str, varying: Sequence[str], seen: Sequence[str]
+) -> str:
     assert parts.ode is not None
     ode = parts.ode.function
     lines = [definition("right_hand_side", ["rhs", time, "state", *seen, *varying])]
@@ -84,7 +86,7 @@ def _right_hand_side(parts: Parts, time: str, varying: Sequence[str], seen: Sequ
     for part in inside:
         if part.code.does == "scales rate":
             rate = parts.ids[part.code.of]
-            own = [*arguments_of(part), *numbers_of(part)]
+            own = [*arguments_of(part), *call_values_of(part)]
             lines.append(call(part.function, own, f"{rate} = {rate} * "))
     seen_state = seen[0] if seen else "state"
     called = [time, seen_state, *keywords(ode.rate_names, parts.ids)]
@@ -95,7 +97,7 @@ def _right_hand_side(parts: Parts, time: str, varying: Sequence[str], seen: Sequ
             states = {part.ids[key]: name for key, name in part.code.states.items()}
             own = [
                 f"state[{ode.states.index(states[one])}]" if one in states else one
-                for one in (*arguments_of(part), *numbers_of(part))
+                for one in (*arguments_of(part), *call_values_of(part))
             ]
             at = ode.states.index(part.code.of)
             lines.append(call(part.function, own, f"slopes[{at}] += "))

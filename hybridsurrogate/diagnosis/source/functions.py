@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from hybridsurrogate.diagnosis.source.dynamics import varying_in
 from hybridsurrogate.diagnosis.source.extended_model import ExtendedModel, FittedCause, link_of
 from hybridsurrogate.diagnosis.source.parts import (
-    Part,
-    Parts,
+    SourcePart,
+    SourceParts,
     arguments_of,
-    numbers_of,
+    call_values_of,
     own_arguments,
     placeholders,
 )
@@ -29,14 +29,14 @@ from hybridsurrogate.numerics.digits import listing
 from hybridsurrogate.ode.simulator import OdeSimulator
 
 
-def function_of(part: Part, model: ExtendedModel) -> str:
+def function_of(part: SourcePart, model: ExtendedModel) -> str:
     """Return the function of a cause."""
     code, ids = part.code, part.inside
     short = {part.ids[key]: ids[key] for key in part.ids}
     arguments = arguments_of(part)
     arguments += [
         f"{short.get(name, name)}={part.numbers[name]}" if name in part.numbers else short[name]
-        for name in numbers_of(part)
+        for name in call_values_of(part)
     ]
     lines = [definition(part.function, arguments), f'    """{_does(part, model)}"""']
     used = placeholders(code)
@@ -52,7 +52,7 @@ def function_of(part: Part, model: ExtendedModel) -> str:
     return "\n".join(lines)
 
 
-def _does(part: Part, model: ExtendedModel) -> str:
+def _does(part: SourcePart, model: ExtendedModel) -> str:
     code, word = part.code, link_of(model.likelihood)[1]
     output = code.output or listing(list(model.outputs))
     said = {
@@ -74,7 +74,7 @@ def _does(part: Part, model: ExtendedModel) -> str:
     return text if len(text) <= WIDTH - 10 else f"{text.partition(': ')[0].rstrip('.')}."
 
 
-def extended(model: ExtendedModel, parts: Parts) -> str:
+def extended_function(model: ExtendedModel, parts: SourceParts) -> str:
     """Return the function that runs the simulation with the causes in it."""
     defaults = parts.defaults()
     arguments = [*own_arguments(parts), *parts.columns.values()]
@@ -97,7 +97,7 @@ def extended(model: ExtendedModel, parts: Parts) -> str:
     return "\n".join(lines)
 
 
-def _explained(model: ExtendedModel, parts: Parts) -> list[str]:
+def _explained(model: ExtendedModel, parts: SourceParts) -> list[str]:
     units = {c: f" [{model.units[c]}]" for c in parts.columns if c in model.units}
     columns = listing([f"{n}{units.get(c, '')}" for c, n in parts.columns.items()])
     names = list(dict.fromkeys([*model.inputs, *model.parameters, *model.assumed]))
@@ -116,7 +116,7 @@ def _explained(model: ExtendedModel, parts: Parts) -> list[str]:
     return [f"    {line}" for each in text for line in textwrap.wrap(inline(each), WIDTH - 4)]
 
 
-def _moves(parts: Parts, now: dict[str, str]) -> list[str]:
+def _moves(parts: SourceParts, now: dict[str, str]) -> list[str]:
     """Return lines that move columns and parameters; what stands for them comes into `now`."""
     lines = []
     for part in parts.coded:
@@ -126,7 +126,7 @@ def _moves(parts: Parts, now: dict[str, str]) -> list[str]:
             continue
         of = part.code.of
         current = {parts.ids[name]: now[name] for name in parts.ids}
-        given = [current.get(one, one) for one in (*arguments_of(part), *numbers_of(part))]
+        given = [current.get(one, one) for one in (*arguments_of(part), *call_values_of(part))]
         if of in parts.columns and now[of] == parts.ids[of]:
             # what is added looks at the column as it was measured
             now[of] = parts.names.new(f"run_{parts.ids[of]}")
@@ -138,7 +138,7 @@ def _moves(parts: Parts, now: dict[str, str]) -> list[str]:
 
 
 def _moves_of_own(
-    parts: Parts, now: dict[str, str], name: str, one: FittedCause, numbers: Mapping[str, str]
+    parts: SourceParts, now: dict[str, str], name: str, one: FittedCause, numbers: Mapping[str, str]
 ) -> list[str]:
     columns, points = (
         dict_of({key: now[key] for key in keys}) for keys in (parts.columns, parts.parameters)
@@ -156,7 +156,7 @@ def _theta(one: FittedCause, numbers: Mapping[str, str]) -> str:
     return dict_of(dict(zip(one.theta, numbers, strict=False)))
 
 
-def _run(model: ExtendedModel, parts: Parts, now: Mapping[str, str]) -> list[str]:
+def _run(model: ExtendedModel, parts: SourceParts, now: Mapping[str, str]) -> list[str]:
     """Return lines that run the simulation."""
     several = len(model.outputs) > 1
     result = "outputs = by_name" if several else "output = "
@@ -195,7 +195,7 @@ def _run(model: ExtendedModel, parts: Parts, now: Mapping[str, str]) -> list[str
     return lines
 
 
-def _changes(model: ExtendedModel, parts: Parts) -> list[str]:
+def _changes(model: ExtendedModel, parts: SourceParts) -> list[str]:
     """Return lines that make of the simulated output the extended one."""
     outer = [p for p in parts.coded if p.code.does in ("responds", "adds")]
     several = len(model.outputs) > 1
@@ -227,16 +227,16 @@ def _scale(link: str, var: str) -> tuple[list[str], list[str]]:
     return [], []
 
 
-def _changed(part: Part, var: str, does: str) -> list[str]:
+def _changed(part: SourcePart, var: str, does: str) -> list[str]:
     if part.code.does != does:
         return []
     given = [var if one == "simulated" else one for one in arguments_of(part)]
     before = f"{var} = " if does == "responds" else f"{var} = {var} + "
-    return [call(part.function, [*given, *numbers_of(part)], before)]
+    return [call(part.function, [*given, *call_values_of(part)], before)]
 
 
 def _changed_by_own(
-    parts: Parts, own: tuple[FittedCause, str, dict[str, str]], output: str, var: str
+    parts: SourceParts, own: tuple[FittedCause, str, dict[str, str]], output: str, var: str
 ) -> list[str]:
     one, name, numbers = own
     only, unit = parts.unit_of_own.get(name, (output, 1.0))

@@ -20,7 +20,7 @@ from hybridsurrogate.diagnosis.source.text import (
     tuple_of,
 )
 from hybridsurrogate.effects.base import Cause, Rows
-from hybridsurrogate.effects.code import Code, Table, names_in
+from hybridsurrogate.effects.code import Code, LevelTable, names_in
 from hybridsurrogate.effects.dynamics.dynamic_delay import DynamicDelay
 from hybridsurrogate.effects.dynamics.dynamic_drift import DynamicDrift
 from hybridsurrogate.effects.dynamics.dynamic_term import DynamicTerm
@@ -35,7 +35,7 @@ _REWRITES = ("inputs", "gain", "response", "columns", "factors", "noise", "estim
 
 
 @dataclass(frozen=True)
-class Part:
+class SourcePart:
     """The code of a cause, and what its names in braces are in the module."""
 
     cause: Cause
@@ -56,7 +56,7 @@ class Part:
         }
 
 
-class Parts:
+class SourceParts:
     """All names and numbers of a module."""
 
     def __init__(self, model: ExtendedModel):
@@ -90,7 +90,7 @@ class Parts:
             if code is not None and code.does == "replaces"
         }
         self._constant_of_parameters()
-        self.coded: list[Part] = []
+        self.coded: list[SourcePart] = []
         self.own: list[tuple[FittedCause, str, dict[str, str]]] = []
         # of several outputs the one that such a cause concerns, and the unit that it knows
         self.unit_of_own: dict[str, tuple[str, float]] = {}
@@ -201,7 +201,7 @@ class Parts:
             self.unit_of_own[function] = output, scale
         return one, function, numbers
 
-    def _part(self, one: FittedCause, code: Code) -> Part:
+    def _part(self, one: FittedCause, code: Code) -> SourcePart:
         draws = self._draws(one)
         ids: dict[str, str] = {}
         numbers: dict[str, str] = {}
@@ -222,7 +222,7 @@ class Parts:
             numbers["sigma"] = self._constant("noise_sd", sigma, self.unit("{y}", code))
         return self._coded(one.cause, code, function, ids, numbers)
 
-    def _table(self, table: Table, code: Code, name: str, draws: Rows) -> str:
+    def _table(self, table: LevelTable, code: Code, name: str, draws: Rows) -> str:
         constant = self.names.new(name.upper())
         unit = self.unit(table.unit, code)
         lines = [f"{constant} = {{" + (f"  # [{unit}]" if unit != "1" else "")]
@@ -245,7 +245,7 @@ class Parts:
         function: str,
         ids: Mapping[str, str],
         numbers: Mapping[str, str],
-    ) -> Part:
+    ) -> SourcePart:
         every = {"simulated": "simulated", "sigma": "sigma", **ids}
         every |= {key: self.ids[column] for key, column in code.columns.items()}
         if code.of in self.ids:
@@ -258,7 +258,7 @@ class Parts:
         states = {name: self.names.local(name) for name in dict.fromkeys(code.states.values())}
         every |= {key: states[name] for key, name in code.states.items()}
         every |= {name: self.names.new(name) for name in code.by_row}
-        return Part(cause, code, function, every, dict(numbers))
+        return SourcePart(cause, code, function, every, dict(numbers))
 
 
 def code_of(cause: Cause) -> Code | None:
@@ -294,7 +294,7 @@ def placeholders(code: Code) -> set[str]:
     return {name for text in texts for name in names_in(text)}
 
 
-def arguments_of(part: Part) -> list[str]:
+def arguments_of(part: SourcePart) -> list[str]:
     """Return the names of a cause's function's arguments without a default."""
     code, ids = part.code, part.ids
     used = placeholders(code)
@@ -305,14 +305,14 @@ def arguments_of(part: Part) -> list[str]:
     return list(dict.fromkeys(ids[key] for key in keys))
 
 
-def numbers_of(part: Part) -> list[str]:
+def call_values_of(part: SourcePart) -> list[str]:
     """Return the cause's numbers as its function takes them, its table last."""
     used = {part.ids[key] for key in placeholders(part.code)}
     own = [part.ids[key] for key in part.code.numbers] + list(part.numbers)
     return [name for name in dict.fromkeys(own) if name in used]
 
 
-def own_arguments(parts: Parts) -> list[str]:
+def own_arguments(parts: SourceParts) -> list[str]:
     """Return the arguments of `extended` that are the user's functions."""
     own = ["simulation"]
     if parts.ode is not None:

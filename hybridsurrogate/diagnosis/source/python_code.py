@@ -13,9 +13,9 @@ from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult
 from hybridsurrogate.diagnosis.source.docstring import docstring
 from hybridsurrogate.diagnosis.source.dynamics import dynamics
 from hybridsurrogate.diagnosis.source.extended_model import ExtendedModel, FittedCause
-from hybridsurrogate.diagnosis.source.functions import extended, function_of
+from hybridsurrogate.diagnosis.source.functions import extended_function, function_of
 from hybridsurrogate.diagnosis.source.helpers import HELPERS
-from hybridsurrogate.diagnosis.source.parts import Parts
+from hybridsurrogate.diagnosis.source.parts import SourceParts
 from hybridsurrogate.effects.noise.output_noise import OutputNoise
 from hybridsurrogate.estimators.averaged import AveragedSurrogate, leading
 from hybridsurrogate.exceptions import did_you_mean
@@ -181,12 +181,12 @@ def _functions_of(simulator: Simulator | None) -> tuple[tuple[str, str], ...]:
 
 def python_source(model: ExtendedModel) -> str:
     """Return the source of a module with the extended model."""
-    parts = Parts(model)
+    parts = SourceParts(model)
     head = [docstring(model, parts), "import numpy as np"]
     written = [part for part in parts.coded if part.code.does != "delays"]
     functions = [function_of(part, model) for part in written]
     body = dynamics(model, parts) if parts.ode is not None else []
-    body.append(extended(model, parts))
+    body.append(extended_function(model, parts))
     text = "\n\n\n".join([*functions, *body])
     helpers = [HELPERS[name] for name in HELPERS if f"{name}(" in text]
     if "solve_ivp(" in text:

@@ -12,7 +12,7 @@ from joblib import delayed
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import clone
 
-from hybridsurrogate.diagnosis.validation.folds import Folds, folds_beyond, random_folds, rows_of
+from hybridsurrogate.diagnosis.validation.folds import Folds, folds_beyond, random_folds, row_taker
 from hybridsurrogate.diagnosis.validation.gain import mean_and_error
 from hybridsurrogate.diagnosis.validation.parallel import in_parallel
 from hybridsurrogate.estimators.beta_path import beta_path
@@ -195,7 +195,7 @@ def scan_beta(
         Columns beta, before, after, and before_error and after_error: the standard error of each
         score's difference from that at the best weight, paired by rows.
     """
-    (before, after), take, values = models, rows_of(X), np.asarray(y, dtype=float)
+    (before, after), take, values = models, row_taker(X), np.asarray(y, dtype=float)
 
     def rows(some: NDArray[np.intp]) -> tuple[ArrayLike, FloatArray, FloatArray | None]:
         return take(some), values[some], None if weights is None else weights[some]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from joblib import delayed
 from numpy.typing import ArrayLike
 
-from hybridsurrogate.diagnosis.validation.folds import Folds, rows_of
+from hybridsurrogate.diagnosis.validation.folds import Folds, row_taker
 from hybridsurrogate.diagnosis.validation.gain import Held, HeldOutGain, gain_over, pointwise
 from hybridsurrogate.diagnosis.validation.parallel import in_parallel
 from hybridsurrogate.diagnosis.validation.refit import Refit
@@ -48,7 +48,7 @@ def cross_validated(
     weights : ndarray of shape (n,) or None
         Of the rows, in the fits and in the means of their scores.
     """
-    take = rows_of(X)
+    take = row_taker(X)
     tasks = [
         delayed(score_fold)(
             refitted,

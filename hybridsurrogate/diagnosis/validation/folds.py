@@ -78,6 +78,6 @@ def future_folds(x: FloatArray) -> Folds:
     return [(order[:a], order[a:b]) for a, b in pairwise(ends)]
 
 
-def rows_of(X: ArrayLike) -> Callable[[Any], Any]:
+def row_taker(X: ArrayLike) -> Callable[[Any], Any]:
     """Return a function from row numbers to rows of an array or a DataFrame."""
     return X.iloc.__getitem__ if hasattr(X, "iloc") else np.asarray(X).__getitem__

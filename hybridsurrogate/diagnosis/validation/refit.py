@@ -161,7 +161,7 @@ def accepted(steps: Sequence[SearchStep]) -> tuple[Cause, ...]:
     return tuple(step.chosen.cause for step in steps if step.is_accepted and step.chosen.cause)
 
 
-def extended(
+def extended_estimator(
     before: PowerScaledSurrogate, steps: Sequence[SearchStep]
 ) -> PowerScaledSurrogate | AveragedSurrogate:
     """Return the estimator extended by what may be missing, fitted; the one before for nothing.

@@ -38,11 +38,11 @@ def _found(cause: GrossError, steps: Sequence[SearchStep]) -> Cause:
         for search in (step.conditional, step.search):
             for w in search.candidates:
                 if w.cause is cause:
-                    return cause.filled(rows=rows_of(search, w))
+                    return cause.filled(rows=excluded_rows(search, w))
     return cause
 
 
-def rows_of(search: Search, w: Candidate) -> tuple[GrossRow, ...]:
+def excluded_rows(search: Search, w: Candidate) -> tuple[GrossRow, ...]:
     """Return the rows that are unlike the others, with what all others predict there.
 
     Parameters

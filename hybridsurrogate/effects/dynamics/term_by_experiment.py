@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from hybridsurrogate.effects.axis import position_among
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.effects.code import Code, Table
+from hybridsurrogate.effects.code import Code, LevelTable
 from hybridsurrogate.effects.dynamics.dynamic import Dynamic
 from hybridsurrogate.effects.dynamics.dynamic_term import DynamicTerm
 from hybridsurrogate.effects.registry import Form, register
@@ -146,7 +146,7 @@ class TermByExperiment(Dynamic):
             does="adds to slope",
             of=self.state,
             states={"state": self.state},
-            table=Table(self.column, levels, "1 / {t}"),
+            table=LevelTable(self.column, levels, "1 / {t}"),
             by_row={"rate": "by_level({x}, {table})"},
         )
 

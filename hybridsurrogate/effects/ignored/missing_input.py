@@ -8,7 +8,7 @@ import numpy as np
 
 from hybridsurrogate.effects.axis import UNKNOWN, Axis
 from hybridsurrogate.effects.base import Cause, Context, FloatArray, Rows
-from hybridsurrogate.effects.code import Code, Table
+from hybridsurrogate.effects.code import Code, LevelTable
 from hybridsurrogate.effects.context import MOST_EXPERIMENTS
 from hybridsurrogate.effects.over_column import OverColumn
 from hybridsurrogate.effects.registry import Form, over_extras, register
@@ -187,7 +187,7 @@ class MissingInput(OverColumn):
         if self.shape == "categorical":
             known = [value for value, _ in self.levels]
             levels = tuple(zip(known, self.coefficients, strict=True))
-            return Code("by_level({x}, {table})", {}, x, table=Table(self.column, levels))
+            return Code("by_level({x}, {table})", {}, x, table=LevelTable(self.column, levels))
         away = "({x} - {center})" if self.pivot else "{x}"
         line, numbers = f"{{slope}} * {away}", {"slope": "{y} / {x}"}
         if self.shape == "quadratic":

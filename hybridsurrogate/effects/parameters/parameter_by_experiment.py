@@ -10,7 +10,7 @@ from scipy import stats
 
 from hybridsurrogate.effects.axis import position_among
 from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows
-from hybridsurrogate.effects.code import Code, Table
+from hybridsurrogate.effects.code import Code, LevelTable
 from hybridsurrogate.effects.registry import Form, register
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.priors import frozen, prior_sd
@@ -181,7 +181,7 @@ class ParameterByExperiment(Declared):
 
     def code(self) -> Code:
         """Return the cause as Python."""
-        table = Table(self.column, tuple(zip(self.levels, self._names, strict=True)), "{of}")
+        table = LevelTable(self.column, tuple(zip(self.levels, self._names, strict=True)), "{of}")
         at = {"x": self.column}
         if self.how == "own":
             own = "by_level({x}, {table}, {of})"

@@ -16,7 +16,7 @@ from hybridsurrogate.inference.conditional.pairwise_squares import (
     node_shares,
     one_node_each,
 )
-from hybridsurrogate.inference.sampling.modes import factors, optimise
+from hybridsurrogate.inference.sampling.modes import factors, optimise_density
 from hybridsurrogate.inference.sampling.proposals import (
     PROPOSAL_SCALE,
     standard_student,
@@ -71,7 +71,7 @@ def own_draws(
     first = value.argmax(axis=0), np.arange(S)
     # a start where the simulation fails stays where it is
     value = np.maximum(value[first], _IMPOSSIBLE)
-    mode, _, hessian = optimise(
+    mode, _, hessian = optimise_density(
         log_density,
         starts[first],
         value,

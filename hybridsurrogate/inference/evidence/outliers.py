@@ -156,7 +156,7 @@ def log_evidence(
     return mode.log_joint + left + 0.5 * np.log(2 * np.pi) - 0.5 * log_det
 
 
-def settled(parts: Linearised, y: FloatArray, sigma: float) -> Linearised:
+def at_best_node(parts: Linearised, y: FloatArray, sigma: float) -> Linearised:
     """Return the model at its first node, where rows are normal and each has a separate scale.
 
     With outliers the residual of a row gives its scale. The evidence of a further curve then has a

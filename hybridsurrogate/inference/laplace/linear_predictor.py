@@ -13,7 +13,7 @@ from hybridsurrogate.types import FloatArray
 
 
 @dataclass(frozen=True)
-class Part:
+class PredictorPart:
     """``eta = known + design @ v`` for some rows; a design that all draws share is (n, p).
 
     ``likelihood`` is that of its rows, for as many draws. ``width`` (J, n) is the standard
@@ -68,9 +68,9 @@ class Part:
         out[:, upper[0], upper[1]] = out[:, upper[1], upper[0]] = products
         return out
 
-    def take(self, active: FloatArray) -> Part:
+    def take(self, active: FloatArray) -> PredictorPart:
         """Return the part for some of the draws."""
-        return Part(
+        return PredictorPart(
             self.rows,
             self.known if len(self.known) == 1 else self.known[active],
             self.design if self.design.ndim == 2 else self.design[active],
@@ -79,7 +79,7 @@ class Part:
             None if self.width is None else self.width[active],
         )
 
-    def widened(self, factor: FloatArray) -> Part:
+    def widened(self, factor: FloatArray) -> PredictorPart:
         """Return the part with the deviations of eta for precisions ``factor @ factor'``."""
         design = np.broadcast_to(self.design, (len(factor), *self.design.shape[-2:]))
         half = np.linalg.solve(factor, np.swapaxes(design, 1, 2))
@@ -90,7 +90,7 @@ class Part:
 class Design:
     """Parts linear in ``v[:, kept]``."""
 
-    parts: list[Part]
+    parts: list[PredictorPart]
     kept: NDArray[np.intp]
 
     def log_likelihood(

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from hybridsurrogate.inference.laplace.inner_mode import GaussianFit, gaussian_fit
-from hybridsurrogate.inference.laplace.linear_predictor import Design, Part
+from hybridsurrogate.inference.laplace.linear_predictor import Design, PredictorPart
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.likelihoods.base import Likelihood
 from hybridsurrogate.model.observation import MeasuredModel
@@ -132,7 +132,7 @@ class LaplacePosterior:
             parts.append(self._measured_part(values, factor))
         return Design(parts, kept)
 
-    def _run_part(self, hyper: FloatArray, factor: FloatArray | None) -> Part:
+    def _run_part(self, hyper: FloatArray, factor: FloatArray | None) -> PredictorPart:
         assert self.runs is not None
         basis, runs = self.model.basis, self.runs
         features = self._run_features
@@ -147,14 +147,16 @@ class LaplacePosterior:
         whitened = features * basis.coefficient_sd if factor is None else features @ factor
         padding = [(0, 0)] * (whitened.ndim - 1) + [(0, len(self.model.column_sd))]
         rows = ObservedRows(runs.y, self.simulation_power * runs.weights)
-        return Part(rows, known, np.pad(whitened, padding), np.ones((1, 1)), self.likelihood)
+        return PredictorPart(
+            rows, known, np.pad(whitened, padding), np.ones((1, 1)), self.likelihood
+        )
 
     @cached_property
     def _run_features(self) -> FloatArray:
         assert self.runs is not None
         return self.model.basis.features(self.runs.X, self.runs.omega)
 
-    def _measured_part(self, values: FloatArray, factor: FloatArray | None) -> Part:
+    def _measured_part(self, values: FloatArray, factor: FloatArray | None) -> PredictorPart:
         basis = self.model.basis
         parts = self.model.parts(self.X, values)
         known = parts.known + parts.features @ basis.coefficient_mean
@@ -164,7 +166,7 @@ class LaplacePosterior:
         design = np.concatenate([whitened, columns], axis=2)
         rows = ObservedRows(self.observed, self.measured_power * self.weights)
         likelihood = self.model.likelihood_of(self.likelihood, values)
-        return Part(rows, known, design, parts.noise, likelihood)
+        return PredictorPart(rows, known, design, parts.noise, likelihood)
 
     def _blocks(self, u: FloatArray) -> list[FloatArray]:
         n = len(self.y) + (len(self.runs.y) if self.runs else 0)

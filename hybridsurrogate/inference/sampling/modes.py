@@ -73,7 +73,7 @@ def find_modes(
     def any_start(points: FloatArray, _: NDArray[np.intp]) -> FloatArray:
         return log_density(points)
 
-    x, value, hessian = optimise(
+    x, value, hessian = optimise_density(
         any_start, x[alive], value[alive], step_share, SETTINGS.mode_steps, True, least_step
     )
     if np.spacing(np.abs(value.max())) > SETTINGS.mode_rounding:
@@ -85,7 +85,7 @@ def find_modes(
     return distinct(_approximations(x, value, hessian))
 
 
-def optimise(
+def optimise_density(
     log_density: PairLogDensity,
     x: FloatArray,
     value: FloatArray,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy import special
 from scipy.interpolate import CubicSpline
 
-from hybridsurrogate.inference.sampling.modes import Gaussian, distinct, factors, optimise
+from hybridsurrogate.inference.sampling.modes import Gaussian, distinct, factors, optimise_density
 from hybridsurrogate.inference.sampling.settings import SETTINGS
 from hybridsurrogate.inference.sampling.target import Target
 from hybridsurrogate.types import FloatArray
@@ -172,7 +172,7 @@ def _climbed(target: Target, position: int, s: FloatArray, others: FloatArray) -
 
     if finite.any():
         steps = target.step_share, SETTINGS.mode_steps, False, target.model.least_step
-        x[finite], value[finite], hessian[finite] = optimise(
+        x[finite], value[finite], hessian[finite] = optimise_density(
             along, x[finite], value[finite], *steps
         )
     value[~finite] = -np.inf

@@ -15,7 +15,7 @@ from hybridsurrogate.surrogates.basis import Basis
 from hybridsurrogate.surrogates.domain import Domain
 from hybridsurrogate.types import FloatArray, Prior
 
-Function = Callable[[FloatArray, FloatArray, dict[str, FloatArray]], Any]
+CurveFunction = Callable[[FloatArray, FloatArray, dict[str, FloatArray]], Any]
 
 
 class ParametricSurrogate(Surrogate):
@@ -48,7 +48,9 @@ class ParametricSurrogate(Surrogate):
     ['height', 'rate']
     """
 
-    def __init__(self, function: Function | None = None, prior: Mapping[str, Prior] | None = None):
+    def __init__(
+        self, function: CurveFunction | None = None, prior: Mapping[str, Prior] | None = None
+    ):
         self.function = function
         self.prior = prior
 
@@ -77,7 +79,7 @@ class ParametricSurrogate(Surrogate):
 
 @dataclass(frozen=True)
 class _ParametricBasis(Basis):
-    function: Function
+    function: CurveFunction
     priors: dict[str, Prior]
 
     known_depends_on_hyper = True

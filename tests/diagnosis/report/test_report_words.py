@@ -75,7 +75,7 @@ def view_of(units=()):
 
 
 def test_the_table_of_a_gain():
-    table = gain.table_of(view_of({"mass": "mg"}), gain_of(0.512, 0.123)).set_index("")
+    table = gain.score_table(view_of({"mass": "mg"}), gain_of(0.512, 0.123)).set_index("")
     assert list(table.loc["log score a row"]) == ["-1.00", "-0.49", "+0.51 ± 0.12"]
     assert list(table.loc["error (RMSE, mg)"])[:2] == ["2", "1.5"]
     assert list(table.loc["covered by 50 % intervals"])[:2] == ["40 %", "55 %"]

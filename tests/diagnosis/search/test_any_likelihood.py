@@ -9,7 +9,7 @@ from scipy import integrate, stats
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.search.exact_scores import scored
 from hybridsurrogate.inference.laplace.inner_mode import gaussian_fit
-from hybridsurrogate.inference.laplace.linear_predictor import Design, Part
+from hybridsurrogate.inference.laplace.linear_predictor import Design, PredictorPart
 from hybridsurrogate.inference.posterior_sampler import evidence_around
 from hybridsurrogate.inference.procedure import make_target
 from hybridsurrogate.likelihoods import Binomial, NegativeBinomial, Poisson, StudentT
@@ -255,6 +255,6 @@ def test_counts_of_a_rate_that_explodes_leave_no_singular_matrix():
     """Proposals far off give rows so much weight that the prior is lost in rounding."""
     design = np.ones((1, 40, 2))
     rows = ObservedRows(np.full(40, 1e9), np.ones(40))
-    part = Part(rows, np.full((1, 40), 45.0), design, np.ones((1, 1)), Poisson())
+    part = PredictorPart(rows, np.full((1, 40), 45.0), design, np.ones((1, 1)), Poisson())
     fit = gaussian_fit(Design([part], np.arange(2)), np.ones((1, 1)), 0)
     assert np.isfinite(fit.mode).all()

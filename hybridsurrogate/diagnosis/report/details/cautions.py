@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hybridsurrogate.diagnosis.answers.table import is_compared
-from hybridsurrogate.diagnosis.checks.identifiability import confounded, sentences
+from hybridsurrogate.diagnosis.checks.identifiability import confounded, sentences_on_parameters
 from hybridsurrogate.diagnosis.checks.residuals import STRANGE
 from hybridsurrogate.diagnosis.report.details.evidence import probability_of_smooth_curve
 from hybridsurrogate.diagnosis.report.details.gain import is_worse
@@ -18,7 +18,7 @@ def cautions(view: View) -> list[str]:
     out = [one.sentence for one in result.cautions]
     out += _at_prior_ends(view) + _residual_structure(view) + _worse(view)
     out += _failed_runs(view) + _doubtful_draws(view)
-    return [*out, *sentences(confounded(result.extension.confounded))]
+    return [*out, *sentences_on_parameters(confounded(result.extension.confounded))]
 
 
 def _at_prior_ends(view: View) -> list[str]:

@@ -7,7 +7,7 @@ from functools import partial
 
 import pandas as pd
 
-from hybridsurrogate.diagnosis.checks.emulator import MOST_MISSED, advice
+from hybridsurrogate.diagnosis.checks.emulator import MOST_MISSED, advice_on_runs
 from hybridsurrogate.diagnosis.report.details import pictures
 from hybridsurrogate.diagnosis.report.details.cautions import cautions
 from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
@@ -47,7 +47,7 @@ def emulator(view: View) -> list[str]:
         " the noise, which is part of every comparison.",
         f"The surrogate, trained on the runs alone, differs from them by {_times(check.missed)} "
         "the noise there. The comparisons do without it, and the predictions rest on it"
-        + (f": {advice(result.before.surrogate_)}." if check.missed > MOST_MISSED else "."),
+        + (f": {advice_on_runs(result.before.surrogate_)}." if check.missed > MOST_MISSED else "."),
     ]
     if check.beyond:
         where = ", ".join(f"{rows} along {name}" for name, rows in check.beyond.items())

@@ -32,7 +32,7 @@ def section(view: View) -> Section:
     if view.extended:
         sentences += _probabilities(view) + _alike(view)
     sentences += _outside(view) + _failing(view)
-    shown = [Table(tables.cause_table(view), "Causes compared, most probable first")]
+    shown = [Table(tables.compared_causes(view), "Causes compared, most probable first")]
     if len(left):
         shown.append(Table(left, "Not applicable here"))
     return Section(

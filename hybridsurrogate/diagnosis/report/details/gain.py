@@ -50,7 +50,9 @@ def section(view: View, gains: Mapping[str, HeldOutGain | None]) -> Section:
             "Beyond the measured range nothing was tested: that takes 14 rows with an order along "
             "one input, or held-out rows, report(test=(X_test, y_test))."
         )
-    tables = tuple(Table(table_of(view, gain), _rows(view, n, gain)) for n, gain in known.items())
+    tables = tuple(
+        Table(score_table(view, gain), _rows(view, n, gain)) for n, gain in known.items()
+    )
     counted = [f"{len(g.folds)} folds {n}" if g.folds else f"{g.n_rows} rows held out by you"
                for n, g in known.items()]  # fmt: skip
     picture = Picture(partial(pictures.picture_gain, known))
@@ -59,7 +61,7 @@ def section(view: View, gains: Mapping[str, HeldOutGain | None]) -> Section:
     )
 
 
-def table_of(view: View, gain: HeldOutGain) -> pd.DataFrame:
+def score_table(view: View, gain: HeldOutGain) -> pd.DataFrame:
     """Return scores before and after with the standard error of their difference."""
     unit = view.units.get(view.output, "") if view.stacking is None else "standard deviations"
     rows = [

@@ -34,7 +34,7 @@ def picture_discrepancy(view: View) -> Drawn:
     return rendered(axes, _described(view))
 
 
-def experiments_of(view: View) -> str | None:
+def experiment_column(view: View) -> str | None:
     """Return the column of experiments by which an accepted cause goes, None without one."""
     few = [
         name

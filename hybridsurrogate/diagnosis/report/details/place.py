@@ -18,7 +18,7 @@ _MOST_STRETCHES = 4
 
 def section(view: View) -> Section:
     """Return the section."""
-    experiments = pictures.experiments_of(view)
+    experiments = pictures.experiment_column(view)
     drawn = [Picture(partial(pictures.picture_discrepancy, view))]
     if experiments is not None:
         drawn.append(Picture(partial(pictures.picture_experiments, view, experiments)))

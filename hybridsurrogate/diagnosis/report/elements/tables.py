@@ -19,7 +19,7 @@ from hybridsurrogate.types import FloatArray
 Interval = tuple[float, float, float]
 
 
-def cause_table(view: View) -> pd.DataFrame:
+def compared_causes(view: View) -> pd.DataFrame:
     """Return the causes that were compared, most probable first."""
     candidates = view.search.candidates
     evidence = total_evidence(candidates)

@@ -39,10 +39,10 @@ def _wrong(view: View) -> Card:
         "prior": "Yes, in a prior",
     }.get(result.conclusion.concerns or "", "Yes")
     p = digits.number(result.test.p_value, 2)
-    return Card(WRONG, word or where, f"p = {p}: {replicates(view)}")
+    return Card(WRONG, word or where, f"p = {p}: {basis_of_p_value(view)}")
 
 
-def replicates(view: View) -> str:
+def basis_of_p_value(view: View) -> str:
     """Return what the p-value rests on, as half a sentence."""
     result = view.result
     n, test = result.settings.n_replicates, result.test
