@@ -216,11 +216,11 @@ def test_calibration_has_a_discrepancy_of_each_output(data):
 
 def test_a_grid_search_over_beta(data):
     X, Y = data
-    runs = SIMULATOR.run(60, random_state=0)
+    runs = SIMULATOR.run(40, random_state=0)
     model = hs.PowerScaledSurrogate(
-        runs, surrogate=hs.PolynomialChaos(3), n_draws=200, sampler="importance", random_state=0
+        runs, surrogate=hs.PolynomialChaos(2), n_draws=50, sampler="importance", random_state=0
     )
-    search = GridSearchCV(model, {"beta": [0.3, 0.9]}, cv=3).fit(X, Y)
+    search = GridSearchCV(model, {"beta": [0.3, 0.9]}, cv=2).fit(X, Y)
     assert np.isfinite(search.cv_results_["mean_test_score"]).all()
 
 

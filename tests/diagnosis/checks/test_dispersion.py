@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import uniform
 
 import hybridsurrogate as hs
+from hybridsurrogate.diagnosis.checks import dispersion
 from hybridsurrogate.diagnosis.checks.dispersion import dispersion_of, neighbours
 from hybridsurrogate.likelihoods import Binomial, Poisson
 
@@ -19,11 +20,18 @@ def _counts(random, n=60, mean=20.0, ratio=1.0, factor=0.0):
     return X, eta, random.negative_binomial(mu / (ratio - 1), 1 / ratio).astype(float)
 
 
+@pytest.fixture
+def few_replicates(monkeypatch):
+    """A p-value has its level with 199 as with thousands."""
+    monkeypatch.setattr(dispersion, "_N_REPLICATES", 199)
+
+
 def _p_values(make, likelihood, seeds=100):
     found = [dispersion_of(likelihood, *make(np.random.default_rng(s))) for s in range(seeds)]
     return np.array([one.p_value for one in found]), np.array([one.ratio for one in found])
 
 
+@pytest.mark.usefixtures("few_replicates")
 @pytest.mark.parametrize("mean", [0.5, 2.0, 20.0, 1e4])
 def test_poisson_counts_are_poisson(mean):
     p, ratio = _p_values(lambda random: _counts(random, 80, mean), Poisson())
@@ -32,6 +40,7 @@ def test_poisson_counts_are_poisson(mean):
     assert np.mean(ratio) == pytest.approx(1, abs=0.1)
 
 
+@pytest.mark.usefixtures("few_replicates")
 def test_a_wrong_mean_is_no_overdispersion():
     # three waves over the rows, by a factor of 1.5 up and down
     p, ratio = _p_values(lambda random: _counts(random, factor=0.4), Poisson())
@@ -39,6 +48,7 @@ def test_a_wrong_mean_is_no_overdispersion():
     assert np.mean(ratio) == pytest.approx(1, abs=0.1)
 
 
+@pytest.mark.usefixtures("few_replicates")
 def test_a_jump_of_the_mean_is_no_overdispersion():
     def jumps(random):
         X, eta, _ = _counts(random)
@@ -48,12 +58,14 @@ def test_a_jump_of_the_mean_is_no_overdispersion():
     assert np.sum(p <= 0.01) <= 5
 
 
+@pytest.mark.usefixtures("few_replicates")
 def test_overdispersed_counts_are_found_and_measured():
     p, ratio = _p_values(lambda random: _counts(random, ratio=3.0), Poisson())
     assert np.sum(p <= 0.01) >= 90
     assert np.mean(ratio) == pytest.approx(3, rel=0.15)
 
 
+@pytest.mark.usefixtures("few_replicates")
 def test_successes():
     def successes(random, spread=0.0):
         X = np.sort(random.uniform(0, 1, (60, 1)), axis=0)
