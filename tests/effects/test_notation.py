@@ -218,7 +218,11 @@ def python_of(text):
 ADDED = [one for one in (cause.prepare(CONTEXT) for cause in CAUSES) if one.coefficients]
 
 
-@pytest.mark.parametrize("prepared", [one for one in ADDED if not one.is_process], ids=repr)
+@pytest.mark.parametrize(
+    "prepared",
+    [one for one in ADDED if not one.is_process],
+    ids=lambda one: f"{one.name}, {one.variant}",
+)
 def test_a_formula_of_what_is_added_is_the_curve(prepared):
     rng = np.random.default_rng(3)
     theta = {k: prior.ppf(rng.uniform(0.2, 0.8, 1)) for k, prior in prepared.parameters.items()}
