@@ -1,8 +1,8 @@
 """The first step of densities whose constant and moments are known: each of its ways to draw.
 
-Gaussians around modes; several of them; a narrow proposal along each piece of a place's density; a
-ridge straightened; one large batch of wider proposals; an ensemble. Hierarchies have coordinates of
-their own, in test_hierarchical.
+Gaussians around modes; several of them; a ridge straightened; one large batch of wider proposals;
+an ensemble. Hierarchies have coordinates of their own, in test_hierarchical, and the place of a
+jump narrow proposals along it, in test_adaptive_importance.
 """
 
 from dataclasses import replace
@@ -22,12 +22,12 @@ LOG_2PI = np.log(2 * np.pi)
 
 
 class Known:
-    """The posterior of three parameters, and of a step's place, with another density in place."""
+    """The posterior of three parameters, with another density in its place."""
 
     is_exact = True
     n_noise = 0
 
-    def __init__(self, log_density, effects=()):
+    def __init__(self, log_density):
         simulator = hs.Simulator(
             lambda t, a, b, c: a + b * t + c * t**2,
             inputs={"t": (-1, 1)},
@@ -36,7 +36,7 @@ class Known:
         t = np.linspace(-1, 1, 20)
         rows = ("t",), t[:, None], np.cos(40 * t)
         normal, exact = as_likelihood("normal"), hs.ExactSurrogate()
-        problem = make_problem(simulator, exact, normal, None, effects, *rows)
+        problem = make_problem(simulator, exact, normal, None, (), *rows)
         self.target, self.log_density = make_target(problem, 0.0, 1.0), log_density
 
     def __getattr__(self, name):
@@ -60,9 +60,8 @@ class Known:
     from_ensemble = resolved
 
 
-def drawn(log_density, effects=(), sampler="auto", n_draws=2000, seed=0):
-    target = Known(log_density, effects)
-    return first_step(target, sampler, n_draws, np.random.RandomState(seed))
+def drawn(log_density, seed=0):
+    return first_step(Known(log_density), "auto", 2000, np.random.RandomState(seed))
 
 
 def log_constant(diagnostics, n=4):
