@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import norm
+from scipy.stats import norm, uniform
 
 import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.search.context import SearchContext
+from hybridsurrogate.diagnosis.search.forward_selection import forward_search
+from hybridsurrogate.diagnosis.search.forward_selection import searches as searches_of
 from hybridsurrogate.diagnosis.search.search import search
 from hybridsurrogate.diagnosis.search.setup import prepare, trained_emulator
 
@@ -71,3 +73,33 @@ def test_what_was_far_behind_in_all_rows_is_not_compared(searches):
     assert np.isfinite(near.remainder).all()
     assert np.isfinite(near.correlated).all()
     assert (near.probability[left_out] == 0).all()
+
+
+def test_second_causes_are_looked_for_beside_what_was_within_reach():
+    """In four of five rows: first causes are those whose pairs came near the best in all rows."""
+    rng = np.random.default_rng(5)
+    t = np.sort(rng.uniform(0, 20, 50))
+    simulator = hs.Simulator(
+        lambda t, a, k: a * np.exp(-k * t) + 5,
+        inputs={"t": (0, 20)},
+        parameters={"a": uniform(5, 6), "k": uniform(0.05, 0.4)},
+    )
+    y = 8 * np.exp(-0.2 * t) + 5 + 1.2 * (t > 11) + 0.9 * np.sin(2 * np.pi * t / 4.3)
+    y += 0.3 * rng.normal(size=50)
+    known, found = (), []
+    for rows in (np.arange(50), np.flatnonzero(np.arange(50) % 5 != 2)):
+        model = hs.PowerScaledSurrogate(
+            simulator, surrogate=hs.ExactSurrogate(), n_draws=20, random_state=0
+        ).fit(t[rows, None], y[rows])
+        prepared = prepare(model, (hs.Step("t"), hs.Periodic("t"), hs.Ramp("t"), hs.Trend("t")))
+        problem, emulator = trained_emulator(prepared.problem, model)
+        causes = [c for c in prepared.causes if c.kind in ("step", "periodic", "ramp", "trend")]
+        random = np.random.RandomState(0)
+        steps = forward_search(problem, causes, emulator, 2, 0.05, None, random, known)
+        known = searches_of(steps)
+        found.append(steps)
+    whole, some = found
+    assert {step.chosen.kind for step in some} == {"step", "periodic"}
+    assert 1 <= len(some[0].tried) <= len(whole[0].tried)
+    firsts = [{one.problem.model.effects[-1].name for one in steps[0].tried} for steps in found]
+    assert firsts[1] <= firsts[0]

@@ -10,7 +10,11 @@ import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.emulation.conditioned import krige
 from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
 from hybridsurrogate.inference.evidence.grid import make_grid
-from hybridsurrogate.inference.evidence.linearised import columns_at_nodes, linearise
+from hybridsurrogate.inference.evidence.linearised import (
+    RecentSlopes,
+    columns_at_nodes,
+    linearise,
+)
 from hybridsurrogate.inference.evidence.marginal_likelihood import _whitener, scan
 from hybridsurrogate.model.problem import make_problem
 from hybridsurrogate.model.statistics import emulator_posterior
@@ -277,3 +281,40 @@ def test_more_experiments_need_no_more_runs(last):
         linearise(model, X, emulator, grid, grid.neutral + 0.1)
         rows.append(sum(asked))
     assert rows[0] == rows[1]
+
+
+def numbers_in(parts):
+    return [parts.mean, parts.G, parts.H, parts.U]
+
+
+def test_recent_slopes_are_those_of_their_place():
+    calls = []
+
+    def decay(t, rate):
+        calls.append(len(t))
+        return np.exp(-rate * t)
+
+    t = np.linspace(0, 10, 20)
+    simulator = hs.Simulator(decay, {"t": (0, 10)}, {"rate": stats.uniform(0.1, 0.5)})
+    problem = make_problem(
+        simulator, hs.ExactSurrogate(), hs.Normal(), None, (), ("t",), t[:, None], np.exp(-0.3 * t)
+    )
+    emulator, recent = emulator_posterior(problem.model.basis, None), RecentSlopes()
+    causes = [hs.Offset(), hs.Gain(), Spike()]
+    for place in (0.3, -0.5, 0.3):
+        for cause in causes:
+            model = problem.model.with_effects((cause,))
+            grid = make_grid(model)
+            z = grid.neutral.copy()
+            z[0] = place
+            alone = linearise(model, t[:, None], emulator, grid, z)
+            kept = linearise(model, t[:, None], emulator, grid, z, None, recent)
+            for a, b in zip(numbers_in(alone), numbers_in(kept), strict=True):
+                np.testing.assert_array_equal(a, b)
+    # a place that was met already, under whatever cause that only adds to the output, takes no run
+    before = len(calls)
+    model = problem.model.with_effects((hs.Offset(),))
+    z = make_grid(model).neutral.copy()
+    z[0] = -0.5
+    linearise(model, t[:, None], emulator, make_grid(model), z, None, recent)
+    assert len(calls) == before
