@@ -149,6 +149,25 @@ def test_a_ridge_is_drawn_along_its_whole_length(monkeypatch):
     assert off.std() == pytest.approx(1, abs=4 / np.sqrt(2 * n))
 
 
+def bent_beside_a_loose_unknown(u):
+    """The same where the data say less of a third unknown than of those on the curve."""
+    return (
+        stats.norm.logpdf(u[:, 0], 0, 0.7)
+        + stats.norm.logpdf(u[:, 1], np.exp(u[:, 0] / 2), THICK)
+        + stats.norm.logpdf(u[:, 2:], [0, -1.5], [1.0, 0.05]).sum(axis=1)
+    )
+
+
+def test_a_ridge_is_followed_along_an_unknown_that_is_on_it():
+    found = drawn(bent_beside_a_loose_unknown)
+    assert found.diagnostics.sampler == "importance"
+    assert log_constant(found.diagnostics) == pytest.approx(0.0, abs=0.1)
+    n = effective(found)
+    for k, sd in ((0, 0.7), (2, 1.0)):
+        assert found.u[:, k].mean() == pytest.approx(0, abs=4 * sd / np.sqrt(n))
+        assert found.u[:, k].std() == pytest.approx(sd, abs=4 * sd / np.sqrt(2 * n))
+
+
 # heavy in all directions at once: a Student-t of two degrees of freedom has no second moments
 TAILS = stats.multivariate_t(MEAN, FACTOR @ FACTOR.T, df=2)
 
