@@ -1,4 +1,4 @@
-"""Seconds of whole jobs beside those of an earlier commit, in turn on the same machine.
+"""Seconds of whole jobs next to those of an earlier commit, in turn on the same machine.
 
 ``python tests/benchmarks/compare.py COMMIT [--jobs NAME ...] [--rounds 3]`` checks the commit out
 into a folder of its own and prints CPU seconds before and after with their ratio: machines are
