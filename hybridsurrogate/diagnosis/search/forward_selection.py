@@ -283,8 +283,8 @@ def _look_ahead(
         waiting = [at]
     elsewhere = _pairs_elsewhere(result, causes, named, nearby)
     if elsewhere:
-        within = max(elsewhere.values()) - SETTINGS.behind_nearby
-        waiting = [k for k in waiting if k == at or elsewhere.get(k, -np.inf) > within]
+        within = max(elsewhere.values()) - SETTINGS.pruned_nearby
+        waiting = [k for k in waiting if k == at or elsewhere.get(k, np.inf) > within]
     in_doubt = len(waiting) > 1
     made: dict[int, Search] = {}
     values: dict[int, float] = {}

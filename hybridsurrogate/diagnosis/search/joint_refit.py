@@ -41,7 +41,7 @@ def placed_together(
         return conditional
     candidates = list(conditional.candidates)
     elsewhere = np.array([w.log_evidence for w in nearby.candidates]) if nearby else evidence
-    behind = SETTINGS.behind_nearby if nearby else SETTINGS.second_cause_behind
+    behind = SETTINGS.pruned_nearby if nearby else SETTINGS.second_cause_behind
     for k in able:
         near = elsewhere[k] > max(elsewhere[able]) - behind
         if near and evidence[k] > evidence[able[0]] - SETTINGS.second_cause_behind:
