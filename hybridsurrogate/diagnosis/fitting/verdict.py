@@ -117,8 +117,10 @@ def given_doubts(verdict: Verdict, first: SearchStep, doubts: Sequence[Caution])
 
 def _word(chosen: Candidate, found: Search) -> str:
     """Return the verdict by probability alone."""
+    if chosen.cause is None:
+        return "adequate"
     if not chosen.has_name:
-        return {"none": "adequate"}.get(chosen.kind, chosen.kind)
+        return "unexplained"
     return "named" if found.kind_shares[chosen.kind] >= SETTINGS.named else "ambiguous"
 
 

@@ -152,7 +152,7 @@ def search(
         On an interrupt: it contains the search over the causes that were fitted by then.
     """
     null = context.best_null() if accepted is None else context.nothing_further(accepted.fit)
-    ends = None if nearby is None else [w.fit for w in nearby.candidates[1:]]
+    ends = [w.fit for w in nearby.candidates[1:]] if nearby is not None else None
     compared = np.arange(len(causes)) if nearby is None else _within_reach(nearby, causes)
     some = [causes[int(k)] for k in compared]
     log_prior = np.log(prior_odds([None, *causes]))[[0, *(1 + compared)]]

@@ -381,8 +381,8 @@ def linearise(
     ``columns`` may be given where they are known from `columns_at_nodes`, and slopes from calls
     with the same rows and emulator.
     """
-    recent = RecentSlopes() if recent is None else recent
-    around = recent.at(model, X, emulator, grid, z)
+    slopes = _slopes if recent is None else recent.at
+    around = slopes(model, X, emulator, grid, z)
     return _linearise(model, X, emulator, grid, z, columns, around)
 
 
