@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from time import thread_time
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from hybridsurrogate.types import FloatArray
 _BYTES = 64 * 2**20
 # To find a row takes about 0.4 us: a function of arrays that takes less is called again. Of fewer
 # rows the time is that of the call
-_QUICK, _FEW = 1e-6, 1000
+_QUICK, _FEW, _MEASURED = 1e-6, 1000, 3
 # odd, of mixed bits (Steele, Lea and Flood 2014, the constants of SplitMix64)
 _GOLDEN, _MIX = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBF58476D1CE4E5B9)
 
@@ -47,7 +47,7 @@ class OutputCache:
     def __init__(self, n_bytes: int = _BYTES) -> None:
         self.n_bytes = n_bytes
         self._table: tuple[NDArray[np.uint64], FloatArray, NDArray[np.bool_]] | None = None
-        self._seconds, self._rows = 0.0, 0
+        self._seconds, self._calls = np.inf, 0
 
     def __reduce__(self) -> tuple[Any, ...]:
         # another process begins with an empty table
@@ -87,14 +87,16 @@ class OutputCache:
     ) -> FloatArray:
         """Return what `outputs` does; a function of many rows at once is called for all, if quick.
 
-        Measured by its calls so far.
+        The quickest of its first calls decides: on a busy machine others have to wait.
         """
-        if self._seconds > _QUICK * self._rows:
+        if self._calls >= _MEASURED and self._seconds > _QUICK:
             return self.outputs(function, points)
-        start = thread_time()
+        if self._calls >= _MEASURED or len(points) < _FEW:
+            return function(points)
+        start = perf_counter()
         y = function(points)
-        if len(points) >= _FEW:
-            self._seconds, self._rows = self._seconds + thread_time() - start, self._rows + len(y)
+        self._seconds = min(self._seconds, (perf_counter() - start) / len(points))
+        self._calls += 1
         return y
 
     def _empty(
