@@ -14,6 +14,7 @@ from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.effects.base import Cause
 
 NOT_COMPARED = "not compared: "
+ESTIMATED = "far behind in a sample of the rows, from which its evidence is estimated"
 
 
 def form_of(cause: Cause) -> str:
@@ -34,7 +35,7 @@ def cause_table(result: Search, skipped: list[Skipped]) -> pd.DataFrame:
             "log_evidence": log_evidence,
             "smooth_curve": remainder,
             "correlated": correlated,
-            "note": note,
+            "note": note or (ESTIMATED if w.is_estimate else ""),
         }
         for w, probability, log_evidence, remainder, correlated, note in zip(
             result.candidates,

@@ -30,6 +30,8 @@ class Candidate(NamedTuple):
     log_evidence_with_remainder, log_evidence_with_noise : float
         Given a smooth discrepancy of unknown shape, and given noise that neighbouring rows share;
         minus infinity where not compared.
+    is_estimate : bool
+        Whether the evidence is that of a sample of the rows, in which it is far behind.
     """
 
     cause: Cause | None
@@ -37,6 +39,7 @@ class Candidate(NamedTuple):
     log_evidence: float
     log_evidence_with_remainder: float = -np.inf
     log_evidence_with_noise: float = -np.inf
+    is_estimate: bool = False
 
     def __repr__(self) -> str:
         name = "none" if self.cause is None else f"{self.cause.name}: {self.cause.variant}"

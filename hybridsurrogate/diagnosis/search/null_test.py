@@ -48,13 +48,16 @@ class NullTest(NamedTuple):
         T of data sets in which nothing is wrong.
     bound : float
         What Markov's inequality leaves to such evidence, see `evidence_bound`.
+    least : float
+        1 / (1 + R), as asked for: R replicates can show no less.
     faults : Faults or None
         None: not looked at.
     """
 
     statistic: float
     replicates: FloatArray
-    bound: float = 1.0
+    bound: float
+    least: float
     faults: Faults | None = None
 
     def __repr__(self) -> str:
@@ -72,7 +75,7 @@ class NullTest(NamedTuple):
     @property
     def p_value(self) -> float:
         """The share or, where it is less, the bound: never less than one in 1 + R."""
-        return min(self.share, max(self.bound, 1 / (1 + len(self.replicates))))
+        return min(self.share, max(self.bound, self.least))
 
 
 def null_test(
@@ -102,14 +105,15 @@ def null_test(
         null test.
     """
     responses = np.vstack([result.problem.y, replicates(result, n_replicates, random_state)])
+    least = 1 / (1 + n_replicates)
     if not with_faults:
         statistic = evidence_ratios(result, responses)
-        return NullTest(float(statistic[0]), statistic[1:])
+        return NullTest(float(statistic[0]), statistic[1:], 1.0, least)
     sizes, data = _faulty(result)
     statistic = evidence_ratios(result, np.vstack([responses, data.reshape(-1, data.shape[-1])]))
     own, of_faults = np.split(statistic, [len(responses)])
     faults = Faults(sizes, of_faults.reshape(data.shape[:-1]))
-    return NullTest(float(own[0]), own[1:], faults=faults)
+    return NullTest(float(own[0]), own[1:], 1.0, least, faults)
 
 
 def faults_of(result: Search) -> Faults:

@@ -65,7 +65,7 @@ def _given_noise(result: Search, nearby: Search | None) -> Search:
     able = [
         k
         for k, w in enumerate(result.candidates)
-        if w.cause is not None and w.cause.changes_output and w.has_name
+        if w.cause is not None and w.cause.changes_output and w.has_name and not w.is_estimate
         if nearby is None or nearby.probability[k] * nearby.correlated[k] > _MATTERS
     ]
     out = list(result.candidates)

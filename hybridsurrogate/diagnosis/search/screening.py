@@ -27,13 +27,14 @@ def best_modes(
     null: Fitted,
     log_prior: FloatArray,
     nearby: Sequence[Fitted] | None = None,
+    is_sample: bool = False,
 ) -> tuple[list[Fitted], FloatArray]:
     """Fit every cause: from one start, and from more where that looks promising.
 
     ``log_prior`` is that of "nothing is wrong" and of every cause. ``nearby`` are the modes of the
     same causes in other rows of the same data: they stand for that first optimisation, and what is
-    promising is followed from there alone. An `InterruptedSearch` contains the fits of the first so
-    many causes.
+    promising is followed from there alone, to the end where those were a sample of these rows. An
+    `InterruptedSearch` contains the fits of the first so many causes.
 
     Returns
     -------
@@ -56,13 +57,14 @@ def best_modes(
                 fits.append(_unchanged(context, model, grid, nearby[k], null))
         # a first fit may have found a lower mode on too coarse a grid; where those in other rows
         # ended is nearly it, and what had a chance there has a finer grid already
-        margin = SETTINGS.behind if nearby is None else SETTINGS.behind_nearby
+        is_coarse = nearby is None or is_sample
+        margin = SETTINGS.behind if is_coarse else SETTINGS.behind_nearby
         behind = _far_behind(context, [null, *fits], log_prior, margin)
         for k in map(int, np.flatnonzero(np.isnan(behind))):
             if causes[k].is_correlated_noise or is_followed(causes[k]):
                 continue
             # where those in other rows ended the grid is fine already
-            rounds = None if nearby is None else SETTINGS.refinements_nearby
+            rounds = None if is_coarse else SETTINGS.refinements_nearby
             fits[k] = context.converge(fits[k], rounds)
     except KeyboardInterrupt as stop:
         raise InterruptedSearch(fits) from stop

@@ -157,9 +157,10 @@ def search(
     some = [causes[int(k)] for k in compared]
     log_prior = np.log(prior_odds([None, *causes]))[[0, *(1 + compared)]]
     fits: Sequence[Fitted] = []
+    is_sample = nearby is not None and len(nearby.problem.y) < len(context.problem.y)
     try:
         near = None if ends is None else [ends[k] for k in compared]
-        fits, behind = best_modes(context, some, null, log_prior, near)
+        fits, behind = best_modes(context, some, null, log_prior, near, is_sample)
     except KeyboardInterrupt as stop:
         kept = [null, *(stop.kept if isinstance(stop, InterruptedSearch) else fits)]
         unknown = np.full(len(kept), np.nan)
@@ -168,7 +169,22 @@ def search(
     for k, fit in zip(compared, fits, strict=True):
         every[k] = fit
     known[0], known[1 + compared] = np.nan, behind
-    return _compare(context, causes, [null, *every], known)
+    result = _compare(context, causes, [null, *every], known)
+    return _estimated(result, nearby) if nearby is not None and is_sample else result
+
+
+def _estimated(result: Search, sample: Search) -> Search:
+    """Return the search with the evidence that a sample, as so much of it, has for the rest."""
+    none, few = result.candidates[0].log_evidence, sample.candidates[0].log_evidence
+    share = len(result.problem.y) / len(sample.problem.y)
+    return result.reweighed(
+        [
+            w._replace(log_evidence=none + share * (of_few.log_evidence - few), is_estimate=True)
+            if w.log_evidence == -np.inf
+            else w
+            for w, of_few in zip(result.candidates, sample.candidates, strict=True)
+        ]
+    )
 
 
 def _within_reach(nearby: Search, causes: Sequence[Cause]) -> NDArray[np.intp]:
