@@ -9,12 +9,13 @@ from scipy import stats
 
 from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows
 from hybridsurrogate.priors import frozen
+from hybridsurrogate.studied import STUDIED
 from hybridsurrogate.types import Prior
 
 # learned from 18 measured data sets and 160 generated cases, half of these with their cause left
 # out of the catalogue: how the standard deviation grows with the distance, and its ends in shares
 # of what was detected
-GROWTH, LEAST, MOST = 0.25, 0.01, 2.0
+GROWTH, LEAST, MOST = (STUDIED["remainder"][name] for name in ("growth", "least", "most"))
 
 
 class Remainder(Declared):
