@@ -16,6 +16,7 @@ TASKS = {
         *("Simulator", "OdeSimulator", "CommandSimulator", "Assumed", "truncated_normal"),
     ),
     "Read and hold runs": ("SimulationData", "read_simulation"),
+    "Emulate a simulation": ("Emulator",),
     "Find out what is wrong": ("DiscrepancyDiagnosis", "CauseFinding", "refine"),
     "Fit and predict": (
         *("PowerScaledSurrogate", "PredictiveWeightedSurrogate", "MultiSourceSurrogate", "Source"),

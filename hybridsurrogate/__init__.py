@@ -43,6 +43,7 @@ from hybridsurrogate.effects.response.limit import Limit
 from hybridsurrogate.effects.response.loss import Loss
 from hybridsurrogate.effects.response.second_store import SecondStore
 from hybridsurrogate.effects.response.sensor_response import SensorResponse
+from hybridsurrogate.emulators.emulator import Emulator
 from hybridsurrogate.estimators import (
     AveragedSurrogate,
     KennedyOHaganSurrogate,
@@ -124,6 +125,7 @@ __all__ = [
     "DynamicDrift",
     "DynamicTerm",
     "EmulationWarning",
+    "Emulator",
     "EnsembleSampler",
     "Episode",
     "ExactSurrogate",

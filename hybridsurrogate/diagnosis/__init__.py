@@ -3,7 +3,6 @@
 diagnosis   DiscrepancyDiagnosis: checks its arguments, keeps the result, answers
 refinement  a diagnosis with further runs where they inform most
 checks      data, simulation and emulator: is there something to doubt?
-emulation   the simulation conditioned on its runs alone
 search      screen every cause, score the most probable, accept, repeat
 answers     verdict tables, discrepancy, findings, extended simulation, next measurement
 validation  the whole search repeated on folds: what the extension gains

@@ -18,6 +18,7 @@ from hybridsurrogate.plotting.curves import (
     plot_predictive_bands,
 )
 from hybridsurrogate.plotting.densities import plot_densities_over_beta
+from hybridsurrogate.plotting.emulator import plot_emulator
 from hybridsurrogate.plotting.monitor import plot_monitor
 from hybridsurrogate.plotting.overview import Predicted, plot_overview
 from hybridsurrogate.plotting.report import (
@@ -63,6 +64,7 @@ __all__ = [
     "plot_coverage",
     "plot_densities_over_beta",
     "plot_discrepancy",
+    "plot_emulator",
     "plot_information",
     "plot_mean_draws",
     "plot_mean_draws_over_beta",

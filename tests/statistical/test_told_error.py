@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import qmc, uniform
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.emulation.conditioned import krige
+from hybridsurrogate.emulators.conditioned import krige
 from hybridsurrogate.model.statistics import EmulatorPosterior
 from hybridsurrogate.surrogates.domain import Domain
 

@@ -213,6 +213,8 @@ two_step = hs.PredictiveWeightedSurrogate(runs, beta="stacking", random_state=0)
 calibration = hs.KennedyOHaganSurrogate(runs, random_state=0)
 many = hs.MultiSourceSurrogate([hs.Source(runs, power=0.5)], random_state=0)
 average = hs.AveragedSurrogate()
+emulator: hs.Emulator = hs.Emulator(kind="polynomial").fit(runs)
+print(emulator.predict(runs.to_frame()), plotting.plot_emulator(emulator), emulator.q2_)
 
 
 def fitted(X: Array, y: Array) -> Array:

@@ -11,12 +11,12 @@ import numpy as np
 from sklearn.base import clone
 
 from hybridsurrogate.catalogue import Skipped, catalogue
-from hybridsurrogate.diagnosis.emulation.conditioned import krige
 from hybridsurrogate.diagnosis.search.noise_of_outputs import at_noise_of
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.in_output import prepared_for
 from hybridsurrogate.effects.noise.gross_error import MOST_ROWS
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
+from hybridsurrogate.emulators.conditioned import krige
 from hybridsurrogate.estimators.power_scaled import FitTask, PowerScaledSurrogate
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.inference.prior_ends import at_prior_ends

@@ -25,7 +25,7 @@ from hybridsurrogate.types import FloatArray
 
 # runs, and places between them, on which the features stand: at most so many, fewer where all
 # others are as good as known, to these shares of the variance of the outputs
-_RUN_FEATURES, _RUNS_KNOWN, _MORE_FEATURES, _KNOWN = 200, 1e-5, 100, 3e-4
+_MOST_STANDS, _RUN_FEATURES, _RUNS_KNOWN, _MORE_FEATURES, _KNOWN = 500, 200, 1e-5, 100, 3e-4
 _CANDIDATES = 1024
 
 
@@ -58,7 +58,7 @@ class Kriging(Surrogate):
     `GaussianProcess` infers its length scales together with everything else, which takes many times
     as long from four dimensions on. Here they are fixed at their most likely values. The process
     takes inputs and parameters beyond the runs as those at the ends of the range. The covariance is
-    estimated from 200 runs, and features are chosen from 500, drawn at random where there are more.
+    estimated from 500 runs, and features are chosen from 500, drawn at random where there are more.
     All runs train the coefficients. Under likelihoods that are not normal or log-normal hundreds of
     features take minutes to fit: a polynomial has fewer.
 
@@ -100,7 +100,7 @@ class Kriging(Surrogate):
             raise ValueError(needs)
         ranges = np.vstack([domain.input_ranges, domain.parameter_ranges])
         process = process_through(trend, ranges, domain.X, domain.omega, domain.eta)
-        runs = process.some(domain.X, domain.omega, domain.eta)
+        runs = process.some(domain.X, domain.omega, domain.eta, _MOST_STANDS)
         matrix = runs.places.alike(runs.places)
         sd = conditioned(matrix, process.covariance.nugget, runs.residual).sd[0]
         # outputs that are all the same would leave nothing to learn

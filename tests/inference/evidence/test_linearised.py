@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 import hybridsurrogate as hs
-from hybridsurrogate.diagnosis.emulation.conditioned import krige
+from hybridsurrogate.emulators.conditioned import krige
 from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
 from hybridsurrogate.inference.evidence.grid import make_grid
 from hybridsurrogate.inference.evidence.linearised import (

@@ -9,7 +9,7 @@ from sklearn.gaussian_process.kernels import Matern
 
 import hybridsurrogate as hs
 from hybridsurrogate.datasets import make_log_sin
-from hybridsurrogate.diagnosis.emulation.conditioned import KrigedBasis, krige
+from hybridsurrogate.emulators.conditioned import KrigedBasis, krige, through_runs
 from hybridsurrogate.model.statistics import emulator_posterior, statistics
 from hybridsurrogate.surrogates import Domain
 from hybridsurrogate.surrogates.emulation.covariance import (
@@ -283,7 +283,7 @@ def test_the_error_of_many_rows_needs_few_columns(simulator):
     np.testing.assert_allclose(told, expected, atol=1e-3 * expected.max())
 
 
-def test_of_many_runs_in_order_some_of_everywhere_are_used(simulator):
+def test_runs_in_order_are_used_from_everywhere(simulator):
     runs = simulator.run(900, random_state=0)
     order = np.argsort(runs.X[:, 0])
     runs = hs.SimulationData(
@@ -292,7 +292,16 @@ def test_of_many_runs_in_order_some_of_everywhere_are_used(simulator):
     domain = Domain(np.array([[0, 4], [-1, 1]]), np.array([[10, 20]]), runs.y.mean(), runs.y.std())
     basis = hs.PolynomialChaos(2).build(domain)
     kriged, _ = krige(basis, emulator_posterior(basis, None), runs, runs.y)
-    assert len(kriged.weights) == 500
+    assert len(kriged.weights) == 900
     new = simulator.run(200, random_state=1)
     missed = kriged.output(new.X, new.omega, np.empty(0)) - new.y
     assert np.sqrt(np.mean(missed**2)) < 0.01 * np.std(new.y)
+
+
+def test_the_error_of_many_runs_is_that_of_some_and_the_mean_that_of_all(simulator):
+    runs, *_, whole = trained(simulator, 60, 1)
+    some = through_runs(whole.process, runs.X, runs.omega, runs.y, most_open=30)
+    new = simulator.run(100, random_state=1)
+    (mean, sd), (all_mean, all_sd) = (one.predict(new.X, new.omega) for one in (some, whole))
+    np.testing.assert_allclose(mean, all_mean, rtol=1e-6, atol=1e-6)
+    assert np.median(sd / all_sd) > 1

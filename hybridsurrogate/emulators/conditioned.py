@@ -27,6 +27,7 @@ from hybridsurrogate.surrogates.emulation.process import (
     Process,
     conditioned,
     process_through,
+    weights_of,
 )
 from hybridsurrogate.surrogates.families.kriging import CurveBasis, KrigingBasis
 from hybridsurrogate.surrogates.families.stacked import StackedBasis, stacked
@@ -36,6 +37,8 @@ from hybridsurrogate.types import FloatArray
 _NEGLIGIBLE = 1e-4
 # rows whose whole covariance is sooner made than the columns that are asked for
 _FEW = 600
+# runs that an error takes: its time grows with their square
+MOST_OPEN = 1000
 
 
 @dataclass(frozen=True)
@@ -51,8 +54,9 @@ class KrigedBasis(Basis):
         The runs.
     weights : ndarray of shape (n_runs,)
         Of the runs.
-    whiten : ndarray of shape (n_runs, n_runs)
-        Inverse of the lower factor of the runs' covariance in units of the process's variance.
+    whiten : ndarray of shape (m, m)
+        Inverse of the lower factor of the covariance of the first m runs in units of the process's
+        variance: its error is that given these alone, so that it takes no longer with more.
     sd : float
         Of the process.
     local : LocalError
@@ -106,12 +110,15 @@ class KrigedBasis(Basis):
             return trend.outer_output(X, omega, self.c) + missed
         return trend.known(rows, points).reshape(missed.shape) + missed
 
+    def predict(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return mean and standard deviation (n,) of the simulation."""
+        pieces = blocks(len(X), len(self.weights))
+        sd = np.concatenate([self._left(X[k], omega[k])[3] for k in pieces])
+        return self.known(X, omega), sd
+
     def error(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         """Return F (n, r): the covariance of what is unknown of the simulation is F F'."""
-        places = self.process.places(X, omega)
-        white = places.alike(self.runs) @ self.whiten.T
-        sd = self.sd * self.local.at(places.points)
-
+        places, white, sd, left = self._left(X, omega)
         square = places.alike(places) - white @ white.T if len(X) <= _FEW else None
 
         def column(k: int) -> FloatArray:
@@ -120,12 +127,26 @@ class KrigedBasis(Basis):
             alike = places.alike(places.of(slice(k, k + 1)))[:, 0] - white @ white[k]
             return sd[k] * sd * alike
 
-        diagonal = sd**2 * np.maximum(places.variances() - np.sum(white**2, axis=1), 0.0)
+        diagonal = left**2
         # at a steep end of a range variances can be a million times those elsewhere
         typical = float(np.median(diagonal)) if len(diagonal) else 0.0
         least = max(_NEGLIGIBLE * typical, 1e-12 * float(np.max(diagonal, initial=0.0)))
         factor, _ = pivoted_cholesky(diagonal, column, least, len(diagonal))
         return factor
+
+    def _left(
+        self, X: FloatArray, omega: FloatArray
+    ) -> tuple[Places, FloatArray, FloatArray, FloatArray]:
+        """Return places, whitened covariances with the runs, and the sd before and given these."""
+        places = self.process.places(X, omega)
+        white = places.alike(self.runs.of(slice(len(self.whiten)))) @ self.whiten.T
+        sd = self.sd * self.local.at(places.points)
+        return (
+            places,
+            white,
+            sd,
+            sd * np.sqrt(np.maximum(places.variances() - np.sum(white**2, axis=1), 0.0)),
+        )
 
     def _terms(self, X: FloatArray, omega: FloatArray) -> FloatArray:
         trend = self.process.trend
@@ -159,6 +180,11 @@ class KrigedCurves(Basis):
     emulator: CurveEmulator
 
     leaves_open = True
+
+    def predict(self, X: FloatArray, omega: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return mean and standard deviation (n,) of the simulation."""
+        mean, spread = self.emulator.both(X, omega)
+        return mean, np.sqrt(np.sum(spread**2, axis=1))
 
     def of_runs(self, X: FloatArray) -> FloatArray:
         """Return the inputs that a run has one value of: without that along which it is a curve."""
@@ -285,18 +311,40 @@ def _kriged(
         if curves is not None:
             return KrigedCurves(none, none, curves), nothing
         process = process_through(basis, ranges, X, omega, run_eta, noise)
+    return through_runs(process, X, omega, run_eta), nothing
+
+
+def through_runs(
+    process: Process,
+    X: FloatArray,
+    omega: FloatArray,
+    run_eta: FloatArray,
+    most_open: int = MOST_OPEN,
+) -> KrigedBasis:
+    """Return a process with a trend, conditioned on runs of one output.
+
+    Parameters
+    ----------
+    process : Process
+    X, omega, run_eta : ndarray of shape (n, n_inputs), (n, n_parameters), (n,)
+    most_open : int, default=1000
+        Of more runs the error is that given the first so many alone, which is a little larger.
+    """
+    none = np.empty(0)
     runs = process.some(X, omega, run_eta)
     matrix = runs.places.alike(runs.places)
-    fitted = conditioned(matrix, process.covariance.nugget, runs.residual)
+    nugget, first = process.covariance.nugget, slice(most_open)
+    fitted = conditioned(matrix[first, first], nugget, runs.residual[first])
     weights = fitted.weights[:, 0]
+    if len(matrix) > len(weights):
+        weights = weights_of(matrix, nugget, runs.residual)[:, 0]
     assert process.trend is not None
     prior = process.trend.coefficient_mean
     used = slice(None if len(process.term_sd) or np.any(prior) else 0)
     c = prior[used].copy()
     if len(process.term_sd):
         c += process.term_sd * (runs.places.terms.T @ weights)
-    local = LocalError.of(runs.places.points, fitted.misses)
-    kriged = KrigedBasis(
+    local = LocalError.of(runs.places.of(first).points, fitted.misses)
+    return KrigedBasis(
         none, none, process, c, runs.places, weights, fitted.whiten, float(fitted.sd[0]), local
     )
-    return kriged, nothing

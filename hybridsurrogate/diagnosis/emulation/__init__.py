@@ -1,4 +1,0 @@
-"""A simulation known from runs.
-
-conditioned     a Gaussian process through the runs on a polynomial's terms
-"""
