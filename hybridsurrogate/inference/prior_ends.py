@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -45,9 +46,29 @@ def at_prior_ends(posterior: Posterior) -> list[AtPriorEnd]:
     ----------
     posterior : Posterior
     """
+    model = posterior.model
+    return _at_ends(zip(model.parameters.items(), posterior.values.T, strict=False))
+
+
+def effects_at_prior_ends(posterior: Posterior, n: int) -> list[AtPriorEnd]:
+    """Return what of the first n effects the data push against an end of its prior.
+
+    Parameters
+    ----------
+    posterior : Posterior
+    n : int
+    """
+    model, found = posterior.model, []
+    for position, (owner, name) in enumerate(model.theta_names, start=model.n_parameters):
+        if owner < n:
+            word = f"{name} of {model.effects[owner].name}"
+            found.append(((word, model.priors[position]), posterior.values[:, position]))
+    return _at_ends(found)
+
+
+def _at_ends(found: Iterable[tuple[tuple[str, Prior], FloatArray]]) -> list[AtPriorEnd]:
     out = []
-    pairs = zip(posterior.model.parameters.items(), posterior.values.T, strict=False)
-    for (name, prior), draws in pairs:
+    for (name, prior), draws in found:
         for side in ("low", "high"):
             if _pushed(prior, draws, side):
                 end = float(prior.ppf(_OUTERMOST if side == "low" else 1 - _OUTERMOST))

@@ -107,8 +107,9 @@ def _check_estimator(estimator: Any) -> None:
         )
     if estimator.simulation is None:
         raise ValueError("There is no simulation to diagnose: give the estimator simulation=...")
-    if tuple(estimator.effects):
-        raise ValueError(
-            "The estimator has effects already. Diagnose the estimator without them: a search "
-            "compares the causes of the catalogue, and does not add to other effects."
-        )
+    for effect in as_causes(estimator.effects):
+        if not effect.is_learned or effect.is_process or "outliers" in effect.acts_on:
+            raise ValueError(
+                f"A known effect has a shape that the data inform; {effect.name} has none: nothing "
+                "is compared in addition to it. Diagnose the estimator without it."
+            )

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from hybridsurrogate.diagnosis.checks.caution import Caution
 from hybridsurrogate.diagnosis.checks.columns import better_columns
 from hybridsurrogate.diagnosis.checks.data import gross_errors, mirrored, single_rows
@@ -17,9 +19,12 @@ from hybridsurrogate.diagnosis.fitting.verdict import Verdict, conclude, given_d
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
 from hybridsurrogate.diagnosis.validation.refit import accepted
 from hybridsurrogate.diagnosis.validation.rows_left_out import with_rows
+from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.noise.gross_error import GrossError
-from hybridsurrogate.inference.prior_ends import at_prior_ends
+from hybridsurrogate.inference.prior_ends import at_prior_ends, effects_at_prior_ends
+from hybridsurrogate.model.posterior import Posterior
 from hybridsurrogate.model.problem import Problem
+from hybridsurrogate.numerics import digits
 
 
 def concluded(
@@ -86,6 +91,31 @@ def _doubts(
     if verdict != "adequate":
         out += better_columns(first.search, ranges, first.chosen)
     return out if verdict in ("named", "nearest") else [*out, *mirrored(problem)]
+
+
+def contradicted(posterior: Posterior, known: Sequence[Cause]) -> list[Caution]:
+    """Return known effects of which the data show nothing, or against an end of their priors.
+
+    Parameters
+    ----------
+    posterior : Posterior
+        Of the extended model, whose first effects these are.
+    known : sequence of Cause
+    """
+    said = [
+        f"The data contradict what is known of an effect: the {one.name} is "
+        f"{digits.number(one.mean)}, at the end of its prior. Widen it, or diagnose without it."
+        for one in effects_at_prior_ends(posterior, len(known))
+    ]
+    for k, effect in enumerate(known):
+        sizes = posterior.draws_of(k)[1]
+        ends = [np.quantile(draws, (0.05, 0.95)) for draws in sizes.values()]
+        if ends and all(low < 0 < high for low, high in ends):
+            said.append(
+                f"The data show nothing of a known effect: {effect.name} may be zero (90 % "
+                "interval). Look whether it is where it is known to be, or diagnose without it."
+            )
+    return [Caution("prior", sentence) for sentence in said]
 
 
 def _probability_right(first: SearchStep, verdict: Verdict) -> float | None:

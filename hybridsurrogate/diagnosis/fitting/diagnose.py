@@ -26,7 +26,7 @@ from hybridsurrogate.diagnosis.checks.dispersion import (
 from hybridsurrogate.diagnosis.checks.emulator import check_emulator
 from hybridsurrogate.diagnosis.checks.parameters import check_each_output, check_rows
 from hybridsurrogate.diagnosis.checks.roughness import warn_if_rough
-from hybridsurrogate.diagnosis.fitting.conclusion import concluded
+from hybridsurrogate.diagnosis.fitting.conclusion import concluded, contradicted
 from hybridsurrogate.diagnosis.fitting.extension import extend, posteriors_of_mean
 from hybridsurrogate.diagnosis.fitting.result import DiagnosisResult, Settings
 from hybridsurrogate.diagnosis.search.context import InterruptedSearch
@@ -38,8 +38,9 @@ from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.diagnosis.search.setup import Prepared, prepare, trained_emulator
 from hybridsurrogate.diagnosis.search.working_rows import blurred, on_working_rows
 from hybridsurrogate.diagnosis.validation.progress import doing
+from hybridsurrogate.estimators.averaged import leading
 from hybridsurrogate.estimators.emulation import as_given
-from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
 from hybridsurrogate.model.statistics import EmulatorPosterior
 from hybridsurrogate.numerics.threads import one_blas_thread
 from hybridsurrogate.types import FloatArray
@@ -136,6 +137,8 @@ def diagnose(
             asked, place = _asked(steps, before)
             rows = deepcopy((X, y))
             extension = extend(before, steps, conclusion, rows, weights, settings.n_jobs)
+        known = as_causes(before.effects)
+        cautions += contradicted(leading(extension.estimator).posterior_, known)
         posteriors = posteriors_of_mean(before, extension.estimator, steps)
         cautions += cautions_of_dispersion(prepared.problem, posteriors)
         cautions += cautions_of_rounding(before.likelihood_, check)

@@ -25,7 +25,7 @@ from hybridsurrogate.diagnosis.validation.refit import (
 )
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.averaged import AveragedSurrogate, leading
-from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, as_causes
 from hybridsurrogate.exceptions import ConfoundingWarning
 from hybridsurrogate.inference.prior_ends import AtPriorEnd, at_prior_ends
 from hybridsurrogate.model.posterior import Posterior
@@ -59,7 +59,8 @@ def extend(
     found = leading(after)
     outputs, first = before.simulation.outputs, steps[0].chosen.cause
     bands = dict(zip(outputs, estimate_discrepancies(search, first), strict=True))
-    simulator = extended_simulator(before.simulation.simulator, causes, search.problem)
+    known = found.posterior_.model.effects[: len(as_causes(before.effects))]
+    simulator = extended_simulator(before.simulation.simulator, (*known, *causes), search.problem)
     table = confounding(before, found, before.data_.single.X)
     for sentence in sentences_on_parameters(confounded(table)):
         warnings.warn(sentence, ConfoundingWarning, stacklevel=4)
@@ -67,7 +68,7 @@ def extend(
         estimator=after,
         simulator=simulator,
         found_causes=tuple(
-            finding_of(step, k, found.posterior_, () if k else conclusion.same_curve)
+            finding_of(step, len(known) + k, found.posterior_, () if k else conclusion.same_curve)
             for k, step in enumerate(steps)
         ),
         discrepancies=bands,

@@ -185,6 +185,9 @@ class SearchContext:
     def best_null(self) -> Fitted:
         """Fit "nothing is wrong" from several starting points."""
         problem, model = self.problem, self.problem.model
+        if any(effect.grid() for effect in model.effects):
+            # the places of known effects are fixed at a start, not enumerated
+            model = model.with_effects((*model.effects, Nothing()))
         grid = make_grid(model)
         d = model.n_unknowns
         # a fixed spread of starts: the search is reproducible

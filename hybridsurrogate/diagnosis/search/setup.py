@@ -17,7 +17,7 @@ from hybridsurrogate.effects.in_output import prepared_for
 from hybridsurrogate.effects.noise.gross_error import MOST_ROWS
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
 from hybridsurrogate.emulators.conditioned import krige
-from hybridsurrogate.estimators.power_scaled import FitTask, PowerScaledSurrogate
+from hybridsurrogate.estimators.power_scaled import FitTask, PowerScaledSurrogate, as_causes
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.inference.prior_ends import at_prior_ends
 from hybridsurrogate.model.posterior import Posterior
@@ -78,7 +78,7 @@ def prepare(
     Parameters
     ----------
     fitted : PowerScaledSurrogate
-        Without effects.
+        With known effects or none.
     own : sequence of Cause
         The user's.
     excluded : collection of str
@@ -95,7 +95,8 @@ def prepare(
     if plain.run_weights is not None:
         # whatever beta a search has the runs in full
         plain = FitTask.of(clone(fitted).set_params(beta=1.0), data).plain
-    problem = plain.on_rows(*data.single).with_effects(data.effects())
+    known = as_causes(fitted.effects)
+    problem = plain.on_rows(*data.single).with_effects((*known, *data.effects()))
     # as many measurements as there are rows, whatever the unit of their weights
     problem = replace(problem, weights=problem.weights / problem.weights.mean())
     problem = _at_spread_of(at_noise_of(problem, fitted.posterior_), fitted.posterior_)

@@ -26,7 +26,12 @@ from hybridsurrogate.diagnosis.validation.rows_left_out import with_rows
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.carried import fitted_near
-from hybridsurrogate.estimators.power_scaled import FitTask, PowerScaledSurrogate, prepared
+from hybridsurrogate.estimators.power_scaled import (
+    FitTask,
+    PowerScaledSurrogate,
+    as_causes,
+    prepared,
+)
 from hybridsurrogate.exceptions import HybridSurrogateWarning
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
 from hybridsurrogate.model.problem import Problem
@@ -98,19 +103,21 @@ class Refit:
         kind = in_one_word([step.chosen.kind for step in steps])
         if not accepted(steps):
             return Pair(before, before, kind)
-        found, known = accepted(steps), self._known()
+        found, elsewhere = accepted(steps), self._elsewhere()
+        known = as_causes(self.estimator.effects)
 
         def fitted(causes: tuple[Cause, ...]) -> PowerScaledSurrogate:
             fit = quickly_fitted if causes == found else coarsely_fitted
-            return fit(task.with_effects(with_rows(causes, steps)), known.get(_forms(causes)))
+            extended = task.with_effects((*known, *with_rows(causes, steps)))
+            return fit(extended, elsewhere.get(_forms(causes)))
 
         return Pair(before, averaged_over(steps, before, fitted), kind)
 
-    def _known(self) -> dict[tuple[tuple[str, str], ...], PowerScaledSurrogate]:
+    def _elsewhere(self) -> dict[tuple[tuple[str, str], ...], PowerScaledSurrogate]:
         """Return the extensions that were fitted to all rows, by the causes in them."""
         after = self.fitted.after
         models = after.estimators_ if isinstance(after, AveragedSurrogate) else []
-        return {_forms([e for e in one.effects if e.is_learned]): one for one in models}
+        return {_forms(added_causes(one, self.estimator)): one for one in models}
 
 
 def _forms(causes: Sequence[Cause]) -> tuple[tuple[str, str], ...]:
@@ -156,6 +163,12 @@ def coarsely_fitted(
     return task.fit() if known is None else known
 
 
+def added_causes(extended: PowerScaledSurrogate, before: PowerScaledSurrogate) -> tuple[Cause, ...]:
+    """Return the causes that an extended estimator has in addition to known effects."""
+    learned = [effect for effect in as_causes(extended.effects) if effect.is_learned]
+    return tuple(learned[len(as_causes(before.effects)) :])
+
+
 def accepted(steps: Sequence[SearchStep]) -> tuple[Cause, ...]:
     """Return the causes that a forward search accepted."""
     return tuple(step.chosen.cause for step in steps if step.is_accepted and step.chosen.cause)
@@ -172,10 +185,10 @@ def extended_estimator(
     found = accepted(steps)
     if not found:
         return before
-    task = FitTask.of_fitted(before)
+    task, known = FitTask.of_fitted(before), as_causes(before.effects)
 
     def fitted(causes: tuple[Cause, ...]) -> PowerScaledSurrogate:
-        one = task.with_effects(with_rows(causes, steps))
+        one = task.with_effects((*known, *with_rows(causes, steps)))
         return one.fit() if causes == found else coarsely_fitted(one)
 
     return averaged_over(steps, before, fitted)

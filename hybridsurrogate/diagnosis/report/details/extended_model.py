@@ -21,7 +21,7 @@ def section(view: View) -> Section:
         return Section(
             "The calibrated simulation",
             "estimates",
-            ("Nothing was added: the extended model is the simulation as it is.",),
+            ("Nothing was added: the extended model is the simulation as it is.", *_known(view)),
             tables=(table,),
         )
     return Section(
@@ -69,7 +69,7 @@ def _sentences(view: View) -> list[str]:
             f"It holds {len(view.findings)} causes at once; each formula shows one, with the other "
             "causes inside 'simulation'."
         )
-    return out + _averaged(view) + _beyond(view) + _simulator(view)
+    return out + _known(view) + _averaged(view) + _beyond(view) + _simulator(view)
 
 
 def _meaning(view: View, cause: Cause) -> str:
@@ -80,6 +80,15 @@ def _meaning(view: View, cause: Cause) -> str:
     column = getattr(cause, "column", None) or target
     text = (meaning_of(cause) or "").format(output=view.output, target=target, column=column)
     return f"What it means: {text}" if text else ""
+
+
+def _known(view: View) -> list[str]:
+    """Say which effects were known before: formulas call the simulation what has them."""
+    names = [effect.name for effect in view.result.before.effects]
+    if not names:
+        return []
+    every = digits.listing(names)
+    return [f"Known before the diagnosis, and in the simulation of both models: {every}."]
 
 
 def _averaged(view: View) -> list[str]:

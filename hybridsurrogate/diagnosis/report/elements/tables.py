@@ -76,12 +76,21 @@ def parameter_intervals(view: View) -> dict[str, dict[str, Interval]]:
                 continue
             if name in draws and (name in names or view.stacking is None):
                 out.setdefault(name, {})[word] = _interval(draws[name])
-        for name, values in _by_experiment(model).items():
+        for name, values in {**_by_experiment(model), **_known(view, model)}.items():
             out.setdefault(name, {})[word] = _interval(values)
         for output in view.outputs if view.stacking is not None else ():
             noise = view.of(output).noise_draws(model)
             out.setdefault(f"noise of {output}", {})[word] = _interval(noise)
     return out
+
+
+def _known(view: View, model: Any) -> dict[str, FloatArray]:
+    """Return draws of effects that were known before the diagnosis."""
+    return {
+        f"{effect.name}: {name}": values
+        for k, effect in enumerate(view.result.before.effects)
+        for name, values in model.posterior_.estimates(k).items()
+    }
 
 
 def _by_experiment(model: Any) -> dict[str, FloatArray]:

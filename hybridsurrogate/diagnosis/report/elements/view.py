@@ -20,6 +20,7 @@ from hybridsurrogate.diagnosis.search.local_prediction import predict_locally
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.diagnosis.validation.beta_scan import has_weight, is_slow
 from hybridsurrogate.diagnosis.validation.gain import in_one_word
+from hybridsurrogate.diagnosis.validation.refit import added_causes
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.context import label_columns
 from hybridsurrogate.effects.noise.output_noise import OutputNoise
@@ -458,7 +459,7 @@ def averaged(view: View) -> list[tuple[PowerScaledSurrogate, str, float]]:
     after = view.result.extension.estimator
     if not isinstance(after, AveragedSurrogate):
         return []
-    causes = [[e for e in one.effects if e.is_learned] for one in after.estimators_]
+    causes = [added_causes(one, view.result.before) for one in after.estimators_]
     labels = [
         " and ".join(map(label_of_cause, each)) if each else label_of_cause(None) for each in causes
     ]
