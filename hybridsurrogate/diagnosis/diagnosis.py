@@ -67,7 +67,9 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
     Parameters
     ----------
     estimator : PowerScaledSurrogate
-        The model before, with its simulation; without effects.
+        The model before, with its simulation. Its ``effects``, if any, are what is known to be
+        wrong already, such as ``Step("year", location=norm(1983.1, 0.1))``: a part of "nothing is
+        wrong", in whose addition causes are searched, and kept in the extended model.
     causes : sequence of Cause, default=()
         User-defined causes, compared in addition to the catalogue. Each replaces the catalogue's
         cause of the same form and target.
