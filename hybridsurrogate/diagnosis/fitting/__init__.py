@@ -6,4 +6,5 @@ verdict     what a search amounts to: one rule
 extension   the model after, and what it says about the causes
 folds       the gain, from the whole search repeated
 result      all that was found, in one object
+sensitivity  the verdict under other priors
 """
