@@ -31,9 +31,7 @@ def diagnosed(y, parameters=PRIORS, n_runs=None, t=T, function=heat, **settings)
     if n_runs is not None:
         simulation = simulation.run(n_runs, random_state=0)
         surrogate = hs.PolynomialChaos(degree=2)
-    model = hs.PowerScaledSurrogate(
-        simulation, surrogate=surrogate, n_draws=200, random_state=0
-    )
+    model = hs.PowerScaledSurrogate(simulation, surrogate=surrogate, n_draws=200, random_state=0)
     diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0, **settings)
     return diagnosis.fit(t[:, None], y)
 
