@@ -100,6 +100,7 @@ def test_means_with_their_counts_estimate_what_the_single_rows_do(simulator):
         assert 0.8 < (ours[2] - ours[1]) / (theirs[2] - theirs[1]) < 1.5
 
 
+@pytest.mark.numbers
 def test_weights_of_one_change_nothing(simulator):
     X, y = measured(wave)
     plain = diagnosis(simulator, cv=2, exclude=FEW).fit(X, y)
@@ -112,6 +113,7 @@ def test_weights_of_one_change_nothing(simulator):
     np.testing.assert_array_equal(plain.predict(X), ones.predict(X))
 
 
+@pytest.mark.numbers
 def test_a_weight_of_zero_leaves_a_row_out(simulator):
     X, y = measured(wave)
     y[[3, 17]] = 9999.0

@@ -62,6 +62,8 @@ OTHER_FORMS = (
     "check_sample_weights_pandas_series",
     "check_supervised_y_2d",
 )
+# two fits that must agree
+SAME_NUMBERS = ("check_fit_idempotent", "check_sample_weight_equivalence_on_dense_data")
 # ten columns take its lengths seconds: of one column in tests/estimators/test_weights.py
 ELSEWHERE = ("gaussian-process", "check_sample_weight_equivalence_on_dense_data")
 
@@ -81,8 +83,9 @@ def checks():
     for name, estimator in CHECKED.items():
         for one, check in estimator_checks_generator(estimator):
             what = getattr(check, "func", check).__name__
+            marks = [pytest.mark.numbers] if what in SAME_NUMBERS else []
             if not is_repeated(name, check, what):
-                yield pytest.param(one, check, id=f"{name}-{what}")
+                yield pytest.param(one, check, id=f"{name}-{what}", marks=marks)
 
 
 @pytest.mark.parametrize(("estimator", "check"), list(checks()))

@@ -7,6 +7,8 @@ import pytest
 
 import hybridsurrogate as hs
 
+pytestmark = pytest.mark.numbers
+
 
 def diagnosed(simulator, t, y):
     model = hs.PowerScaledSurrogate(
