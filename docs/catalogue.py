@@ -118,8 +118,9 @@ def write_pictures(folder: Path) -> dict[str, str]:
         found = drawn(form, contexts)
         if found is None:
             continue
-        figure = Figure(figsize=(3.2, 2.1), layout="constrained", facecolor="white")
-        ax = plot_cause(*found, ax=figure.subplots())
+        # a layout that is computed takes half of the time
+        figure = Figure(figsize=(3.2, 2.1), facecolor="white")
+        ax = plot_cause(*found, ax=figure.add_axes((0.2, 0.23, 0.77, 0.64)))
         ax.set_title(form.name, fontsize="small")
         ax.tick_params(labelsize="x-small")
         name = "".join(c if c.isalnum() else "-" for c in form.name) + ".svg"

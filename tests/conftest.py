@@ -3,6 +3,7 @@ import warnings
 
 import numpy as np
 import pytest
+from agreement import assert_same_numbers
 from shared_files import SHARED
 from threadpoolctl import threadpool_limits
 
@@ -19,9 +20,15 @@ os.environ.setdefault("HYBRIDSURROGATE_SHARED", str(SHARED))
 
 
 def pytest_collection_modifyitems(items):
-    """Put what runs longest first: with short tests last, processes end together."""
+    """Put what runs longest first: with short tests last, processes end together.
+
+    A test that takes two computations to give the same numbers is marked so.
+    """
     longest = ("house", "statistical", "stories", "studies")
     items.sort(key=lambda item: item.path.parent.name not in longest)
+    for item in items:
+        if assert_same_numbers.__name__ in item.function.__code__.co_names:
+            item.add_marker("numbers")
 
 
 @pytest.hookimpl(optionalhook=True)

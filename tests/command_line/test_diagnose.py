@@ -88,6 +88,11 @@ def test_files_of_ones_own(files, capsys):
 ALL_BUT_TREND = sorted({*kinds()} - {"trend", "offset"})
 
 
+def as_text(folder):
+    """Return options of a report without pictures."""
+    return "--report", str(folder / "report.txt")
+
+
 def test_measurements_that_came_in_later_are_watched(files, capsys):
     """One file of a line that goes on, and one of a line that jumps by six noise sd."""
     rng = np.random.default_rng(1)
@@ -99,7 +104,7 @@ def test_measurements_that_came_in_later_are_watched(files, capsys):
     measured["distance"] -= 1.5 * measured["wind"]
     measured.drop(columns="wind").to_csv(files / "measured.csv", index=False)
     for name, told in (("later.csv", "holds over 15"), ("jumped.csv", "no longer holds")):
-        more = ("--exclude", *ALL_BUT_TREND, "--new", str(files / name))
+        more = ("--exclude", *ALL_BUT_TREND, "--new", str(files / name), *as_text(files))
         assert main(arguments(files, *more)) == 0
         out = " ".join(capsys.readouterr().out.split())
         assert f"The extension {told}" in out
@@ -248,7 +253,7 @@ def test_gaps_are_left_out_with_a_word(files, capsys):
     measured.loc[[4, 7], "distance"] = np.nan
     measured.loc[7, "t"] = np.nan  # nothing in this line
     measured.to_csv(files / "measured.csv", index=False)
-    more = ("--exclude", *ALL_BUT_TREND, "--json", str(files / "numbers.json"))
+    more = ("--exclude", *ALL_BUT_TREND, "--json", str(files / "numbers.json"), *as_text(files))
     assert main(arguments(files, *more)) == 0
     told = capsys.readouterr()
     assert "2 of 30 rows have no measurement" in told.err

@@ -130,7 +130,9 @@ def test_predict_and_score_are_those_of_the_extended_estimator(periodic):
 def test_the_extension_weighs_causes_by_their_probabilities(simulator):
     # half a wave: several kinds draw it
     X, y = measure(lambda t: 2 * np.sin(2 * np.pi * t / 26))
-    diagnosis = hs.DiscrepancyDiagnosis(exact(simulator), cv=None, random_state=0).fit(X, y)
+    few = all_but("periodic", "bump", "trend", "ramp", "gain", "offset")
+    settings = {"exclude": few, "cv": None, "n_replicates": 39}
+    diagnosis = hs.DiscrepancyDiagnosis(exact(simulator), **settings, random_state=0).fit(X, y)
     average = diagnosis.extended_estimator_
     assert isinstance(average, hs.AveragedSurrogate)
     n = len(average.estimators_)
@@ -195,9 +197,8 @@ def test_a_constant_that_is_added_cannot_be_told_from_an_offset(simulator):
     rng = np.random.default_rng(5)
     t = np.linspace(0, 18, 60)
     y = cooling(t, 63.0, 0.25, 27.0) + 0.3 * rng.standard_normal(60)
-    diagnosis = hs.DiscrepancyDiagnosis(exact(simulator), cv=None, random_state=0).fit(
-        t[:, None], y
-    )
+    settings = {"cv": None, "n_replicates": 39, "random_state": 0}
+    diagnosis = hs.DiscrepancyDiagnosis(exact(simulator), **settings).fit(t[:, None], y)
     assert {"wrong-constant", "offset"} <= set(diagnosis.indistinguishable_)
     assert diagnosis.verdict_ == "ambiguous"
     model = exact(simulator, effects=(hs.WrongConstant("ambient"),)).fit(t[:, None], y)
@@ -209,17 +210,15 @@ def test_a_missing_input_by_name(simulator):
     X, y = measure(lambda t: 0 * t)
     wind = np.random.default_rng(2).standard_normal(40)
     frame = pd.DataFrame({"wind": wind, "t": X[:, 0]})
-    diagnosis = hs.DiscrepancyDiagnosis(exact(simulator), cv=None, random_state=0).fit(
-        frame, y + 1.5 * wind
-    )
+    few = all_but("missing-input", "trend", "step", "noise")
+    settings = {"exclude": few, "cv": None, "n_replicates": 39, "random_state": 0}
+    diagnosis = hs.DiscrepancyDiagnosis(exact(simulator), **settings).fit(frame, y + 1.5 * wind)
     assert (diagnosis.best_cause_.kind, diagnosis.best_cause_.target) == ("missing-input", "wind")
     _, low, high = diagnosis.best_cause_.estimates["slope"]
     assert low < 1.5 < high
     assert diagnosis.extended_simulator_.input_names == ("t", "wind")
     # without the column there is nothing to weigh, and the table says so
-    few = all_but("missing-input", "trend")
-    bare = hs.DiscrepancyDiagnosis(exact(simulator), exclude=few, cv=None, random_state=0)
-    bare.fit(X, y)
+    bare = hs.DiscrepancyDiagnosis(exact(simulator), **settings).fit(X, y)
     row = bare.causes_[bare.causes_["kind"] == "missing-input"].iloc[0]
     assert "no measured column" in row["note"]
 
@@ -257,16 +256,17 @@ def test_kinds_that_cannot_be_the_cause(simulator):
 
 def test_a_mechanism_of_the_users_own(simulator):
     X, y = measure(lambda t: 3 * (1 - np.exp(-0.8 * t**2)), noise=0.1)
-    diagnosis = hs.DiscrepancyDiagnosis(
-        exact(simulator), causes=[Leak()], cv=None, random_state=0
-    ).fit(X, y)
+    few = all_but("decay", "saturation", "build-up", "step", "trend")
+    settings = {"causes": [Leak()], "exclude": few, "cv": None, "n_replicates": 39}
+    diagnosis = hs.DiscrepancyDiagnosis(exact(simulator), **settings, random_state=0).fit(X, y)
     assert "leak" in set(diagnosis.causes_["kind"])
     assert "leak" in diagnosis.indistinguishable_
 
 
 def test_the_same_seed_gives_the_same_diagnosis(simulator):
     X, y = measure(lambda t: 0.5 * np.sin(t))
-    settings = {"exclude": all_but("trend", "periodic", "noise"), "cv": None, "random_state": 4}
+    few = all_but("trend", "periodic", "noise")
+    settings = {"exclude": few, "cv": None, "n_replicates": 39, "random_state": 4}
     first, second = (
         hs.DiscrepancyDiagnosis(exact(simulator), **settings).fit(X, y) for _ in range(2)
     )

@@ -26,7 +26,8 @@ SIMULATOR = hs.Simulator(
     output=("h", "q"),
 )
 DIAGNOSIS = hs.DiscrepancyDiagnosis(
-    hs.PowerScaledSurrogate(SIMULATOR, surrogate=hs.ExactSurrogate(), random_state=0),
+    hs.PowerScaledSurrogate(SIMULATOR, surrogate=hs.ExactSurrogate(), n_draws=300, random_state=0),
+    n_replicates=39,
     cv=None,
     random_state=0,
 )

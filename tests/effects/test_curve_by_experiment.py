@@ -44,6 +44,7 @@ def test_an_experiment_that_was_not_measured_strays_as_far_as_the_others():
         DECAY,
         surrogate=hs.ExactSurrogate(),
         effects=[hs.CurveByExperiment("x", "run")],
+        n_draws=400,
         random_state=0,
     ).fit(X, y)
     told = model.posterior_.estimates(0)

@@ -11,7 +11,7 @@ from hybridsurrogate.catalogue import catalogue
 
 
 def diagnosed(simulator, X, y):
-    model = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate(), random_state=0)
+    model = hs.PowerScaledSurrogate(simulator, hs.ExactSurrogate(), n_draws=400, random_state=0)
     return hs.DiscrepancyDiagnosis(model, cv=None, n_replicates=39, random_state=0).fit(X, y)
 
 

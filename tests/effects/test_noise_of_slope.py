@@ -66,8 +66,9 @@ def fitted(cause, y, simulation=SWING, **options):
 
 
 def diagnosed(y, t=T, **options):
-    model = hs.PowerScaledSurrogate(SWING, surrogate=hs.ExactSurrogate(), random_state=0)
-    diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0, **options)
+    model = hs.PowerScaledSurrogate(SWING, hs.ExactSurrogate(), n_draws=300, random_state=0)
+    settings = {"cv": None, "n_replicates": 39, "random_state": 0} | options
+    diagnosis = hs.DiscrepancyDiagnosis(model, **settings)
     return diagnosis.fit(t[:, None], y)
 
 
@@ -129,8 +130,9 @@ def test_each_input_parameter_and_constant_is_weighed():
         parameters=SWING.parameters,
         assumed={"floor": hs.Assumed(0.0, hs.truncated_normal(0, 1, -3, 3))},
     )
-    model = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate(), random_state=0)
-    diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, exclude=OTHERS, random_state=0)
+    model = hs.PowerScaledSurrogate(simulator, hs.ExactSurrogate(), n_draws=100, random_state=0)
+    settings = {"exclude": OTHERS, "cv": None, "n_replicates": 20}
+    diagnosis = hs.DiscrepancyDiagnosis(model, **settings, random_state=0)
     table = diagnosis.fit(T[:, None], measured("nothing", 0.0, 1)).causes_
     of = table.set_index(["kind", "target"])
     weighed = of["log_evidence"].notna()
@@ -157,8 +159,9 @@ def test_not_with_several_outputs():
     )
     rng = np.random.default_rng(0)
     y = two(T, 5.0) + 0.1 * rng.standard_normal((len(T), 2))
-    plain = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate(), random_state=0)
-    diagnosis = hs.DiscrepancyDiagnosis(plain, cv=None, exclude=OTHERS, random_state=0)
+    plain = hs.PowerScaledSurrogate(simulator, hs.ExactSurrogate(), n_draws=100, random_state=0)
+    settings = {"exclude": OTHERS, "cv": None, "n_replicates": 20}
+    diagnosis = hs.DiscrepancyDiagnosis(plain, **settings, random_state=0)
     table = diagnosis.fit(T[:, None], y).causes_
     table = table[table["kind"].isin(["input-error", "random-parameter"])]
     assert table["log_evidence"].isna().all()

@@ -20,6 +20,7 @@ def speed(t, a):
 SMALL = hs.Simulator(speed, {"t": (0, 10)}, {"a": hs.truncated_normal(2, 0.3, 1, 3)}, output="v")
 T = np.linspace(0.1, 9.9, 50)
 NOISE = 0.3 * np.random.default_rng(5).normal(size=50)
+FEW = all_but("limit", "gain", "offset", "step", "bump", "periodic", "response")
 
 
 def test_a_response_of_ones_own_is_its_function_and_slope():
@@ -89,9 +90,8 @@ def test_a_limit_of_one_output_is_in_its_units_and_in_the_extended_simulation():
     Y = np.column_stack([2 * np.sin(t), np.minimum(200 * np.cos(t), 90)])
     Y += random.normal(size=Y.shape) * [0.1, 8.0]
     model = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate(), random_state=0)
-    # of all kinds the one output of `test_counts_that_are_cut_off` has it
-    few = all_but("limit", "gain", "offset", "step", "bump", "periodic", "response")
-    diagnosis = hs.DiscrepancyDiagnosis(model, exclude=few, cv=None, random_state=0)
+    settings = {"exclude": FEW, "cv": None, "n_replicates": 39}
+    diagnosis = hs.DiscrepancyDiagnosis(model, **settings, random_state=0)
     best = diagnosis.fit(t[:, None], Y).best_cause_
     assert (best.kind, best.target) == ("limit", "v")
     mean = best.estimates["limit"][0]
@@ -120,7 +120,8 @@ def test_counts_that_are_cut_off():
     model = hs.PowerScaledSurrogate(
         simulator, surrogate=hs.ExactSurrogate(), likelihood="poisson", random_state=0
     )
-    diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(t[:, None], y)
+    settings = {"exclude": FEW, "cv": None, "n_replicates": 39}
+    diagnosis = hs.DiscrepancyDiagnosis(model, **settings, random_state=0).fit(t[:, None], y)
     assert diagnosis.best_cause_.kind == "limit"
     draws = diagnosis.extended_estimator_.posterior_.estimates(0)["limit"]
     low, high = np.quantile(draws, [0.005, 0.995])
@@ -203,7 +204,11 @@ def test_a_second_store_is_found_in_a_decay():
     model = hs.PowerScaledSurrogate(
         simulator, surrogate=hs.ExactSurrogate(), likelihood="lognormal", random_state=0
     )
-    diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0)
+    few = all_but(
+        "second-store", "trend", "ramp", "saturation", "parameter-drift", "wrong-constant"
+    )
+    settings = {"exclude": few, "cv": None, "n_replicates": 39}
+    diagnosis = hs.DiscrepancyDiagnosis(model, **settings, random_state=0)
     diagnosis.fit(t[:, None], clean * np.exp(0.1 * rng.standard_normal(40)))
     best = diagnosis.best_cause_
     assert (best.kind, best.target) == ("second-store", "t")

@@ -9,7 +9,12 @@ from sklearn.model_selection import GroupKFold, cross_val_score
 
 import hybridsurrogate as hs
 
-EXACT = {"surrogate": hs.ExactSurrogate(), "experiment": "batch", "random_state": 0}
+EXACT = {
+    "surrogate": hs.ExactSurrogate(),
+    "experiment": "batch",
+    "n_draws": 300,
+    "random_state": 0,
+}
 SPREAD = {"by_experiment": {"rate": "spread"}}
 
 
@@ -106,6 +111,7 @@ def test_further_sources_have_batches_of_their_own():
         [hs.Source(DECAY.run(100, random_state=0)), hs.Source((X[other], y[other]))],
         surrogate=hs.PolynomialChaos(degree=5),
         experiment="batch",
+        n_draws=300,
         random_state=0,
         **SPREAD,
     ).fit(X[first], y[first])

@@ -87,10 +87,17 @@ def test_bad_sources(case, sources, power, error, match):
 # --------------------------------------------------------------------------- weights of single rows
 
 
-@pytest.mark.parametrize("estimator", [hs.PowerScaledSurrogate, hs.PredictiveWeightedSurrogate])
-def test_a_row_of_weight_two_is_two_rows(case, estimator):
+@pytest.mark.parametrize(
+    ("estimator", "surrogate"),
+    [
+        (hs.PowerScaledSurrogate, CUBIC),
+        (hs.PowerScaledSurrogate, hs.GaussianProcess(degree=5)),
+        (hs.PredictiveWeightedSurrogate, CUBIC),
+    ],
+)
+def test_a_row_of_weight_two_is_two_rows(case, estimator, surrogate):
     weights = np.tile([0.0, 1.0, 2.0], 10)
-    model = estimator(case.simulation, surrogate=CUBIC, random_state=0)
+    model = estimator(case.simulation, surrogate=surrogate, n_draws=300, random_state=0)
     weighted = clone(model).fit(case.X, case.y, sample_weight=weights)
     index = np.repeat(np.arange(30), weights.astype(int))
     repeated = clone(model).fit(case.X[index], case.y[index])

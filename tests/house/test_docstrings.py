@@ -1,11 +1,14 @@
 """Docstrings: what is public has examples, and all examples run and print what they say."""
 
+import copy
 import doctest
 import importlib
 import inspect
 import itertools
 import pkgutil
+import re
 
+import numpy as np
 import pytest
 
 import hybridsurrogate
@@ -38,9 +41,26 @@ def test_what_is_public_has_an_example_and_explains_its_arguments(thing):
         assert "Parameters" in sections(thing)
 
 
+def fitted_once(fit):
+    """Return a ``fit`` of the diagnosis that takes what it has found for the same lines before."""
+    found = {}
+
+    def taken(diagnosis, X, y):
+        lines = re.sub("0x[0-9a-f]+", "", repr(diagnosis)), np.asarray(X).tobytes(), y.tobytes()
+        if lines not in found:
+            found[lines] = vars(fit(diagnosis, X, y))
+        vars(diagnosis).update(copy.deepcopy(found[lines]))
+        return diagnosis
+
+    return taken
+
+
 @pytest.mark.parametrize("name", MODULES)
 def test_examples_run(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # some write a file
+    # examples of the methods of a diagnosis begin alike
+    diagnosis = hybridsurrogate.DiscrepancyDiagnosis
+    monkeypatch.setattr(diagnosis, "fit", fitted_once(diagnosis.fit))
     assert doctest.testmod(importlib.import_module(name)).failed == 0
 
 

@@ -47,12 +47,45 @@ CHECKED = {
 }
 
 
+# the same numbers in another form: `fit` has made one table of them before a surrogate sees it
+OTHER_FORMS = (
+    "check_dtype_object",
+    "check_estimators_dtypes",
+    "check_f_contiguous_array_estimator",
+    "check_fit2d_predict1d",
+    "check_positive_only_tag_during_fit",
+    "check_readonly_memmap_input",
+    "check_regressor_data_not_an_array",
+    "check_regressors_int",
+    "check_sample_weights_list",
+    "check_sample_weights_not_an_array",
+    "check_sample_weights_pandas_series",
+    "check_supervised_y_2d",
+)
+# two fits that must agree
+SAME_NUMBERS = ("check_fit_idempotent", "check_sample_weight_equivalence_on_dense_data")
+# ten columns take its lengths seconds: of one column in tests/estimators/test_weights.py
+ELSEWHERE = ("gaussian-process", "check_sample_weight_equivalence_on_dense_data")
+
+
+def is_repeated(name, check, what):
+    """Return whether another estimator's check runs the same lines."""
+    is_form = what in OTHER_FORMS or getattr(check, "keywords", {}).get("readonly_memmap")
+    inherits = all(
+        getattr(type(CHECKED[name]), method) is getattr(hs.PowerScaledSurrogate, method)
+        for method in ("fit", "checked_data", "predict")
+    )
+    return (is_form and inherits and name != "power-scaled") or (name, what) == ELSEWHERE
+
+
 def checks():
     # ids of our own: the priors' addresses in scikit-learn's differ from process to process
     for name, estimator in CHECKED.items():
         for one, check in estimator_checks_generator(estimator):
             what = getattr(check, "func", check).__name__
-            yield pytest.param(one, check, id=f"{name}-{what}")
+            marks = [pytest.mark.numbers] if what in SAME_NUMBERS else []
+            if not is_repeated(name, check, what):
+                yield pytest.param(one, check, id=f"{name}-{what}", marks=marks)
 
 
 @pytest.mark.parametrize(("estimator", "check"), list(checks()))

@@ -4,6 +4,7 @@ import sys
 
 import numpy as np
 import pytest
+from few_kinds import all_but
 
 import hybridsurrogate as hs
 from hybridsurrogate.datasets import make_log_sin
@@ -102,7 +103,8 @@ def test_a_scan_over_beta_follows_the_diagnosis(monkeypatch, capsys):
         simulator.run(40, random_state=0), hs.PolynomialChaos(2), n_draws=100, random_state=0
     )
     y = 1.2 * x + 0.1 * rng.standard_normal(20)
-    diagnosis = hs.DiscrepancyDiagnosis(before, cv=None, n_replicates=20, random_state=0)
+    settings = {"exclude": all_but("trend", "offset"), "cv": None, "n_replicates": 20}
+    diagnosis = hs.DiscrepancyDiagnosis(before, **settings, random_state=0)
     diagnosis.fit(x[:, None], y)
     assert capsys.readouterr().err == ""
     diagnosis.set_params(progress=True).beta_scan()

@@ -6,6 +6,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from few_kinds import all_but
 
 import hybridsurrogate as hs
 from hybridsurrogate.datasets import make_log_sin
@@ -55,8 +56,11 @@ def model(case):
 
 @pytest.fixture(scope="module")
 def diagnosis(case):
-    exact = hs.PowerScaledSurrogate(case.simulator, hs.ExactSurrogate(), random_state=0)
-    return hs.DiscrepancyDiagnosis(exact, cv=3, random_state=0).fit(case.X, case.y)
+    exact = hs.PowerScaledSurrogate(
+        case.simulator, hs.ExactSurrogate(), n_draws=300, random_state=0
+    )
+    settings = {"exclude": all_but("periodic", "trend", "step"), "cv": 2, "n_replicates": 39}
+    return hs.DiscrepancyDiagnosis(exact, **settings, random_state=0).fit(case.X, case.y)
 
 
 def evil_runs():

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from few_kinds import all_but
 from scipy.stats import norm
 
 import hybridsurrogate as hs
@@ -29,10 +30,10 @@ def data():
     )
 
 
-def diagnosed(data, simulation, surrogate):
+def diagnosed(data, simulation, surrogate, cv=2):
     model = hs.PowerScaledSurrogate(simulation, surrogate=surrogate, n_draws=200, random_state=0)
-    diagnosis = hs.DiscrepancyDiagnosis(model, cv=2, n_replicates=20, random_state=0)
-    return diagnosis.fit(data.X, data.y)
+    settings = {"exclude": all_but("step", "trend", "noise"), "cv": cv, "n_replicates": 20}
+    return hs.DiscrepancyDiagnosis(model, **settings, random_state=0).fit(data.X, data.y)
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +43,7 @@ def exact(data):
 
 @pytest.fixture(scope="module")
 def emulated(data):
-    return diagnosed(data, data.simulator.run(40, random_state=0), hs.PolynomialChaos(2))
+    return diagnosed(data, data.simulator.run(40, random_state=0), hs.PolynomialChaos(2), None)
 
 
 @pytest.fixture

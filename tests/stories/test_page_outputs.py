@@ -16,6 +16,7 @@ SLOW = {
     "expensive_code",
     "counts",
     "several_outputs",
+    "batches_and_subjects",
 }
 PAGES = [
     pytest.param(page, id=page.stem, marks=[pytest.mark.slow] if page.stem in SLOW else [])

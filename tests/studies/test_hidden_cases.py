@@ -46,7 +46,7 @@ def test_same_seed_same_data(kind):
 @pytest.mark.parametrize("kind", EFFECTS)
 @pytest.mark.parametrize("size", [1.0, 4.0])
 def test_size_is_what_the_parameters_leave(kind, size):
-    for seed in range(3):
+    for seed in range(2):
         case = make_case(kind, size, seed)
         left = left_over(case.simulator, case.X, case.truth["mu"])
         assert rms(left) == pytest.approx(size * case.truth["noise_sd"], rel=1e-6)
@@ -101,7 +101,7 @@ def test_every_kind_shows_in_several_simulations(kind):
 @pytest.mark.parametrize("kind", EFFECTS)
 def test_the_right_explanation_can_draw_the_truth(kind):
     """Noise-free, here and out of range: the two sets of curves are written apart."""
-    for seed in range(3):
+    for seed in range(2):
         case = make_case(kind, 4.0, seed)
         fit = fit_kind(case.simulator, case.X, case.truth["mu"], kind, np.random.default_rng(0))[0]
         assert np.sqrt(fit.rss / len(case.X)) < 0.01 * rms(case.truth["left"])

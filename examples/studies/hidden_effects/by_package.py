@@ -11,12 +11,16 @@ import hybridsurrogate as hs
 from .cases import Case
 
 
-def diagnose(case: Case, seed: int, exclude: Sequence[str] = ()) -> dict[str, Any]:
+def diagnose(
+    case: Case, seed: int, exclude: Sequence[str] = (), n_replicates: int = 200
+) -> dict[str, Any]:
     """Diagnose one case by the package; the truth in it is not looked at."""
     model = hs.PowerScaledSurrogate(
         case.simulator, surrogate=hs.ExactSurrogate(), random_state=seed
     )
-    diagnosis = hs.DiscrepancyDiagnosis(model, exclude=exclude, cv=None, random_state=seed)
+    diagnosis = hs.DiscrepancyDiagnosis(
+        model, exclude=exclude, n_replicates=n_replicates, cv=None, random_state=seed
+    )
     with warnings.catch_warnings():
         # doubtful draws of a wrong cause are its own affair; what counts here are the names
         warnings.simplefilter("ignore", hs.HybridSurrogateWarning)

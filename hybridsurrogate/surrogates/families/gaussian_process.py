@@ -72,7 +72,8 @@ class GaussianProcess(Surrogate):
     >>> from hybridsurrogate.datasets import make_log_sin
     >>> case = make_log_sin(random_state=0)
     >>> model = hs.PowerScaledSurrogate(
-    ...     case.simulation, surrogate=hs.GaussianProcess(), beta=0.5, random_state=0)
+    ...     case.simulation, surrogate=hs.GaussianProcess(degree=5), beta=0.5,
+    ...     n_draws=200, random_state=0)
     >>> model.fit(case.X, case.y).predict(case.X_in).shape
     (100,)
     """

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from few_kinds import all_but
 from hidden_effects.cases import make_case
 
 import hybridsurrogate as hs
@@ -23,7 +24,8 @@ def diagnosed(kind, size, seed=0):
     model = hs.PowerScaledSurrogate(
         case.simulator, surrogate=hs.ExactSurrogate(), n_draws=200, random_state=0
     )
-    return hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(case.X, case.y)
+    settings = {"exclude": all_but("periodic", "trend", "step"), "cv": None, "n_replicates": 39}
+    return hs.DiscrepancyDiagnosis(model, **settings, random_state=0).fit(case.X, case.y)
 
 
 @pytest.mark.filterwarnings("ignore::hybridsurrogate.HybridSurrogateWarning")

@@ -69,7 +69,7 @@ def parts_of(n=1000, amplitude=0.0):
     return problem, emulator, make_grid(problem.model)
 
 
-@pytest.mark.parametrize("amplitude", [0.0, 0.2, 2.0])
+@pytest.mark.parametrize("amplitude", [pytest.param(0.0, marks=pytest.mark.slow), 0.2, 2.0])
 def test_a_shortened_grid_has_the_evidence_of_the_whole(amplitude):
     problem, emulator, grid = parts_of(amplitude=amplitude)
     model, X, y = problem.model, problem.X, problem.y

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from epidemic import hidden_fall, make_epidemic, second, sir
+from few_kinds import all_but
 from scipy import stats
 from sklearn.exceptions import NotFittedError
 from tide import FRAME, SIMULATOR, context_of
@@ -627,7 +628,9 @@ def test_dynamics_of_experiments_with_an_input_and_a_start():
 def diagnosed():
     case = make_log_sin(random_state=0)
     model = hs.PowerScaledSurrogate(case.simulator, surrogate=hs.ExactSurrogate(), random_state=0)
-    return case, hs.DiscrepancyDiagnosis(model, cv=None, random_state=0).fit(case.X, case.y)
+    settings = {"exclude": all_but("periodic", "trend"), "cv": None, "n_replicates": 39}
+    diagnosis = hs.DiscrepancyDiagnosis(model, **settings, random_state=0)
+    return case, diagnosis.fit(case.X, case.y)
 
 
 def test_the_module_of_a_diagnosis(diagnosed):
@@ -731,7 +734,8 @@ def test_the_dam_on_the_nile():
     case = load_nile()
     simulator = case.simulator
     model = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate(), random_state=0)
-    diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0)
+    settings = {"exclude": all_but("step", "trend"), "cv": None, "n_replicates": 39}
+    diagnosis = hs.DiscrepancyDiagnosis(model, **settings, random_state=0)
     diagnosis.fit(case.data, case.target)
     module = imported(diagnosis.to_python())
     assert diagnosis.best_cause_.kind == "step"

@@ -208,21 +208,35 @@ def test_draws_weigh_two_modes_of_a_square():
     assert np.abs(omega).mean() == pytest.approx(1.0, abs=0.05)
 
 
-@pytest.mark.parametrize("damage", ["truncated", "no HDF5", "a missing array", "no folder"])
-def test_a_damaged_file_is_told_with_its_path(damage, tmp_path, simulator, measured):
-    h5py = pytest.importorskip("h5py")
-    path = tmp_path / ("missing/chain.h5" if damage == "no folder" else "chain.h5")
-    model = hs.PowerScaledSurrogate(
+def kept_in(path, simulator):
+    """Return a model whose chain is kept in a file."""
+    return hs.PowerScaledSurrogate(
         simulator,
         surrogate=hs.ExactSurrogate(),
         sampler=hs.EnsembleSampler(max_steps=200, file=str(path)),
         n_draws=20,
         random_state=0,
     )
+
+
+@pytest.fixture(scope="module")
+def chain(tmp_path_factory, simulator, measured):
+    """A file with a chain."""
+    pytest.importorskip("h5py")
+    path = tmp_path_factory.mktemp("chain") / "chain.h5"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", hs.exceptions.SamplingWarning)
+        kept_in(path, simulator).fit(*measured)
+    return path
+
+
+@pytest.mark.parametrize("damage", ["truncated", "no HDF5", "a missing array", "no folder"])
+def test_a_damaged_file_is_told_with_its_path(damage, tmp_path, simulator, measured, chain):
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / ("missing/chain.h5" if damage == "no folder" else "chain.h5")
+    model = kept_in(path, simulator)
     if damage != "no folder":
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", hs.exceptions.SamplingWarning)
-            model.fit(*measured)
+        path.write_bytes(chain.read_bytes())
     if damage == "truncated":
         path.write_bytes(path.read_bytes()[:2000])
     if damage == "no HDF5":

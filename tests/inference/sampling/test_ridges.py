@@ -12,6 +12,7 @@ from hybridsurrogate.inference import posterior_sampler
 from hybridsurrogate.inference.sampling.modes import Gaussian
 from hybridsurrogate.inference.sampling.ridges import elongation
 
+pytestmark = pytest.mark.numbers
 A = hs.truncated_normal(5, 1, 1, 9)
 DECAY = hs.Simulator(
     lambda t, a, k: a * np.exp(-k * t),

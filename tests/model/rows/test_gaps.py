@@ -129,7 +129,7 @@ def test_nothing_measured_is_refused(simulation, fitted, gaps):
 
 def test_a_diagnosis_with_gaps_is_that_without_their_rows(simulator, gaps):
     X, y, there = gaps
-    model = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate(), random_state=0)
+    model = hs.PowerScaledSurrogate(simulator, hs.ExactSurrogate(), n_draws=200, random_state=0)
     exclude = sorted({*kinds()} - {"trend", "offset"})
 
     def diagnosed(X, y):
