@@ -96,7 +96,13 @@ from hybridsurrogate.surrogates import (
 )
 
 if TYPE_CHECKING:  # imported when they are first used, see `__getattr__`
-    from hybridsurrogate.diagnosis import CauseFinding, DiscrepancyDiagnosis, refine
+    from hybridsurrogate.diagnosis import (
+        CauseFinding,
+        Detectability,
+        DiscrepancyDiagnosis,
+        detectability,
+        refine,
+    )
 
 __version__ = "0.2.0"
 
@@ -118,6 +124,7 @@ __all__ = [
     "CustomLikelihood",
     "Decay",
     "Delay",
+    "Detectability",
     "DiagnosisWarning",
     "DiscrepancyDiagnosis",
     "DynamicDelay",
@@ -187,6 +194,7 @@ __all__ = [
     "WrongConstant",
     "beta_path",
     "choose_beta",
+    "detectability",
     "load",
     "read_simulation",
     "refine",
@@ -204,7 +212,13 @@ globals().update(_REGISTERED)
 __all__ += sorted(_REGISTERED.keys() - {*__all__})
 
 # imported when they are first used
-_OF_DIAGNOSIS = ("CauseFinding", "DiscrepancyDiagnosis", "refine")
+_OF_DIAGNOSIS = (
+    "CauseFinding",
+    "Detectability",
+    "DiscrepancyDiagnosis",
+    "detectability",
+    "refine",
+)
 _ROOMS = ("datasets", "diagnosis", "plotting", "scoring")
 
 

@@ -20,6 +20,7 @@ from hybridsurrogate.plotting.curves import (
 from hybridsurrogate.plotting.densities import plot_densities_over_beta
 from hybridsurrogate.plotting.monitor import plot_monitor
 from hybridsurrogate.plotting.overview import Predicted, plot_overview
+from hybridsurrogate.plotting.planning import plot_power
 from hybridsurrogate.plotting.report import (
     Prediction,
     plot_alternatives,
@@ -69,6 +70,7 @@ __all__ = [
     "plot_measured",
     "plot_monitor",
     "plot_overview",
+    "plot_power",
     "plot_prediction",
     "plot_predictive_bands",
     "plot_quantiles",

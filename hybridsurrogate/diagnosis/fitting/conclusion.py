@@ -15,6 +15,7 @@ from hybridsurrogate.diagnosis.checks.residuals import check_residuals
 from hybridsurrogate.diagnosis.fitting.result import Conclusion, Settings
 from hybridsurrogate.diagnosis.fitting.verdict import Verdict, conclude, given_doubts
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
+from hybridsurrogate.diagnosis.simulated.detectable import detectable
 from hybridsurrogate.diagnosis.validation.refit import accepted
 from hybridsurrogate.diagnosis.validation.rows_left_out import with_rows
 from hybridsurrogate.effects.noise.gross_error import GrossError
@@ -54,8 +55,9 @@ def concluded(
         0.0 if emulator_check is None else emulator_check.hidden,
         not posterior.model.basis.is_simulation and bool(at_prior_ends(posterior)),
     )
-    smallest = None
-    if not last:
+    smallest, of_kinds = None, None
+    if not last and first.test is not None:
+        of_kinds = detectable(first.search, first.test, settings.false_alarm_rate)
         smallest = smallest_detectable(first.search, first.test, settings.false_alarm_rate)
     doubts = [*known, *_doubts(steps, before, problem, verdict.word)]
     verdict = given_doubts(verdict, first, doubts)
@@ -67,6 +69,7 @@ def concluded(
         _probability_right(first, verdict),
         check,
         smallest,
+        of_kinds,
     )
     return conclusion, doubts
 
