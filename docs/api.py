@@ -17,6 +17,7 @@ TASKS = {
     ),
     "Read and hold runs": ("SimulationData", "read_simulation"),
     "Find out what is wrong": ("DiscrepancyDiagnosis", "CauseFinding", "refine"),
+    "Compare simulations": ("compare_simulations", "SimulationComparison"),
     "Plan measurements": ("detectability", "Detectability"),
     "Fit and predict": (
         *("PowerScaledSurrogate", "PredictiveWeightedSurrogate", "MultiSourceSurrogate", "Source"),

@@ -96,6 +96,7 @@ from hybridsurrogate.surrogates import (
 )
 
 if TYPE_CHECKING:  # imported when they are first used, see `__getattr__`
+    from hybridsurrogate.comparison import SimulationComparison, compare_simulations
     from hybridsurrogate.diagnosis import (
         CauseFinding,
         Detectability,
@@ -182,6 +183,7 @@ __all__ = [
     "Saturation",
     "SecondStore",
     "SensorResponse",
+    "SimulationComparison",
     "SimulationData",
     "Simulator",
     "SolverWarning",
@@ -194,6 +196,7 @@ __all__ = [
     "WrongConstant",
     "beta_path",
     "choose_beta",
+    "compare_simulations",
     "detectability",
     "load",
     "read_simulation",
@@ -219,12 +222,15 @@ _OF_DIAGNOSIS = (
     "detectability",
     "refine",
 )
+_OF_COMPARISON = ("SimulationComparison", "compare_simulations")
 _ROOMS = ("datasets", "diagnosis", "plotting", "scoring")
 
 
 def __getattr__(name: str) -> Any:
     if name in _OF_DIAGNOSIS:
         return getattr(import_module(f"{__name__}.diagnosis"), name)
+    if name in _OF_COMPARISON:
+        return getattr(import_module(f"{__name__}.comparison"), name)
     if name in _ROOMS:
         return import_module(f"{__name__}.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name)

@@ -11,6 +11,7 @@ from hybridsurrogate.plotting.checks import (
     plot_residuals,
     plot_scores,
 )
+from hybridsurrogate.plotting.comparison import plot_comparison
 from hybridsurrogate.plotting.curves import (
     plot_bands_over_beta,
     plot_mean_draws,
@@ -61,6 +62,7 @@ __all__ = [
     "plot_bands_over_beta",
     "plot_beta_scan",
     "plot_causes",
+    "plot_comparison",
     "plot_coverage",
     "plot_densities_over_beta",
     "plot_discrepancy",

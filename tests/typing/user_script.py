@@ -253,6 +253,9 @@ def diagnosed(X: Array, y: Array) -> hs.DiscrepancyDiagnosis:
     plan: hs.Detectability = hs.detectability(model, X, causes=["step"], noise=0.1)
     plotting.plot_power(plan.table)
     print(plan.confusion(), plan.smallest(), plan.report())
+    both: hs.SimulationComparison = hs.compare_simulations([model, model], X, y, diagnose=False)
+    plotting.plot_comparison(both.table)
+    print(both.chosen, both.report())
     return diagnosis
 
 
