@@ -31,8 +31,8 @@ from hybridsurrogate.types import FloatArray
 
 # sets of parameters at which causes are linearised, and data sets without a cause in all
 _PLACES, _NULL = 8, 400
-# bytes for each planned row: 40 for 500 rows and 400 for 5000 of a simulation of one input
-_BYTES_A_ROW = 80_000
+# bytes for each planned row: 118 MB more for 960 rows more, all kinds of a simulation of one input
+_BYTES_A_ROW = 125_000
 
 
 def detectability(
