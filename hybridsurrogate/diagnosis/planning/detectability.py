@@ -118,8 +118,8 @@ def detectability(
         progress=False,
     )
     check_scalar(n_replicates, "n_replicates", Integral, min_val=1)
+    _check_memory(int(np.shape(X)[0]) if np.ndim(X) else 0)
     rows = complete_table(X, labels=estimator.experiment)
-    _check_memory(len(rows))
     levels, scale = _checked_sizes(sizes), _checked_noise(estimator, noise)
     random = check_random_state(random_state)
     with one_blas_thread():

@@ -70,7 +70,8 @@ def test_the_change_of_a_step_is_its_height():
     fixed = hs.Simulator(line, inputs={"t": (0, 10)}, parameters={"slope": norm(1, 1e-9)})
     step = hs.Step("t", location=norm(5.0, 1e-3))
     model = hs.PowerScaledSurrogate(fixed, surrogate=hs.ExactSurrogate())
-    only = hs.detectability(model, T[:, None], causes=[step], sizes=[2.0], noise=NOISE)
+    settings = {"noise": NOISE, "exclude": FEW, "n_replicates": 20, "random_state": 0}
+    only = hs.detectability(model, T[:, None], causes=[step], sizes=[2.0], **settings)
     # only a slope that is known to a billionth could follow: any could to first order
     basis = T / np.linalg.norm(T)
     jump = (T > 5.0).astype(float)
@@ -137,7 +138,14 @@ def test_sizes_that_a_cause_cannot_have_have_no_row():
     )
     model = hs.PowerScaledSurrogate(simulator, surrogate=hs.ExactSurrogate())
     few = hs.detectability(
-        model, T[:, None], causes=["wrong-constant", "trend"], sizes=[0.2, 8.0], noise=NOISE
+        model,
+        T[:, None],
+        causes=["wrong-constant", "trend"],
+        sizes=[0.2, 8.0],
+        noise=NOISE,
+        exclude=all_but("wrong-constant", "trend"),
+        n_replicates=20,
+        random_state=0,
     )
     assert few.table.loc[few.table["cause"] == "wrong-constant", "size"].tolist() == [0.2]
     assert few.table.loc[few.table["cause"] == "trend", "size"].tolist() == [0.2, 8.0]
@@ -171,7 +179,7 @@ def test_causes_of_another_type(causes):
 
 def test_more_rows_than_memory_and_too_few():
     # a million million rows take no memory as a view
-    many = np.lib.stride_tricks.as_strided(np.ones(1), shape=(10**8, 1), strides=(0, 8))
+    many = np.lib.stride_tricks.as_strided(np.ones(1), shape=(10**7, 1), strides=(0, 8))
     with pytest.raises(ValueError, match="planned rows need about"):
         hs.detectability(model_of(), many, noise=NOISE)
     with pytest.raises(ValueError, match="at least"):
@@ -184,6 +192,7 @@ def test_noise_from_the_prior_counts_and_several_outputs():
         T[:, None],
         causes=["step"],
         sizes=[4.0],
+        exclude=FEW,
         n_replicates=20,
         random_state=0,
     )
@@ -192,7 +201,13 @@ def test_noise_from_the_prior_counts_and_several_outputs():
         lambda t, slope: 20.0 + slope * t, inputs={"t": (0, 10)}, parameters={"slope": norm(1, 0.3)}
     )
     counts = hs.PowerScaledSurrogate(rate, surrogate=hs.ExactSurrogate(), likelihood="poisson")
-    settings = {"causes": ["step"], "sizes": [0.2, 4.0], "n_replicates": 20, "random_state": 0}
+    settings = {
+        "causes": ["step"],
+        "sizes": [0.2, 4.0],
+        "exclude": FEW,
+        "n_replicates": 20,
+        "random_state": 0,
+    }
     seen = hs.detectability(counts, T[:, None], **settings).curves()["step"]
     assert seen[0.2] < 0.5 < seen[4.0]
     with pytest.raises(ValueError, match="no noise"):
