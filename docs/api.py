@@ -18,6 +18,8 @@ TASKS = {
     "Read and hold runs": ("SimulationData", "read_simulation"),
     "Emulate a simulation": ("Emulator",),
     "Find out what is wrong": ("DiscrepancyDiagnosis", "CauseFinding", "refine"),
+    "Compare simulations": ("compare_simulations", "SimulationComparison"),
+    "Plan measurements": ("detectability", "Detectability"),
     "Fit and predict": (
         *("PowerScaledSurrogate", "PredictiveWeightedSurrogate", "MultiSourceSurrogate", "Source"),
         *("KennedyOHaganSurrogate", "AveragedSurrogate", "EnsembleSampler"),

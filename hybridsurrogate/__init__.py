@@ -97,7 +97,14 @@ from hybridsurrogate.surrogates import (
 )
 
 if TYPE_CHECKING:  # imported when they are first used, see `__getattr__`
-    from hybridsurrogate.diagnosis import CauseFinding, DiscrepancyDiagnosis, refine
+    from hybridsurrogate.comparison import SimulationComparison, compare_simulations
+    from hybridsurrogate.diagnosis import (
+        CauseFinding,
+        Detectability,
+        DiscrepancyDiagnosis,
+        detectability,
+        refine,
+    )
 
 __version__ = "0.2.0"
 
@@ -119,6 +126,7 @@ __all__ = [
     "CustomLikelihood",
     "Decay",
     "Delay",
+    "Detectability",
     "DiagnosisWarning",
     "DiscrepancyDiagnosis",
     "DynamicDelay",
@@ -177,6 +185,7 @@ __all__ = [
     "Saturation",
     "SecondStore",
     "SensorResponse",
+    "SimulationComparison",
     "SimulationData",
     "Simulator",
     "SolverWarning",
@@ -189,6 +198,8 @@ __all__ = [
     "WrongConstant",
     "beta_path",
     "choose_beta",
+    "compare_simulations",
+    "detectability",
     "load",
     "read_simulation",
     "refine",
@@ -206,13 +217,22 @@ globals().update(_REGISTERED)
 __all__ += sorted(_REGISTERED.keys() - {*__all__})
 
 # imported when they are first used
-_OF_DIAGNOSIS = ("CauseFinding", "DiscrepancyDiagnosis", "refine")
+_OF_DIAGNOSIS = (
+    "CauseFinding",
+    "Detectability",
+    "DiscrepancyDiagnosis",
+    "detectability",
+    "refine",
+)
+_OF_COMPARISON = ("SimulationComparison", "compare_simulations")
 _ROOMS = ("datasets", "diagnosis", "plotting", "scoring")
 
 
 def __getattr__(name: str) -> Any:
     if name in _OF_DIAGNOSIS:
         return getattr(import_module(f"{__name__}.diagnosis"), name)
+    if name in _OF_COMPARISON:
+        return getattr(import_module(f"{__name__}.comparison"), name)
     if name in _ROOMS:
         return import_module(f"{__name__}.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name)

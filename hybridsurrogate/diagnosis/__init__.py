@@ -3,6 +3,8 @@
 diagnosis   DiscrepancyDiagnosis: checks its arguments, keeps the result, answers
 refinement  a diagnosis with further runs where they inform most
 checks      data, simulation and emulator: is there something to doubt?
+simulated   data sets with a known cause, and what the linearised evidence says of each
+planning    how often planned measurements would show each cause
 search      screen every cause, score the most probable, accept, repeat
 answers     verdict tables, discrepancy, findings, extended simulation, next measurement
 validation  the whole search repeated on folds: what the extension gains
@@ -13,6 +15,8 @@ report      text and HTML
 
 from hybridsurrogate.diagnosis.answers.finding import CauseFinding
 from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
+from hybridsurrogate.diagnosis.planning.detectability import detectability
+from hybridsurrogate.diagnosis.planning.result import Detectability
 from hybridsurrogate.diagnosis.refinement import refine
 
-__all__ = ["CauseFinding", "DiscrepancyDiagnosis", "refine"]
+__all__ = ["CauseFinding", "Detectability", "DiscrepancyDiagnosis", "detectability", "refine"]

@@ -111,6 +111,12 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         Where no cause was detected: the root mean square, on the scale of eta, of the smallest
         fault that would have been detected in nine of ten data sets like these. Faults are steps
         and straight lines over the inputs, of which the median is taken.
+    detectable_ : pandas.DataFrame or None
+        Where no cause was detected: the smallest cause of each kind that would have been, in nine
+        of ten data sets like these. Columns: "kind", "size" (as in `detectability`; NaN where none
+        that was tried would have been) and "change" (its largest change of a row without noise, on
+        the scale of eta: the height of a step). For rates of detection and names, or other rows,
+        see `detectability`.
     probability_right_ : float or None
         Probability that the most probable cause is the right one. Causes outside the catalogue
         count too, at their frequency in measured data sets. None where no cause has a name.
@@ -224,6 +230,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
     probability_right_: float | None
     residual_check_: ResidualCheck | None
     smallest_detectable_: float | None
+    detectable_: pd.DataFrame | None
     extended_estimator_: Any
     extended_simulator_: Simulator | None
     best_cause_: CauseFinding

@@ -11,6 +11,7 @@ from hybridsurrogate.plotting.checks import (
     plot_residuals,
     plot_scores,
 )
+from hybridsurrogate.plotting.comparison import plot_comparison
 from hybridsurrogate.plotting.curves import (
     plot_bands_over_beta,
     plot_mean_draws,
@@ -21,6 +22,7 @@ from hybridsurrogate.plotting.densities import plot_densities_over_beta
 from hybridsurrogate.plotting.emulator import plot_emulator
 from hybridsurrogate.plotting.monitor import plot_monitor
 from hybridsurrogate.plotting.overview import Predicted, plot_overview
+from hybridsurrogate.plotting.planning import plot_power
 from hybridsurrogate.plotting.report import (
     Prediction,
     plot_alternatives,
@@ -61,6 +63,7 @@ __all__ = [
     "plot_bands_over_beta",
     "plot_beta_scan",
     "plot_causes",
+    "plot_comparison",
     "plot_coverage",
     "plot_densities_over_beta",
     "plot_discrepancy",
@@ -71,6 +74,7 @@ __all__ = [
     "plot_measured",
     "plot_monitor",
     "plot_overview",
+    "plot_power",
     "plot_prediction",
     "plot_predictive_bands",
     "plot_quantiles",

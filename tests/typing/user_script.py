@@ -252,6 +252,12 @@ def diagnosed(X: Array, y: Array) -> hs.DiscrepancyDiagnosis:
     again: hs.DiscrepancyDiagnosis = hs.load("diagnosis.hs")
     print(top, below, source, again.verdict_)
     plotting.plot_monitor(diagnosis.update(X, y).table, 0.05)
+    plan: hs.Detectability = hs.detectability(model, X, causes=["step"], noise=0.1)
+    plotting.plot_power(plan.table)
+    print(plan.confusion(), plan.smallest(), plan.report())
+    both: hs.SimulationComparison = hs.compare_simulations([model, model], X, y, diagnose=False)
+    plotting.plot_comparison(both.table)
+    print(both.chosen, both.report())
     return diagnosis
 
 

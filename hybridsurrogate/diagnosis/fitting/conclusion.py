@@ -17,6 +17,7 @@ from hybridsurrogate.diagnosis.checks.residuals import check_residuals
 from hybridsurrogate.diagnosis.fitting.result import Conclusion, Settings
 from hybridsurrogate.diagnosis.fitting.verdict import Verdict, conclude, given_doubts
 from hybridsurrogate.diagnosis.search.forward_selection import SearchStep
+from hybridsurrogate.diagnosis.simulated.detectable import detectable
 from hybridsurrogate.diagnosis.validation.refit import accepted
 from hybridsurrogate.diagnosis.validation.rows_left_out import with_rows
 from hybridsurrogate.effects.base import Cause
@@ -59,8 +60,9 @@ def concluded(
         0.0 if emulator_check is None else emulator_check.hidden,
         not posterior.model.basis.is_simulation and bool(at_prior_ends(posterior)),
     )
-    smallest = None
-    if not last:
+    smallest, of_kinds = None, None
+    if not last and first.test is not None:
+        of_kinds = detectable(first.search, first.test, settings.false_alarm_rate)
         smallest = smallest_detectable(first.search, first.test, settings.false_alarm_rate)
     doubts = [*known, *_doubts(steps, before, problem, verdict.word)]
     verdict = given_doubts(verdict, first, doubts)
@@ -72,6 +74,7 @@ def concluded(
         _probability_right(first, verdict),
         check,
         smallest,
+        of_kinds,
     )
     return conclusion, doubts
 

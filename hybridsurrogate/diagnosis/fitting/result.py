@@ -80,6 +80,8 @@ class Conclusion:
         Of the residuals of the last accepted cause.
     smallest_detectable : float or None
         Where nothing was detected: the smallest fault that would have been.
+    detectable : pandas.DataFrame or None
+        The same of each kind.
     """
 
     verdict: str
@@ -89,6 +91,7 @@ class Conclusion:
     probability_right: float | None
     residual_check: ResidualCheck | None
     smallest_detectable: float | None
+    detectable: pd.DataFrame | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,6 +234,7 @@ class DiagnosisResult:
             "probability_right_": said.probability_right,
             "residual_check_": said.residual_check,
             "smallest_detectable_": said.smallest_detectable,
+            "detectable_": said.detectable,
             "extended_estimator_": after.estimator,
             "extended_simulator_": after.simulator,
             "best_cause_": after.best_cause,

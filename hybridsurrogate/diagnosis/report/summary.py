@@ -44,6 +44,7 @@ def summary(
         "concerns": result.conclusion.concerns,
         "undecided_by": result.conclusion.undecided_by,
         "smallest_detectable": result.conclusion.smallest_detectable,
+        "detectable": _records(result.conclusion.detectable),
         "cautions": [one._asdict() for one in result.cautions],
         "probability_right": result.conclusion.probability_right,
         "p_value": result.test.p_value,

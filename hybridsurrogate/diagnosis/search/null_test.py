@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy import special
 
 from hybridsurrogate.diagnosis.search.candidate import prior_of
+from hybridsurrogate.diagnosis.search.context import Fitted, SearchContext
 from hybridsurrogate.diagnosis.search.search import Search
-from hybridsurrogate.inference.evidence.grid import make_grid
+from hybridsurrogate.inference.evidence.grid import Grid, make_grid
 from hybridsurrogate.inference.evidence.linearised import (
     is_long,
     linearised_pieces,
 )
 from hybridsurrogate.inference.evidence.marginal_likelihood import scan
+from hybridsurrogate.model.observation import MeasuredModel
 from hybridsurrogate.simulation.outputs import OUTPUT
 from hybridsurrogate.types import FloatArray
 
@@ -165,29 +168,53 @@ def evidence_ratios(result: Search, responses: FloatArray) -> FloatArray:
     ndarray of shape (k,)
         Zero where no cause was compared.
     """
-    problem, emulator = result.problem, result.context.emulator
     null = result.candidates[0].fit
-    base = null.mode.z
     compared = [w for w in result.candidates if w.cause is None or not w.cause.is_screened]
     others = [w for w in compared if w.cause is None or "outliers" not in w.cause.acts_on]
+    fits = [w.fit for w in (others if len(others) > 1 else compared)]
+    if len(fits) == 1:
+        return np.zeros(len(responses))
+    pairs = [(fit.model, fit.grid) for fit in fits]
+    evidence = evidence_at_null(result.context, null, pairs, responses, result.sizes)
+    return np.asarray(np.max(evidence[:, 1:], axis=1) - evidence[:, 0])
+
+
+def evidence_at_null(
+    context: SearchContext,
+    null: Fitted,
+    compared: Sequence[tuple[MeasuredModel, Grid]],
+    responses: FloatArray,
+    sizes: FloatArray,
+) -> FloatArray:
+    """Return the log evidence of models for data sets at the same inputs, (R, k).
+
+    Each is linearised once, at the null fit and where its last cause changes nothing.
+
+    Parameters
+    ----------
+    context : SearchContext
+    null : Fitted
+    compared : sequence of (MeasuredModel, Grid)
+    responses : ndarray of shape (R, n)
+    sizes : ndarray
+        Prior scales of effect sizes.
+    """
+    X, base = context.problem.X, null.mode.z
     evidence = []
-    for w in others if len(others) > 1 else compared:
-        model, grid = w.fit.model, w.fit.grid
+    for model, grid in compared:
         z = grid.neutral.copy()
         z[: len(base)] = base
         # in a replicate a change may be anywhere, not only where the measured one is
         whole = make_grid(model)
-        if not len(grid.nodes) or is_long(model, problem.X, whole):
+        if not len(grid.nodes) or is_long(model, X, whole):
             grid = whole
-        pieces = linearised_pieces(model, problem.X, emulator, grid, z)
+        pieces = linearised_pieces(model, X, context.emulator, grid, z)
         scans = [
-            scan(parts.simplified(), responses, null.sigma, result.context.noise, result.sizes)
+            scan(parts.simplified(), responses, null.sigma, context.noise, sizes)
             for parts in pieces
         ]
         evidence.append(special.logsumexp(np.concatenate(scans, axis=1), axis=1))
-    if len(evidence) == 1:
-        return np.zeros(len(responses))
-    return np.asarray(np.max(evidence[1:], axis=0) - evidence[0])
+    return np.stack(evidence, axis=1)
 
 
 def evidence_bound(result: Search) -> float:

@@ -220,8 +220,17 @@ def _detectable(view: View) -> str:
         )
     return (
         f"A fault with a root mean square of {view.amount(least * view.unit)} would have been "
-        f"detected in nine of ten such data sets; the noise is about {noise_of(view)}."
+        f"detected in nine of ten such data sets{_step(view)}; the noise is about {noise_of(view)}."
     )
+
+
+def _step(view: View) -> str:
+    """Report the least height of a step that would have been detected."""
+    table = view.result.conclusion.detectable
+    if table is None:
+        return ""
+    heights = table.loc[table["kind"] == "step", "change"].dropna()
+    return "".join(f", a step from {view.amount(one * view.unit)} on" for one in heights[:1])
 
 
 def _undecided(view: View) -> tuple[str, ...]:

@@ -1,0 +1,227 @@
+"""Several simulations compared on the same measurements."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from numbers import Integral
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
+from sklearn.base import clone
+from sklearn.utils import check_consistent_length, check_random_state, check_scalar
+
+from hybridsurrogate.arguments.scalars import check_flag, check_n_jobs
+from hybridsurrogate.comparison.agreement import agreement
+from hybridsurrogate.comparison.evidence import log_evidence, probabilities
+from hybridsurrogate.comparison.held_out import held_out_densities, stacking_weights
+from hybridsurrogate.comparison.result import SimulationComparison
+from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
+from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
+from hybridsurrogate.likelihoods import as_likelihood
+from hybridsurrogate.model.rows.measured_rows import check_outcomes, without_gaps
+from hybridsurrogate.numerics.threads import one_blas_thread
+from hybridsurrogate.scoring.scores import paired_difference
+from hybridsurrogate.simulation.arrays import complete_table
+from hybridsurrogate.types import FloatArray
+
+
+def compare_simulations(
+    estimators: Sequence[PowerScaledSurrogate] | Mapping[str, PowerScaledSurrogate],
+    X: ArrayLike,
+    y: ArrayLike,
+    *,
+    diagnose: bool = True,
+    cv: int = 5,
+    max_causes: int = 1,
+    n_jobs: int | None = None,
+    random_state: int | np.random.RandomState | None = None,
+) -> SimulationComparison:
+    """Compare several simulations of the same measurements, and what each of them lacks.
+
+    Parameters
+    ----------
+    estimators : sequence or dict of name to PowerScaledSurrogate
+        One for each simulation, at least two, without effects. The simulations may have other
+        parameters, and read other columns of X; outputs and likelihood are the same. Without names
+        they have those of their simulators.
+    X : array-like of shape (n, n_columns)
+        Measured rows. A DataFrame where the simulations have other inputs.
+    y : array-like of shape (n,), or (n, n_outputs) of several outputs
+    diagnose : bool, default=True
+        Also diagnose each: what it lacks, and whether they agree once extended. Without, a
+        comparison takes seconds.
+    cv : int, default=5
+        Folds of the held-out densities, the same for all.
+    max_causes : int, default=1
+        Of each diagnosis.
+    n_jobs : int or None, default=None
+        Processes that share the folds.
+    random_state : int, RandomState or None, default=None
+
+    Returns
+    -------
+    SimulationComparison
+
+    Raises
+    ------
+    TypeError, ValueError
+        For fewer than two estimators, other outputs or likelihoods, columns that cannot be the same
+        for all, and whatever a fit refuses.
+
+    Notes
+    -----
+    The evidence supposes that one of the simulations is right: a probability near one is no sign
+    that the favoured one is. That is what the diagnoses are for.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scipy.stats import norm
+    >>> import hybridsurrogate as hs
+    >>> def line(t, rate):
+    ...     return rate * t
+    >>> def root(t, rate):
+    ...     return rate * np.sqrt(t)
+    >>> models = [
+    ...     hs.PowerScaledSurrogate(
+    ...         hs.Simulator(f, inputs={"t": (0, 9)}, parameters={"rate": norm(1, 1)}),
+    ...         surrogate=hs.ExactSurrogate(), random_state=0)
+    ...     for f in (line, root)]
+    >>> t = np.linspace(0, 9, 30)
+    >>> y = 2 * np.sqrt(t) + 0.2 * np.random.default_rng(0).standard_normal(30)
+    >>> hs.compare_simulations(models, t[:, None], y, diagnose=False, random_state=0).chosen
+    'root'
+    """
+    models = _named(estimators)
+    _check_alike(models, X)
+    check_flag(diagnose, "diagnose")
+    check_n_jobs(n_jobs)
+    check_scalar(cv, "cv", Integral, min_val=2)
+    random = check_random_state(random_state)
+    first = next(iter(models.values()))
+    check_outcomes(y, as_likelihood(first.likelihood))
+    check_consistent_length(X, y)
+    X, y, _ = without_gaps(X, y, None)
+    X = complete_table(X, labels=first.experiment)
+    fitted = {name: clone(one).fit(X, y) for name, one in models.items()}
+    measured = next(iter(fitted.values())).measured_outputs(y)
+    unfitted = [clone(one) for one in models.values()]
+    with one_blas_thread():
+        evidence = np.array([log_evidence(one) for one in fitted.values()])
+        density = held_out_densities(unfitted, X, measured, int(cv), random, n_jobs)
+    diagnoses: dict[str, Any] = {}
+    if diagnose:
+        seed = random.randint(2**31 - 1)
+        diagnoses = {
+            name: DiscrepancyDiagnosis(
+                clone(one), cv=None, max_causes=max_causes, n_jobs=n_jobs, random_state=seed
+            ).fit(X, y)
+            for name, one in models.items()
+        }
+    table = _table(list(models), evidence, density, diagnoses)
+    extended = {name: one.extended_estimator_ for name, one in diagnoses.items()}
+    return SimulationComparison(
+        table,
+        agreement(fitted, extended or None, X),
+        pd.DataFrame(density, columns=list(models)),
+        fitted,
+        diagnoses,
+    )
+
+
+def _table(
+    names: Sequence[str],
+    evidence: FloatArray,
+    density: FloatArray,
+    diagnoses: Mapping[str, Any],
+) -> pd.DataFrame:
+    """Return the scores of each simulation, most probable first."""
+    elpd = np.mean(density, axis=0)
+    best = int(np.argmax(elpd))
+    apart = [paired_difference(density[:, k], density[:, best]) for k in range(len(names))]
+    table = pd.DataFrame(
+        {
+            "log_evidence": evidence,
+            "probability": probabilities(evidence),
+            "elpd": elpd,
+            "difference": [one.difference for one in apart],
+            "difference_error": [one.standard_error for one in apart],
+            "weight": stacking_weights(density),
+        },
+        index=list(names),
+    )
+    if diagnoses:
+        found = [diagnoses[name] for name in names]
+        table = table.assign(
+            verdict=[one.verdict_ for one in found],
+            cause=[" + ".join(_word(cause) for cause in one.found_causes_) for one in found],
+            p_value=[one.p_value_ for one in found],
+        )
+    return table.sort_values("log_evidence", ascending=False, kind="stable")
+
+
+def _word(cause: Any) -> str:
+    return f"{cause.kind}({cause.target})" if cause.target else str(cause.kind)
+
+
+def _named(estimators: Any) -> dict[str, PowerScaledSurrogate]:
+    """Return the estimators by name; raise for fewer than two, and for what is none."""
+    if isinstance(estimators, Mapping):
+        models = {str(name): one for name, one in estimators.items()}
+    elif isinstance(estimators, Sequence) and not isinstance(estimators, str):
+        words = [_name_of(one) for one in estimators]
+        models = {
+            word if words.count(word) == 1 else f"{word} {k + 1}": one
+            for k, (word, one) in enumerate(zip(words, estimators, strict=True))
+        }
+    else:
+        raise TypeError(
+            "estimators must be a list of PowerScaledSurrogate objects, or a dict of them by name, "
+            f"got {estimators!r}."
+        )
+    for one in models.values():
+        if not isinstance(one, PowerScaledSurrogate):
+            raise TypeError(f"estimators must hold PowerScaledSurrogate objects, got {one!r}.")
+        if one.simulation is None or tuple(one.effects):
+            raise ValueError(
+                "Each estimator needs a simulation, and no effects: simulations are compared as "
+                "they are."
+            )
+    if len(models) < 2:
+        raise ValueError(f"There are at least two simulations to compare, got {len(models)}.")
+    return models
+
+
+def _name_of(estimator: Any) -> str:
+    simulation = getattr(estimator, "simulation", None)
+    simulator = getattr(simulation, "simulator", None)
+    return str(getattr(simulator, "name", "") or "simulation")
+
+
+def _check_alike(models: Mapping[str, PowerScaledSurrogate], X: Any) -> None:
+    """Raise ValueError for simulations of other outputs, or scored otherwise."""
+    names, every = list(models), list(models.values())
+    first: Any = every[0].simulation
+    for name, one in zip(names[1:], every[1:], strict=True):
+        simulation: Any = one.simulation
+        if simulation.outputs != first.outputs:
+            raise ValueError(
+                f"{name!r} simulates {', '.join(simulation.outputs)}, and {names[0]!r} "
+                f"{', '.join(first.outputs)}: simulations of other outputs have no measurements in "
+                "common. Where it is the same quantity, give it the same name (output=...)."
+            )
+        if as_likelihood(one.likelihood) != as_likelihood(every[0].likelihood):
+            raise ValueError(
+                f"{name!r} has another likelihood than {names[0]!r}: give all the same, so that "
+                "the simulations alone differ."
+            )
+        if one.experiment != every[0].experiment:
+            raise ValueError("All estimators must have the same experiment=... column.")
+        if not hasattr(X, "columns") and simulation.input_names != first.input_names:
+            raise ValueError(
+                f"{name!r} has the inputs {', '.join(simulation.input_names)}, and {names[0]!r} "
+                f"{', '.join(first.input_names)}: give X as a DataFrame, so that each finds its "
+                "columns by name."
+            )
