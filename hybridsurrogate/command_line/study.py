@@ -77,7 +77,9 @@ def read_study_data(given: argparse.Namespace) -> Study:
     runs = None
     if user is None:
         runs = long_table(read_table(given.simulation), given.inputs, given.output)
-    measured = _measured(given.measured, (*given.inputs, *given.output), given.output)
+    measured = _measured(
+        given.measured, (*given.inputs, *given.output, *given.errors), given.output
+    )
     n, new = len(measured), getattr(given, "new", None)
     if new:
         later = _measured(new, measured.columns, given.output)
@@ -332,7 +334,7 @@ def model_of(
     ----------
     study : Study
     given : argparse.Namespace
-        With likelihood, experiment, by_experiment and seed.
+        With likelihood, noise, experiment, by_experiment and seed.
     beta : float
         Weight of the simulation.
     method : {"power-scaling", "predictive-weighting"}
@@ -343,6 +345,7 @@ def model_of(
         surrogate=study.surrogate,
         beta=beta,
         likelihood=given.likelihood,
+        noise=given.noise,
         experiment=given.experiment,
         by_experiment=named(given.by_experiment, "--by-experiment NAME=HOW", "spread") or None,
         random_state=given.seed,

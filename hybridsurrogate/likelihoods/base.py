@@ -123,6 +123,13 @@ class Likelihood(ABC):
         """Return the noise-free output of eta; by default eta, or its exponential."""
         return np.exp(np.minimum(eta, 700.0)) if self.log_scale else eta
 
+    def scatter(self, errors: FloatArray, y: FloatArray) -> FloatArray:
+        """Return known errors of measurements y, in their units, as standard deviations of eta.
+
+        By default the errors themselves.
+        """
+        return errors
+
     @abstractmethod
     def log_density(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the log density (or log probability) of each y."""

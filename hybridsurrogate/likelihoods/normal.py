@@ -45,6 +45,10 @@ class TransformedNormal(Likelihood):
         """Return the link of y."""
         return self.link(y)
 
+    def scatter(self, errors: FloatArray, y: FloatArray) -> FloatArray:
+        """Return errors times |d link / dy|: of log y relative errors."""
+        return errors * np.exp(self.log_jacobian(y))
+
     def noise_prior(self, scale: float) -> Prior:
         """Return a half-normal prior with the spread of the output as scale."""
         return stats.halfnorm(scale=scale)

@@ -58,6 +58,7 @@ def plot_overview(
     curve: bool = True,
     labels: tuple[str, str, str] = ("x", "y", "residual"),
     axes: Sequence[Axes] | None = None,
+    y_err: FloatArray | None = None,
 ) -> list[Axes]:
     """Draw measurements, a simulation and its extension with 90 % intervals, and the residuals.
 
@@ -77,6 +78,8 @@ def plot_overview(
         Of the x axis, the y axis, and the y axis of the residuals.
     axes : sequence of two matplotlib Axes, default=None
         None: those of a new figure without a window.
+    y_err : ndarray of shape (n,) or None, default=None
+        Known standard deviations of the measurements: bars.
 
     Returns
     -------
@@ -111,6 +114,8 @@ def plot_overview(
             rasterized=raster,
         )  # fmt: skip
     top.plot(x, y, "o", color=DATA, ms=size, mew=0, label="measured", rasterized=raster, zorder=3)
+    if y_err is not None:
+        top.errorbar(x, y, y_err, fmt="none", ecolor=DATA, elinewidth=0.6, alpha=0.5, zorder=2.9)
     values = y
     if held_out is not None:
         values = np.concatenate([y, held_out[1]])

@@ -16,6 +16,7 @@ from hybridsurrogate.diagnosis.search.noise_of_outputs import at_noise_of
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.in_output import prepared_for
 from hybridsurrogate.effects.noise.gross_error import MOST_ROWS
+from hybridsurrogate.effects.noise.known_errors import Jitter
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
 from hybridsurrogate.estimators.power_scaled import FitTask, PowerScaledSurrogate
 from hybridsurrogate.exceptions import DiagnosisWarning
@@ -98,7 +99,8 @@ def prepare(
     problem = plain.on_rows(*data.single).with_effects(data.effects())
     # as many measurements as there are rows, whatever the unit of their weights
     problem = replace(problem, weights=problem.weights / problem.weights.mean())
-    problem = _at_spread_of(at_noise_of(problem, fitted.posterior_), fitted.posterior_)
+    problem = _at_jitter_of(at_noise_of(problem, fitted.posterior_), fitted)
+    problem = _at_spread_of(problem, fitted.posterior_)
     # a search over causes has no time to infer a surrogate's hyperparameters each time
     hyper = fitted.posterior_.values[:, fitted.posterior_.model.n_unknowns :]
     problem = problem.given(np.median(hyper, axis=0))
@@ -156,6 +158,22 @@ def _at_spread_of(problem: Problem, posterior: Posterior) -> Problem:
             spread = float(np.median(posterior.estimates(k)["spread"]))
             effects[k] = effect.filled(spread=spread)
     return replace(problem, model=problem.model.with_effects(effects))
+
+
+def _at_jitter_of(problem: Problem, fitted: PowerScaledSurrogate) -> Problem:
+    """Return the problem with the jitter of a posterior in the rows' noise, and sigma unknown.
+
+    Rows keep the shares of known errors in their noise: a search has no time to infer them anew
+    for every cause. Sigma is the noise of a typical row, at least its error.
+    """
+    posterior, errors = fitted.posterior_, problem.model.errors
+    there = [k for k, e in enumerate(posterior.model.effects) if isinstance(e, Jitter)]
+    if errors is None or not there:
+        return problem
+    jitter = tuple(float(np.median(draws)) for draws in posterior.estimates(there[0]).values())
+    kept = [effect for effect in problem.model.effects if not isinstance(effect, Jitter)]
+    model = replace(problem.model.with_effects(kept), errors=errors.with_jitter(jitter))
+    return replace(problem, model=model, noise_prior=fitted.plain_.jitter_prior)
 
 
 def _lacks(cause: Cause, context: Context, problem: Problem) -> str | None:
