@@ -237,7 +237,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
     refinement_: pd.DataFrame
     monitor_: Monitor
     n_features_in_: int
-    _new: tuple[Any, FloatArray]
+    _new: tuple[Any, FloatArray, FloatArray | None]
 
     def __init__(
         self,

@@ -118,7 +118,8 @@ class CheckedEstimator(BaseEstimator):
             )
         if not isinstance(self.noise, str) or self.noise not in KINDS:
             raise ValueError(
-                f"noise must be one of {KINDS}, got {self.noise!r}.{did_you_mean(self.noise, KINDS)}"
+                f"noise must be one of {KINDS}, got {self.noise!r}."
+                f"{did_you_mean(self.noise, KINDS)}"
             )
         if self.noise_prior is not None:
             check_prior(self.noise_prior, "noise_prior")

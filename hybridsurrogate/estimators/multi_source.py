@@ -180,8 +180,11 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
         return np.concatenate(powers) if powers else None
 
     def _further_tables(self) -> Sequence[Any]:
-        further = [s for s in self.sources if not isinstance(s.data, SimulationData)]
-        tables = [taken_out(s.data[0], s.y_err)[0] for s in further]
+        tables = [
+            taken_out(source.data[0], source.y_err)[0]
+            for source in self.sources
+            if not isinstance(source.data, SimulationData)
+        ]
         return [complete_table(X, labels=self.experiment) for X in tables]
 
     def _further_sets(
@@ -209,9 +212,9 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
                 "Either all measured sets have errors or none has: pass y_err to fit and to each "
                 "Source of measured rows."
             )
-        X, y = source.data
-        X, y_err = taken_out(X, source.y_err)
-        X, y, _, y_err = without_gaps(X, y, None, y_err)
+        assert not isinstance(source.data, SimulationData)
+        X, y_err = taken_out(source.data[0], source.y_err)
+        X, y, _, y_err = without_gaps(X, source.data[1], None, y_err)
         X = complete_table(X, labels=self.experiment)
         if data.experiments is not None:
             X = data.experiments.numbered(X)

@@ -124,11 +124,12 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
             With NaN for what was not measured; columns of a DataFrame go by name.
         sample_weight : array-like of shape (n,) or None, default=None
             A row of weight two counts like two equal rows.
-        y_err : float, str, array-like of shape (n,), or (n, k) of several outputs, or None
-            Known standard deviation of each measurement, in the units of y: its error bar. ``noise``
-            says what else is inferred. A name: that column of a DataFrame X. One number: that of
-            every row. Under a log-normal likelihood the standard deviation of log y is ``y_err /
-            y``; under a Student-t one it is the scale of the row.
+        y_err : float, str, array-like of the shape of y, or None, default=None
+            Known standard deviation of each measurement, in the units of y: its error bar. Of what
+            else is inferred: see ``noise``. A name: that column of a DataFrame X, of several
+            outputs a list of names. One number: that of every row. Under a log-normal likelihood
+            the standard deviation of log y is ``y_err / y``; under a Student-t one it is the scale
+            of the row.
 
         Returns
         -------

@@ -125,6 +125,12 @@ class CausesOnRows:
             theta[k] = {**theta[k], name: values[:, column]}
         return theta
 
+    def known_noise(self, X: FloatArray) -> FloatArray:
+        """Return the factors (n,) on sigma that known errors of rows X leave, ones without any."""
+        if self.errors is None:
+            return np.ones(len(X))
+        return self.errors.factor(dict(zip([*self.columns, ERROR], X.T, strict=False)), len(X))
+
     def rows_moved(self, X: FloatArray) -> NDArray[np.bool_] | None:
         """Return which rows each unknown may change, (n_unknowns, n); None: each of them all."""
         once = {name: X[:, k] for k, name in enumerate(self.columns)}

@@ -188,7 +188,9 @@ class Posterior:
         return eta, np.broadcast_to(noise * self.sigma[:, None], eta.shape)
 
     def noise_of(self, output: str = "", position: int = 0) -> FloatArray:
-        """Return draws of the noise of an output, on the scale of eta: of a row with typical errors.
+        """Return draws of the noise of an output, of a row with the typical error.
+
+        On the scale of eta.
 
         Parameters
         ----------

@@ -172,15 +172,15 @@ def followed(
     X, y_err = new_errors(X, y_err, before.data_)
     if len(before.simulation.outputs) == 1:
         X, y, _, y_err = without_gaps(X, y, None, y_err)
-    X, y = complete_table(X, labels=before.experiment), before.measured_outputs(y)
-    check_consistent_length(X, y)
-    after.checked_rows(X, y_err, y)
+    X, values = complete_table(X, labels=before.experiment), before.measured_outputs(y)
+    check_consistent_length(X, values)
+    after.checked_rows(X, y_err, values)
     errors = None
     if earlier[2] is not None:
         usual = np.nanmedian(before.data_.y_err, axis=0)
-        new = np.broadcast_to(as_numbers(usual if y_err is None else y_err, "y_err"), y.shape)
+        new = np.broadcast_to(as_numbers(usual if y_err is None else y_err, "y_err"), values.shape)
         errors = np.concatenate([earlier[2], new])
-    return joined(earlier[0], X), np.concatenate([earlier[1], y]), errors
+    return joined(earlier[0], X), np.concatenate([earlier[1], values]), errors
 
 
 def joined(first: Any, second: Any) -> Any:

@@ -194,13 +194,14 @@ def single_rows(result: Search, chosen: Candidate) -> list[Caution]:
     found = null if cause is None else predict_locally(result, chosen, problem.X)[0]
     if cause is not None and cause.changes_output:
         explained = np.maximum((problem.y - null) ** 2 - (problem.y - found) ** 2, 0.0)
+        explained = explained / problem.model.known_noise(problem.X) ** 2
         first = np.argsort(-explained)[:2]
         # one row suffices where it alone carries as much
         share = np.cumsum(explained[first]) / max(float(explained.sum()), np.finfo(float).tiny)
         if share[-1] > SETTINGS.carried_by_two:
             rows = first[:1] if share[0] > SETTINGS.carried_by_two else np.sort(first)
             return [_on_rows(result, rows, null)]
-    rows = _far_off(result, problem.y - found)
+    rows = _far_off(result, (problem.y - found) / problem.model.known_noise(problem.X))
     return [_unlike(result, rows, found)] if len(rows) else []
 
 

@@ -35,11 +35,8 @@ def on_working_rows(problem: Problem, posterior: Posterior) -> Problem:
         return _with_weights(problem)
     eta, noise = posterior.eta(problem.X)
     eta = np.mean(eta[np.isfinite(eta).all(axis=1)], axis=0)
-    draws, factor = posterior.sigma, np.ones(len(eta))
-    if problem.model.errors is not None:
-        rows, _, _ = problem.model.rows(problem.X, np.empty((1, 0)))
-        factor = problem.model.errors.factor(rows, len(eta))
-        draws = np.median(noise / factor, axis=1)
+    factor = problem.model.known_noise(problem.X)
+    draws = np.median(noise / factor, axis=1)
     point = WorkingPoint(problem.likelihood, eta, float(np.median(draws)), draws, factor)
     model = replace(problem.model, has_row_noise=True)
     X = np.column_stack([problem.X, np.ones(len(eta))])

@@ -217,7 +217,7 @@ def pointwise(
 
 def gain_on(before: Any, after: Any, X: ArrayLike, y: FloatArray, y_err: Any = None) -> HeldOutGain:
     """Return the gain of a fitted model after over one before, on a test set."""
-    return gain_from(*(pointwise(one, X, y, None, y_err) for one in (before, after)))
+    return gain_from(pointwise(before, X, y, None, y_err), pointwise(after, X, y, None, y_err))
 
 
 def gain_from(before: Scores, after: Scores, folds: tuple[FoldGain, ...] = ()) -> HeldOutGain:
