@@ -177,7 +177,8 @@ def _at_jitter_of(problem: Problem, fitted: PowerScaledSurrogate) -> Problem:
         return problem
     most = [float(np.median(draws)) for draws in posterior.estimates(there[0]).values()]
     residual = problem.y - np.nanmean(posterior.eta(problem.X)[0], axis=0)
-    columns, which = problem.X[:, : len(problem.model.columns)], np.zeros(len(residual))
+    columns = problem.X[:, : len(problem.model.columns)]
+    which: FloatArray = np.zeros(len(residual))
     if problem.stacking is not None:
         which = columns[:, problem.stacking.at]
     jitter = []
