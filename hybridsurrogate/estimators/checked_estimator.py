@@ -19,7 +19,7 @@ from hybridsurrogate.arguments.functions import state_to_pickle
 from hybridsurrogate.effects.noise.known_errors import KINDS
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
-from hybridsurrogate.likelihoods import Likelihood, as_likelihood
+from hybridsurrogate.likelihoods import Censored, Likelihood, as_likelihood
 from hybridsurrogate.model.rows.columns import (
     check_reach,
     column_names,
@@ -273,6 +273,11 @@ class CheckedEstimator(BaseEstimator):
             raise ValueError(f"{OUTPUT!r} is a name that the package uses: rename the column.")
         inputs = columns if self.simulation is None else self.simulation.input_names
         names = self.output_names(output)
+        if isinstance(likelihood, Censored):
+            raise ValueError(
+                "Censored has limits of one output: fit a simulation of several outputs to each "
+                "output by itself, or without limits."
+            )
         scaled = likelihood.scales_noise and not likelihood.log_scale
         stacking = stacking_of(output, names, len(inputs), scaled)
         if self.simulation is None:

@@ -134,6 +134,22 @@ class Likelihood(ABC):
     def log_density(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the log density (or log probability) of each y."""
 
+    def log_below(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the log probability of y or less, which rows beyond a limit need."""
+        raise ValueError(
+            f"The {self.name} likelihood has no distribution function, which Censored needs: "
+            'choose "normal", "lognormal", "student-t", "poisson" or "negative-binomial".'
+        )
+
+    def log_above(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the log probability of y or more."""
+        return self.log_below(y, eta, sigma)
+
+    @property
+    def of_runs(self) -> Likelihood:
+        """The likelihood of runs that train a surrogate: by default itself."""
+        return self
+
     def mean(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the mean of y."""
         return self._expected(lambda y, eta, sigma: y, eta, sigma)

@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.markers import CARETDOWN, CARETUP
+from numpy.typing import NDArray
 
 from hybridsurrogate.plotting.report import Prediction
 from hybridsurrogate.plotting.style import (
@@ -59,6 +61,7 @@ def plot_overview(
     labels: tuple[str, str, str] = ("x", "y", "residual"),
     axes: Sequence[Axes] | None = None,
     y_err: FloatArray | None = None,
+    side: NDArray[np.int_] | None = None,
 ) -> list[Axes]:
     """Draw measurements, a simulation and its extension with 90 % intervals, and the residuals.
 
@@ -80,6 +83,9 @@ def plot_overview(
         None: those of a new figure without a window.
     y_err : ndarray of shape (n,) or None, default=None
         Known standard deviations of the measurements: bars.
+    side : ndarray of int of shape (n,) or None, default=None
+        -1 where a measurement is an upper bound of the value, 1 where it is a lower bound: arrows
+        that point to where the value is.
 
     Returns
     -------
@@ -113,7 +119,15 @@ def plot_overview(
             x, residual, mark, color=colour, ms=size, mew=0, alpha=0.7, label=name,
             rasterized=raster,
         )  # fmt: skip
-    top.plot(x, y, "o", color=DATA, ms=size, mew=0, label="measured", rasterized=raster, zorder=3)
+    exact = np.ones(len(y), dtype=bool) if side is None else side == 0
+    top.plot(
+        x[exact], y[exact], "o", color=DATA, ms=size, mew=0, label="measured", rasterized=raster,
+        zorder=3,
+    )  # fmt: skip
+    for sign, mark, word in ((-1, CARETDOWN, "at most"), (1, CARETUP, "at least")):
+        if side is not None and np.any(side == sign):
+            here = side == sign
+            top.plot(x[here], y[here], ls="", marker=mark, color=DATA, ms=6, label=word, zorder=3)
     if y_err is not None:
         top.errorbar(x, y, y_err, fmt="none", ecolor=DATA, elinewidth=0.6, alpha=0.5, zorder=2.9)
     values = y

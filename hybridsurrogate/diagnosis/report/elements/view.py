@@ -25,6 +25,7 @@ from hybridsurrogate.effects.context import label_columns
 from hybridsurrogate.estimators.averaged import AveragedSurrogate, leading
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import did_you_mean
+from hybridsurrogate.likelihoods import Censored
 from hybridsurrogate.model.rows.stacking import Stacking
 from hybridsurrogate.numerics import digits
 from hybridsurrogate.simulation.outputs import OUTPUT
@@ -105,6 +106,12 @@ class View:
         """Known errors of the measured outputs, None without any."""
         errors = self.result.y_err
         return None if errors is None else self.of_output(errors)[self._there]
+
+    @property
+    def side(self) -> NDArray[np.int_] | None:
+        """Of measured outputs -1 where one is at a lower limit, 1 at an upper; None: no limits."""
+        likelihood = self.result.before.likelihood_
+        return likelihood.side(self.y) if isinstance(likelihood, Censored) else None
 
     def of_output(self, values: FloatArray) -> FloatArray:
         """Return the values of this output, of (n,) or (n, k)."""
