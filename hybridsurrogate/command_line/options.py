@@ -218,6 +218,9 @@ DATA = (
 )
 MODEL = (
     Option("likelihood", "text", "of the measurements", "normal", choices=tuple(LIKELIHOODS)),
+    Option("below", "number", "limit of the instrument: y there or below means at most", None, "Y"),
+    Option("above", "number", "upper limit: y there or above means at least", None, "Y"),
+    Option("rounded", "number", "step to whose multiples measurements were rounded", None, "STEP"),
     Option(
         "noise",
         "text",
