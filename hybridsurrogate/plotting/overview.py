@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.markers import CARETDOWN, CARETUP
 from numpy.typing import NDArray
 
 from hybridsurrogate.plotting.report import Prediction
@@ -124,10 +123,10 @@ def plot_overview(
         x[exact], y[exact], "o", color=DATA, ms=size, mew=0, label="measured", rasterized=raster,
         zorder=3,
     )  # fmt: skip
-    for sign, mark, word in ((-1, CARETDOWN, "at most"), (1, CARETUP, "at least")):
+    for sign, mark, word in ((-1, "v", "at most"), (1, "^", "at least")):
         if side is not None and np.any(side == sign):
             here = side == sign
-            top.plot(x[here], y[here], ls="", marker=mark, color=DATA, ms=6, label=word, zorder=3)
+            top.plot(x[here], y[here], ls="", marker=mark, color=DATA, ms=4, label=word, zorder=3)
     if y_err is not None:
         top.errorbar(x, y, y_err, fmt="none", ecolor=DATA, elinewidth=0.6, alpha=0.5, zorder=2.9)
     values = y
