@@ -40,7 +40,8 @@ def _names() -> Iterator[tuple[str, list[str]]]:
     registered = {
         "Causes": set(classes()) | {"Remainder"},
         "Surrogates": {type(one).__name__ for one in SURROGATES.values()},
-        "Likelihoods": {type(one).__name__ for one in LIKELIHOODS.values()} | {"CustomLikelihood"},
+        "Likelihoods": {type(one).__name__ for one in LIKELIHOODS.values()}
+        | {"Censored", "CustomLikelihood"},
         "Warnings": warnings,
     }
     listed: set[str] = set()

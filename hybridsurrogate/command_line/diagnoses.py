@@ -94,7 +94,7 @@ def _diagnosed(
         progress=not given.quiet,
     )
     with stage("Search", given, shown=False):
-        diagnosis.fit(study.X, study.y)
+        diagnosis.fit(study.X, study.y, y_err=list(getattr(given, "errors", ())) or None)
     say(first_words(report_of(diagnosis, given, units, None), diagnosis.result_))
     if not given.no_folds:
         say(

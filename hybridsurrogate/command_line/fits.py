@@ -38,7 +38,7 @@ def fit(given: argparse.Namespace) -> int:
     study = read_study_data(given)
     model = model_of(study, given, given.beta, given.method)
     with stage("Fit", given):
-        model.fit(study.X, study.y)
+        model.fit(study.X, study.y, y_err=list(given.errors) or None)
     table = model.summary()
     _finish(model, _text(table), {"estimates": _records(table)}, given, study.code)
     return 0
@@ -57,7 +57,9 @@ def choose_beta(given: argparse.Namespace) -> int:
     # every weight that is tried takes the place of the first
     model = model_of(study, given, 0.5, given.method)
     with stage("Folds", given):
-        choice = held_out(model, study.X, study.y, given.betas, cv)
+        choice = held_out(
+            model, study.X, study.y, given.betas, cv, y_err=list(given.errors) or None
+        )
     text = f"beta = {choice.beta:g} has the best held-out ELPD.\n\n{_text(choice.table)}"
     numbers = {"beta": choice.beta, "table": _records(choice.table)}
     _finish(choice.estimator, text, numbers, given, study.code)

@@ -201,6 +201,13 @@ DATA = (
         None,
         "N",
     ),
+    Option(
+        "errors",
+        "names",
+        "column of the measurements' standard deviations (error bars); of several outputs one each",
+        (),
+        "COLUMN",
+    ),
     Option("experiment", "text", "column that labels the experiment of a row", metavar="COLUMN"),
     Option(
         "by_experiment",
@@ -211,6 +218,16 @@ DATA = (
 )
 MODEL = (
     Option("likelihood", "text", "of the measurements", "normal", choices=tuple(LIKELIHOODS)),
+    Option("below", "number", "limit of the instrument: y there or below means at most", None, "Y"),
+    Option("above", "number", "upper limit: y there or above means at least", None, "Y"),
+    Option("rounded", "number", "step to whose multiples measurements were rounded", None, "STEP"),
+    Option(
+        "noise",
+        "text",
+        "with --errors: noise added to them, a factor on them, or neither",
+        "added",
+        choices=("added", "scaled", "known"),
+    ),
     Option("beta", "number", "weight of the simulation, 0 to 1", 0.5, "BETA"),
     Option(
         "surrogate",

@@ -17,6 +17,7 @@ from hybridsurrogate.command_line.priors import assumed_of, prior_of
 from hybridsurrogate.command_line.user_code import function_in, is_code
 from hybridsurrogate.estimators import PowerScaledSurrogate, PredictiveWeightedSurrogate
 from hybridsurrogate.exceptions import DiagnosisWarning, did_you_mean
+from hybridsurrogate.likelihoods import Censored, Likelihood
 from hybridsurrogate.model.rows.measured_rows import without_gaps
 from hybridsurrogate.simulation.curve_tables import long_table
 from hybridsurrogate.simulation.files.measured_table import numbers_of, with_days, with_levels
@@ -77,7 +78,9 @@ def read_study_data(given: argparse.Namespace) -> Study:
     runs = None
     if user is None:
         runs = long_table(read_table(given.simulation), given.inputs, given.output)
-    measured = _measured(given.measured, (*given.inputs, *given.output), given.output)
+    measured = _measured(
+        given.measured, (*given.inputs, *given.output, *given.errors), given.output
+    )
     n, new = len(measured), getattr(given, "new", None)
     if new:
         later = _measured(new, measured.columns, given.output)
@@ -332,17 +335,22 @@ def model_of(
     ----------
     study : Study
     given : argparse.Namespace
-        With likelihood, experiment, by_experiment and seed.
+        With likelihood, below, above, rounded, noise, experiment, by_experiment and seed.
     beta : float
         Weight of the simulation.
     method : {"power-scaling", "predictive-weighting"}
     """
     estimator = _METHODS[method]
+    likelihood: str | Likelihood = given.likelihood
+    limits = given.below, given.above, given.rounded
+    if any(limit is not None for limit in limits):
+        likelihood = Censored(likelihood, *limits)
     return estimator(
         study.simulation,
         surrogate=study.surrogate,
         beta=beta,
-        likelihood=given.likelihood,
+        likelihood=likelihood,
+        noise=given.noise,
         experiment=given.experiment,
         by_experiment=named(given.by_experiment, "--by-experiment NAME=HOW", "spread") or None,
         random_state=given.seed,

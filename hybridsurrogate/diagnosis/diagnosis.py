@@ -43,6 +43,7 @@ from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.inference.prior_ends import AtPriorEnd
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.model.rows.measured_rows import check_outcomes, without_gaps
+from hybridsurrogate.model.rows.row_errors import taken_out
 from hybridsurrogate.numerics.atomic_file import check_writable, written_whole
 from hybridsurrogate.simulation.arrays import complete_table
 from hybridsurrogate.simulation.simulator import Simulator
@@ -246,7 +247,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
     refinement_: pd.DataFrame
     monitor_: Monitor
     n_features_in_: int
-    _new: tuple[Any, FloatArray]
+    _new: tuple[Any, FloatArray, FloatArray | None]
 
     def __init__(
         self,
@@ -304,7 +305,11 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         return hasattr(self, "n_features_in_")
 
     def fit(
-        self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None
+        self,
+        X: ArrayLike,
+        y: ArrayLike,
+        sample_weight: ArrayLike | None = None,
+        y_err: Any = None,
     ) -> DiscrepancyDiagnosis:
         """Diagnose measured data.
 
@@ -322,6 +327,10 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
             divided by its weight, relative to the mean weight; the gain is a weighted mean. Give
             precisions, such as the counts behind means, a mean of one: a sum beyond the number of
             rows makes the intervals of the extension those of as many measurements.
+        y_err : float, str, array-like of the shape of y, or None, default=None
+            As the estimator's: known standard deviations of the measurements, with which its
+            ``noise`` says what else is inferred. A search infers further noise ("added") with the
+            share of the known errors in it fixed at what fits without a cause.
 
         Returns
         -------
@@ -340,14 +349,15 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         )
         labels = getattr(self.estimator, "experiment", None)
         check_outcomes(y, as_likelihood(getattr(self.estimator, "likelihood", "normal")))
+        X, y_err = taken_out(X, y_err)
         check_consistent_length(X, y)
-        X, y, weights = without_gaps(X, y, sample_weight)
+        X, y, weights, y_err = without_gaps(X, y, sample_weight, y_err)
         X = complete_table(X, labels=labels)
-        X, y, weights = counted_rows(X, y, weights)
+        X, y, weights, y_err = counted_rows(X, y, weights, y_err)
         check_usable_columns(X, y, getattr(self.estimator, "simulation", None))
         settings, random = self._settings(), check_random_state(self.random_state)
         try:
-            result = diagnose(self.estimator, X, y, weights, settings, random)
+            result = diagnose(self.estimator, X, y, weights, y_err, settings, random)
         except InterruptedDiagnosis as stop:
             known = {"search_": stop.search, "causes_": stop.causes}
             self._set({} if stop.search is None else known)
@@ -400,17 +410,19 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         self._add_gain(int(cv))
         return self
 
-    def gain_on(self, X_test: ArrayLike, y_test: ArrayLike) -> HeldOutGain:
+    def gain_on(self, X_test: ArrayLike, y_test: ArrayLike, y_err: Any = None) -> HeldOutGain:
         """Return the gain on a test set, from the fitted models before and after.
 
         Parameters
         ----------
         X_test : array-like of shape (n, n_columns)
         y_test : array-like of shape (n,)
+        y_err : float, str, array-like of the shape of y_test, or None, default=None
+            Their errors, where ``fit`` had some. None: the median of those.
         """
         check_is_fitted(self)
         y = self.measured_outputs(y_test, "y_test")
-        return gain_on(self.estimator_, self.extended_estimator_, X_test, y)
+        return gain_on(self.estimator_, self.extended_estimator_, X_test, y, y_err)
 
     def next_runs(self, n: int = 10) -> pd.DataFrame:
         """Return the runs that would reduce the uncertainty of the emulator most.
@@ -492,7 +504,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         check_scalar(n, "n", Integral, min_val=1)
         return next_measurements(self.result_.asked, self.estimator_, int(n), places, cost)
 
-    def update(self, X: ArrayLike, y: ArrayLike) -> Monitor:
+    def update(self, X: ArrayLike, y: ArrayLike, y_err: Any = None) -> Monitor:
         """Test whether the extension is still right, as measurements come in.
 
         A test that may be looked at after every measurement: a right extension ever raises an alarm
@@ -505,6 +517,8 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         X : array-like of shape (n, n_columns)
             New rows, in the order in which they were measured, after those of earlier calls.
         y : array-like of shape (n,), or (n, n_outputs) of several outputs
+        y_err : float, str, array-like of the shape of y, or None, default=None
+            Their errors, where ``fit`` had some. None: the median of those.
 
         Returns
         -------
@@ -527,9 +541,11 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         before, after, result = self.estimator_, self.extended_estimator_, self.result_
         known_X = complete_table(result.X, labels=before.experiment)
         known_y = self.measured_outputs(result.y)
-        earlier = self._new if hasattr(self, "monitor_") else (known_X[:0], known_y[:0])
-        self._new = followed(before, after, X, y, earlier)
-        known, rate = (known_X, known_y, result.weights), result.settings.false_alarm_rate
+        none = None if result.y_err is None else result.y_err[:0]
+        earlier = self._new if hasattr(self, "monitor_") else (known_X[:0], known_y[:0], none)
+        self._new = followed(before, after, X, y, y_err, earlier)
+        known = known_X, known_y, result.weights, result.y_err
+        rate = result.settings.false_alarm_rate
         self.monitor_ = monitored(after, self.search_, known, self._new, rate)
         return self.monitor_
 
@@ -617,7 +633,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         """
         return self.estimator_.measured_outputs(y, word)
 
-    def predict(self, X: ArrayLike, return_std: bool = False) -> Any:
+    def predict(self, X: ArrayLike, return_std: bool = False, y_err: Any = None) -> Any:
         """Return predictions of the extended estimator.
 
         Parameters
@@ -626,6 +642,8 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
             The columns of the measured data.
         return_std : bool, default=False
             Also return the standard deviation of y, noise included.
+        y_err : float, str, array-like of the shape of y, or None, default=None
+            Errors of measurements there, where ``fit`` had some. None: the median of those.
 
         Returns
         -------
@@ -634,9 +652,15 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
             Only with ``return_std=True``.
         """
         check_is_fitted(self)
-        return self.extended_estimator_.predict(X, return_std=return_std)
+        return self.extended_estimator_.predict(X, return_std=return_std, y_err=y_err)
 
-    def score(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
+    def score(
+        self,
+        X: ArrayLike,
+        y: ArrayLike,
+        sample_weight: ArrayLike | None = None,
+        y_err: Any = None,
+    ) -> float:
         """Return the mean ELPD per row of the extended estimator.
 
         Parameters
@@ -645,9 +669,11 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         y : array-like of shape (n,)
         sample_weight : array-like of shape (n,) or None
             Weights of the rows in the mean.
+        y_err : float, str, array-like of the shape of y, or None, default=None
+            As in ``predict``.
         """
         check_is_fitted(self)
-        return self.extended_estimator_.score(X, y, sample_weight)
+        return self.extended_estimator_.score(X, y, sample_weight, y_err)
 
     def to_python(
         self,

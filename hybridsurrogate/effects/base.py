@@ -29,6 +29,8 @@ SIMULATED = "simulated output"
 SLOPE = "slope of the simulated output"
 # that under which `Cause.columns` finds at which position, from 0, a row stands in its table
 ROW = "position of the row"
+# that of known errors of the rows, on the scale of eta, in a last column of rows X
+ERROR = "error of the row"
 NOISE_SD = "sd of the noise"
 
 

@@ -98,7 +98,11 @@ class AveragedSurrogate(SurrogateEstimator):
         return self.estimators[0].by_experiment if self.estimators else None
 
     def fit(
-        self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None
+        self,
+        X: ArrayLike,
+        y: ArrayLike,
+        sample_weight: ArrayLike | None = None,
+        y_err: Any = None,
     ) -> AveragedSurrogate:
         """Fit every estimator to measured data.
 
@@ -108,6 +112,12 @@ class AveragedSurrogate(SurrogateEstimator):
         y : array-like of shape (n,)
         sample_weight : array-like of shape (n,) or None, default=None
             A row of weight two counts like two equal rows.
+        y_err : float, str, array-like of the shape of y, or None, default=None
+            Known standard deviation of each measurement, in the units of y: its error bar. Of what
+            else is inferred: see ``noise``. A name: that column of a DataFrame X, of several
+            outputs a list of names. One number: that of every row. Under a log-normal likelihood
+            the standard deviation of log y is ``y_err / y``; under a Student-t one it is the scale
+            of the row.
 
         Returns
         -------
@@ -123,7 +133,7 @@ class AveragedSurrogate(SurrogateEstimator):
         weights = self._checked_weights()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SamplingWarning)
-            fitted = [clone(one).fit(X, y, sample_weight) for one in self.estimators]
+            fitted = [clone(one).fit(X, y, sample_weight, y_err) for one in self.estimators]
         self._keep(fitted, weights)
         self._warn(self.weights_, fitted)
         return self

@@ -24,6 +24,7 @@ from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.inference.loo import PointwiseLoo
 from hybridsurrogate.model.posterior import Diagnostics, Posterior
 from hybridsurrogate.model.rows.measured_rows import check_weights, has_measurement
+from hybridsurrogate.model.rows.row_errors import new_errors, with_new_errors
 from hybridsurrogate.prediction.intervals import central_interval, inside_intervals
 from hybridsurrogate.prediction.leave_one_out import Loo, loo_of_rows
 from hybridsurrogate.prediction.mixture import (
@@ -65,8 +66,18 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         pairs = zip(self._learned(), self._mixture(), strict=True)
         return any(learned is not whole for (_, learned), (_, whole) in pairs)
 
+    def _with_new_errors(self, rows: FloatArray, y_err: Any, y: FloatArray | None) -> FloatArray:
+        likelihood = self._mixture()[0][1].plain_likelihood
+        if y is None:
+            expected = np.zeros(len(rows))
+            if likelihood.log_scale:
+                drawn = samples(self._learned, rows, None, check_random_state(0), noise_free)
+                expected = np.median(drawn, axis=0)
+            y = self._back(expected)
+        return with_new_errors(rows, y_err, y, self.data_, likelihood)
+
     def predict(
-        self, X: ArrayLike, return_std: bool = False
+        self, X: ArrayLike, return_std: bool = False, y_err: Any = None
     ) -> FloatArray | tuple[FloatArray, FloatArray]:
         """Return the posterior predictive mean of y.
 
@@ -78,6 +89,9 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         X : array-like of shape (n, n_columns)
         return_std : bool, default=False
             Also return the standard deviation of y, noise included.
+        y_err : float, str, array-like of shape (n,), or (n, k) of several outputs, or None
+            After a fit with errors: those of measurements at these rows. None: those in the column
+            of X that ``fit`` took, or the median error in ``fit``.
 
         Returns
         -------
@@ -97,7 +111,7 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
             for all.
         """
         check_flag(return_std, "return_std")
-        X = self.checked_rows(X)
+        X = self.checked_rows(X, y_err)
         cuts = row_blocks(self._mixture, X)
         once = return_std and not self._has_prior_only
         pieces = [moments(self._learned(X[some]), X[some], with_variance=once) for some in cuts]
@@ -112,7 +126,9 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
             variance = [np.concatenate(wide)]
         return self._back(mean), self._back(np.sqrt(variance[0]))
 
-    def predict_interval(self, X: ArrayLike, level: float = 0.9) -> tuple[FloatArray, FloatArray]:
+    def predict_interval(
+        self, X: ArrayLike, level: float = 0.9, y_err: Any = None
+    ) -> tuple[FloatArray, FloatArray]:
         """Return a central interval that covers a new y with the given probability.
 
         Quantiles of the mixture over draws, exact up to the draws. Under a
@@ -122,18 +138,24 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         ----------
         X : array-like of shape (n, n_columns)
         level : float, default=0.9
+        y_err : float, str, array-like or None
+            As in `predict`.
 
         Returns
         -------
         lower, upper : ndarray of shape (n,), or (n, k) of several outputs
         """
         check_number(level, "level", Real, min_val=0, max_val=1, include_boundaries="neither")
-        X = self.checked_rows(X)
+        X = self.checked_rows(X, y_err)
         lower, upper = central_interval(self._mixture, X, level)
         return self._back(lower), self._back(upper)
 
     def interval_holds(
-        self, X: ArrayLike, y: ArrayLike, levels: Sequence[float] = (0.9,)
+        self,
+        X: ArrayLike,
+        y: ArrayLike,
+        levels: Sequence[float] = (0.9,),
+        y_err: Any = None,
     ) -> list[FloatArray]:
         """Return whether the central interval of each level covers each row of y, as 0 and 1.
 
@@ -144,6 +166,8 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         X : array-like of shape (n, n_columns)
         y : array-like of shape (n,), or (n, k) of several outputs
         levels : sequence of float, default=(0.9,)
+        y_err : float, str, array-like or None
+            As in `predict`.
 
         Returns
         -------
@@ -154,7 +178,8 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         for level in levels:
             check_number(level, "levels", Real, min_val=0, max_val=1, include_boundaries="neither")
         check_consistent_length(X, y)
-        X, y = self.checked_rows(X), self.measured_outputs(y)
+        y = self.measured_outputs(y)
+        X = self.checked_rows(X, y_err, y)
         values = y if self.data_.stacking is None else self.data_.stacking.values(y)
         there = np.isfinite(values)
         inside = inside_intervals(self._mixture, X[there], values[there], levels)
@@ -181,7 +206,11 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         return self._back(samples(self._mixture, X, n_draws, random, noise_free))
 
     def sample_posterior_predictive(
-        self, X: ArrayLike, n_draws: int | None = None, random_state: Any = None
+        self,
+        X: ArrayLike,
+        n_draws: int | None = None,
+        random_state: Any = None,
+        y_err: Any = None,
     ) -> FloatArray:
         """Draw new measurements, noise included.
 
@@ -189,22 +218,26 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         ----------
         X, n_draws, random_state
             As in `sample_predictive_mean`.
+        y_err : float, str, array-like or None
+            As in `predict`.
 
         Returns
         -------
         ndarray of shape (n_draws, n), or (n_draws, n, k) of several outputs
         """
-        X = self.checked_rows(X)
+        X = self.checked_rows(X, y_err)
         random = check_random_state(self.random_state if random_state is None else random_state)
         return self._back(samples(self._mixture, X, n_draws, random, noisy))
 
-    def log_predictive_density(self, X: ArrayLike, y: ArrayLike) -> FloatArray:
+    def log_predictive_density(self, X: ArrayLike, y: ArrayLike, y_err: Any = None) -> FloatArray:
         """Return the log posterior predictive density of each measured row.
 
         Parameters
         ----------
         X : array-like of shape (n, n_columns)
         y : array-like of shape (n,), or (n, k) of several outputs
+        y_err : float, str, array-like or None
+            Known errors of y, as in `predict`.
 
         Returns
         -------
@@ -219,18 +252,24 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
             For NaN or infinity in X.
         """
         check_is_fitted(self)
+        X, y_err = new_errors(X, y_err, self.data_)
         X, y, stacking = self._in_order(X), as_table(y, "y"), self.data_.stacking
         there = has_measurement(y)
         if stacking is None and there.any() and np.shape(X)[:1] == there.shape:
             X, y = (_safe_indexing(table, np.flatnonzero(there)) for table in (X, y))
+            if y_err is not None and np.shape(y_err) == there.shape:
+                y_err = as_numbers(y_err, "y_err")[there]
         elif stacking is None and len(there) and not there.any():
             raise ValueError("Input y contains NaN alone: no row has a measurement.")
         rows, output = self._checked(self, X, y, reset=False)
         check_size(output, "y")
         rows = self._known_columns(rows)
+        rows = rows if stacking is None else stacking.rows(rows)
+        if y_err is not None:
+            rows = self._with_new_errors(rows, y_err, output)
         if stacking is None:
             return _spread_out(self._log_density(rows, output), there)
-        long, values = stacking.rows(rows), stacking.values(output)
+        long, values = rows, stacking.values(output)
         there = np.isfinite(values)
         density = self._log_density(long[there], values[there]) - stacking.log_scale(long[there])
         return _spread_out(density, there).reshape(output.shape)
@@ -247,7 +286,13 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
             ]
         )
 
-    def score(self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
+    def score(
+        self,
+        X: ArrayLike,
+        y: ArrayLike,
+        sample_weight: ArrayLike | None = None,
+        y_err: Any = None,
+    ) -> float:
         """Return the expected log predictive density: its mean over all that was measured.
 
         Parameters
@@ -256,8 +301,10 @@ class SurrogateEstimator(RegressorMixin, CheckedEstimator):
         y : array-like of shape (n,), or (n, k)
         sample_weight : array-like of shape (n,) or None
             Weights of the rows in the mean.
+        y_err : float, str, array-like or None
+            Known errors of y, as in `predict`.
         """
-        values = self.log_predictive_density(X, y)
+        values = self.log_predictive_density(X, y, y_err)
         if sample_weight is None:
             return float(np.nanmean(values))
         weights = check_weights(sample_weight, len(values))

@@ -17,6 +17,7 @@ from hybridsurrogate.arguments.scalars import check_flag
 from hybridsurrogate.estimators.base import SurrogateEstimator
 from hybridsurrogate.estimators.beta_path import beta_path, check_model
 from hybridsurrogate.model.rows.measured_rows import without_gaps
+from hybridsurrogate.model.rows.row_errors import taken_out
 from hybridsurrogate.model.rows.stacking import as_several
 from hybridsurrogate.notebook.bars import counted
 from hybridsurrogate.simulation.arrays import as_numbers, as_outputs, complete_table
@@ -63,6 +64,7 @@ def choose_beta(
     betas: Sequence[float] | None = None,
     cv: Any = 5,
     progress: bool = False,
+    y_err: Any = None,
 ) -> BetaChoice:
     """Choose beta by the held-out ELPD, every beta of a fold from one path.
 
@@ -79,6 +81,8 @@ def choose_beta(
         and Simulation 90:2499).
     progress : bool, default=False
         Show a progress bar of the folds.
+    y_err : float, str, array-like or None, default=None
+        Known errors of the rows, as in ``fit``.
 
     Returns
     -------
@@ -97,7 +101,8 @@ def choose_beta(
     check_model(model)
     shown = check_flag(progress, "progress")
     grid = np.linspace(0, 1, 21) if betas is None else np.atleast_1d(as_numbers(betas, "betas"))
-    X, table, _ = without_gaps(X, y)
+    X, y_err = taken_out(X, y_err)
+    X, table, _, y_err = without_gaps(X, y, None, y_err)
     X = complete_table(X, labels=model.experiment)
     names = model.output_names(table)
     outputs = as_outputs(table) if len(names) == 1 else as_several(table, names)
@@ -117,11 +122,15 @@ def choose_beta(
                 f"splitter or pairs (train, test) of row numbers, got {described(cv)}: {error}."
             ) from error
     held_out, n_refits = [], 0
+    errors = None if y_err is None else np.broadcast_to(as_numbers(y_err, "y_err"), outputs.shape)
     for train, test in counted(splits, "Folds", shown):
-        path = beta_path(model, _safe_indexing(X, train), outputs[train], list(grid))
+        known, held = (None, None) if errors is None else (errors[train], errors[test])
+        path = beta_path(model, _safe_indexing(X, train), outputs[train], list(grid), y_err=known)
         n_refits += path.n_refits
         rows = _safe_indexing(X, test)
-        density = np.array([m.log_predictive_density(rows, outputs[test]) for m in path.estimators])
+        density = np.array(
+            [m.log_predictive_density(rows, outputs[test], held) for m in path.estimators]
+        )
         held_out.append(density[:, np.isfinite(outputs[test])])
     pointwise = np.concatenate(held_out, axis=1)
     mean = pointwise.mean(axis=1)
@@ -138,5 +147,5 @@ def choose_beta(
         }
     )
     chosen = float(grid[best])
-    final = beta_path(model, X, outputs, [chosen])
+    final = beta_path(model, X, outputs, [chosen], y_err=errors)
     return BetaChoice(chosen, final.estimators[0], table, n_refits)

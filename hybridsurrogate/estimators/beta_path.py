@@ -14,7 +14,7 @@ from sklearn.base import clone
 from hybridsurrogate.arguments.description import described
 from hybridsurrogate.arguments.scalars import check_flag
 from hybridsurrogate.estimators.base import SurrogateEstimator
-from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate, prepared
+from hybridsurrogate.estimators.power_scaled import FitTask, PowerScaledSurrogate, prepared
 from hybridsurrogate.estimators.predictive_weighted import PredictiveWeightedSurrogate
 from hybridsurrogate.inference.warm_start import carried
 from hybridsurrogate.model.powers import powers_of
@@ -82,6 +82,7 @@ def beta_path(
     betas: Sequence[float],
     sample_weight: ArrayLike | None = None,
     progress: bool = False,
+    y_err: Any = None,
 ) -> BetaPath:
     """Fit an estimator at many beta by as few fits as possible.
 
@@ -101,6 +102,8 @@ def beta_path(
         Of the rows, as in ``fit``.
     progress : bool, default=False
         Show a progress bar.
+    y_err : float, str, array-like or None, default=None
+        Known errors of the rows, as in ``fit``.
 
     Returns
     -------
@@ -124,7 +127,7 @@ def beta_path(
     if grid.ndim != 1 or not len(grid) or not ((grid >= 0) & (grid <= 1)).all():
         raise ValueError(f"betas must be numbers between 0 and 1, got {betas!r}.")
     if isinstance(model, PredictiveWeightedSurrogate):
-        fitted = clone(model).set_params(beta=float(grid[0])).fit(X, y, sample_weight)
+        fitted = clone(model).set_params(beta=float(grid[0])).fit(X, y, sample_weight, y_err)
         models = [copy.copy(fitted).set_params(beta=float(beta)) for beta in grid]
         for other, beta in zip(models, grid, strict=True):
             other.beta_ = float(beta)
@@ -135,20 +138,13 @@ def beta_path(
             "beta_path needs a PowerScaledSurrogate or a PredictiveWeightedSurrogate, got "
             f"{type(model).__name__}."
         )
-    return _power_scaled_path(model, X, y, grid, sample_weight, progress)
+    task = prepared(clone(model).set_params(beta=0.5), X, y, sample_weight, y_err)
+    return _power_scaled_path(task, grid, progress)
 
 
-def _power_scaled_path(
-    model: PowerScaledSurrogate,
-    X: ArrayLike,
-    y: ArrayLike,
-    grid: FloatArray,
-    sample_weight: ArrayLike | None,
-    progress: bool,
-) -> BetaPath:
+def _power_scaled_path(task: FitTask, grid: FloatArray, progress: bool) -> BetaPath:
     out: dict[int, Any] = {}
     refitted, khat = np.zeros(len(grid), dtype=bool), np.full(len(grid), np.nan)
-    task = prepared(clone(model).set_params(beta=0.5), X, y, sample_weight)
     # from the middle outwards: there both sources speak, and the ends are its neighbours
     for k in counted(_outwards(grid), "Weights beta", progress):
         one = task.with_settings(beta=float(grid[k]))

@@ -62,5 +62,9 @@ def _under_other_priors(
         points[:, [k]] = to_normal([new], v)
         log_slope += new.logpdf(v)[:, 0] - old.logpdf(v)[:, 0]
         log_slope += 0.5 * (points[:, k] ** 2 - z[:, k] ** 2)
+    if model.errors is not None and before.errors is not None:
+        # known errors are in units of their median, which follows the rows, too
+        at = model.n_unknowns + model.n_hyper
+        points[:, at] += np.log(model.errors.unit / before.errors.unit)
     kept = np.isfinite(log_slope)
     return Proposals(points[kept], (proposals.log_density - log_slope)[kept])

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import copy
+from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from numbers import Integral, Real
 from typing import Any
 
@@ -14,9 +16,10 @@ from sklearn.utils import check_scalar
 from sklearn.utils.validation import check_consistent_length, check_is_fitted, validate_data
 
 from hybridsurrogate.arguments.functions import state_to_pickle
+from hybridsurrogate.effects.noise.known_errors import KINDS
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
-from hybridsurrogate.likelihoods import Likelihood, as_likelihood
+from hybridsurrogate.likelihoods import Censored, Likelihood, as_likelihood
 from hybridsurrogate.model.rows.columns import (
     check_reach,
     column_names,
@@ -34,6 +37,13 @@ from hybridsurrogate.model.rows.measured_rows import (
     check_outcomes,
     check_weights,
     without_gaps,
+)
+from hybridsurrogate.model.rows.row_errors import (
+    check_errors,
+    name_of,
+    new_errors,
+    row_errors,
+    taken_out,
 )
 from hybridsurrogate.model.rows.stacking import Stacking, as_several, stacking_of
 from hybridsurrogate.priors import check_prior
@@ -60,6 +70,7 @@ class CheckedEstimator(BaseEstimator):
 
     experiment: str | None = None
     by_experiment: Mapping[str, str] | None = None
+    noise: str = "added"
     data_: MeasuredData
     emulation_: Any = None
 
@@ -105,6 +116,11 @@ class CheckedEstimator(BaseEstimator):
                 f"sampler must be one of {SAMPLERS} or an EnsembleSampler, got {self.sampler!r}."
                 f"{did_you_mean(self.sampler, SAMPLERS)}"
             )
+        if not isinstance(self.noise, str) or self.noise not in KINDS:
+            raise ValueError(
+                f"noise must be one of {KINDS}, got {self.noise!r}."
+                f"{did_you_mean(self.noise, KINDS)}"
+            )
         if self.noise_prior is not None:
             check_prior(self.noise_prior, "noise_prior")
             if self.noise_prior.support()[1] <= 0:
@@ -135,19 +151,25 @@ class CheckedEstimator(BaseEstimator):
         return beta
 
     def checked_data(
-        self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None
+        self,
+        X: ArrayLike,
+        y: ArrayLike,
+        sample_weight: ArrayLike | None = None,
+        y_err: Any = None,
     ) -> MeasuredData:
         """Return what was measured, checked as ``fit`` does, which calls this.
 
         Parameters
         ----------
-        X, y, sample_weight
+        X, y, sample_weight, y_err
             As in ``fit``.
         """
         likelihood = self.checked_settings()[1]
         check_outcomes(y, likelihood)
+        X, y_err = taken_out(X, y_err)
+        error_column = name_of(y_err)
         if len(self.output_names(None if y is None else as_table(y, "y"))) == 1:
-            X, y, sample_weight = without_gaps(X, y, sample_weight)
+            X, y, sample_weight, y_err = without_gaps(X, y, sample_weight, y_err)
         X = complete_table(X, labels=self.experiment)
         tables = [X, *self._further_tables()]
         experiments = experiments_of(tables, self.experiment, self.by_experiment)
@@ -180,19 +202,40 @@ class CheckedEstimator(BaseEstimator):
         data = MeasuredData(
             rows, output, weights, names, order, columns, simulation, stacking, experiments
         )
+        if y_err is not None:
+            data = self._with_errors(data, y_err, likelihood, error_column)
         share, sets = self._further_sets(data)
-        for further in sets:
+        for further, _ in sets:
             likelihood.check_training(further.y[np.isfinite(further.y)])
             check_reach(data.given_columns, further.X, self.simulation)
             warn_outside(data.given_columns, further.X, self.simulation)
         return data.joined(sets, share) if sets else data
 
+    def _with_errors(
+        self, data: MeasuredData, y_err: Any, likelihood: Likelihood, column: str | None
+    ) -> MeasuredData:
+        """Return measured data with known errors."""
+        if self.noise == "known" and self.noise_prior is not None:
+            raise ValueError(
+                'noise="known" takes the noise from y_err: a noise_prior is for noise="added" or '
+                '"scaled".'
+            )
+        errors = check_errors(y_err, data.y, likelihood, self.output_names(data.y))
+        scatter = likelihood.scatter(errors, data.y)
+        how = row_errors(self.noise, scatter, data.stacking, data.weights)
+        return replace(data, errors=how, y_err=errors, scatter=scatter, error_column=column)
+
     def _further_tables(self) -> Sequence[Any]:
         """Return measured rows in addition to those in ``fit``, as tables."""
         return ()
 
-    def _further_sets(self, data: MeasuredData) -> tuple[float, Sequence[SingleRows]]:
-        """Return these rows checked, and the weight of those in ``fit`` relative to theirs."""
+    def _further_sets(
+        self, data: MeasuredData
+    ) -> tuple[float, Sequence[tuple[SingleRows, FloatArray | None]]]:
+        """Return these rows checked, and the weight of those in ``fit`` relative to theirs.
+
+        Each with its errors on the scale of eta, where rows have some.
+        """
         return 1.0, ()
 
     def _checked(
@@ -230,6 +273,11 @@ class CheckedEstimator(BaseEstimator):
             raise ValueError(f"{OUTPUT!r} is a name that the package uses: rename the column.")
         inputs = columns if self.simulation is None else self.simulation.input_names
         names = self.output_names(output)
+        if isinstance(likelihood, Censored):
+            raise ValueError(
+                "Censored has limits of one output: fit a simulation of several outputs to each "
+                "output by itself, or without limits."
+            )
         scaled = likelihood.scales_noise and not likelihood.log_scale
         stacking = stacking_of(output, names, len(inputs), scaled)
         if self.simulation is None:
@@ -245,25 +293,40 @@ class CheckedEstimator(BaseEstimator):
         elif hasattr(self, "feature_names_in_"):
             del self.feature_names_in_
 
-    def checked_rows(self, X: ArrayLike) -> FloatArray:
+    def checked_rows(
+        self, X: ArrayLike, y_err: Any = None, y: FloatArray | None = None
+    ) -> FloatArray:
         """Return rows as the fitted model reads them: the simulation's inputs first.
 
         Parameters
         ----------
         X : array-like of shape (n, n_columns)
+        y_err : float, str, array-like of shape (n,), or (n, k) of several outputs, or None
+            Errors of measurements there. None: those in X, if ``fit`` took a column of it, or
+            typical ones.
+        y : ndarray of shape (n,), or (n, k) of several outputs, or None
+            Measurements, to which errors are relative on a logarithmic scale. None: predictions.
 
         Returns
         -------
         ndarray of shape (n, n_columns)
-            Of k outputs (n k, n_columns + 1): one row for each.
+            Of k outputs (n k, n_columns + 1): one row for each. Errors are the last column.
         """
         check_is_fitted(self)
+        X, y_err = new_errors(X, y_err, self.data_)
         rows = self._known_columns(validate_data(self, self._in_order(X), reset=False, dtype=float))
         simulation = self._trained_on
         if isinstance(simulation, SimulationData):
             # a simulation that is run itself extrapolates nothing
             warn_outside(self.data_.given_columns, rows, simulation, self.measured_[0])
-        return rows if self.data_.stacking is None else self.data_.stacking.rows(rows)
+        rows = rows if self.data_.stacking is None else self.data_.stacking.rows(rows)
+        if y_err is None:
+            return rows
+        return self._with_new_errors(rows, y_err, y)
+
+    @abstractmethod
+    def _with_new_errors(self, rows: FloatArray, y_err: Any, y: FloatArray | None) -> FloatArray:
+        """Return single rows with errors of measurements y there, as `checked_rows` does."""
 
     @property
     def _trained_on(self) -> SimulationData | Simulator | None:

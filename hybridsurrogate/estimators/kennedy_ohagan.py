@@ -39,7 +39,7 @@ class KennedyOHaganSurrogate(PowerScaledSurrogate):
     amplitude_prior : frozen scipy.stats distribution or None, default=None
         Of the discrepancy's standard deviation. None: half-normal with the spread of the
         measured output as scale (the paper's is half-normal(1), on the scale of eta).
-    experiment, by_experiment, sampler, n_draws, random_state
+    experiment, by_experiment, noise, sampler, n_draws, random_state
         As in `PowerScaledSurrogate`.
 
     Examples
@@ -63,6 +63,7 @@ class KennedyOHaganSurrogate(PowerScaledSurrogate):
         amplitude_prior: Prior | None = None,
         experiment: str | None = None,
         by_experiment: Mapping[str, str] | None = None,
+        noise: str = "added",
         sampler: str | EnsembleSampler = "auto",
         n_draws: int = 1000,
         random_state: Any = None,
@@ -75,6 +76,7 @@ class KennedyOHaganSurrogate(PowerScaledSurrogate):
         self.amplitude_prior = amplitude_prior
         self.experiment = experiment
         self.by_experiment = by_experiment
+        self.noise = noise
         self.sampler = sampler
         self.n_draws = n_draws
         self.random_state = random_state

@@ -16,13 +16,14 @@ from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.inference.sampling.emcee_sampler import EnsembleSampler
-from hybridsurrogate.likelihoods import Likelihood
+from hybridsurrogate.likelihoods import Likelihood, as_likelihood
 from hybridsurrogate.model.rows.columns import (
     column_names,
     matched_columns,
 )
 from hybridsurrogate.model.rows.measured_data import MeasuredData, SingleRows
 from hybridsurrogate.model.rows.measured_rows import without_gaps
+from hybridsurrogate.model.rows.row_errors import check_errors, taken_out
 from hybridsurrogate.model.rows.stacking import as_several
 from hybridsurrogate.simulation.arrays import (
     as_numbers,
@@ -50,6 +51,8 @@ class Source:
         name (DataFrame), else in the same order.
     power : float, default=1.0
         Between 0 (ignored) and 1 (in full).
+    y_err : float, str, array-like of the shape of y, or None, default=None
+        Known errors of measured rows, as in ``fit``: of all measured sets, or of none.
 
     Examples
     --------
@@ -60,6 +63,7 @@ class Source:
 
     data: SimulationData | tuple[ArrayLike, ArrayLike]
     power: float = 1.0
+    y_err: Any = None
 
     def __sklearn_clone__(self) -> Source:
         """Return itself: it is a value, and clones share its data."""
@@ -83,7 +87,7 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
         Power of the measured rows in ``fit``.
     surrogate, likelihood, noise_prior, effects, experiment, by_experiment
         As in `PowerScaledSurrogate`.
-    sampler, n_draws, random_state
+    noise, sampler, n_draws, random_state
         As in `PowerScaledSurrogate`.
 
     Examples
@@ -109,6 +113,7 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
         effects: Sequence[Cause] = (),
         experiment: str | None = None,
         by_experiment: Mapping[str, str] | None = None,
+        noise: str = "added",
         sampler: str | EnsembleSampler = "auto",
         n_draws: int = 1000,
         random_state: Any = None,
@@ -121,6 +126,7 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
         self.effects = effects
         self.experiment = experiment
         self.by_experiment = by_experiment
+        self.noise = noise
         self.sampler = sampler
         self.n_draws = n_draws
         self.random_state = random_state
@@ -174,25 +180,41 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
         return np.concatenate(powers) if powers else None
 
     def _further_tables(self) -> Sequence[Any]:
-        further = [s.data for s in self.sources if not isinstance(s.data, SimulationData)]
-        return [complete_table(X, labels=self.experiment) for X, _ in further]
+        tables = [
+            taken_out(source.data[0], source.y_err)[0]
+            for source in self.sources
+            if not isinstance(source.data, SimulationData)
+        ]
+        return [complete_table(X, labels=self.experiment) for X in tables]
 
-    def _further_sets(self, data: MeasuredData) -> tuple[float, Sequence[SingleRows]]:
+    def _further_sets(
+        self, data: MeasuredData
+    ) -> tuple[float, Sequence[tuple[SingleRows, FloatArray | None]]]:
         """Return rows of all further sets, weights relative to the largest power."""
         # measured rows that count nowhere in step 1 still carry step 2
         top, sets = self._largest_power(), []
         for source in self.sources:
             if not isinstance(source.data, SimulationData):
-                rows, values = self._read(source.data, data)
+                rows, values, scatter = self._read(source, data)
                 weights = np.full(len(rows), source.power / top if top else 1.0)
-                sets.append(SingleRows(rows, values, weights))
+                sets.append((SingleRows(rows, values, weights), scatter))
         return self.power / top if top else 1.0, sets
 
     def _read(
-        self, source: tuple[ArrayLike, ArrayLike], data: MeasuredData
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return a measured source with its columns in the order of those in ``fit``."""
-        X, y, _ = without_gaps(*source)
+        self, source: Source, data: MeasuredData
+    ) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+        """Return a measured source, columns in the order of those in ``fit``, and its errors.
+
+        Errors are on the scale of eta.
+        """
+        if (source.y_err is None) != (data.errors is None):
+            raise ValueError(
+                "Either all measured sets have errors or none has: pass y_err to fit and to each "
+                "Source of measured rows."
+            )
+        assert not isinstance(source.data, SimulationData)
+        X, y_err = taken_out(source.data[0], source.y_err)
+        X, y, _, y_err = without_gaps(X, source.data[1], None, y_err)
         X = complete_table(X, labels=self.experiment)
         if data.experiments is not None:
             X = data.experiments.numbered(X)
@@ -221,7 +243,12 @@ class MultiSourceSurrogate(PowerScaledSurrogate):
             order = [names.index(name) for name in columns]
         elif names:
             order = matched_columns(names, len(names), self.simulation)[1]
-        return more[:, order], values
+        scatter = None
+        if y_err is not None:
+            likelihood = as_likelihood(self.likelihood)
+            errors = check_errors(y_err, values, likelihood, self.output_names(values))
+            scatter = likelihood.scatter(errors, values)
+        return more[:, order], values, scatter
 
     def _largest_power(self) -> float:
         further = [s.power for s in self.sources if not isinstance(s.data, SimulationData)]

@@ -67,6 +67,11 @@ class PowerScaledSurrogate(SurrogateEstimator):
         independent of each other. "spread": values normally distributed around their mean, with
         the spread inferred (`ParameterByExperiment`). Predictions for an experiment that was not
         measured draw its value from the same distribution.
+    noise : {"added", "scaled", "known"}, default="added"
+        What is inferred of the noise of rows with errors ``y_err``. "added": further noise, of the
+        same standard deviation in each row, added in quadrature (jitter); its prior is
+        ``noise_prior``. "scaled": a factor on all errors; sigma is the noise of a row with the
+        median error. "known": nothing. Runs scatter like a row with the median error.
     sampler : {"auto", "importance", "emcee"} or EnsembleSampler, default="auto"
         "auto": importance sampling, emcee where its k-hat exceeds 0.7 or there are several modes.
     n_draws : int, default=1000
@@ -129,6 +134,7 @@ class PowerScaledSurrogate(SurrogateEstimator):
         effects: Sequence[Cause] = (),
         experiment: str | None = None,
         by_experiment: Mapping[str, str] | None = None,
+        noise: str = "added",
         sampler: str | EnsembleSampler = "auto",
         n_draws: int = 1000,
         random_state: Any = None,
@@ -141,12 +147,17 @@ class PowerScaledSurrogate(SurrogateEstimator):
         self.effects = effects
         self.experiment = experiment
         self.by_experiment = by_experiment
+        self.noise = noise
         self.sampler = sampler
         self.n_draws = n_draws
         self.random_state = random_state
 
     def fit(
-        self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None
+        self,
+        X: ArrayLike,
+        y: ArrayLike,
+        sample_weight: ArrayLike | None = None,
+        y_err: Any = None,
     ) -> PowerScaledSurrogate:
         """Fit to measured data.
 
@@ -160,12 +171,18 @@ class PowerScaledSurrogate(SurrogateEstimator):
         sample_weight : array-like of shape (n,) or None, default=None
             Powers of the likelihoods of single rows, relative to the measured data's: a row of
             weight two counts like two equal rows.
+        y_err : float, str, array-like of the shape of y, or None, default=None
+            Known standard deviation of each measurement, in the units of y: its error bar. Of what
+            else is inferred: see ``noise``. A name: that column of a DataFrame X, of several
+            outputs a list of names. One number: that of every row. Under a log-normal likelihood
+            the standard deviation of log y is ``y_err / y``; under a Student-t one it is the scale
+            of the row.
 
         Returns
         -------
         self
         """
-        data = self.checked_data(X, y, sample_weight)
+        data = self.checked_data(X, y, sample_weight, y_err)
         found = emulated(self, data)
         return self.fit_data(data) if found is None else take(self, found)
 
@@ -326,6 +343,7 @@ def prepared(
     X: ArrayLike,
     y: ArrayLike,
     sample_weight: ArrayLike | None = None,
+    y_err: Any = None,
 ) -> FitTask:
     """Return what an estimator is fitted to, checked and built once for many fits.
 
@@ -334,10 +352,10 @@ def prepared(
     Parameters
     ----------
     estimator : PowerScaledSurrogate
-    X, y, sample_weight
+    X, y, sample_weight, y_err
         As in ``fit``.
     """
-    return FitTask.of(estimator, estimator.checked_data(X, y, sample_weight))
+    return FitTask.of(estimator, estimator.checked_data(X, y, sample_weight, y_err))
 
 
 def as_causes(effects: Any, argument: str = "effects") -> tuple[Cause, ...]:

@@ -50,6 +50,11 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
     experiment, by_experiment
         As in `PowerScaledSurrogate`, for the surrogate of the simulation. That of the measured data
         has no parameters of the simulation, and is the same for all experiments.
+    noise : {"added", "scaled", "known"}, default="added"
+        What is inferred of the noise of rows with errors ``y_err``. "added": further noise, of the
+        same standard deviation in each row, added in quadrature (jitter); its prior is
+        ``noise_prior``. "scaled": a factor on all errors; sigma is the noise of a row with the
+        median error. "known": nothing. Runs scatter like a row with the median error.
     sampler : {"auto", "importance", "emcee"} or EnsembleSampler, default="auto"
     n_draws : int, default=1000
         Draws from each of the two posteriors.
@@ -86,6 +91,7 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         noise_prior: Prior | None = None,
         experiment: str | None = None,
         by_experiment: Mapping[str, str] | None = None,
+        noise: str = "added",
         sampler: str | EnsembleSampler = "auto",
         n_draws: int = 1000,
         random_state: Any = None,
@@ -97,12 +103,17 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
         self.noise_prior = noise_prior
         self.experiment = experiment
         self.by_experiment = by_experiment
+        self.noise = noise
         self.sampler = sampler
         self.n_draws = n_draws
         self.random_state = random_state
 
     def fit(
-        self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None
+        self,
+        X: ArrayLike,
+        y: ArrayLike,
+        sample_weight: ArrayLike | None = None,
+        y_err: Any = None,
     ) -> PredictiveWeightedSurrogate:
         """Fit both surrogates to measured data.
 
@@ -113,12 +124,18 @@ class PredictiveWeightedSurrogate(SurrogateEstimator):
             With NaN for what was not measured; columns of a DataFrame go by name.
         sample_weight : array-like of shape (n,) or None, default=None
             A row of weight two counts like two equal rows.
+        y_err : float, str, array-like of the shape of y, or None, default=None
+            Known standard deviation of each measurement, in the units of y: its error bar. Of what
+            else is inferred: see ``noise``. A name: that column of a DataFrame X, of several
+            outputs a list of names. One number: that of every row. Under a log-normal likelihood
+            the standard deviation of log y is ``y_err / y``; under a Student-t one it is the scale
+            of the row.
 
         Returns
         -------
         self
         """
-        data = self.checked_data(X, y, sample_weight)
+        data = self.checked_data(X, y, sample_weight, y_err)
         found = emulated(self, data)
         return self.fit_data(data) if found is None else take(self, found)
 

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.likelihoods.base import LIKELIHOODS, Likelihood
+from hybridsurrogate.likelihoods.censored import Censored
 from hybridsurrogate.likelihoods.contaminated import Contaminated
 from hybridsurrogate.likelihoods.custom import CustomLikelihood
 from hybridsurrogate.likelihoods.normal import TransformedNormal
@@ -19,6 +20,7 @@ __all__ = [
     "LIKELIHOODS",
     "BetaBinomial",
     "Binomial",
+    "Censored",
     "Contaminated",
     "CustomLikelihood",
     "Likelihood",

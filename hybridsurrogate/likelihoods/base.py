@@ -123,9 +123,32 @@ class Likelihood(ABC):
         """Return the noise-free output of eta; by default eta, or its exponential."""
         return np.exp(np.minimum(eta, 700.0)) if self.log_scale else eta
 
+    def scatter(self, errors: FloatArray, y: FloatArray) -> FloatArray:
+        """Return known errors of measurements y, in their units, as standard deviations of eta.
+
+        By default the errors themselves.
+        """
+        return errors
+
     @abstractmethod
     def log_density(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the log density (or log probability) of each y."""
+
+    def log_below(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the log probability of y or less, which rows beyond a limit need."""
+        raise ValueError(
+            f"The {self.name} likelihood has no distribution function, which Censored needs: "
+            'choose "normal", "lognormal", "student-t", "poisson" or "negative-binomial".'
+        )
+
+    def log_above(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the log probability of y or more."""
+        return self.log_below(y, eta, sigma)
+
+    @property
+    def of_runs(self) -> Likelihood:
+        """The likelihood of runs that train a surrogate: by default itself."""
+        return self
 
     def mean(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the mean of y."""

@@ -91,6 +91,16 @@ class Poisson(_Counts):
         """Return the log probability of each y."""
         return y * eta - self.inverse(eta) - special.gammaln(y + 1)
 
+    def log_below(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the log probability of y or less: an incomplete gamma function."""
+        return _log_tail(special.gammaincc(np.floor(y) + 1, self.inverse(eta)), self, y, eta, sigma)
+
+    def log_above(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the log probability of y or more."""
+        y = np.ceil(y)
+        found = np.where(y > 0, special.gammainc(np.maximum(y, 1), self.inverse(eta)), 1.0)
+        return _log_tail(found, self, y, eta, sigma)
+
     def variance(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return exp(eta)."""
         return self.inverse(eta)
@@ -146,6 +156,19 @@ class NegativeBinomial(_Counts):
             + y * (np.minimum(eta, _MAX_ETA) - np.log(precision))
         )
 
+    def log_below(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the log probability of y or less: an incomplete beta function."""
+        precision, mean = np.maximum(sigma, _MIN_SIGMA) ** -2.0, self.inverse(eta)
+        found = special.betainc(precision, np.floor(y) + 1, precision / (precision + mean))
+        return _log_tail(found, self, y, eta, sigma)
+
+    def log_above(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the log probability of y or more."""
+        precision, mean = np.maximum(sigma, _MIN_SIGMA) ** -2.0, self.inverse(eta)
+        y = np.ceil(y)
+        found = special.betainc(np.maximum(y, 1), precision, mean / (precision + mean))
+        return _log_tail(np.where(y > 0, found, 1.0), self, y, eta, sigma)
+
     def variance(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return mu + sigma^2 mu^2."""
         mean = self.inverse(eta)
@@ -176,6 +199,24 @@ class NegativeBinomial(_Counts):
         mean = self.inverse(eta)
         share = precision / (precision + mean)
         return (y - mean) * share, mean * share * (precision + y) / (precision + mean) + 1e-12
+
+
+def _log_tail(
+    probability: FloatArray,
+    likelihood: Likelihood,
+    y: FloatArray,
+    eta: FloatArray,
+    sigma: FloatArray,
+) -> FloatArray:
+    """Return the log of a tail's probability; that of y itself is most of one that underflows."""
+    with np.errstate(divide="ignore"):
+        found = np.log(probability)
+    low = ~(probability > 1e-290)
+    return (
+        np.where(low, likelihood.log_density(np.round(y), eta, sigma), found)
+        if low.any()
+        else found
+    )
 
 
 register("poisson", Poisson())

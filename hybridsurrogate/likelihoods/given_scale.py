@@ -10,8 +10,54 @@ from hybridsurrogate.likelihoods.base import Likelihood
 from hybridsurrogate.types import FloatArray
 
 
+class OfPlain(Likelihood):
+    """A likelihood around a plain one, on the same scale of eta.
+
+    Attributes
+    ----------
+    plain : Likelihood
+    """
+
+    plain: Likelihood
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        """That of the plain likelihood."""
+        return self.plain.name
+
+    @property
+    def log_scale(self) -> bool:  # type: ignore[override]
+        """As the plain likelihood."""
+        return self.plain.log_scale
+
+    @property
+    def rough(self) -> bool:  # type: ignore[override]
+        """As the plain likelihood."""
+        return self.plain.rough
+
+    def check(self, y: FloatArray, source: str = "measured") -> None:
+        """Accept what the plain likelihood accepts."""
+        self.plain.check(y, source)
+
+    def working(self, y: FloatArray) -> FloatArray:
+        """Return y on the scale of eta."""
+        return self.plain.working(y)
+
+    def rounding(self, eta: FloatArray) -> FloatArray:
+        """Return the standard deviation of eta where means are rounded."""
+        return self.plain.rounding(eta)
+
+    def link(self, output: FloatArray) -> FloatArray:
+        """Return the eta of an output."""
+        return self.plain.link(output)
+
+    def inverse(self, eta: FloatArray) -> FloatArray:
+        """Return the output of eta."""
+        return self.plain.inverse(eta)
+
+
 @dataclass(frozen=True)
-class GivenScale(Likelihood):
+class GivenScale(OfPlain):
     """A likelihood whose second parameter a cause sets, so that ``sigma`` has no meaning.
 
     Attributes
@@ -33,40 +79,9 @@ class GivenScale(Likelihood):
     scale: FloatArray
     has_scale = False
 
-    @property
-    def name(self) -> str:  # type: ignore[override]
-        """That of the plain likelihood."""
-        return self.plain.name
-
-    @property
-    def log_scale(self) -> bool:  # type: ignore[override]
-        """As the plain likelihood."""
-        return self.plain.log_scale
-
-    @property
-    def rough(self) -> bool:  # type: ignore[override]
-        """As the plain likelihood."""
-        return self.plain.rough
-
     def take(self, index: FloatArray) -> Likelihood:
         """Return the likelihood of some of the draws."""
         return replace(self, scale=self.scale[index])
-
-    def check(self, y: FloatArray, source: str = "measured") -> None:
-        """Accept what the plain likelihood accepts."""
-        self.plain.check(y, source)
-
-    def working(self, y: FloatArray) -> FloatArray:
-        """Return y on the scale of eta."""
-        return self.plain.working(y)
-
-    def link(self, output: FloatArray) -> FloatArray:
-        """Return the eta of an output."""
-        return self.plain.link(output)
-
-    def inverse(self, eta: FloatArray) -> FloatArray:
-        """Return the output of eta."""
-        return self.plain.inverse(eta)
 
     def log_density(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return the log density of each y."""

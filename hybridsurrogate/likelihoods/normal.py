@@ -9,7 +9,7 @@ from abc import abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special, stats
 
 from hybridsurrogate.likelihoods.base import Likelihood, register
 from hybridsurrogate.types import FloatArray, Prior
@@ -45,6 +45,10 @@ class TransformedNormal(Likelihood):
         """Return the link of y."""
         return self.link(y)
 
+    def scatter(self, errors: FloatArray, y: FloatArray) -> FloatArray:
+        """Return errors times |d link / dy|: of log y relative errors."""
+        return errors * np.exp(self.log_jacobian(y))
+
     def noise_prior(self, scale: float) -> Prior:
         """Return a half-normal prior with the spread of the output as scale."""
         return stats.halfnorm(scale=scale)
@@ -53,6 +57,18 @@ class TransformedNormal(Likelihood):
         """Return the log density of each y."""
         standardised = (self.link(y) - eta) / sigma
         return -0.5 * standardised**2 - np.log(sigma) - 0.5 * _LOG_2PI + self.log_jacobian(y)
+
+    def log_below(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the log probability of y or less."""
+        return np.asarray(special.log_ndtr((self._link(y) - eta) / sigma))
+
+    def log_above(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the log probability of y or more."""
+        return np.asarray(special.log_ndtr((eta - self._link(y)) / sigma))
+
+    def _link(self, y: FloatArray) -> FloatArray:
+        """Return the link of any y: the least where a positive value was rounded to nothing."""
+        return self.link(np.maximum(y, np.finfo(float).tiny)) if self.log_scale else self.link(y)
 
     def derivatives(
         self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None

@@ -56,6 +56,14 @@ class StudentT(HeavyTailed):
         constant -= 0.5 * np.log(self.df * np.pi)
         return constant - np.log(sigma) - (self.df + 1) / 2 * np.log1p(z**2 / self.df)
 
+    def log_below(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the log probability of y or less."""
+        return np.log(special.stdtr(self.df, (y - eta) / sigma))
+
+    def log_above(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the log probability of y or more."""
+        return np.log(special.stdtr(self.df, (eta - y) / sigma))
+
     def mean(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
         """Return eta, the median, which is the mean where there is one."""
         return eta

@@ -45,7 +45,7 @@ def make_context(
     if not basis.is_simulation:
         simulator = None  # an emulator has no dynamics inside
     return Context(
-        dict(zip(columns, X.T, strict=True)),
+        dict(zip(columns, X.T, strict=False)),
         n_inputs,
         dict(simulation.parameters) if simulation else {},
         dict(simulation.assumed) if simulation else {},

@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from hybridsurrogate.effects.base import ROW, SIMULATED, SLOPE, Cause, Rows
+from hybridsurrogate.effects.base import ERROR, ROW, SIMULATED, SLOPE, Cause, Rows
+from hybridsurrogate.effects.noise.known_errors import RowErrors
 from hybridsurrogate.likelihoods import Contaminated, Likelihood, TransformedNormal
 from hybridsurrogate.numerics.blocks import in_blocks
 from hybridsurrogate.types import FloatArray, Prior
@@ -36,6 +37,9 @@ class CausesOnRows:
         Prior sd of column coefficients for causes that name none.
     has_row_noise : bool
         Whether rows X carry, in a last column that has no name, a factor on their noise.
+    errors : RowErrors or None
+        How rows scatter that have known errors: in a column of X after the measured ones. Without
+        that column rows have the typical error.
     """
 
     columns: tuple[str, ...]
@@ -45,6 +49,7 @@ class CausesOnRows:
     effects: tuple[Cause, ...]
     default_sd: float
     has_row_noise: bool = field(default=False, kw_only=True)
+    errors: RowErrors | None = field(default=None, kw_only=True)
 
     @cached_property
     def theta_names(self) -> tuple[tuple[int, str], ...]:
@@ -86,7 +91,12 @@ class CausesOnRows:
     @property
     def touches_noise(self) -> bool:
         """Whether the noise differs between rows."""
-        return self.has_row_noise or any("noise" in effect.acts_on for effect in self.effects)
+        return self.noise_is_given or any("noise" in effect.acts_on for effect in self.effects)
+
+    @property
+    def noise_is_given(self) -> bool:
+        """Whether rows carry a factor on their noise, or known errors."""
+        return self.has_row_noise or self.errors is not None
 
     @property
     def _by_position(self) -> bool:
@@ -96,7 +106,8 @@ class CausesOnRows:
     def rows(self, X: FloatArray, values: FloatArray) -> tuple[Rows, Rows, list[Rows]]:
         """Return columns, omega and each cause's theta, every row of every draw after another."""
         J, n = len(values), len(X)
-        names = (*self.columns, _ROW_NOISE) if self.has_row_noise else self.columns
+        names = [*self.columns]
+        names += [ERROR] * (self.errors is not None) + [_ROW_NOISE] * self.has_row_noise
         rows: Rows = dict(zip(names, np.tile(X.T, J), strict=False))
         if self._by_position:
             rows = {**rows, ROW: np.tile(np.arange(n, dtype=float), J)}
@@ -113,6 +124,12 @@ class CausesOnRows:
         for column, (k, name) in enumerate(self.theta_names, start=self.n_parameters):
             theta[k] = {**theta[k], name: values[:, column]}
         return theta
+
+    def known_noise(self, X: FloatArray) -> FloatArray:
+        """Return the factors (n,) on sigma that known errors of rows X leave, ones without any."""
+        if self.errors is None:
+            return np.ones(len(X))
+        return self.errors.factor(dict(zip([*self.columns, ERROR], X.T, strict=False)), len(X))
 
     def rows_moved(self, X: FloatArray) -> NDArray[np.bool_] | None:
         """Return which rows each unknown may change, (n_unknowns, n); None: each of them all."""
@@ -216,6 +233,8 @@ class CausesOnRows:
         noise: FloatArray = np.ones((J, 1))
         if self.has_row_noise:
             noise = np.array(rows[_ROW_NOISE]).reshape(J, n)
+        if self.errors is not None:
+            noise = noise * self.errors.factor(rows, J * n).reshape(J, n)
         for effect, own, slope in zip(self.effects, theta, slopes, strict=True):
             here = rows if slope is None else {**rows, SLOPE: slope}
             factor = np.asarray(effect.noise(here, own))

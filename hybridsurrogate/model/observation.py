@@ -315,7 +315,7 @@ class MeasuredModel(CausesOnRows):
     @property
     def _only_added(self) -> bool:
         """Whether causes leave simulation and noise as they are."""
-        return not self.has_row_noise and not any(
+        return not self.noise_is_given and not any(
             e.touches_simulation or "noise" in e.acts_on for e in self.effects
         )
 

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.effects.base import NOISE_SD
+from hybridsurrogate.effects.noise.known_errors import Jitter
+from hybridsurrogate.effects.noise.output_noise import OutputNoise
 from hybridsurrogate.exceptions import FailedRunsWarning, SamplingWarning
 from hybridsurrogate.likelihoods import Likelihood
 from hybridsurrogate.model.observation import MeasuredModel
@@ -185,6 +187,26 @@ class Posterior:
             eta = eta + (columns @ self.effect_coefficients[..., None])[..., 0]
         return eta, np.broadcast_to(noise * self.sigma[:, None], eta.shape)
 
+    def noise_of(self, output: str = "", position: int = 0) -> FloatArray:
+        """Return draws of the noise of an output, of a row with the typical error.
+
+        On the scale of eta.
+
+        Parameters
+        ----------
+        output : str
+            Of several outputs the name of one, at some ``position``.
+        """
+        errors, noise = self.model.errors, self.sigma
+        if errors is not None:
+            noise = noise * errors.typical[position] / errors.typical[0]
+        for k, effect in enumerate(self.model.effects):
+            if isinstance(effect, OutputNoise):
+                noise = noise * self.estimates(k).get(f"noise of {output}", 1.0)
+            elif isinstance(effect, Jitter):
+                noise = np.hypot(noise, list(self.estimates(k).values())[position])
+        return noise
+
     def named(self) -> dict[str, FloatArray]:
         """Return draws by name: omega, theta, sigma, coefficients, effect coefficients.
 
@@ -192,7 +214,8 @@ class Posterior:
         called ``noise_sigma``, ``surrogate_coefficients`` or ``linear_effect_coefficients``.
         """
         out = dict(zip(_names_of(self.model), self.values.T, strict=True))
-        if self.likelihood.has_scale:
+        errors = self.model.errors
+        if self.likelihood.has_scale and not (errors is not None and errors.fixes_sigma):
             out[_free("sigma", "noise", out)] = self.sigma
         if self.coefficients.shape[1]:
             out[_free("coefficients", "surrogate", out)] = self.coefficients

@@ -10,6 +10,7 @@ import numpy as np
 
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.in_output import prepared_for
+from hybridsurrogate.effects.noise.known_errors import Jitter, RowErrors
 from hybridsurrogate.effects.noise.output_noise import OutputNoise
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.likelihoods import Likelihood
@@ -103,7 +104,17 @@ class Problem:
     @property
     def noise_is_known(self) -> bool:
         """Whether rows have the noise that they carry, and no scale of it is inferred."""
+        errors = self.model.errors
+        if errors is not None and errors.fixes_sigma:
+            return True
         return self.working_point is not None and not self.likelihood.scales_noise
+
+    def possible_sigma(self, sigma: FloatArray | float) -> FloatArray:
+        """Return estimates of sigma as far as it is unknown: no less than known errors leave."""
+        errors = self.model.errors
+        if self.noise_is_known:
+            return np.full(np.shape(sigma), 1.0 if errors is None else errors.unit)
+        return np.maximum(sigma, 0.0 if errors is None else errors.least_sigma)
 
     @property
     def unit_noise(self) -> float:
@@ -126,7 +137,13 @@ class Problem:
         """
         if X.shape[1] == self.X.shape[1]:
             return X
-        return np.column_stack([X, np.full(len(X), self.unit_noise)])
+        errors, columns = self.model.errors, [X]
+        if errors is not None:
+            rows = dict(zip(self.model.columns, X.T, strict=False))
+            columns.append(errors.of_rows(rows, len(X)))
+        if self.model.has_row_noise:
+            columns.append(np.full(len(X), self.unit_noise))
+        return np.column_stack(columns)
 
     def given(self, hyper: FloatArray) -> Problem:
         """Return the problem with the surrogate's hyperparameters fixed at values (n_hyper,)."""
@@ -198,8 +215,7 @@ class PlainProblem:
     def with_effects(self, effects: Sequence[Cause]) -> Problem:
         """Return the problem with causes, prepared and checked."""
         plain, likelihood = self.problem, self.problem.likelihood
-        if plain.stacking is not None and likelihood.scales_noise:
-            effects = (*effects, OutputNoise(plain.stacking.names))
+        effects = (*effects, *self._noise_of_rows())
         model = plain.model.with_effects([prepared_for(one, self._context) for one in effects])
         try:
             check_effects(model, plain.X)
@@ -217,10 +233,26 @@ class PlainProblem:
             model = replace(model, reference=self._reference)
         return replace(plain, model=model)
 
+    def _noise_of_rows(self) -> tuple[Cause, ...]:
+        """Return what is inferred of the noise in addition to sigma, whatever else is."""
+        plain, stacking = self.problem, self.problem.stacking
+        errors, names = plain.model.errors, () if stacking is None else stacking.names
+        if errors is not None and errors.kind == "added":
+            return (Jitter(errors, self.jitter_prior, names),)
+        is_known = errors is not None and errors.kind == "known"
+        if stacking is None or is_known or not plain.likelihood.scales_noise:
+            return ()
+        return (OutputNoise(names),)
+
+    @property
+    def jitter_prior(self) -> Prior:
+        """Prior of noise in addition to known errors."""
+        return self.noise_prior or self.problem.likelihood.noise_prior(self.problem.scale)
+
     def on_rows(self, X: FloatArray, y: FloatArray, weights: FloatArray) -> PlainProblem:
         """Return the same of rows of the same measurements, laid out otherwise."""
         plain = self.problem
-        given = plain.likelihood, self.noise_prior, plain.stacking
+        given = plain.likelihood, self.noise_prior, plain.stacking, plain.model.errors
         eta, scale, prior = _measured(*given, X, y, weights)
         problem = replace(
             plain,
@@ -307,12 +339,12 @@ def plain_problem(
     """
     simulation, stacking, columns = data.simulation, data.stacking, data.columns
     X, y, weights, _ = data.distinct
-    eta, scale, prior = _measured(likelihood, noise_prior, stacking, X, y, weights)
+    eta, scale, prior = _measured(likelihood, noise_prior, stacking, data.errors, X, y, weights)
     world = None if measured_only else simulation
     runs = world if isinstance(world, SimulationData) else None
     run_eta, refused = (None, None) if runs is None else _working(likelihood, runs.y)
     outputs, shares = (eta, weights) if run_eta is None else (run_eta, None)
-    n_inputs = len(simulation.input_names) if simulation is not None else X.shape[1]
+    n_inputs = len(simulation.input_names) if simulation is not None else len(columns)
     ranges = dict(world.parameter_ranges) if world else {}
     middle = np.mean(list(ranges.values()) or np.empty((0, 2)), axis=1)
     domain = Domain(
@@ -340,6 +372,7 @@ def plain_problem(
         (),
         3 * scale,
         basis,
+        errors=data.errors,
     )
     model = replace(model, least_step=least_step(model, X))
     kept, run_statistics = None, None
@@ -372,14 +405,16 @@ def _measured(
     likelihood: Likelihood,
     noise_prior: Prior | None,
     stacking: Stacking | None,
+    errors: RowErrors | None,
     X: FloatArray,
     y: FloatArray,
     weights: FloatArray,
 ) -> tuple[FloatArray, float, Prior]:
-    """Return y on the scale of eta, its spread, and the prior of the noise."""
+    """Return y on the scale of eta, its spread, and the prior of sigma."""
     eta = likelihood.working(y)
     scale = spread(within_outputs(X, eta, weights, stacking), weights)
-    return eta, scale, likelihood.noise_prior(scale) if noise_prior is None else noise_prior
+    prior = likelihood.noise_prior(scale) if noise_prior is None else noise_prior
+    return eta, scale, prior if errors is None else errors.noise_prior(prior, noise_prior is None)
 
 
 def _learns(basis: Basis) -> bool:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 from hybridsurrogate.plotting.report import Prediction
 from hybridsurrogate.plotting.style import (
@@ -58,6 +59,8 @@ def plot_overview(
     curve: bool = True,
     labels: tuple[str, str, str] = ("x", "y", "residual"),
     axes: Sequence[Axes] | None = None,
+    y_err: FloatArray | None = None,
+    side: NDArray[np.int_] | None = None,
 ) -> list[Axes]:
     """Draw measurements, a simulation and its extension with 90 % intervals, and the residuals.
 
@@ -77,6 +80,11 @@ def plot_overview(
         Of the x axis, the y axis, and the y axis of the residuals.
     axes : sequence of two matplotlib Axes, default=None
         None: those of a new figure without a window.
+    y_err : ndarray of shape (n,) or None, default=None
+        Known standard deviations of the measurements: bars.
+    side : ndarray of int of shape (n,) or None, default=None
+        -1 where a measurement is an upper bound of the value, 1 where it is a lower bound: arrows
+        that point to where the value is.
 
     Returns
     -------
@@ -110,7 +118,17 @@ def plot_overview(
             x, residual, mark, color=colour, ms=size, mew=0, alpha=0.7, label=name,
             rasterized=raster,
         )  # fmt: skip
-    top.plot(x, y, "o", color=DATA, ms=size, mew=0, label="measured", rasterized=raster, zorder=3)
+    exact = np.ones(len(y), dtype=bool) if side is None else side == 0
+    top.plot(
+        x[exact], y[exact], "o", color=DATA, ms=size, mew=0, label="measured", rasterized=raster,
+        zorder=3,
+    )  # fmt: skip
+    for sign, mark, word in ((-1, "v", "at most"), (1, "^", "at least")):
+        if side is not None and np.any(side == sign):
+            here = side == sign
+            top.plot(x[here], y[here], ls="", marker=mark, color=DATA, ms=4, label=word, zorder=3)
+    if y_err is not None:
+        top.errorbar(x, y, y_err, fmt="none", ecolor=DATA, elinewidth=0.6, alpha=0.5, zorder=2.9)
     values = y
     if held_out is not None:
         values = np.concatenate([y, held_out[1]])

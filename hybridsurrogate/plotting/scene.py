@@ -32,6 +32,8 @@ class Scene(NamedTuple):
     tests : dict of str to pair of float
         Ranges of the test sets by their names.
     xlabel, ylabel : str
+    y_err : ndarray of shape (n,) or None
+        Known standard deviations of what was measured: bars.
 
     Examples
     --------
@@ -48,6 +50,7 @@ class Scene(NamedTuple):
     tests: Mapping[str, tuple[float, float]] | None = None
     xlabel: str = "x"
     ylabel: str = "y"
+    y_err: FloatArray | None = None
 
     @property
     def outputs(self) -> FloatArray:
@@ -57,9 +60,14 @@ class Scene(NamedTuple):
 
 
 def plot_measured(
-    ax: Axes, x: FloatArray, y: FloatArray, label: str = "measured", held_out: bool = False
+    ax: Axes,
+    x: FloatArray,
+    y: FloatArray,
+    label: str = "measured",
+    held_out: bool = False,
+    y_err: FloatArray | None = None,
 ) -> Axes:
-    """Draw measurements as dots, those held out as crosses.
+    """Draw measurements as dots, those held out as crosses, their known errors as bars.
 
     Parameters
     ----------
@@ -67,6 +75,8 @@ def plot_measured(
     x, y : ndarray of shape (n,)
     label : str, default="measured"
     held_out : bool, default=False
+    y_err : ndarray of shape (n,) or None, default=None
+        Known standard deviations.
 
     Returns
     -------
@@ -85,6 +95,8 @@ def plot_measured(
     mark, colour = ("x", HELD_OUT) if held_out else (".", DATA)
     size = 4 if len(x) <= 150 else 2.5
     ax.plot(x, y, mark, color=colour, ms=size + held_out, label=label, zorder=3)
+    if y_err is not None:
+        ax.errorbar(x, y, y_err, fmt="none", ecolor=colour, elinewidth=0.6, alpha=0.5, zorder=2.9)
     return ax
 
 
@@ -115,7 +127,7 @@ def plot_scene(scene: Scene, ax: Axes | None = None) -> Axes:
     if scene.truth is not None:
         ax.plot(*scene.truth, color=DATA, ls="--", lw=1.2, label="true process", zorder=3)
     if scene.measured is not None:
-        plot_measured(ax, *scene.measured)
+        plot_measured(ax, *scene.measured, y_err=scene.y_err)
     ax.set_xlabel(scene.xlabel)
     ax.set_ylabel(scene.ylabel)
     return ax

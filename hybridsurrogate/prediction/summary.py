@@ -51,6 +51,8 @@ def _rows(part: MixturePart) -> list[dict[str, object]]:
                 rows.append(_row(name, one.values[:, k], part, experiment=label))
         elif one.name not in own and one.values.ndim == 1:
             rows.append(_row(one.name, one.values, part))
+    if model.errors is not None and model.errors.kind == "scaled":
+        rows.append(_row("error_factor", posterior.sigma / model.errors.unit, part))
     for k, effect in enumerate(model.effects):
         if not isinstance(effect, ParameterByExperiment):
             for name, values in posterior.estimates(k).items():

@@ -91,7 +91,7 @@ class Found:
         self.settings, self.calls = settings, []
         made.append(self)
 
-    def fit(self, X, y):
+    def fit(self, X, y, y_err=None):
         self.calls.append("fit")
         return self
 

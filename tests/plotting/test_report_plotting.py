@@ -195,3 +195,18 @@ def test_what_came_in_since_and_the_odds_of_a_change(ax):
     # without a change nothing is marked
     bare = plotting.plot_monitor(table.iloc[:2], 0.05)
     assert not [line for line in bare.lines if line.get_label() == "most probably changed"]
+
+
+def test_bounds_are_arrows_and_errors_bars():
+    x = np.arange(4.0)
+    band = plotting.Prediction(x, x - 1, x + 1, x - 2, x + 2)
+    top, _ = plotting.plot_overview(
+        x, x, plotting.Predicted(x, band, 0 * x), y_err=0.5 + x, side=np.array([-1, 0, 0, 1])
+    )
+    marks = {line.get_label(): line for line in top.lines}
+    assert marks["at most"].get_xdata().tolist() == [0.0]
+    assert marks["at least"].get_xdata().tolist() == [3.0]
+    assert marks["measured"].get_xdata().tolist() == [1.0, 2.0]
+    (bars,) = [one for one in top.containers if one.has_yerr]
+    widths = [float(np.ptp(path.vertices[:, 1])) for path in bars.lines[2][0].get_paths()]
+    np.testing.assert_allclose(widths, 1 + 2 * x)

@@ -150,6 +150,7 @@ def laplace(y: Array, eta: Array, sigma: Array) -> Array:
 
 of_data: list[likelihoods.Likelihood] = [
     hs.Binomial(trials=10),
+    hs.Censored("lognormal", below=0.1, above=9.0, step=0.01),
     hs.CustomLikelihood(laplace),
     hs.LogNormal(),
     hs.NegativeBinomial(),

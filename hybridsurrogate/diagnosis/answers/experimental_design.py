@@ -131,7 +131,8 @@ def rows_as_table(
     result: Search, rows: FloatArray, experiments: Experiments | None
 ) -> pd.DataFrame:
     """Return rows (m, n_columns) as a table, outputs and experiments by name."""
-    table = pd.DataFrame(rows, columns=list(result.problem.model.columns))
+    columns = list(result.problem.model.columns)
+    table = pd.DataFrame(rows[:, : len(columns)], columns=columns)
     names: dict[str, tuple[str, ...]] = {}
     if result.problem.stacking is not None:
         names[OUTPUT] = result.problem.stacking.names

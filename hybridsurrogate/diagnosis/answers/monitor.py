@@ -27,6 +27,7 @@ from hybridsurrogate.estimators.averaged import AveragedSurrogate
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.likelihoods import Likelihood, TransformedNormal
 from hybridsurrogate.model.rows.measured_rows import without_gaps
+from hybridsurrogate.model.rows.row_errors import new_errors
 from hybridsurrogate.numerics.blocks import blocks
 from hybridsurrogate.simulation.arrays import as_numbers, complete_table
 from hybridsurrogate.types import FloatArray
@@ -97,8 +98,8 @@ class Monitor:
 def monitored(
     estimator: PowerScaledSurrogate | AveragedSurrogate,
     found: Search,
-    known: tuple[Any, FloatArray, FloatArray | None],
-    new: tuple[Any, FloatArray],
+    known: tuple[Any, FloatArray, FloatArray | None, FloatArray | None],
+    new: tuple[Any, FloatArray, FloatArray | None],
     false_alarm_rate: float,
 ) -> Monitor:
     """Return whether new measurements agree with a fitted estimator.
@@ -109,19 +110,23 @@ def monitored(
         Fitted. The weights of what is averaged follow the new measurements.
     found : Search
         Of the diagnosis.
-    known : X, y and weights
-        Measured data that the estimator was fitted to; None for weights of one.
-    new : X and y
+    known : X, y, weights and errors
+        Measured data that the estimator was fitted to; None for weights of one, and no errors.
+    new : X, y and errors
         Further ones, in the order in which they came.
     false_alarm_rate : float
     """
-    X, y = new
+    X, y, errors = new
     parts: list[FloatArray] = []
     first, limit = 0, np.log(1 / false_alarm_rate)
     models, shares = _averaged(estimator)
     while True:
         deviation, n_rows, shares = _deviations(
-            models, shares, X[first : first + _MOST_ROWS], y[first:]
+            models,
+            shares,
+            X[first : first + _MOST_ROWS],
+            y[first:],
+            None if errors is None else errors[first : first + _MOST_ROWS],
         )
         parts.append(deviation)
         first += n_rows
@@ -131,7 +136,9 @@ def monitored(
         so_far = joined(known[0], X[:first]), np.concatenate([known[1], y[:first]])
         weights = None if known[2] is None else np.concatenate([known[2], np.ones(first)])
         kept = np.flatnonzero(shares > _LEAST_WEIGHT)
-        models, shares = [clone(models[k]).fit(*so_far, weights) for k in kept], shares[kept]
+        y_err = None if errors is None else np.concatenate([known[3], errors[:first]])
+        models = [clone(models[k]).fit(*so_far, weights, y_err) for k in kept]
+        shares = shares[kept]
     passed = np.flatnonzero(odds >= limit)
     end = int(passed[0]) + 1 if len(passed) else len(odds)
     table = rows_as_table(found, estimator.checked_rows(X), estimator.data_.experiments)
@@ -147,8 +154,9 @@ def followed(
     after: PowerScaledSurrogate | AveragedSurrogate,
     X: ArrayLike,
     y: ArrayLike,
-    earlier: tuple[Any, FloatArray],
-) -> tuple[Any, FloatArray]:
+    y_err: Any,
+    earlier: tuple[Any, FloatArray, FloatArray | None],
+) -> tuple[Any, FloatArray, FloatArray | None]:
     """Return new rows as the fitted models read them, after those that came earlier.
 
     Parameters
@@ -156,15 +164,23 @@ def followed(
     before, after : estimator
         Fitted.
     X, y : array-like of shape (n, n_columns), (n,) or (n, n_outputs)
-    earlier : X and y
+    y_err : float, str, array-like of the shape of y, or None
+        Of a fit with errors; None: their median.
+    earlier : X, y and errors
         Without rows where none came.
     """
+    X, y_err = new_errors(X, y_err, before.data_)
     if len(before.simulation.outputs) == 1:
-        X, y, _ = without_gaps(X, y)
-    X, y = complete_table(X, labels=before.experiment), before.measured_outputs(y)
-    check_consistent_length(X, y)
-    after.checked_rows(X)
-    return joined(earlier[0], X), np.concatenate([earlier[1], y])
+        X, y, _, y_err = without_gaps(X, y, None, y_err)
+    X, values = complete_table(X, labels=before.experiment), before.measured_outputs(y)
+    check_consistent_length(X, values)
+    after.checked_rows(X, y_err, values)
+    errors = None
+    if earlier[2] is not None:
+        usual = np.nanmedian(before.data_.y_err, axis=0)
+        new = np.broadcast_to(as_numbers(usual if y_err is None else y_err, "y_err"), values.shape)
+        errors = np.concatenate([earlier[2], new])
+    return joined(earlier[0], X), np.concatenate([earlier[1], values]), errors
 
 
 def joined(first: Any, second: Any) -> Any:
@@ -185,7 +201,11 @@ def _averaged(
 
 
 def _deviations(
-    models: Sequence[PowerScaledSurrogate], shares: FloatArray, X: Any, y: FloatArray
+    models: Sequence[PowerScaledSurrogate],
+    shares: FloatArray,
+    X: Any,
+    y: FloatArray,
+    errors: FloatArray | None,
 ) -> tuple[FloatArray, int, FloatArray]:
     """Return the deviation of each measurement, and the rows after which the draws are used up.
 
@@ -193,7 +213,8 @@ def _deviations(
     importance sampling.
     """
     model = models[0]
-    rows, values = model.checked_rows(X), y[: len(X)]
+    values = y[: len(X)]
+    rows = model.checked_rows(X, errors, values)
     width = 1
     if model.data_.stacking is not None:
         width, values = len(model.data_.stacking.names), model.data_.stacking.values(values)

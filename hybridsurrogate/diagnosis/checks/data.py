@@ -27,14 +27,15 @@ from hybridsurrogate.types import FloatArray
 
 
 def counted_rows(
-    X: Any, y: Any, sample_weight: ArrayLike | None
-) -> tuple[Any, Any, FloatArray | None]:
-    """Return the rows that have a weight, and their weights; None where all weights are one.
+    X: Any, y: Any, sample_weight: ArrayLike | None, y_err: Any = None
+) -> tuple[Any, Any, FloatArray | None, Any]:
+    """Return the rows that have a weight, their weights (None: all one), and their errors.
 
     Parameters
     ----------
     X, y : array-like of shape (n, n_columns), (n,) or (n, n_outputs)
     sample_weight : array-like of shape (n,) or None
+    y_err : float, array-like of the shape of y, or None
 
     Raises
     ------
@@ -42,13 +43,15 @@ def counted_rows(
         For weights that are unusable.
     """
     if sample_weight is None or X is None or y is None:  # an estimator reports what is missing
-        return X, y, None
+        return X, y, None, y_err
     check_consistent_length(X, y)
     weights = check_weights(sample_weight, len(X))
     if np.all(weights == 1.0):
-        return X, y, None
+        return X, y, None, y_err
     kept = np.flatnonzero(weights > 0)
-    return row_taker(X)(kept), row_taker(y)(kept), weights[kept]
+    if np.ndim(y_err):
+        y_err = row_taker(y_err)(kept)
+    return row_taker(X)(kept), row_taker(y)(kept), weights[kept], y_err
 
 
 def copies(X: FloatArray, y: FloatArray) -> int:
@@ -95,7 +98,7 @@ def check_digits(problem: Problem) -> None:
             "constant from measurements and simulation alike, before their digits are lost."
         )
     names = ["measured outputs", *(f"values of {name!r}" for name in problem.model.columns)]
-    for what, values in zip(names, [problem.y, *problem.X.T], strict=True):
+    for what, values in zip(names, [problem.y, *problem.X.T], strict=False):
         sd, lost = float(np.std(values)), float(np.spacing(np.max(np.abs(values))))
         if np.ptp(values) > 0 and lost > FLOOR * sd:
             raise ValueError(
@@ -191,13 +194,14 @@ def single_rows(result: Search, chosen: Candidate) -> list[Caution]:
     found = null if cause is None else predict_locally(result, chosen, problem.X)[0]
     if cause is not None and cause.changes_output:
         explained = np.maximum((problem.y - null) ** 2 - (problem.y - found) ** 2, 0.0)
+        explained = explained / problem.model.known_noise(problem.X) ** 2
         first = np.argsort(-explained)[:2]
         # one row suffices where it alone carries as much
         share = np.cumsum(explained[first]) / max(float(explained.sum()), np.finfo(float).tiny)
         if share[-1] > SETTINGS.carried_by_two:
             rows = first[:1] if share[0] > SETTINGS.carried_by_two else np.sort(first)
             return [_on_rows(result, rows, null)]
-    rows = _far_off(result, problem.y - found)
+    rows = _far_off(result, (problem.y - found) / problem.model.known_noise(problem.X))
     return [_unlike(result, rows, found)] if len(rows) else []
 
 

@@ -91,6 +91,7 @@ def diagnose(
     X: ArrayLike,
     y: ArrayLike,
     weights: FloatArray | None,
+    y_err: Any,
     settings: Settings,
     random: np.random.RandomState,
 ) -> DiagnosisResult:
@@ -105,6 +106,7 @@ def diagnose(
     X, y : array-like of shape (n, n_columns), (n,) or (n, n_outputs)
         Without gaps.
     weights : ndarray of shape (n,) or None
+    y_err : array-like of the shape of y, or None
     settings : Settings
     random : RandomState
 
@@ -113,7 +115,7 @@ def diagnose(
     InterruptedDiagnosis
         On an interrupt once causes are being compared.
     """
-    before = fitted_before(estimator, X, y, weights, settings.n_jobs)
+    before = fitted_before(estimator, X, y, weights, y_err, settings.n_jobs)
     prepared = prepare(before, settings.causes, settings.exclude, settings.max_causes)
     prepared.warn()
     cautions = checked(prepared, before)
@@ -136,7 +138,9 @@ def diagnose(
             cautions += doubts
             asked, place = _asked(steps, before)
             rows = deepcopy((X, y))
-            extension = extend(before, steps, conclusion, rows, weights, settings.n_jobs)
+            extension = extend(
+                before, steps, conclusion, rows, weights, before.data_.y_err, settings.n_jobs
+            )
         known = as_causes(before.effects)
         cautions += contradicted(leading(extension.estimator).posterior_, known)
         posteriors = posteriors_of_mean(before, extension.estimator, steps)
@@ -151,6 +155,7 @@ def diagnose(
         X=rows[0],
         y=rows[1],
         weights=weights,
+        y_err=before.data_.y_err,
         fold_random=deepcopy(random),
         before=before,
         steps=tuple(steps),
@@ -170,11 +175,12 @@ def fitted_before(
     X: ArrayLike,
     y: ArrayLike,
     weights: FloatArray | None,
+    y_err: Any,
     n_jobs: int | None,
 ) -> Any:
     """Return the model before, fitted; where its fit makes runs, processes share them."""
     with nullcontext() if n_jobs is None else parallel_config(n_jobs=n_jobs):
-        before = as_given(clone(estimator).fit(X, y, weights))
+        before = as_given(clone(estimator).fit(X, y, weights, y_err))
     check_each_output(before.measured_[1], before.simulation.outputs)
     return before
 

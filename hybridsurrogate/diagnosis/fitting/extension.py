@@ -38,6 +38,7 @@ def extend(
     conclusion: Conclusion,
     kept: tuple[ArrayLike, ArrayLike],
     weights: FloatArray | None,
+    y_err: FloatArray | None,
     n_jobs: int | None,
 ) -> Extension:
     """Return the model after, with a `ConfoundingWarning` of what the data cannot separate.
@@ -51,6 +52,7 @@ def extend(
     kept : (X, y)
         A copy of what was measured, for later scans over the weight.
     weights : ndarray of shape (n,) or None
+    y_err : ndarray of the shape of y, or None
     n_jobs : int or None
         For these scans.
     """
@@ -75,7 +77,7 @@ def extend(
         discrepancy=bands[(first and first.output) or outputs[0]],
         confounded=table,
         at_prior_end=_at_prior_end(causes, before, found, conclusion.verdict),
-        beta_scans=BetaScans((before, found), *kept, n_jobs, weights),
+        beta_scans=BetaScans((before, found), *kept, n_jobs, weights, y_err),
     )
 
 

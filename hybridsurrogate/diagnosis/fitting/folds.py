@@ -46,6 +46,6 @@ def with_gain(
     beyond = folds_beyond(before.simulation, X)
     with one_blas_thread():
         gain, out_of_range = cross_validated(
-            refitted, within, beyond, result.X, y, n_jobs, progress, result.weights
+            refitted, within, beyond, result.X, y, n_jobs, progress, result.weights, result.y_err
         )
     return replace(result, gain=gain, gain_out_of_range=out_of_range)

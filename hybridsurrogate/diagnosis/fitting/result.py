@@ -148,6 +148,8 @@ class DiagnosisResult:
         Measured rows, those without a measurement left out.
     weights : ndarray of shape (n,) or None
         Of the rows.
+    y_err : ndarray of the shape of y, or None
+        Known errors of the rows.
     fold_random : RandomState
         The state from which folds are drawn.
     before : PowerScaledSurrogate
@@ -180,6 +182,7 @@ class DiagnosisResult:
     X: ArrayLike
     y: ArrayLike
     weights: FloatArray | None
+    y_err: FloatArray | None
     fold_random: np.random.RandomState
     # Any: the class allows an estimator without a simulation, a diagnosis does not
     before: Any

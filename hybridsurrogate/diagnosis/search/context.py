@@ -91,10 +91,7 @@ class SearchContext:
     def of(cls, problem: Problem, emulator: EmulatorPosterior) -> SearchContext:
         """Return the context of a problem whose noise follows the emulator's mean."""
         problem = replace(problem, model=replace(problem.model, reference=emulator.mean))
-        n = len(problem.y)
-        known = problem.noise_is_known
-        noise = KnownNoise(n) if known else NoiseTable(problem.noise_prior, problem.scale, n)
-        return cls(problem, emulator, noise)
+        return cls(problem, emulator, _marginal(problem))
 
     def at(self, problem: Problem) -> SearchContext:
         """Return the context of a problem with the same noise."""
@@ -198,7 +195,7 @@ class SearchContext:
         squares = np.where(np.isfinite(squares), squares, np.inf)
         # a parameter without a slope, such as the place of a jump, is not found by an optimiser
         starts = [z[0], *z[np.argsort(squares)[:2]], *problem.good]
-        sigma = 1.0 if problem.noise_is_known else 0.3 * problem.scale
+        sigma = float(problem.possible_sigma(0.3 * problem.scale))
         return self.converge(Fitted(model, grid, self.climb(model, grid, starts, sigma), sigma))
 
     def nothing_further(self, accepted: Fitted) -> Fitted:
@@ -250,7 +247,8 @@ class SearchContext:
         problem = self.problem
         if problem.noise_is_known or not np.isfinite(mode.objective):
             return sigma
-        return max(float(np.sqrt(mode.squares / len(problem.y))), FLOOR * problem.scale)
+        found = max(float(np.sqrt(mode.squares / len(problem.y))), FLOOR * problem.scale)
+        return float(problem.possible_sigma(found))
 
     def deviance(self, mode: LocalMode, sigma: float) -> float:
         """Return minus twice the log posterior density at a mode, with the noise that suits it.
@@ -265,3 +263,12 @@ class SearchContext:
             return mode.objective
         squares = max(mode.squares, len(problem.y) * (FLOOR * problem.scale) ** 2)
         return float(len(problem.y) * np.log(squares) + mode.objective - mode.squares / sigma**2)
+
+
+def _marginal(problem: Problem) -> LogMarginal:
+    """Return the integral over sigma, as far as it is unknown, for sums of squares."""
+    n, errors = len(problem.y), problem.model.errors
+    if problem.noise_is_known:
+        return KnownNoise(n, float(problem.possible_sigma(1.0)))
+    least = 0.0 if errors is None else errors.least_sigma
+    return NoiseTable(problem.noise_prior, problem.scale, n, least)

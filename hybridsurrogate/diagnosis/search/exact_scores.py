@@ -113,7 +113,7 @@ def _log_evidence(result: Search, w: Candidate) -> float:
     assert basis is not None
     exact = Problem(
         replace(model, basis=basis, has_row_noise=False, reference=None),
-        problem.X[:, : len(model.columns)],
+        problem.X[:, :-1],
         problem.likelihood.working(problem.observed),
         problem.weights,
         problem.observed,

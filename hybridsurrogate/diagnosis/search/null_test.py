@@ -241,6 +241,7 @@ def replicates(result: Search, n: int, random_state: np.random.RandomState) -> F
     rows, d = G.shape
     degrees = max(rows - d, 1)
     sigma = np.sqrt(null.mode.squares / random_state.chisquare(degrees, size=n))
+    sigma = problem.possible_sigma(sigma)
     precision = np.eye(d) + G.T @ G / null.sigma**2
     residual = problem.y / unequal - unit.mean[0]
     mean = np.linalg.solve(precision, G.T @ residual) / null.sigma**2

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 from sklearn.base import clone
 
 from hybridsurrogate.catalogue import Skipped, catalogue
@@ -15,6 +16,7 @@ from hybridsurrogate.diagnosis.search.noise_of_outputs import at_noise_of
 from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.in_output import prepared_for
 from hybridsurrogate.effects.noise.gross_error import MOST_ROWS
+from hybridsurrogate.effects.noise.known_errors import Jitter
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
 from hybridsurrogate.emulators.conditioned import krige
 from hybridsurrogate.estimators.power_scaled import FitTask, PowerScaledSurrogate, as_causes
@@ -35,6 +37,8 @@ from hybridsurrogate.types import FloatArray
 
 # draws of the posterior of which the best is taken
 _TRIED = 200
+# jitters that are tried, from a thirtieth of the known errors to thirty times them
+_JITTERS = 60
 
 
 class Prepared(NamedTuple):
@@ -99,7 +103,8 @@ def prepare(
     problem = plain.on_rows(*data.single).with_effects((*known, *data.effects()))
     # as many measurements as there are rows, whatever the unit of their weights
     problem = replace(problem, weights=problem.weights / problem.weights.mean())
-    problem = _at_spread_of(at_noise_of(problem, fitted.posterior_), fitted.posterior_)
+    problem = _at_jitter_of(at_noise_of(problem, fitted.posterior_), fitted)
+    problem = _at_spread_of(problem, fitted.posterior_)
     # a search over causes has no time to infer a surrogate's hyperparameters each time
     hyper = fitted.posterior_.values[:, fitted.posterior_.model.n_unknowns :]
     problem = problem.given(np.median(hyper, axis=0))
@@ -140,7 +145,8 @@ def _best_draw(fitted: PowerScaledSurrogate, problem: Problem) -> FloatArray:
     some = posterior.take(np.unique(np.linspace(0, n - 1, min(n, _TRIED)).astype(int)))
     # a draw for which the simulation fails is far off
     with np.errstate(over="ignore", invalid="ignore"):
-        squares = (problem.y - some.eta(problem.X)[0]) ** 2 @ problem.weights
+        precision = problem.weights / problem.model.known_noise(problem.X) ** 2
+        squares = (problem.y - some.eta(problem.X)[0]) ** 2 @ precision
     best = int(np.argmin(np.where(np.isfinite(squares), squares, np.inf)))
     # what the problem fixes at a known value is an unknown of the posterior
     of_posterior = [*posterior.model.parameters, *posterior.model.theta_names]
@@ -157,6 +163,52 @@ def _at_spread_of(problem: Problem, posterior: Posterior) -> Problem:
             spread = float(np.median(posterior.estimates(k)["spread"]))
             effects[k] = effect.filled(spread=spread)
     return replace(problem, model=problem.model.with_effects(effects))
+
+
+def _at_jitter_of(problem: Problem, fitted: PowerScaledSurrogate) -> Problem:
+    """Return the problem with a fixed jitter in the shares of the rows in the noise.
+
+    A search has no time to infer it anew for every cause: sigma alone is unknown, the noise of a
+    typical row, at least its error. What is wrong with the simulation must not count as jitter, or
+    precise rows lose their weight before the causes are compared.
+    """
+    posterior, errors = fitted.posterior_, problem.model.errors
+    there = [k for k, e in enumerate(posterior.model.effects) if isinstance(e, Jitter)]
+    if errors is None or not there:
+        return problem
+    most = [float(np.median(draws)) for draws in posterior.estimates(there[0]).values()]
+    residual = problem.y - np.nanmean(posterior.eta(problem.X)[0], axis=0)
+    columns = problem.X[:, : len(problem.model.columns)]
+    which: FloatArray = np.zeros(len(residual))
+    if problem.stacking is not None:
+        which = columns[:, problem.stacking.at]
+    jitter = []
+    for k, largest in enumerate(most):
+        here = which == k
+        found = _jitter_of_neighbours(columns[here], residual[here], problem.X[here, -1])
+        jitter.append(min(found, largest))
+    kept = [effect for effect in problem.model.effects if not isinstance(effect, Jitter)]
+    model = replace(problem.model.with_effects(kept), errors=errors.with_jitter(tuple(jitter)))
+    return replace(problem, model=model, noise_prior=fitted.plain_.jitter_prior)
+
+
+def _jitter_of_neighbours(X: FloatArray, residual: FloatArray, errors: FloatArray) -> float:
+    """Return the likeliest jitter for the differences of residuals from those of nearest rows.
+
+    Differences of neighbours estimate noise whatever smooth curve is in the residuals (Gasser,
+    Sroka and Jennen-Steinmetz 1986, Biometrika 73:625).
+    """
+    spread = np.std(X, axis=0)
+    places = X[:, spread > 0] / spread[spread > 0]
+    if len(residual) < 2 or not places.shape[1]:
+        return np.inf
+    _, near = cKDTree(places).query(places, k=2)
+    # of equal rows the first may be another one
+    other = np.where(near[:, 0] == np.arange(len(near)), near[:, 1], near[:, 0])
+    squares = (residual - residual[other]) ** 2
+    jitter = np.append(0.0, np.geomspace(0.03, 30.0, _JITTERS) * np.median(errors))
+    variance = errors**2 + errors[other] ** 2 + 2 * jitter[:, None] ** 2
+    return float(jitter[np.argmin(np.sum(np.log(variance) + squares / variance, axis=1))])
 
 
 def _lacks(cause: Cause, context: Context, problem: Problem) -> str | None:

@@ -33,10 +33,11 @@ def on_working_rows(problem: Problem, posterior: Posterior) -> Problem:
     """
     if problem.likelihood.gaussian:
         return _with_weights(problem)
-    eta = posterior.eta(problem.X)[0]
+    eta, noise = posterior.eta(problem.X)
     eta = np.mean(eta[np.isfinite(eta).all(axis=1)], axis=0)
-    sigma = float(np.median(posterior.sigma))
-    point = WorkingPoint(problem.likelihood, eta, sigma, posterior.sigma)
+    factor = problem.model.known_noise(problem.X)
+    draws = np.median(noise / factor, axis=1)
+    point = WorkingPoint(problem.likelihood, eta, float(np.median(draws)), draws, factor)
     model = replace(problem.model, has_row_noise=True)
     X = np.column_stack([problem.X, np.ones(len(eta))])
     return expanded(replace(problem, model=model, X=X), point)

@@ -16,7 +16,6 @@ from hybridsurrogate.diagnosis.source.extended_model import ExtendedModel, Fitte
 from hybridsurrogate.diagnosis.source.functions import extended_function, function_of
 from hybridsurrogate.diagnosis.source.helpers import HELPERS
 from hybridsurrogate.diagnosis.source.parts import SourceParts
-from hybridsurrogate.effects.noise.output_noise import OutputNoise
 from hybridsurrogate.estimators.averaged import AveragedSurrogate, leading
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.model.posterior import Posterior
@@ -86,13 +85,10 @@ def _sigma(
     if not posterior.plain_likelihood.has_scale:
         return {}
     if stacking is None:
-        return {outputs[0]: posterior.sigma}
-    effects = posterior.model.effects
-    ratios = [k for k, effect in enumerate(effects) if isinstance(effect, OutputNoise)]
-    known = posterior.estimates(ratios[0]) if ratios else {}
+        return {outputs[0]: posterior.noise_of()}
     return {
-        name: scale * known.get(f"noise of {name}", 1.0) * posterior.sigma
-        for name, scale in zip(outputs, stacking.scale, strict=True)
+        name: scale * posterior.noise_of(name, k)
+        for k, (name, scale) in enumerate(zip(outputs, stacking.scale, strict=True))
     }
 
 

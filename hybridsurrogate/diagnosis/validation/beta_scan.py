@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -45,6 +46,8 @@ class BetaScans:
     n_jobs : int or None
     weights : ndarray of shape (n,) or None
         Of the rows.
+    y_err : ndarray of the shape of y, or None
+        Known errors.
     known : dict
         The scans that were tried: out of range or not.
     """
@@ -54,6 +57,7 @@ class BetaScans:
     y: ArrayLike
     n_jobs: int | None
     weights: FloatArray | None = None
+    y_err: FloatArray | None = None
     known: dict[bool, pd.DataFrame | None] = field(default_factory=dict, repr=False, compare=False)
 
     def __repr__(self) -> str:
@@ -111,13 +115,12 @@ class BetaScans:
         before, measured = self.models[0], X is None or y is None
         rows, values = (self.X, self.y) if X is None or y is None else (X, y)
         grid = np.linspace(0, 1, 11) if betas is None else np.unique(as_numbers(betas, "betas"))
-        rows, values, _ = without_gaps(rows, values)
+        rows, values, *_ = without_gaps(rows, values)
         rows = complete_table(rows, labels=before.experiment)
         values = before.measured_outputs(values, "y")
-        weights = self.weights if measured else None
-        return scan_beta(
-            self.models, grid, scan_folds(values), rows, values, self.n_jobs, weights, progress
-        )
+        weights, y_err = (self.weights, self.y_err) if measured else (None, None)
+        folds, jobs = scan_folds(values), self.n_jobs
+        return scan_beta(self.models, grid, folds, rows, values, jobs, weights, y_err, progress)
 
     def _few(self, out_of_range: bool, progress: bool) -> pd.DataFrame | None:
         before = self.models[0]
@@ -132,9 +135,8 @@ class BetaScans:
         if not folds:
             return None
         betas = np.array(_FEW_BETAS)
-        return scan_beta(
-            self.models, betas, folds, self.X, self.y, self.n_jobs, self.weights, progress
-        )
+        of_rows = self.weights, self.y_err
+        return scan_beta(self.models, betas, folds, self.X, self.y, self.n_jobs, *of_rows, progress)
 
 
 def best_beta(scan: pd.DataFrame, word: str) -> float:
@@ -168,6 +170,7 @@ def scan_beta(
     y: ArrayLike,
     n_jobs: int | None,
     weights: FloatArray | None = None,
+    y_err: FloatArray | None = None,
     progress: bool = False,
 ) -> pd.DataFrame:
     """Return the held-out ELPD per row of the models before and after at each weight.
@@ -186,6 +189,8 @@ def scan_beta(
         Folds at the same time, as in `joblib.Parallel`.
     weights : ndarray of shape (n,) or None, default=None
         Of the rows, in the fits and in the means of their scores.
+    y_err : ndarray of the shape of y, or None, default=None
+        Known errors of the rows.
     progress : bool, default=False
         Print how many folds are done.
 
@@ -197,11 +202,12 @@ def scan_beta(
     """
     (before, after), take, values = models, row_taker(X), np.asarray(y, dtype=float)
 
-    def rows(some: NDArray[np.intp]) -> tuple[ArrayLike, FloatArray, FloatArray | None]:
-        return take(some), values[some], None if weights is None else weights[some]
+    def rows(some: NDArray[np.intp]) -> _Rows:
+        of_rows = (None if one is None else one[some] for one in (weights, y_err))
+        return _Rows(take(some), values[some], *of_rows)
 
     tasks = [
-        delayed(_scores_of_fold)(model, betas, rows(train), rows(test)[:2])
+        delayed(_scores_of_fold)(model, betas, rows(train), rows(test))
         for model in ([before] if after is before else models)
         for train, test in folds
     ]
@@ -218,22 +224,29 @@ def scan_beta(
     return pd.DataFrame({"beta": betas, **means, **errors})
 
 
+class _Rows(NamedTuple):
+    """Some of the rows, with their weights and known errors, if they have some."""
+
+    X: ArrayLike
+    y: FloatArray
+    weights: FloatArray | None
+    y_err: FloatArray | None
+
+
 def _scores_of_fold(
-    model: PowerScaledSurrogate,
-    betas: FloatArray,
-    train: tuple[ArrayLike, FloatArray, FloatArray | None],
-    test: tuple[ArrayLike, FloatArray],
+    model: PowerScaledSurrogate, betas: FloatArray, train: _Rows, test: _Rows
 ) -> FloatArray:
     """Return the log predictive density of held-out rows at each weight: (n_betas, n_held)."""
     draws = min(int(model.n_draws), _DRAWS)
     quick = clone(model).set_params(sampler="importance", n_draws=draws)
-    X, y, weights = train
     with warnings.catch_warnings():
         # fits at extreme weights are often doubtful; the curve shows it
         warnings.simplefilter("ignore", HybridSurrogateWarning)
-        path = beta_path(quick, X, y, list(betas), weights)
-        held = np.array([m.log_predictive_density(*test) for m in path.estimators])
-    return held[:, np.isfinite(test[1])]
+        path = beta_path(quick, train.X, train.y, list(betas), train.weights, y_err=train.y_err)
+        held = np.array(
+            [m.log_predictive_density(test.X, test.y, test.y_err) for m in path.estimators]
+        )
+    return held[:, np.isfinite(test.y)]
 
 
 def _errors(scores: FloatArray, weights: FloatArray) -> FloatArray:

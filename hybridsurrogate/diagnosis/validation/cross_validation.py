@@ -32,6 +32,7 @@ def cross_validated(
     n_jobs: int | None,
     progress: bool = False,
     weights: FloatArray | None = None,
+    y_err: FloatArray | None = None,
 ) -> tuple[HeldOutGain | None, HeldOutGain | None]:
     """Return the gain within the measured range and beyond it, None where there are no folds.
 
@@ -47,6 +48,8 @@ def cross_validated(
         Count the folds on a terminal.
     weights : ndarray of shape (n,) or None
         Of the rows, in the fits and in the means of their scores.
+    y_err : ndarray of the shape of y, or None
+        Known errors of the rows.
     """
     take = row_taker(X)
     tasks = [
@@ -57,6 +60,7 @@ def cross_validated(
             take(test),
             y[test],
             None if weights is None else (weights[train], weights[test]),
+            None if y_err is None else (y_err[train], y_err[test]),
         )
         for train, test in [*within, *beyond]
     ]
@@ -81,6 +85,7 @@ def score_fold(
     X_held: ArrayLike,
     y_held: FloatArray,
     weights: tuple[FloatArray, FloatArray] | None = None,
+    y_err: tuple[FloatArray, FloatArray] | None = None,
 ) -> FoldScores:
     """Return the scores of the models before and after on held-out rows.
 
@@ -89,8 +94,9 @@ def score_fold(
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", HybridSurrogateWarning)
         train, held = (None, None) if weights is None else weights
-        plain, extended, kind = refitted(X, y, train)
-        before = pointwise(plain, X_held, y_held, held)
-        after = before if extended is plain else pointwise(extended, X_held, y_held, held)
+        known, new = (None, None) if y_err is None else y_err
+        plain, extended, kind = refitted(X, y, train, known)
+        before = pointwise(plain, X_held, y_held, held, new)
+        after = before if extended is plain else pointwise(extended, X_held, y_held, held, new)
     doubts = [str(w.message) for w in caught if "doubtful" in str(w.message)]
     return FoldScores(Held(before, after, kind), doubts)

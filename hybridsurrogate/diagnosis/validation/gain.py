@@ -191,16 +191,21 @@ def in_one_word(kinds: Sequence[str]) -> str:
 
 
 def pointwise(
-    estimator: Any, X: ArrayLike, y: FloatArray, weights: FloatArray | None = None
+    estimator: Any,
+    X: ArrayLike,
+    y: FloatArray,
+    weights: FloatArray | None = None,
+    y_err: Any = None,
 ) -> Scores:
     """Return log density, error of the mean and whether the intervals cover y, for each row.
 
     Of what was measured; of several outputs errors in shares of the output's spread.
     """
-    inside, half = estimator.interval_holds(X, y, (COVERAGE_LEVEL, HALF))
+    inside, half = estimator.interval_holds(X, y, (COVERAGE_LEVEL, HALF), y_err)
     y = np.asarray(y, dtype=float)
     error, weight = y - estimator.predict(X), np.ones(len(y)) if weights is None else weights
-    scores = Scores(estimator.log_predictive_density(X, y), error, inside, half, weight)
+    density = estimator.log_predictive_density(X, y, y_err)
+    scores = Scores(density, error, inside, half, weight)
     if error.ndim > 1:
         scores = scores._replace(
             error=error / estimator.data_.stacking.scale,
@@ -210,9 +215,9 @@ def pointwise(
     return Scores(*(values[there] for values in scores))
 
 
-def gain_on(before: Any, after: Any, X: ArrayLike, y: FloatArray) -> HeldOutGain:
+def gain_on(before: Any, after: Any, X: ArrayLike, y: FloatArray, y_err: Any = None) -> HeldOutGain:
     """Return the gain of a fitted model after over one before, on a test set."""
-    return gain_from(pointwise(before, X, y), pointwise(after, X, y))
+    return gain_from(pointwise(before, X, y, None, y_err), pointwise(after, X, y, None, y_err))
 
 
 def gain_from(before: Scores, after: Scores, folds: tuple[FoldGain, ...] = ()) -> HeldOutGain:

@@ -81,10 +81,16 @@ class Refit:
     max_causes: int
     false_alarm_rate: float
 
-    def __call__(self, X: ArrayLike, y: ArrayLike, weights: FloatArray | None = None) -> Pair:
+    def __call__(
+        self,
+        X: ArrayLike,
+        y: ArrayLike,
+        weights: FloatArray | None = None,
+        y_err: FloatArray | None = None,
+    ) -> Pair:
         """Return the models before and after for these rows."""
         draws = min(int(self.estimator.n_draws), FOLD_DRAWS)
-        task = prepared(clone(self.estimator).set_params(n_draws=draws), X, y, weights)
+        task = prepared(clone(self.estimator).set_params(n_draws=draws), X, y, weights, y_err)
         before = quickly_fitted(task, self.fitted.before)
         setup = prepare(before, self.own, self.excluded, self.max_causes)
         problem = with_basis(setup.problem, self.found[0].problem.model.basis)

@@ -118,8 +118,9 @@ def _sums_of_squares(problem: MeasuredGiven, z: FloatArray) -> FloatArray:
     squares = np.empty((len(z), len(problem.c)))
     for block in blocks(len(z), len(problem.y) * (1 + problem.c.shape[1])):
         parts = model.parts(problem.X, values[block])
-        residual = (problem.y - parts.known)[..., None] * root
-        squares[block] = squares_of_pairs(parts.features * root, residual, problem.draws)
+        scale = root / parts.noise[..., None]
+        residual = (problem.y - parts.known)[..., None] * scale
+        squares[block] = squares_of_pairs(parts.features * scale, residual, problem.draws)
     return squares + rounding
 
 

@@ -11,6 +11,8 @@ from hybridsurrogate.numerics.blocks import blocks
 from hybridsurrogate.types import FloatArray, Prior
 
 _N_TABLE = 1500
+# standard deviation of log sigma where an optimiser needs a slope towards noise that is known
+_STEEP = 0.01
 
 # log integral over sigma of prior times likelihood, for residual sums of squares
 LogMarginal = Callable[[FloatArray], FloatArray]
@@ -19,9 +21,10 @@ LogMarginal = Callable[[FloatArray], FloatArray]
 def noise_grid(noise_prior: Prior, scale: float, n: float) -> tuple[FloatArray, FloatArray]:
     """Return nodes of log sigma and the log prior density there, fine enough for n rows."""
     bottom, top = float(noise_prior.ppf(1e-12)), float(noise_prior.isf(1e-12))
-    low = np.log(max(bottom, np.exp(-1) * ROUNDING * scale))
+    low, high = np.log(max(bottom, np.exp(-1) * ROUNDING * scale)), np.log(max(top, 10 * scale))
     # a prior that says little leaves room for outputs far off; a narrow one must be resolved
-    high = np.log(max(top, 10 * scale)) if top > 2 * bottom else np.log(top)
+    if top <= 2 * bottom:
+        low, high = np.log(bottom), np.log(top)
     # given n rows log sigma has a standard deviation of about 1 / sqrt(2 n)
     n_nodes = max(int(np.ceil((high - low) * 3 * np.sqrt(2 * n))), 60)
     nodes = np.linspace(low, high, n_nodes + 1)
@@ -35,15 +38,17 @@ def marginal_over_noise(
     log_sigma: FloatArray,
     log_weight: FloatArray,
     n_nodes: int = 160,
+    width: float | None = None,
 ) -> FloatArray:
     """Return log of the integral over sigma of prior times likelihood, for each sum of squares.
 
-    It depends on the sum alone, so it is tabulated once and interpolated.
+    It depends on the sum alone, so it is tabulated once and interpolated. ``width`` is that of the
+    cells to which the weights belong; None: of those of log sigma, which is even.
     """
     log_squares = np.log(squares)
     low, high = log_squares.min() - 1e-6, log_squares.max() + 1e-6
     table = np.linspace(low, high, n_nodes)
-    width = log_sigma[1] - log_sigma[0]
+    width = log_sigma[1] - log_sigma[0] if width is None else width
     values = np.empty(n_nodes)
     for block in blocks(n_nodes, len(log_sigma)):
         log_terms = log_weight - n * log_sigma - 0.5 * np.exp(table[block, None] - 2 * log_sigma)
@@ -69,15 +74,21 @@ class NoiseTable:
         Spread of the output.
     n : int
         Number of rows.
+    least : float, default=0.0
+        Known noise, to which that of the prior is added in quadrature.
     """
 
-    def __init__(self, noise_prior: Prior, scale: float, n: int):
+    def __init__(self, noise_prior: Prior, scale: float, n: int, least: float = 0.0):
         self._low = np.log(n) + 2 * np.log(ROUNDING * scale)
         self._high = np.log(n) + 2 * np.log(1e4 * scale)
         squares = np.exp(np.linspace(self._low, self._high, _N_TABLE))
         log_sigma, log_weight = noise_grid(noise_prior, scale, n)
         self._nodes, self._log_prior = log_sigma, np.maximum(log_weight, -1e10)
-        self._values = marginal_over_noise(squares, n, log_sigma, log_weight, _N_TABLE)
+        self._least = least
+        if least:
+            log_sigma = np.log(np.hypot(np.exp(log_sigma), least))
+        width = self._nodes[1] - self._nodes[0]
+        self._values = marginal_over_noise(squares, n, log_sigma, log_weight, _N_TABLE, width)
         self._values -= 0.5 * n * np.log(2 * np.pi)
         self._slopes = np.diff(self._values)
 
@@ -86,7 +97,10 @@ class NoiseTable:
         step = self._nodes[1] - self._nodes[0]
         position = np.clip((log_sigma - self._nodes[0]) / step, 0.0, len(self._nodes) - 1.001)
         index = np.nan_to_num(position).astype(np.intp)
-        return self._log_prior[index] + np.diff(self._log_prior)[index] * (position - index)
+        found = self._log_prior[index] + np.diff(self._log_prior)[index] * (position - index)
+        if not self._least:
+            return found
+        return found - 0.5 * (np.minimum(log_sigma - np.log(self._least), 0.0) / _STEEP) ** 2
 
     def __call__(self, squares: FloatArray) -> FloatArray:
         """Return the log integral, linear in log squares between the nodes; NaN stays NaN."""
@@ -97,17 +111,24 @@ class NoiseTable:
 
 
 class KnownNoise:
-    """As `NoiseTable` where every row has the noise that it carries: sigma is one.
+    """As `NoiseTable` where every row has the noise that it carries, times a known sigma.
 
     Parameters
     ----------
     n : int
         Number of rows.
+    sigma : float, default=1.0
     """
 
-    def __init__(self, n: int):
-        self._constant = -0.5 * n * float(np.log(2 * np.pi))
+    def __init__(self, n: int, sigma: float = 1.0):
+        self._constant = -0.5 * n * float(np.log(2 * np.pi * sigma**2))
+        self._precision, self._log_sigma = sigma**-2.0, float(np.log(sigma))
+
+    def log_prior(self, log_sigma: FloatArray) -> FloatArray:
+        """Return a log prior density of log sigma that leaves it as good as known."""
+        z = (log_sigma - self._log_sigma) / _STEEP
+        return np.asarray(-0.5 * z**2 - np.log(_STEEP * np.sqrt(2 * np.pi)))
 
     def __call__(self, squares: FloatArray) -> FloatArray:
         """Return the log density of rows with these sums of squares."""
-        return self._constant - 0.5 * squares
+        return self._constant - 0.5 * self._precision * squares

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hybridsurrogate.inference.conjugate.noise_marginal import NoiseTable
+from hybridsurrogate.inference.conjugate.noise_marginal import KnownNoise, NoiseTable
 from hybridsurrogate.inference.evidence.grid import Grid
 from hybridsurrogate.inference.evidence.linearised import (
     Columns,
@@ -61,13 +61,13 @@ def scan(
     sigma : float
         Noise scale of the penalised fit, relative to the priors of parameters and sizes.
     log_marginal : callable
-        Log integral over sigma as a function of the residual sum of squares; a `NoiseTable` where
-        there are outliers.
+        Log integral over sigma as a function of the residual sum of squares; a `NoiseTable` or
+        `KnownNoise` where there are outliers.
     sizes : ndarray of shape (K,)
         Prior scales of the effect's root mean square, equally probable.
     """
     if parts.outliers is not None:
-        assert isinstance(log_marginal, NoiseTable)
+        assert isinstance(log_marginal, NoiseTable | KnownNoise)
         log_prior = log_marginal.log_prior
         return np.stack([heavy_scan(parts, y, sigma, log_prior, sizes) for y in responses])
     evidence = []

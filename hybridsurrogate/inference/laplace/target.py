@@ -148,7 +148,7 @@ class LaplacePosterior:
         padding = [(0, 0)] * (whitened.ndim - 1) + [(0, len(self.model.column_sd))]
         rows = ObservedRows(runs.y, self.simulation_power * runs.weights)
         return PredictorPart(
-            rows, known, np.pad(whitened, padding), np.ones((1, 1)), self.likelihood
+            rows, known, np.pad(whitened, padding), np.ones((1, 1)), self.likelihood.of_runs
         )
 
     @cached_property

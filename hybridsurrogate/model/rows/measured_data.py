@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.noise.known_errors import RowErrors
 from hybridsurrogate.model.rows.experiments import Experiments
 from hybridsurrogate.model.rows.stacking import Stacking
 from hybridsurrogate.simulation.outputs import OUTPUT
@@ -19,7 +20,10 @@ from hybridsurrogate.types import FloatArray
 
 
 class SingleRows(NamedTuple):
-    """Rows X (m, n_columns) of one output y (m,) each, and their weights (m,)."""
+    """Rows X (m, n_columns) of one output y (m,) each, and their weights (m,).
+
+    Known errors are one more column of X, the last.
+    """
 
     X: FloatArray
     y: FloatArray
@@ -65,6 +69,12 @@ class MeasuredData:
         Of further measured sets, which train, too.
     share : float
         Of the weights in ``fit``, relative to theirs.
+    errors : RowErrors or None
+        How rows with known errors scatter.
+    y_err, scatter : ndarray of the shape of y, or None
+        Known errors in the units of y, and on the scale of eta.
+    error_column : str or None
+        The column of a DataFrame that held them.
     """
 
     X: FloatArray
@@ -79,6 +89,10 @@ class MeasuredData:
     left_out: NDArray[np.bool_] | None = None
     further: SingleRows | None = None
     share: float = 1.0
+    errors: RowErrors | None = None
+    y_err: FloatArray | None = None
+    scatter: FloatArray | None = None
+    error_column: str | None = None
 
     def __repr__(self) -> str:
         return f"MeasuredData({len(self.X)} rows, columns: {', '.join(self.given_columns)})"
@@ -101,7 +115,7 @@ class MeasuredData:
     @cached_property
     def single(self) -> SingleRows:
         """What was measured, row by row."""
-        rows = _single(self.X, self.y, self.weights, self.stacking)
+        rows = _single(self.X, self.y, self.weights, self.stacking, self.scatter)
         if self.left_out is None:
             return rows
         return rows._replace(weights=np.where(self.left_out, 0.0, rows.weights))
@@ -120,31 +134,44 @@ class MeasuredData:
     def leaving_out(self, effects: Sequence[Cause]) -> MeasuredData:
         """Return the data without weight in the rows that effects leave out."""
         X, y, _ = self.single
-        rows = dict(zip(self.columns, X.T, strict=True))
+        rows = dict(zip(self.columns, X.T, strict=False))
         masks = [some for one in effects if (some := one.leaves_out(rows, y)) is not None]
         if not masks and self.left_out is None:
             return self
         return replace(self, left_out=np.any(masks, axis=0) if masks else None)
 
-    def joined(self, sets: Sequence[SingleRows], share: float) -> MeasuredData:
+    def joined(
+        self, sets: Sequence[tuple[SingleRows, FloatArray | None]], share: float
+    ) -> MeasuredData:
         """Return the data with further measured sets, and a share of the weights in ``fit``.
 
-        Their outputs (n,) or (n, k) are as measured, NaN where one was not.
+        Their outputs (n,) or (n, k) are as measured, NaN where one was not; known errors of the
+        same shape are on the scale of eta.
         """
-        rows = [_single(*one, self.stacking) for one in sets]
+        rows = [_single(*one, self.stacking, scatter) for one, scatter in sets]
         further = SingleRows(*map(np.concatenate, zip(*rows, strict=True)))
         return replace(self, further=further, share=share)
 
 
 def _single(
-    X: FloatArray, y: FloatArray, weights: FloatArray, stacking: Stacking | None
+    X: FloatArray,
+    y: FloatArray,
+    weights: FloatArray,
+    stacking: Stacking | None,
+    scatter: FloatArray | None,
 ) -> SingleRows:
     """Return rows of one output each."""
     if stacking is None:
-        return SingleRows(X, y, weights)
-    long, values = stacking.rows(X), stacking.values(y)
+        return SingleRows(with_errors(X, scatter), y, weights)
+    values = stacking.values(y)
+    long = with_errors(stacking.rows(X), None if scatter is None else stacking.values(scatter))
     there = np.isfinite(values)
     return SingleRows(long[there], values[there], np.repeat(weights, y.shape[1])[there])
+
+
+def with_errors(X: FloatArray, scatter: FloatArray | None) -> FloatArray:
+    """Return single rows X (m, n_columns) with their errors (m,), if any, as the last column."""
+    return X if scatter is None else np.column_stack([X, scatter])
 
 
 def merged_rows(rows: SingleRows) -> DistinctRows:

@@ -17,9 +17,14 @@ from hybridsurrogate.types import FloatArray
 
 
 def without_gaps(
-    X: Any, y: Any, sample_weight: ArrayLike | None = None, word: str = "y"
-) -> tuple[Any, Any, Any]:
-    """Return tables and weights without the rows in which one output was not measured.
+    X: Any,
+    y: Any,
+    sample_weight: ArrayLike | None = None,
+    y_err: Any = None,
+    *,
+    word: str = "y",
+) -> tuple[Any, Any, Any, Any]:
+    """Return tables, weights and errors without rows in which one output was not measured.
 
     Of several outputs all rows stay, where any may be missing.
 
@@ -28,13 +33,13 @@ def without_gaps(
     X : array-like of shape (n, n_columns)
         Such a row may lack its inputs, too.
     y : array-like of shape (n,), or (n, k) of several outputs, or None
-    sample_weight : array-like of shape (n,), float or None
+    sample_weight, y_err : array-like of shape (n,), float or None
     word : str, default="y"
         What to call the outputs in a message.
 
     Returns
     -------
-    X, y, sample_weight
+    X, y, sample_weight, y_err
         DataFrames or arrays of floats; as given where numbers of rows differ.
 
     Raises
@@ -52,14 +57,14 @@ def without_gaps(
     >>> import warnings
     >>> with warnings.catch_warnings(record=True) as caught:
     ...     warnings.simplefilter("always")
-    ...     X, y, _ = without_gaps([[1.0], [2.0], [3.0]], [4.0, None, 6.0])
+    ...     X, y, *_ = without_gaps([[1.0], [2.0], [3.0]], [4.0, None, 6.0])
     >>> y, str(caught[0].message)[:35]
     (array([4., 6.]), '1 of 3 rows have no measurement (y ')
     """
     X, y = as_table(X), None if y is None else as_table(y, word)
     there = has_measurement(y)
     if np.shape(y)[1:] not in ((), (1,)) or there.all() or np.shape(X)[:1] != np.shape(y)[:1]:
-        return X, y, sample_weight
+        return X, y, sample_weight, y_err
     if not there.any():
         raise ValueError(f"Input {word} contains NaN alone: no row has a measurement.")
     lost = np.flatnonzero(~there)
@@ -70,9 +75,11 @@ def without_gaps(
         stacklevel=4,
     )
     kept = np.flatnonzero(there)
-    if sample_weight is not None and np.shape(sample_weight) == there.shape:
-        sample_weight = as_numbers(sample_weight, "sample_weight")[kept]
-    return _safe_indexing(X, kept), _safe_indexing(y, kept), sample_weight
+    of_rows = {"sample_weight": sample_weight, "y_err": y_err}
+    for name, values in of_rows.items():
+        if values is not None and np.shape(values) == there.shape:
+            of_rows[name] = as_numbers(values, name)[kept]
+    return _safe_indexing(X, kept), _safe_indexing(y, kept), *of_rows.values()
 
 
 def has_measurement(y: Any) -> NDArray[np.bool_]:

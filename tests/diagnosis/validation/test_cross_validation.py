@@ -196,10 +196,10 @@ class Told:
     def predict(self, X):
         return np.full(len(X), self.mean)
 
-    def interval_holds(self, X, y, levels):
+    def interval_holds(self, X, y, levels, y_err=None):
         return [(abs(y - self.mean) <= norm.ppf(0.5 + level / 2)).astype(float) for level in levels]
 
-    def log_predictive_density(self, X, y):
+    def log_predictive_density(self, X, y, y_err=None):
         return norm.logpdf(y, self.mean)
 
 

@@ -70,7 +70,7 @@ def parameter_intervals(view: View) -> dict[str, dict[str, Interval]]:
     for word, model in zip(("before", "after"), models, strict=True):
         draws = model.posterior_.named()
         names = view.result.before.simulation.parameter_names
-        for name in (*names, "noise_sigma" if "sigma" in names else "sigma"):
+        for name in (*names, "noise_sigma" if "sigma" in names else "sigma", "jitter"):
             # each of several outputs has separate noise, and a separate table
             if word == "after" and name in replaced:
                 continue

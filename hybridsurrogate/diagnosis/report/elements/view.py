@@ -23,10 +23,10 @@ from hybridsurrogate.diagnosis.validation.gain import in_one_word
 from hybridsurrogate.diagnosis.validation.refit import added_causes
 from hybridsurrogate.effects.base import Cause
 from hybridsurrogate.effects.context import label_columns
-from hybridsurrogate.effects.noise.output_noise import OutputNoise
 from hybridsurrogate.estimators.averaged import AveragedSurrogate, leading
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import did_you_mean
+from hybridsurrogate.likelihoods import Censored
 from hybridsurrogate.model.rows.stacking import Stacking
 from hybridsurrogate.numerics import digits
 from hybridsurrogate.simulation.outputs import OUTPUT
@@ -102,6 +102,18 @@ class View:
         """Measured outputs."""
         return self.of_output(self.result.before.measured_[1])[self._there]
 
+    @property
+    def y_err(self) -> FloatArray | None:
+        """Known errors of the measured outputs, None without any."""
+        errors = self.result.y_err
+        return None if errors is None else self.of_output(errors)[self._there]
+
+    @property
+    def side(self) -> NDArray[np.int_] | None:
+        """Of measured outputs -1 where one is at a lower limit, 1 at an upper; None: no limits."""
+        likelihood = self.result.before.likelihood_
+        return likelihood.side(self.y) if isinstance(likelihood, Censored) else None
+
     def of_output(self, values: FloatArray) -> FloatArray:
         """Return the values of this output, of (n,) or (n, k)."""
         return values if self.stacking is None else values[:, self.position]
@@ -153,11 +165,7 @@ class View:
 
     def noise_draws(self, model: Any) -> FloatArray:
         """Return draws of the noise of the output in a fitted model, in its units."""
-        posterior = model.posterior_
-        ratios = [k for k, e in enumerate(posterior.model.effects) if isinstance(e, OutputNoise)]
-        estimates = posterior.estimates(ratios[0]) if ratios else {}
-        ratio = estimates.get(f"noise of {self.output}", 1.0)
-        return np.asarray(self.unit * ratio * posterior.sigma)
+        return np.asarray(self.unit * model.posterior_.noise_of(self.output, self.position))
 
     @property
     def log_scale(self) -> bool:

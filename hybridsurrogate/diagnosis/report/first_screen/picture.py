@@ -83,6 +83,8 @@ def _drawn(
         view.is_curve,
         (view.axis(view.name), view.axis(view.output), f"residual ({_residual_unit(view)})"),
         axes,
+        None if view.y_err is None else view.y_err[shown],
+        None if view.side is None else view.side[shown],
     )
     logarithmic(axes[0], view, y)
     return axes, table, low

@@ -1,0 +1,258 @@
+"""Values of which only a bound was recorded, and values that were rounded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from hybridsurrogate.arguments.scalars import as_real
+from hybridsurrogate.exceptions import did_you_mean
+from hybridsurrogate.likelihoods.base import LIKELIHOODS, Likelihood
+from hybridsurrogate.likelihoods.given_scale import OfPlain
+from hybridsurrogate.types import FloatArray, Prior
+
+_ROOT = float(np.sqrt(2 * np.pi))
+# standard deviations beyond which a normal density is none
+_FAR = 38.0
+
+
+@dataclass(frozen=True)
+class Censored(OfPlain):
+    """A likelihood of values that an instrument cannot report beyond its limits.
+
+    A y at the lower limit or below stands for "not more than the limit", one at the upper limit or
+    above for "not less". Such a row counts with the probability of that (Tobin 1958, Econometrica
+    26:24); with ``step`` all others count with the probability of what is rounded to them.
+
+    Predicted means are those of the value itself, which may lie beyond a limit. Draws and intervals
+    are those of what is recorded.
+
+    Parameters
+    ----------
+    base : str or Likelihood, default="normal"
+        "normal", "lognormal", "student-t", "poisson" or "negative-binomial".
+    below, above : float or None, default=None
+        Limits in the units of y; None: there is none.
+    step : float or None, default=None
+        Recorded values are rounded to multiples of it; None: they are not.
+
+    Raises
+    ------
+    ValueError
+        In ``fit``: for limits that are not in order or leave no measured value between them, for a
+        step that is not positive, and for a likelihood without distribution function.
+
+    Examples
+    --------
+    A value below a limit of 1 where 3 is expected, with a noise of 2:
+
+    >>> import numpy as np
+    >>> from hybridsurrogate.likelihoods import Censored
+    >>> limited = Censored(below=1.0)
+    >>> eta, sigma = np.array([[3.0]]), np.array([[2.0]])
+    >>> np.exp(limited.log_density(np.array([1.0]), eta, sigma)).round(3)
+    array([[0.159]])
+    >>> limited.side(np.array([0.4, 1.7])).tolist()
+    [-1, 0]
+    """
+
+    base: str | Likelihood = "normal"
+    below: float | None = None
+    above: float | None = None
+    step: float | None = None
+
+    @property
+    def plain(self) -> Likelihood:  # type: ignore[override]
+        """The likelihood of values that are recorded as they are."""
+        if isinstance(self.base, Likelihood):
+            return self.base
+        if self.base not in LIKELIHOODS:
+            raise ValueError(
+                f"Censored takes one of {sorted(LIKELIHOODS)} or a Likelihood object, got "
+                f"{self.base!r}.{did_you_mean(self.base, LIKELIHOODS)}"
+            )
+        return LIKELIHOODS[self.base]
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        """That of the plain likelihood, with limits."""
+        return f"{self.plain.name} with limits"
+
+    @property
+    def has_scale(self) -> bool:  # type: ignore[override]
+        """As the plain likelihood."""
+        return self.plain.has_scale
+
+    @property
+    def scales_noise(self) -> bool:  # type: ignore[override]
+        """As the plain likelihood."""
+        return self.plain.scales_noise
+
+    @property
+    def means_as_runs(self) -> bool:  # type: ignore[override]
+        """As the plain likelihood."""
+        return self.plain.means_as_runs
+
+    @property
+    def of_runs(self) -> Likelihood:
+        """The plain likelihood: a simulation has no limits."""
+        return self.plain
+
+    def check(self, y: FloatArray, source: str = "measured") -> None:
+        """Raise ValueError for limits without sense and for y that is none within them."""
+        if source == "simulated":
+            self.plain.check(y, source)
+            return
+        for word in ("below", "above", "step"):
+            if getattr(self, word) is not None:
+                as_real(getattr(self, word), word)
+        low, high = self._limits
+        if not low < high:
+            raise ValueError(f"Censored needs below < above, got below={low:g}, above={high:g}.")
+        if self.step is not None and not self.step > 0:
+            raise ValueError(f"Censored needs a step that is positive, got {self.step!r}.")
+        one = np.array([[max(low, 1.0) if np.isfinite(low) else min(high, 1.0)]])
+        self.plain.log_below(one[0], self.plain.link(one), np.ones((1, 1)))
+        self.plain.check(self._within(y), source)
+
+    def check_training(self, y: FloatArray, source: str = "measured") -> None:
+        """Also raise ValueError where no value lies between the limits."""
+        super().check_training(y, source)
+        if source != "simulated" and len(y) and np.all(self.side(y) != 0):
+            low, high = self._limits
+            raise ValueError(
+                f"None of the {len(y)} {source} values lies between the limits {low:g} and "
+                f"{high:g} of Censored: check the limits and their unit."
+            )
+
+    def side(self, y: FloatArray) -> NDArray[np.int_]:
+        """Return -1 for values at the lower limit or below, 1 for those at the upper, else 0."""
+        low, high = self._limits
+        return np.where(y <= low, -1, np.where(y >= high, 1, 0))
+
+    def working(self, y: FloatArray) -> FloatArray:
+        """Return y on the scale of eta, no further than a limit."""
+        return self.plain.working(self._within(y))
+
+    def working_runs(self, y: FloatArray) -> FloatArray:
+        """Return outputs of runs, which have no limits, on the scale of eta."""
+        return self.plain.working_runs(y)
+
+    def scatter(self, errors: FloatArray, y: FloatArray) -> FloatArray:
+        """Return known errors on the scale of eta; those of limits are relative to these."""
+        return self.plain.scatter(errors, self._within(y))
+
+    def noise_prior(self, scale: float) -> Prior:
+        """Return that of the plain likelihood."""
+        return self.plain.noise_prior(scale)
+
+    def log_density(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the log density of each y, or the log probability of all that it stands for."""
+        y, plain = self._within(y), self.plain
+        side = self.side(y)
+        exact = self._rounded(y, eta, sigma) if self.step else plain.log_density(y, eta, sigma)
+        if not side.any():
+            return exact
+        y, eta, sigma, out, side = np.broadcast_arrays(y, eta, sigma, exact, side)
+        out = out.copy()
+        for where, of in ((side < 0, plain.log_below), (side > 0, plain.log_above)):
+            out[where] = of(y[where], eta[where], sigma[where])
+        return out
+
+    def _rounded(self, y: FloatArray, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return log(F(y + step / 2) - F(y - step / 2)), from the tail in which it is small."""
+        assert self.step is not None
+        low, high = y - self.step / 2, y + self.step / 2
+        below, above = self.plain.log_below, self.plain.log_above
+        left = eta > self.plain.working(np.maximum(y, self.step / 4) if self.log_scale else y)
+        whole = np.where(left, below(high, eta, sigma), above(low, eta, sigma))
+        less = np.where(left, below(low, eta, sigma), above(high, eta, sigma))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return whole + np.log(-np.expm1(less - whole))
+
+    def information(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the Fisher information of each row, limits included.
+
+        Of normal noise at a distance a of the lower limit, in standard deviations:
+        ``1 - Phi(a) + a phi(a) + phi(a)^2 / Phi(a)`` over sigma^2; alike at the upper one.
+        """
+        if self.step or not self.plain.gaussian:
+            return super().information(eta, sigma)
+        low, high = ((end - eta) / sigma for end in self._limits_of_eta)
+        out = special.ndtr(high) - special.ndtr(low)
+        for a, sign in ((low, 1.0), (high, -1.0)):
+            a = np.clip(a, -_FAR, _FAR)
+            density = np.exp(-0.5 * a**2) / _ROOT
+            out = out + sign * a * density + density * np.exp(_log_hazard(sign * a))
+        return np.maximum(out, np.finfo(float).tiny) / np.square(sigma)
+
+    def derivatives(
+        self, y: FloatArray, eta: FloatArray, sigma: FloatArray, width: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return slope and curvature of the log density in eta.
+
+        Of normal noise beyond a limit at a distance a: with the inverse Mills ratio
+        ``r = phi(a) / Phi(a)`` they are ``-r / sigma`` and ``r (r + a) / sigma^2``.
+        """
+        if self.step or not self.plain.gaussian:
+            return super().derivatives(y, eta, sigma, width)
+        slope, curvature = self.plain.derivatives(self._within(y), eta, sigma, width)
+        side = self.side(y)
+        if not side.any():
+            return slope, curvature
+        a = -side * (self.working(y) - eta) / sigma
+        ratio = np.exp(_log_hazard(a))
+        bend = np.maximum(ratio * (ratio + a), np.finfo(float).tiny)
+        beyond = side != 0
+        return (
+            np.where(beyond, side * ratio / sigma, slope),
+            np.where(beyond, bend / np.square(sigma), curvature),
+        )
+
+    def mean(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the mean of the value itself."""
+        return self.plain.mean(eta, sigma)
+
+    def variance(self, eta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return the variance of the value itself."""
+        return self.plain.variance(eta, sigma)
+
+    def sample(
+        self, eta: FloatArray, sigma: FloatArray, random_state: np.random.RandomState
+    ) -> FloatArray:
+        """Draw what is recorded once for each eta."""
+        y = self.plain.sample(eta, sigma, random_state)
+        if self.step:
+            y = self.step * np.round(y / self.step)
+        return self._within(y)
+
+    @property
+    def _limits(self) -> tuple[float, float]:
+        low = -np.inf if self.below is None else float(self.below)
+        high = np.inf if self.above is None else float(self.above)
+        return low, high
+
+    @property
+    def _limits_of_eta(self) -> tuple[FloatArray, FloatArray]:
+        low, high = self._limits
+        none = np.array(np.inf)
+        return (
+            -none if self.below is None else self.plain.link(np.array(low)),
+            none if self.above is None else self.plain.link(np.array(high)),
+        )
+
+    def _within(self, y: FloatArray) -> FloatArray:
+        low, high = self._limits
+        y = np.clip(np.asarray(y, dtype=float), low, high)
+        if not self.plain.means_as_runs:
+            return y
+        # the last whole number beyond a limit
+        return np.where(y <= low, np.floor(low), np.where(y >= high, np.ceil(high), y))
+
+
+def _log_hazard(a: FloatArray) -> FloatArray:
+    """Return log(phi(a) / Phi(a))."""
+    return np.asarray(-0.5 * np.square(a) - np.log(_ROOT) - special.log_ndtr(a))

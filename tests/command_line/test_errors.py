@@ -1,0 +1,47 @@
+"""Error bars on the command line."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from hybridsurrogate.command_line.main import main
+
+
+def test_a_column_of_errors_is_taken(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    random = np.random.default_rng(0)
+    t = np.linspace(0, 10, 20)
+    runs = pd.DataFrame({"t": random.uniform(0, 10, 60), "rate": random.uniform(0.1, 0.5, 60)})
+    runs["y"] = np.exp(-runs["rate"] * runs["t"])
+    runs.to_csv("runs.csv", index=False)
+    error = np.where(t < 5, 0.001, 0.1)
+    y = np.exp(-0.25 * t) + error * random.standard_normal(20)
+    pd.DataFrame({"t": t, "error": error, "y": y}).to_csv("measured.csv", index=False)
+    words = "--simulation runs.csv --inputs t --parameters rate --output y --errors error"
+    words = f"{words} --noise scaled --surrogate polynomial-chaos --degree 5 --beta 0.9"
+    assert main(["fit", "measured.csv", *words.split(), "--json", "-"]) == 0
+    names = [one["name"] for one in json.loads(capsys.readouterr().out)["estimates"]]
+    assert names == ["rate", "sigma", "error_factor"]
+    assert (
+        main(["fit", "measured.csv", *words.replace("--errors error", "--errors eror").split()])
+        != 0
+    )
+
+
+def test_limits_and_rounding_are_taken(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    random = np.random.default_rng(0)
+    Path("falling_line.py").write_text("def line(t, rate):\n    return 10 - rate * t\n")
+    t = np.linspace(0, 10, 40)
+    y = np.maximum(np.round(10 - 0.8 * t + 0.3 * random.standard_normal(40), 1), 5.0)
+    pd.DataFrame({"t": t, "y": y}).to_csv("measured.csv", index=False)
+    words = "--simulation falling_line.py:line --inputs t --prior rate=0.5,0.5 --output y"
+    words = f"{words} --below 5 --rounded 0.1"
+    assert main(["fit", "measured.csv", *words.split(), "--json", "-"]) == 0
+    out = capsys.readouterr().out
+    rate, _ = json.loads(out[out.index("{") :])["estimates"]
+    assert abs(rate["mean"] - 0.8) < 3 * rate["sd"]
+    assert main(["fit", "measured.csv", *words.replace("below 5", "below 30").split()]) != 0
+    assert "None of the 40 measured values" in capsys.readouterr().err

@@ -1,0 +1,223 @@
+"""Values beyond limits and rounded values: probabilities, derivatives, rates over data sets."""
+
+import numpy as np
+import pytest
+from scipy import integrate, stats
+
+import hybridsurrogate as hs
+
+BASES = ("normal", "lognormal", "student-t", "poisson", "negative-binomial")
+COUNTS = ("poisson", "negative-binomial")
+SIGMA = np.array([[0.6]])
+
+
+def eta_of(base, mean=4.0):
+    on_log = base in ("lognormal", *COUNTS)
+    return np.full((1, 1), np.log(mean) if on_log else mean)
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_all_that_can_be_recorded_has_probability_one(base):
+    limited = hs.Censored(base, below=2.0, above=6.0)
+    eta = eta_of(base)
+    if base in COUNTS:
+        total = np.exp(limited.log_density(np.arange(2.0, 7.0), eta, SIGMA)).sum()
+    else:
+        ends = np.exp(limited.log_density(np.array([2.0, 6.0]), eta, SIGMA)).sum()
+        total = ends + integrate.quad(
+            lambda y: np.exp(limited.log_density(np.array([y]), eta, SIGMA)).item(), 2.0001, 5.9999
+        )[0]  # fmt: skip
+    assert total == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("base", ["normal", "lognormal", "student-t"])
+def test_rounded_values_have_probability_one(base):
+    steps = np.arange(0 if base == "lognormal" else -800, 800) * 0.5
+    rounded = hs.Censored(base, step=0.5)
+    total = np.exp(rounded.log_density(steps, eta_of(base), SIGMA)).sum()
+    assert total == pytest.approx(1.0, abs=1e-6)
+    # fine steps are a density
+    fine, plain = hs.Censored(base, step=1e-4), hs.Censored(base)
+    y = np.array([3.3, 4.0, 5.1])
+    density = fine.log_density(y, eta_of(base), SIGMA) - np.log(1e-4)
+    np.testing.assert_allclose(density, plain.log_density(y, eta_of(base), SIGMA), atol=1e-6)
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_tails_are_those_of_draws(base):
+    limited = hs.Censored(base, below=3.0, above=5.0)
+    eta = np.broadcast_to(eta_of(base), (1, 40000))
+    drawn = limited.sample(eta, SIGMA, np.random.RandomState(0))
+    for side, y in ((-1, 3.0), (1, 5.0)):
+        share = np.mean(limited.side(drawn) == side)
+        exact = np.exp(limited.log_density(np.array([y]), eta_of(base), SIGMA)).item()
+        assert share == pytest.approx(exact, abs=4 * np.sqrt(exact / 40000) + 1e-9)
+    # far beyond, where a probability is no number, its logarithm still falls
+    far = eta_of(base, 900.0)
+    if base != "student-t":
+        steps = limited.log_density(np.array([3.0]), np.hstack([far, 1.1 * far]), SIGMA)[0]
+        assert np.isfinite(steps).all()
+        assert steps[1] < steps[0] < -5
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_derivatives_are_those_of_the_log_density(base):
+    limited = hs.Censored(base, below=3.0, above=6.0)
+    y, h = np.array([3.0, 4.0, 5.0, 6.0]), 1e-4
+    eta = np.broadcast_to(eta_of(base), (1, 4))
+    ahead, here, behind = (limited.log_density(y, eta + d, SIGMA) for d in (h, 0.0, -h))
+    slope, curvature = limited.derivatives(y, eta, SIGMA)
+    if base != "student-t":  # an average over a kernel
+        np.testing.assert_allclose(slope, (ahead - behind) / (2 * h), rtol=0.02, atol=1e-3)
+        np.testing.assert_allclose(curvature, -(ahead - 2 * here + behind) / h**2, rtol=0.05)
+    assert (curvature > 0).all()
+
+
+def test_information_is_the_mean_square_of_the_score():
+    limited = hs.Censored(below=1.0, above=3.0)
+    for mean in (-1.0, 0.5, 2.0, 3.5):
+        eta = np.full((1, 1), mean)
+
+        def square(y, eta=eta):
+            y = np.array([y])
+            score = limited.derivatives(y, eta, SIGMA)[0]
+            return (score**2 * np.exp(limited.log_density(y, eta, SIGMA))).item()
+
+        exact = integrate.quad(square, 1 + 1e-9, 3 - 1e-9)[0] + square(1.0) + square(3.0)
+        assert limited.information(eta, SIGMA).item() == pytest.approx(exact, rel=1e-6)
+
+
+def test_limits_of_counts_are_whole():
+    assert hs.Censored("poisson", below=2.7, above=6.2).side(np.arange(9.0)).tolist() == [
+        -1, -1, -1, 0, 0, 0, 0, 1, 1,
+    ]  # fmt: skip
+
+
+# ----------------------------------------------------------------------------------- bad input
+
+
+@pytest.mark.parametrize(
+    ("likelihood", "message"),
+    [
+        (hs.Censored(below=3.0, above=2.0), "below < above, got below=3, above=2"),
+        (hs.Censored(below=9.0), "None of the 20 measured values lies between the limits 9 and"),
+        (hs.Censored(step=-1.0), "step that is positive"),
+        (hs.Censored("binomial", below=0.0), "binomial likelihood has no distribution function"),
+        (hs.Censored("norml"), "Did you mean 'normal'"),
+    ],
+)
+def test_limits_without_sense_are_refused(likelihood, message):
+    X = np.linspace(0, 1, 20)[:, None]
+    y = (X[:, 0] > 0.5).astype(float)
+    with pytest.raises(ValueError, match=message):
+        hs.PowerScaledSurrogate(likelihood=likelihood).fit(X, y)
+
+
+def test_several_outputs_have_no_limits():
+    X = np.linspace(0, 1, 20)[:, None]
+    model = hs.PowerScaledSurrogate(likelihood=hs.Censored(below=0.1))
+    with pytest.raises(ValueError, match="limits of one output"):
+        model.fit(X, np.hstack([X, X]))
+
+
+# ------------------------------------------------------------------------------- rates over sets
+
+
+def fits(base, seeds, n_rows=60):
+    """Return deviations of posterior means, in posterior sd, and whether 90 % intervals cover.
+
+    Truths are drawn from their priors, so the mean deviation is zero and the coverage 90 %.
+    """
+    on_log = base in ("lognormal", *COUNTS)
+    noise = stats.lognorm(0.3, scale=0.5)
+    simulator = hs.Simulator(
+        lambda x, a, b: np.exp(a + b * x) if on_log else a + b * x,
+        inputs={"x": (-1, 1)},
+        parameters={"a": stats.norm(1.5 if on_log else 0, 1), "b": stats.norm(0, 1)},
+    )
+    plain, off, inside = hs.Censored(base), [], []
+    for seed in seeds:
+        random = np.random.RandomState(seed)
+        a, b = random.normal(1.5 if on_log else 0, 1), random.normal(0, 1)
+        sigma = float(noise.rvs(random_state=random))
+        x = random.uniform(-1, 1, n_rows)
+        y, other = plain.sample(np.tile(a + b * x, (2, 1)), np.full((2, 1), sigma), random)
+        # a limit that owes nothing to these rows, 30 % of such rows below it
+        limit = float(np.quantile(other, 0.3))
+        if np.all(y <= limit):
+            continue
+        fitted = hs.PowerScaledSurrogate(
+            simulator,
+            hs.ExactSurrogate(),
+            likelihood=hs.Censored(base, below=limit),
+            noise_prior=None if base == "poisson" else noise,
+            n_draws=400,
+            random_state=seed,
+        ).fit(x[:, None], np.maximum(y, limit))
+        table = fitted.summary()
+        for name, truth in {"a": a, "b": b, "sigma": sigma}.items():
+            if name in table.index:
+                row = table.loc[name]
+                off.append((row["mean"] - truth) / row["sd"])
+                inside.append(row["q5"] <= truth <= row["q95"])
+    return np.array(off), np.array(inside)
+
+
+@pytest.mark.parametrize("base", ["normal", "poisson"])
+def test_rows_below_a_limit_leave_estimates_unbiased(base):
+    off, inside = fits(base, range(30))
+    assert abs(off.mean()) < 3.5 / np.sqrt(len(off))
+    assert inside.mean() > 0.9 - 3.5 * np.sqrt(0.09 / len(inside))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("base", BASES)
+def test_rows_below_a_limit_over_200_sets(base):
+    off, inside = fits(base, range(1000, 1200))
+    assert abs(off.mean()) < 3 / np.sqrt(len(off))
+    assert 0.86 < inside.mean() < 0.94
+
+
+def test_the_limit_taken_for_a_value_would_be_biased():
+    random = np.random.default_rng(0)
+    x = random.uniform(-1, 1, 200)
+    y = 2 * x + 0.5 * random.standard_normal(200)
+    line = hs.Simulator(
+        lambda x, b: b * x, inputs={"x": (-1, 1)}, parameters={"b": stats.norm(0, 5)}
+    )
+    recorded = np.maximum(y, -0.5)
+    slopes = {}
+    for likelihood in ("normal", hs.Censored(below=-0.5)):
+        model = hs.PowerScaledSurrogate(
+            line, hs.ExactSurrogate(), likelihood=likelihood, n_draws=400, random_state=0
+        ).fit(x[:, None], recorded)
+        slopes[str(likelihood)] = model.summary().loc["b"]
+    naive, limited = slopes.values()
+    assert abs(limited["mean"] - 2) < 3 * limited["sd"]
+    assert naive["mean"] < 2 - 5 * naive["sd"]
+    # what is predicted may lie beyond the limit, what is recorded may not
+    assert model.predict([[-1.0]])[0] < -1.5
+    assert model.sample_posterior_predictive([[-1.0]]).min() == -0.5
+
+
+def test_known_errors_and_limits_go_together():
+    random = np.random.default_rng(0)
+    x = random.uniform(-1, 1, 100)
+    errors = np.where(random.uniform(size=100) < 0.5, 0.1, 1.0)
+    y = 2 * x + errors * random.standard_normal(100)
+    line = hs.Simulator(
+        lambda x, b: b * x, inputs={"x": (-1, 1)}, parameters={"b": stats.norm(0, 5)}
+    )
+    fitted = hs.PowerScaledSurrogate(
+        line, hs.ExactSurrogate(), likelihood=hs.Censored(below=-0.5), noise="known", random_state=0
+    ).fit(x[:, None], np.maximum(y, -0.5), y_err=errors)
+    b = np.linspace(1.5, 2.5, 2001)
+    mean = b[:, None] * x
+    below = stats.norm(mean, errors).logcdf(-0.5)
+    density = np.where(y <= -0.5, below, stats.norm(mean, errors).logpdf(y)).sum(axis=1)
+    density = np.exp(density - density.max())
+    exact = np.sum(b * density) / density.sum()
+    sd = np.sqrt(np.sum((b - exact) ** 2 * density) / density.sum())
+    row = fitted.summary().loc["b"]
+    assert row["mean"] == pytest.approx(exact, abs=5 * sd / np.sqrt(500))
+    assert row["sd"] == pytest.approx(sd, rel=0.15)
