@@ -35,6 +35,7 @@ from hybridsurrogate.effects.output.trend import Trend, TrendSinceStart
 from hybridsurrogate.effects.parameters.narrow_prior import NarrowPrior
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
 from hybridsurrogate.effects.parameters.parameter_drift import ParameterDrift
+from hybridsurrogate.effects.parameters.parameter_process import ParameterProcess
 from hybridsurrogate.effects.parameters.wrong_constant import WrongConstant
 from hybridsurrogate.effects.registry import classes as _causes
 from hybridsurrogate.effects.response.build_up import BuildUp
@@ -172,6 +173,7 @@ __all__ = [
     "Overdispersion",
     "ParameterByExperiment",
     "ParameterDrift",
+    "ParameterProcess",
     "ParametricSurrogate",
     "Periodic",
     "Poisson",

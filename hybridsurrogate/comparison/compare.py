@@ -103,7 +103,7 @@ def compare_simulations(
     first = next(iter(models.values()))
     check_outcomes(y, as_likelihood(first.likelihood))
     check_consistent_length(X, y)
-    X, y, _ = without_gaps(X, y, None)
+    X, y, _, _ = without_gaps(X, y, None)
     X = complete_table(X, labels=first.experiment)
     fitted = {name: clone(one).fit(X, y) for name, one in models.items()}
     measured = next(iter(fitted.values())).measured_outputs(y)

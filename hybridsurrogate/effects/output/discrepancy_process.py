@@ -10,6 +10,7 @@ from scipy import stats
 from hybridsurrogate.effects.base import Cause, Context, Declared, FloatArray, Rows
 from hybridsurrogate.effects.code import Code
 from hybridsurrogate.effects.registry import Form, register
+from hybridsurrogate.numerics import hilbert
 from hybridsurrogate.priors import frozen
 from hybridsurrogate.types import Prior
 
@@ -17,7 +18,6 @@ from hybridsurrogate.types import Prior
 # Statistics and Computing 33:17, eq. 17: m >= 1.75 boundary / length scale); seven for each of two
 # inputs follow lengths from 0.375 on
 _N_BASIS, _N_BASIS_EACH = {1: 24, 2: 7}, 10
-_BOUNDARY = 1.5
 # places of the table of a curve, interpolated by lines, and of each side of a surface, by cubics
 _PLACES = {1: 121, 2: 25}
 
@@ -110,11 +110,9 @@ class GaussianProcessDiscrepancy(Declared):
 
     def factors(self, X: Rows, theta: Rows) -> tuple[FloatArray, FloatArray]:
         """Return the basis functions, and the root of the spectral density of each."""
-        root = np.pi * np.arange(1, self._n_waves + 1) / (2 * _BOUNDARY)
-        length = np.reshape(theta["length_scale"], (-1, 1))
-        density = np.sqrt(2 * np.pi) * length * np.exp(-0.5 * (length * root) ** 2)
-        waves = [_waves(X[name], limits, root) for name, limits in self._ranges.items()]
-        heights = [np.sqrt(density)] * len(waves)
+        n = self._n_waves
+        waves = [hilbert.waves(_scaled(X[name], *ends), n) for name, ends in self._ranges.items()]
+        heights = [hilbert.heights(theta["length_scale"], n)] * len(waves)
         of_rows, of_draws = (_joined(each) for each in (waves, heights))
         if self.amplitude is not None:
             # a sum over inputs has the variance of one process
@@ -153,7 +151,7 @@ class GaussianProcessDiscrepancy(Declared):
     def _ends(self, name: str) -> tuple[float, float]:
         """Return the places of an input beyond which the curve is constant."""
         low, high = self._ranges[name]
-        middle, reach = (low + high) / 2, _BOUNDARY * ((high - low) or 1.0) / 2
+        middle, reach = (low + high) / 2, hilbert.BOUNDARY * ((high - low) or 1.0) / 2
         return middle - reach, middle + reach
 
     def _tables(self, theta: Rows, coefficients: Rows) -> dict[str, FloatArray]:
@@ -178,13 +176,8 @@ class GaussianProcessDiscrepancy(Declared):
         return "simulation + a smooth discrepancy of unknown shape"
 
 
-def _waves(x: FloatArray, limits: tuple[float, float], root: FloatArray) -> FloatArray:
-    """Return the basis over one input, (n, orders)."""
-    low, high = limits
-    scaled = (2 * x - low - high) / ((high - low) or 1.0)
-    # the basis is periodic beyond its boundary: fix the process at its edge there
-    scaled = np.clip(scaled, -_BOUNDARY, _BOUNDARY)
-    return np.asarray(np.sin(root * (scaled[:, None] + _BOUNDARY)) / np.sqrt(_BOUNDARY))
+def _scaled(x: FloatArray, low: float, high: float) -> FloatArray:
+    return (2 * x - low - high) / ((high - low) or 1.0)
 
 
 def _joined(factors: Sequence[FloatArray]) -> FloatArray:
