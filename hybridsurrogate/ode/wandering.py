@@ -18,7 +18,7 @@ _MOST = 5.0
 
 @dataclass(frozen=True)
 class WanderingParameter(Modification):
-    """A parameter p that becomes p exp(amplitude c(t)) in the right-hand side.
+    """A parameter p that becomes p exp(c(t)) in the right-hand side, c a sum of waves.
 
     Parameters
     ----------
@@ -44,8 +44,8 @@ class WanderingParameter(Modification):
 
     @property
     def neutral(self) -> dict[str, float]:
-        """The waves at zero; amplitude and length scale, which then change nothing."""
-        return {"amplitude": 0.0, "length_scale": 1.0, **dict.fromkeys(self.sizes, 0.0)}
+        """The waves at zero."""
+        return dict.fromkeys(self.sizes, 0.0)
 
     @property
     def sizes(self) -> tuple[str, ...]:
@@ -68,8 +68,7 @@ class WanderingParameter(Modification):
     def factors(self, t: FloatArray, numbers: Numbers, step: float) -> dict[str, FloatArray]:
         """Return the factor on the parameter, (k, m)."""
         scaled = (2 * t[:, 0] - self.low - self.high) / (self.high - self.low)
-        size = numbers["amplitude"] * coefficients(numbers, self.n).T
-        change = hilbert.waves(scaled, self.n) @ size
+        change = hilbert.waves(scaled, self.n) @ coefficients(numbers, self.n).T
         return {self.parameter: np.exp(np.clip(change, -_MOST, _MOST))}
 
 
@@ -79,6 +78,5 @@ def wave_names(n: int) -> tuple[str, ...]:
 
 
 def coefficients(numbers: Numbers, n: int) -> FloatArray:
-    """Return the coefficients of n waves (m, n) of m draws, for a process of unit size."""
-    unit = np.stack([np.asarray(numbers[name]) for name in wave_names(n)], axis=-1)
-    return np.asarray(hilbert.heights(numbers["length_scale"], n) * unit)
+    """Return the coefficients of n waves (m, n) of m draws."""
+    return np.stack([np.asarray(numbers[name]) for name in wave_names(n)], axis=-1)
