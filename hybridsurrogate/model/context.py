@@ -121,7 +121,9 @@ def with_slopes(
 
     Zero where a run fails. Coefficients c (p,) are those of the surrogate.
     """
-    names = (*context.inputs, *model.parameters, *model.constants)
+    # numbers of known effects inside the dynamics are no quantities of the simulation
+    numbers = [name for name in model.constants if name in context.assumed]
+    names = (*context.inputs, *model.parameters, *numbers)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         output = model.simulated(X, values, c)[0]
         slopes = {

@@ -60,7 +60,7 @@ def test_what_a_study_file_holds(study, monkeypatch):
     ("text", "message"),
     [
         ('inptus = ["t"]', "unknown key 'inptus'. Did you mean 'inputs'?"),
-        ("weather = 1", "unknown key 'weather'. The keys are assumed, "),
+        ("weather = 1", "unknown key 'weather'. The keys are above, "),
         ("config = 'other.toml'", "unknown key 'config'"),
         ("inputs = [1]", """inputs must be a list of names, such as ["t"], got [1] (list)"""),
         ('beta = "half"', "beta must be a number, got 'half' (str)"),

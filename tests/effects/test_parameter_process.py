@@ -45,10 +45,10 @@ def found():
 
 def test_it_is_known_which_parameter_wanders(found):
     assert found.verdict_ == "named"
-    assert (found.best_cause_.kind, found.best_cause_.target) == ("parameter-process", "height")
+    assert (found.best_cause_.kind, found.best_cause_.target) == ("parameter-drift", "height")
     # the output's own curve explains less
     table = found.causes_.set_index("form")["log_evidence"]
-    assert table["parameter-process: over t"].max() > table["unexplained"]
+    assert table["parameter-drift: process over t"].max() > table["unexplained"]
 
 
 def test_its_course_is_known(found):

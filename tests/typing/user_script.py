@@ -120,6 +120,7 @@ causes: list[hs.Cause] = [
     hs.Overdispersion(),
     hs.ParameterByExperiment("rate", "batch"),
     hs.ParameterDrift("rate", "minutes", shape="logistic"),
+    hs.ParameterProcess("rate", "minutes"),
     hs.Periodic("minutes", harmonics=2),
     hs.Ramp("minutes"),
     hs.RandomParameter("rate"),

@@ -72,7 +72,7 @@ class ParameterProcess(Declared):
     [3.0, 4.5, 3.0]
     """
 
-    kind = "parameter-process"
+    kind = "parameter-drift"
     about = "parameter"
     is_process = True
 
@@ -99,13 +99,13 @@ class ParameterProcess(Declared):
 
     @property
     def variant(self) -> str:
-        """Over which input."""
-        return f"over {self.over}"
+        """That it is a process, and over which input."""
+        return f"process over {self.over}"
 
     @property
     def name(self) -> str:
         """The kind, the parameter and the input."""
-        return f"{self.kind}({self.parameter} over {self.over})"
+        return f"{self.kind}({self.parameter} over {self.over}, process)"
 
     def priors_by_name(self) -> Mapping[str, Prior]:
         """Return the priors of the waves, which decay as those of a smooth process."""
@@ -233,11 +233,9 @@ def spectrum(n: int) -> FloatArray:
 
 register(
     Form(
-        "parameter-process",
+        "parameter-drift: process",
         ParameterProcess,
-        meaning="the parameter {target} wanders over the input instead of staying constant",
         least_distinct=8,
-        like=("parameter-drift", "unexplained"),
         headline="{target} wanders, and the simulation keeps it constant",
         call="`ParameterProcess(p, over=x)`",
         formula="eta(p exp(c(x))), or eta(p + c(x)), c a sum of waves",

@@ -238,7 +238,7 @@ def test_beyond_the_measured_range_a_rival_may_lack_more():
     found = found_in(case.simulator, case.X, case.y, ("trend",))
     components = components_of(found)
     low, high = float(case.X[:, 0].min()), float(case.X[:, 0].max())
-    far = np.array([[high + (high - low)]])
+    far = np.array([[high + (high - low), *case.X[0, 1:]]])
     known = predictions_at(found, components, far)
     (trend,) = (c for c in components if c.candidate.cause is not None)
     own = known.alternative == trend.alternative
