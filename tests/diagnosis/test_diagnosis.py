@@ -347,13 +347,6 @@ def test_too_few_rows(simulator):
         hs.DiscrepancyDiagnosis(exact(simulator)).fit(X, y)
 
 
-def test_an_estimator_with_effects_is_refused(simulator):
-    X, y = measure(lambda t: 0 * t)
-    model = exact(simulator, effects=(hs.Offset(),))
-    with pytest.raises(ValueError, match="has effects already"):
-        hs.DiscrepancyDiagnosis(model).fit(X, y)
-
-
 @pytest.mark.slow
 def test_two_causes_are_found_one_after_the_other(simulator):
     n, spurious = 60, 0
