@@ -40,8 +40,7 @@ def marginal_over_noise(
 
     It depends on the sum alone, so it is tabulated once and interpolated.
     """
-    log_squares = np.log(squares)
-    low, high = log_squares.min() - 1e-6, log_squares.max() + 1e-6
+    low, high = np.log(squares.min()) - 1e-6, np.log(squares.max()) + 1e-6
     table = np.linspace(low, high, n_nodes)
     width = log_sigma[1] - log_sigma[0]
     values, constant = np.empty(n_nodes), log_weight - n * log_sigma
@@ -53,10 +52,12 @@ def marginal_over_noise(
         log_terms -= peak[:, None]
         values[block] = peak + np.log(np.exp(log_terms, out=log_terms).sum(axis=1) * width)
     # linear interpolation on even nodes, without the search of np.interp
-    position = (log_squares - low) * ((len(table) - 1) / (high - low))
-    index = np.minimum(position.astype(np.intp), len(table) - 2)
-    slope = np.diff(values)
-    return values[index] + slope[index] * (position - index)
+    flat, out, slope = squares.ravel(), np.empty(squares.size), np.diff(values)
+    for block in blocks(flat.size, 1):
+        position = (np.log(flat[block]) - low) * ((len(table) - 1) / (high - low))
+        index = np.minimum(position.astype(np.intp), len(table) - 2)
+        out[block] = values[index] + slope[index] * (position - index)
+    return out.reshape(squares.shape)
 
 
 class NoiseTable:
