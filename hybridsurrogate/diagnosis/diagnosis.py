@@ -614,7 +614,7 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         >>> from hybridsurrogate.datasets import make_log_sin
         >>> case = make_log_sin(random_state=0)
         >>> model = hs.PowerScaledSurrogate(
-        ...     case.simulator, surrogate=hs.ExactSurrogate(), n_draws=200, random_state=0)
+        ...     case.simulator, surrogate=hs.ExactSurrogate(), random_state=0)
         >>> diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0)
         >>> table = diagnosis.fit(case.X, case.y).sensitivity()
         >>> len(table), bool(table["changes"][0])

@@ -92,7 +92,7 @@ def pareto_fit(excess: FloatArray) -> tuple[float, float]:
     theta = 1 / excess[-1] + (1 - np.sqrt(m / (np.arange(m) + 0.5))) / (3 * quartile)
     shape = np.log1p(-theta[:, None] * excess).mean(axis=1)
     profile = n * (np.log(-theta / shape) - shape - 1)
-    weight = np.exp(profile - special.logsumexp(profile))
+    weight = np.exp(profile - np.logaddexp.reduce(profile))
     best = float(np.sum(theta * weight))
     k = float(np.log1p(-best * excess).mean())
     return (n * k + 10 * 0.5) / (n + 10), -k / best

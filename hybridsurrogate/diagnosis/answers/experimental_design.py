@@ -382,13 +382,14 @@ def _mutual(
     nodes, shares = np.polynomial.legendre.leggauss(n_values)
     sd = np.sqrt(variances)
     y = means[:, None] + special.ndtri((nodes + 1) / 2)[:, None] * sd[:, None]  # (C, Q, m)
-    # densities of component c's points under component b, (C, B, Q, m)
+    # densities of component c's points under component b, (C, B, Q m), relative to the largest
     z = (y[:, None] - means[None, :, None]) / sd[None, :, None]
-    log_density = -0.5 * z**2 - np.log(sd)[None, :, None]
-    log_density += np.log(weight)[None, :, None, None]
-    total = special.logsumexp(log_density, axis=1)
-    same = alternative[:, None] == alternative
-    own = special.logsumexp(log_density, axis=1, b=same[:, :, None, None].astype(float))
-    prior = np.log(same @ weight)[:, None, None]
-    gained = np.einsum("cqm,q->cm", own - prior - total, shares / 2)
+    log_density = -0.5 * z**2 + (np.log(weight)[:, None] - np.log(sd))[None, :, None]
+    log_density -= log_density.max(axis=1, keepdims=True)
+    density = np.exp(log_density, out=log_density).reshape(*log_density.shape[:2], -1)
+    same = (alternative[:, None] == alternative).astype(float)
+    # an alternative whose share is too small for a number has a weight that is, too
+    share = (same[:, None] @ density)[:, 0] / density.sum(axis=1)
+    gained = np.log(np.maximum(share, np.finfo(float).tiny)).reshape(y.shape)
+    gained = np.einsum("cqm,q->cm", gained - np.log(same @ weight)[:, None, None], shares / 2)
     return np.maximum(weight @ gained, 0.0) / np.log(2)

@@ -295,7 +295,8 @@ def log_odds(z: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
             for s in _SHIFTS
         ]
         ways += [0.5 * square * (1 - s**-2) - count * np.log(s) for s in _SPREADS]
-        ratio = special.logsumexp(ways, axis=0) - np.log(len(ways))
+        most = np.max(ways, axis=0)
+        ratio = most + np.log(np.mean(np.exp(ways - most), axis=0))
         terms = np.where(possible, prior + ratio, -np.inf)
         # it may begin later: the rest of the prior
         later = -np.log(t[:, 0] + 1)

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy import special
 
 from hybridsurrogate.diagnosis.search.context import Fitted
 from hybridsurrogate.effects.base import Cause
@@ -94,16 +93,16 @@ def probabilities(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the probability of each cause, of a remainder and of correlated noise given it."""
     parts = _alone_and_given(candidates)
-    log_total = special.logsumexp(parts, axis=1)
+    log_total = np.logaddexp.reduce(parts, axis=1)
     # of what is impossible there are no shares
     shares = np.exp(parts - np.where(np.isfinite(log_total), log_total, 0.0)[:, None])
     log_total = log_total + np.log(prior_of(candidates))
-    return np.exp(log_total - special.logsumexp(log_total)), shares[:, 1], shares[:, 2]
+    return np.exp(log_total - np.logaddexp.reduce(log_total)), shares[:, 1], shares[:, 2]
 
 
 def total_evidence(candidates: Sequence[Candidate]) -> FloatArray:
     """Return the log evidence of each cause, alone or given a process, whichever is true."""
-    return np.asarray(special.logsumexp(_alone_and_given(candidates), axis=1))
+    return np.asarray(np.logaddexp.reduce(_alone_and_given(candidates), axis=1))
 
 
 def shares(

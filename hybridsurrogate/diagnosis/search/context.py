@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy import special
 
 from hybridsurrogate.effects.base import Nothing
 from hybridsurrogate.inference.conjugate.noise_marginal import KnownNoise, LogMarginal, NoiseTable
@@ -124,7 +123,7 @@ class SearchContext:
 
     def evidence(self, fit: Fitted, sizes: FloatArray) -> float:
         """Return the log evidence of a fit."""
-        return float(special.logsumexp(self.evidence_of_nodes(fit, sizes)))
+        return float(np.logaddexp.reduce(self.evidence_of_nodes(fit, sizes)))
 
     def optimise(
         self,

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from scipy import special
 
 from hybridsurrogate.diagnosis.search.candidate import Candidate, prior_of
 from hybridsurrogate.diagnosis.search.search import Search
@@ -103,7 +102,7 @@ def _with_process(result: Search, w: Candidate, bases: FloatArray) -> float:
     parts = result.context.linearise(w.fit)
     nodes = scan(parts, problem.y[None], sigma, noise, sizes)[0]
     # zero but for causes that were placed together, whose evidence is not that of the last one
-    beyond_last = w.log_evidence - float(special.logsumexp(nodes))
+    beyond_last = w.log_evidence - float(np.logaddexp.reduce(nodes))
     best_first = np.argsort(-nodes)
     likely = best_first[nodes[best_first] > nodes.max() - 10.0]
     parts = parts.at(likely)
@@ -114,7 +113,7 @@ def _with_process(result: Search, w: Candidate, bases: FloatArray) -> float:
         # every node would need a factorisation: that of the best one gives what a curve adds
         parts = at_best_node(parts, problem.y, sigma)
         plain = scan(parts, problem.y[None], sigma, noise, sizes)[0]
-        beyond_node = float(special.logsumexp(nodes)) - float(plain[0])
+        beyond_node = float(np.logaddexp.reduce(nodes)) - float(plain[0])
     terms = scan_with_process(parts, problem.y, sigma, noise, sizes, bases, sizes[::2])
     added = float(np.logaddexp.reduce(terms, axis=None)) - np.log(len(bases) * len(sizes[::2]))
     return added + beyond_node + beyond_last

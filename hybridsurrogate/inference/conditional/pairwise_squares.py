@@ -192,8 +192,10 @@ def _squares_of_groups(
 
 def node_shares(log_weight: FloatArray) -> FloatArray:
     """Return weights (J, S) of nodes that sum to one for each draw."""
-    weight = np.exp(log_weight - log_weight.max(axis=0))
-    return weight / weight.sum(axis=0)
+    weight = log_weight - log_weight.max(axis=0)
+    np.exp(weight, out=weight)
+    weight /= weight.sum(axis=0)
+    return weight
 
 
 def one_node_each(weight: FloatArray, random_state: np.random.RandomState) -> NDArray[np.intp]:

@@ -45,21 +45,24 @@ def marginal_over_noise(
     It depends on the sum alone, so it is tabulated once and interpolated. ``width`` is that of the
     cells to which the weights belong; None: of those of log sigma, which is even.
     """
-    log_squares = np.log(squares)
-    low, high = log_squares.min() - 1e-6, log_squares.max() + 1e-6
+    low, high = np.log(squares.min()) - 1e-6, np.log(squares.max()) + 1e-6
     table = np.linspace(low, high, n_nodes)
     width = log_sigma[1] - log_sigma[0] if width is None else width
-    values = np.empty(n_nodes)
+    values, constant = np.empty(n_nodes), log_weight - n * log_sigma
+    # half a sum of squares over sigma^2 as a product: one exponential fewer of each pair
+    share, largest = np.exp(table - high), 0.5 * np.exp(high - 2 * log_sigma)
     for block in blocks(n_nodes, len(log_sigma)):
-        log_terms = log_weight - n * log_sigma - 0.5 * np.exp(table[block, None] - 2 * log_sigma)
+        log_terms = constant - share[block, None] * largest
         peak = log_terms.max(axis=1)
         log_terms -= peak[:, None]
-        values[block] = peak + np.log(np.exp(log_terms).sum(axis=1) * width)
+        values[block] = peak + np.log(np.exp(log_terms, out=log_terms).sum(axis=1) * width)
     # linear interpolation on even nodes, without the search of np.interp
-    position = (log_squares - low) * ((len(table) - 1) / (high - low))
-    index = np.minimum(position.astype(np.intp), len(table) - 2)
-    slope = np.diff(values)
-    return values[index] + slope[index] * (position - index)
+    flat, out, slope = squares.ravel(), np.empty(squares.size), np.diff(values)
+    for block in blocks(flat.size, 1):
+        position = (np.log(flat[block]) - low) * ((len(table) - 1) / (high - low))
+        index = np.minimum(position.astype(np.intp), len(table) - 2)
+        out[block] = values[index] + slope[index] * (position - index)
+    return out.reshape(squares.shape)
 
 
 class NoiseTable:

@@ -76,14 +76,14 @@ def mixture_points(
 def mixture_log_density(components: list[Gaussian], points: FloatArray) -> FloatArray:
     """Return the log density of that mixture at points (J, d)."""
     terms = np.log(_shares(components))[:, None] + student_log_density(components, points)
-    out: FloatArray = special.logsumexp(terms, axis=0)
+    out: FloatArray = np.logaddexp.reduce(terms, axis=0)
     return out
 
 
 def _shares(components: list[Gaussian]) -> FloatArray:
     mass = np.array([g.log_mass for g in components])
     least = min(SETTINGS.least_proposed, 0.5 / len(components))
-    share = np.maximum(np.exp(mass - special.logsumexp(mass)), least)
+    share = np.maximum(np.exp(mass - np.logaddexp.reduce(mass)), least)
     return share / share.sum()
 
 
@@ -165,7 +165,7 @@ def _responsible(points: FloatArray, weight: FloatArray, components: list[Gaussi
     """Share the weights of points (J,) among components, (K, J)."""
     mass = np.array([g.log_mass for g in components])
     log_terms = mass[:, None] + student_log_density(components, points)
-    return weight * np.exp(log_terms - special.logsumexp(log_terms, axis=0))
+    return weight * np.exp(log_terms - np.logaddexp.reduce(log_terms, axis=0))
 
 
 def moment_match(points: FloatArray, weight: FloatArray, fallback: Gaussian) -> Gaussian:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from numbers import Integral
 
 import numpy as np
@@ -179,13 +180,19 @@ def _one_dimensional_factor(kernel: str, length_scale: FloatArray, degree: int) 
     ``C_ab = integral P_a(s) k(s, t) P_b(t) ds dt`` over [-1, 1] in both, where one unit of s is
     `_MARGIN` scaled units.
     """
-    node, weight = np.polynomial.legendre.leggauss(2 * degree + 10)
-    weighted = legendre(node, degree) * weight
-    distance = _MARGIN * np.abs(node[:, None] - node) / length_scale[:, None, None]
-    projected = weighted @ _correlation(kernel, distance) @ weighted.T
+    weighted, distance = _quadrature(degree)
+    correlation = _correlation(kernel, distance / length_scale[:, None, None])
+    projected = weighted @ correlation @ weighted.T
     # the eigenvalues fall below rounding: a jitter of a share of the first keeps the factor real
     projected += _JITTER * np.eye(degree + 1)
     return np.linalg.cholesky(projected)
+
+
+@lru_cache(maxsize=64)
+def _quadrature(degree: int) -> tuple[FloatArray, FloatArray]:
+    """Return weighted polynomials at Gauss-Legendre nodes, (m, N), and distances, (N, N)."""
+    node, weight = np.polynomial.legendre.leggauss(2 * degree + 10)
+    return legendre(node, degree) * weight, _MARGIN * np.abs(node[:, None] - node)
 
 
 def _correlation(kernel: str, distance: FloatArray) -> FloatArray:

@@ -199,17 +199,14 @@ def multi_indices(n_dimensions: int, degree: int) -> NDArray[np.int_]:
     >>> multi_indices(2, 1).tolist()
     [[0, 0], [0, 1], [1, 0]]
     """
-    if n_dimensions == 0:
-        return np.zeros((1, 0), dtype=int)
-    if n_dimensions == 1:
-        return np.arange(degree + 1)[:, None]
-    return np.array(
-        [
-            (first, *rest)
-            for first in range(degree + 1)
-            for rest in map(tuple, multi_indices(n_dimensions - 1, degree - first))
-        ]
-    )
+    powers, left = np.zeros((1, 0), dtype=int), np.array([degree])
+    for _ in range(n_dimensions):
+        # each row is followed by all exponents that its total degree leaves
+        counts = left + 1
+        new = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+        powers = np.column_stack([np.repeat(powers, counts, axis=0), new])
+        left = np.repeat(left, counts) - new
+    return powers
 
 
 def legendre(x: FloatArray, degree: int) -> FloatArray:

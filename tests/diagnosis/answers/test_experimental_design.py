@@ -39,6 +39,8 @@ def test_rivals_that_agree_tell_nothing_and_those_far_apart_everything():
     assert bits([0, 100], [1, 1]) == pytest.approx(1, abs=1e-9)
     third = np.full(3, 1 / 3)
     assert bits([0, 100, 200], [1, 1, 1], third, (0, 1, 2)) == pytest.approx(np.log2(3))
+    # an alternative that is all but refuted leaves nothing to ask
+    assert bits([0, 100], [1, 1], [1 - 1e-315, 1e-315]) == pytest.approx(0, abs=1e-12)
     # two nodes of one alternative are one alternative
     assert bits([0, 100, 200], [1, 1, 1], third, (0, 0, 1)) == pytest.approx(
         entr([2 / 3, 1 / 3]).sum() / np.log(2)
