@@ -21,6 +21,7 @@ from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.likelihoods import as_likelihood
 from hybridsurrogate.model.rows.measured_rows import check_outcomes, without_gaps
+from hybridsurrogate.model.rows.row_errors import taken_out
 from hybridsurrogate.numerics.threads import one_blas_thread
 from hybridsurrogate.scoring.scores import paired_difference
 from hybridsurrogate.simulation.arrays import complete_table
@@ -32,6 +33,7 @@ def compare_simulations(
     X: ArrayLike,
     y: ArrayLike,
     *,
+    y_err: Any = None,
     diagnose: bool = True,
     cv: int = 5,
     max_causes: int = 1,
@@ -49,6 +51,8 @@ def compare_simulations(
     X : array-like of shape (n, n_columns)
         Measured rows. A DataFrame where the simulations have other inputs.
     y : array-like of shape (n,), or (n, n_outputs) of several outputs
+    y_err : float, str, array-like of the shape of y, or None, default=None
+        Known standard deviations of the measurements, as in the estimators' ``fit``.
     diagnose : bool, default=True
         Also diagnose each: what it lacks, and whether they agree once extended. Without, a
         comparison takes seconds.
@@ -102,22 +106,24 @@ def compare_simulations(
     random = check_random_state(random_state)
     first = next(iter(models.values()))
     check_outcomes(y, as_likelihood(first.likelihood))
+    X, y_err = taken_out(X, y_err)
     check_consistent_length(X, y)
-    X, y, _, _ = without_gaps(X, y, None)
+    X, y, _, y_err = without_gaps(X, y, None, y_err)
     X = complete_table(X, labels=first.experiment)
-    fitted = {name: clone(one).fit(X, y) for name, one in models.items()}
+    fitted = {name: clone(one).fit(X, y, y_err=y_err) for name, one in models.items()}
+    y_err = next(iter(fitted.values())).data_.y_err
     measured = next(iter(fitted.values())).measured_outputs(y)
     unfitted = [clone(one) for one in models.values()]
     with one_blas_thread():
         evidence = np.array([log_evidence(one) for one in fitted.values()])
-        density = held_out_densities(unfitted, X, measured, int(cv), random, n_jobs)
+        density = held_out_densities(unfitted, X, measured, int(cv), random, n_jobs, y_err)
     diagnoses: dict[str, Any] = {}
     if diagnose:
         seed = random.randint(2**31 - 1)
         diagnoses = {
             name: DiscrepancyDiagnosis(
                 clone(one), cv=None, max_causes=max_causes, n_jobs=n_jobs, random_state=seed
-            ).fit(X, y)
+            ).fit(X, y, y_err=y_err)
             for name, one in models.items()
         }
     table = _table(list(models), evidence, density, diagnoses)

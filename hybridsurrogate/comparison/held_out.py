@@ -28,6 +28,7 @@ def held_out_densities(
     cv: int,
     random_state: np.random.RandomState,
     n_jobs: int | None = None,
+    y_err: FloatArray | None = None,
 ) -> FloatArray:
     """Return the log density of each measurement under each model fitted without its fold, (m, k).
 
@@ -40,6 +41,7 @@ def held_out_densities(
         Folds, the same for all.
     random_state : RandomState
     n_jobs : int or None
+    y_err : ndarray of the shape of y, or None
 
     Returns
     -------
@@ -48,7 +50,11 @@ def held_out_densities(
     """
     take, folds = row_taker(X), random_folds(len(y), cv, random_state)
     tasks = [
-        delayed(_densities)(one, take(train), y[train], take(test), y[test])
+        delayed(_densities)(
+            one,
+            (take(train), y[train], None if y_err is None else y_err[train]),
+            (take(test), y[test], None if y_err is None else y_err[test]),
+        )
         for train, test in folds
         for one in estimators
     ]
@@ -62,16 +68,16 @@ def held_out_densities(
 
 def _densities(
     estimator: PowerScaledSurrogate,
-    X: ArrayLike,
-    y: FloatArray,
-    X_held: ArrayLike,
-    y_held: FloatArray,
+    known: tuple[ArrayLike, FloatArray, FloatArray | None],
+    held: tuple[ArrayLike, FloatArray, FloatArray | None],
 ) -> FloatArray:
     with warnings.catch_warnings():
         # the fit to all rows has warned of the data, and held-out rows are beyond these
         warnings.simplefilter("ignore", HybridSurrogateWarning)
-        fitted: Any = clone(estimator).fit(X, y)
-        return np.asarray(fitted.log_predictive_density(X_held, y_held))
+        X, y, y_err = known
+        fitted: Any = clone(estimator).fit(X, y, y_err=y_err)
+        X, y, y_err = held
+        return np.asarray(fitted.log_predictive_density(X, y, y_err))
 
 
 def stacking_weights(log_density: ArrayLike) -> NDArray[np.float64]:

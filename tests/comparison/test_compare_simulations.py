@@ -207,3 +207,25 @@ def test_the_right_one_has_the_probability_in_nearly_all_data_sets():
         right.append(table.loc["root", "probability"])
     assert np.mean(np.array(right) > 0.9) >= 0.9
     assert np.mean(np.array(right) < 0.1) <= 0.05
+
+
+def test_error_bars_decide_where_single_rows_are_precise():
+    """Two lines through the origin differ at one precise row; the others are of no use."""
+    t = np.linspace(1, 9, 20)
+    errors = np.where(t == t[-1], 0.05, 5.0)
+    y = 1.0 * t + errors * np.random.default_rng(0).standard_normal(20)
+    models = {
+        name: model_of(line, rate=hs.truncated_normal(mean, 0.01, mean - 0.05, mean + 0.05))
+        for name, mean in (("right", 1.0), ("wrong", 1.2))
+    }
+    settings = {"diagnose": False, "random_state": 0}
+    frame = pd.DataFrame({"t": t, "sd": errors})
+    known = hs.compare_simulations(models, frame, y, y_err="sd", **settings)
+    odds = np.ptp(known.table["log_evidence"])
+    assert known.chosen == "right"
+    # 1.8 at the last row in standard deviations of its error and of what the slopes are uncertain
+    assert odds > 0.5 * 1.8**2 / (0.05**2 + 0.09**2) / 4
+    as_array = hs.compare_simulations(models, t[:, None], y, y_err=errors, **settings)
+    np.testing.assert_allclose(as_array.table["log_evidence"], known.table["log_evidence"])
+    without = hs.compare_simulations(models, t[:, None], y, **settings)
+    assert np.ptp(without.table["log_evidence"]) < odds / 10
