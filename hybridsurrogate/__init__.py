@@ -99,6 +99,10 @@ from hybridsurrogate.surrogates import (
 )
 
 if TYPE_CHECKING:  # imported when they are first used, see `__getattr__`
+    from hybridsurrogate import datasets as datasets
+    from hybridsurrogate import diagnosis as diagnosis
+    from hybridsurrogate import plotting as plotting
+    from hybridsurrogate import scoring as scoring
     from hybridsurrogate.comparison import SimulationComparison, compare_simulations
     from hybridsurrogate.diagnosis import (
         CauseFinding,
@@ -232,14 +236,16 @@ _OF_COMPARISON = ("SimulationComparison", "compare_simulations")
 _ROOMS = ("datasets", "diagnosis", "plotting", "scoring")
 
 
-def __getattr__(name: str) -> Any:
-    if name in _OF_DIAGNOSIS:
-        return getattr(import_module(f"{__name__}.diagnosis"), name)
-    if name in _OF_COMPARISON:
-        return getattr(import_module(f"{__name__}.comparison"), name)
-    if name in _ROOMS:
-        return import_module(f"{__name__}.{name}")
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name)
+if not TYPE_CHECKING:  # a type checker would take every name for one that is there
+
+    def __getattr__(name: str) -> Any:
+        if name in _OF_DIAGNOSIS:
+            return getattr(import_module(f"{__name__}.diagnosis"), name)
+        if name in _OF_COMPARISON:
+            return getattr(import_module(f"{__name__}.comparison"), name)
+        if name in _ROOMS:
+            return import_module(f"{__name__}.{name}")
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}", name=name)
 
 
 def __dir__() -> list[str]:
