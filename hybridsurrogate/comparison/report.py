@@ -17,6 +17,7 @@ from hybridsurrogate.diagnosis.report.elements.section import (
     Section,
     Table,
 )
+from hybridsurrogate.diagnosis.report.elements.tables import records, rounded
 from hybridsurrogate.diagnosis.report.report import Report
 from hybridsurrogate.numerics import digits
 from hybridsurrogate.plotting.comparison import plot_comparison
@@ -52,15 +53,15 @@ def report_of(
     )
     named = table.reset_index(names="simulation")
     sections = (
-        Section("Scores", "each simulation", tables=(Table(_rounded(named)),)),
-        Section("Agreement", "each pair", tables=(Table(_rounded(agreement)),)),
+        Section("Scores", "each simulation", tables=(Table(rounded(named, 3)),)),
+        Section("Agreement", "each pair", tables=(Table(rounded(agreement, 3)),)),
     )
     summary = {
         "schema_version": 1,
         "chosen": chosen,
         "all_wrong": all_wrong,
-        "table": _records(named),
-        "agreement": _records(agreement),
+        "table": records(named),
+        "agreement": records(agreement),
     }
     return Report(first, sections, summary, full)
 
@@ -160,17 +161,3 @@ def _drawn(table: pd.DataFrame) -> Drawn:
         "Held-out score of each simulation, as a difference from the best, with standard errors.",
         table.reset_index(names="simulation"),
     )
-
-
-def _rounded(table: pd.DataFrame) -> pd.DataFrame:
-    out = table.copy()
-    for name in out.select_dtypes("number"):
-        out[name] = [digits.number(float(x), 3) if x == x else "" for x in out[name]]
-    return out
-
-
-def _records(table: pd.DataFrame) -> list[dict[str, object]]:
-    return [
-        {str(k): (None if v != v else v) for k, v in row.items()}
-        for row in table.to_dict("records")
-    ]

@@ -17,6 +17,7 @@ from hybridsurrogate.diagnosis.report.elements.section import (
     Section,
     Table,
 )
+from hybridsurrogate.diagnosis.report.elements.tables import records, rounded
 from hybridsurrogate.diagnosis.report.report import Report
 from hybridsurrogate.diagnosis.simulated.detectable import POWER
 from hybridsurrogate.diagnosis.simulated.outcomes import NOTHING
@@ -68,8 +69,8 @@ def report_of(result: Rates, full: bool = False) -> Report:
         Picture(lambda: _drawn(result)),
         _advice(result),
     )
-    rows = Section("Rates", "each cause and size", tables=(Table(_rounded(result.table)),))
-    confusion = _rounded(result.confusion.reset_index())
+    rows = Section("Rates", "each cause and size", tables=(Table(rounded(result.table, 2)),))
+    confusion = rounded(result.confusion.reset_index(), 2)
     matrix = Section(
         "Confusion", "what is found in place of what", tables=(Table(confusion, "All sizes."),)
     )
@@ -77,8 +78,8 @@ def report_of(result: Rates, full: bool = False) -> Report:
         "schema_version": 1,
         "rows": result.n_rows,
         "false_alarm_rate": result.false_alarm_rate,
-        "table": _records(result.table),
-        "rates": _records(result.rates),
+        "table": records(result.table),
+        "rates": records(result.rates),
     }
     return Report(first, (rows, matrix), summary, full)
 
@@ -158,17 +159,3 @@ def _drawn(result: Rates) -> Drawn:
         "How often each cause would be detected (lines) and named (dashed), over its size.",
         result.table,
     )
-
-
-def _rounded(table: pd.DataFrame) -> pd.DataFrame:
-    out = table.copy()
-    for name in out.select_dtypes("number"):
-        out[name] = [digits.number(float(x), 2) if x == x else "" for x in out[name]]
-    return out
-
-
-def _records(table: pd.DataFrame) -> list[dict[str, object]]:
-    return [
-        {str(k): (None if v != v else v) for k, v in row.items()}
-        for row in table.to_dict("records")
-    ]

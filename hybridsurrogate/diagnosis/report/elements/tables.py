@@ -204,3 +204,19 @@ def output_table(view: View) -> pd.DataFrame:
     ]
     table = pd.DataFrame(rows, columns=columns)
     return table if view.extended else table[[c for c in columns if not c.endswith("after")]]
+
+
+def rounded(table: pd.DataFrame, n: int) -> pd.DataFrame:
+    """Return a table with its numbers as text of n digits, "" where there is none."""
+    out = table.copy()
+    for name in out.select_dtypes("number"):
+        out[name] = [digits.number(float(x), n) if x == x else "" for x in out[name]]
+    return out
+
+
+def records(table: pd.DataFrame) -> list[dict[str, object]]:
+    """Return the rows of a table by name, None where there is no number: JSON has no NaN."""
+    return [
+        {str(k): (None if v != v else v) for k, v in row.items()}
+        for row in table.to_dict("records")
+    ]
