@@ -127,17 +127,14 @@ def _one_after_the_other(
         result = search(context, causes, nearby=known)
         result = with_processes(result, thorough, known if nearby else None)
         while True:
-            test = None
-            if tested is not None:
-                bound = 1.0 if steps else evidence_bound(result)
-                # where nothing may be detected, how large a fault would have shown is asked next
-                test = _tested(result, *tested, bound, bound > false_alarm_rate and not steps)
+            screened, test = result, None
             if not steps:
                 result = at_best_noise(result, thorough)
                 result = scored(screened_at_best(result, causes))
+            if tested is not None:
                 # given accepted causes, the evidence keeps their places fixed
-                if test is not None:
-                    test = test._replace(bound=evidence_bound(result))
+                bounds = () if steps else (evidence_bound(screened), evidence_bound(result))
+                test = _tested(screened, *tested, bounds, false_alarm_rate)
             # the p-value guards against noise, the probability against a cause that is no better
             by_chance = test is not None and test.p_value > false_alarm_rate
             if by_chance or result.probability[0] > 0.5:
@@ -156,18 +153,23 @@ def _one_after_the_other(
 
 
 def _tested(
-    result: Search,
+    screened: Search,
     n_replicates: int,
     random_state: np.random.RandomState,
-    bound: float,
-    with_faults: bool,
+    bounds: Sequence[float],
+    false_alarm_rate: float,
 ) -> NullTest:
-    """Return the null test; without replicates of many rows where the bound alone decides."""
-    least = 1 / (1 + n_replicates)
-    if bound <= least and _has_many_rows(result.problem):
-        # a third of the time of 4,000 rows, and the same p-value
+    """Return the null test; without replicates where the bounds alone decide.
+
+    ``bounds`` are those of the screening and of what it led to, none given accepted causes.
+    """
+    least, bound = 1 / (1 + n_replicates), bounds[-1] if bounds else 1.0
+    if bounds and max(bounds) <= least:
+        # no replicates could show less: a quarter of the time of 40 rows, a third of 4,000
         return NullTest(np.nan, np.empty(0), bound, least)
-    return null_test(result, n_replicates, random_state, with_faults)
+    # where nothing may be detected, how large a fault would have shown is asked next
+    with_faults = bool(bounds) and bounds[0] > false_alarm_rate
+    return null_test(screened, n_replicates, random_state, with_faults)._replace(bound=bound)
 
 
 def _has_many_rows(problem: Problem) -> bool:
@@ -258,8 +260,8 @@ def searches(steps: Sequence[SearchStep]) -> list[Search]:
 def _nearby(
     model: MeasuredModel, causes: Sequence[Cause], searches: Sequence[Search]
 ) -> Search | None:
-    """Return the search that compares the same causes in other rows, None without one."""
-    return next((one for one in searches if one.compares(model, causes)), None)
+    """Return the search over the same causes in other rows, None without one."""
+    return next((one for s in searches if (one := s.over(model, causes)) is not None), None)
 
 
 def _first_choice(result: Search) -> Candidate:

@@ -53,8 +53,9 @@ def test_a_sample_changes_neither_verdict_nor_probabilities(change):
     np.testing.assert_allclose(*shares, atol=0.05)
 
 
-def test_what_the_evidence_decides_is_not_tested_by_replicates():
-    quick = diagnosed("step", 50)
+@pytest.mark.parametrize("sample", [50, 1000])
+def test_what_the_evidence_decides_is_not_tested_by_replicates(sample):
+    quick = diagnosed("step", sample)
     assert len(quick.result_.test.replicates) == 0
     assert quick.p_value_ == pytest.approx(1 / 41)
     assert "the evidence against the simulation" in str(quick.report())
