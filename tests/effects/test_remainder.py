@@ -3,6 +3,7 @@
 import pickle
 
 import numpy as np
+import pandas as pd
 import pytest
 from few_kinds import all_but
 from scipy import stats
@@ -150,3 +151,50 @@ def test_nothing_found_leaves_nothing_to_keep():
     diagnosis = hs.DiscrepancyDiagnosis(model, **settings, random_state=0).fit(T[:, None], y)
     assert diagnosis.verdict_ == "adequate"
     assert not diagnosis.extended_estimator_.effects
+
+
+def test_beyond_what_its_experiment_measured_a_row_is_beyond_whatever_others_measured():
+    # the first run ends at t = 4; a dose is set once for a run
+    t = np.concatenate([np.linspace(0, 4, 15), np.linspace(0, 10, 15)])
+    X = np.column_stack([t, np.repeat([1.0, 3.0], 15), np.repeat([1.0, 2.0], 15)])
+    simulator = hs.Simulator(
+        lambda t, dose, a: a * t + 0 * dose,
+        {"t": (0, 20), "dose": (0, 5)},
+        {"a": hs.truncated_normal(2, 1, 0, 5)},
+    )
+    rng = np.random.default_rng(1)
+    model = hs.PowerScaledSurrogate(
+        simulator,
+        surrogate=hs.ExactSurrogate(),
+        experiment="run",
+        by_experiment={"a": "own"},
+        effects=[hs.Remainder(1.5, by="run")],
+        random_state=0,
+    )
+    X = pd.DataFrame(X, columns=["t", "dose", "run"])
+    model.fit(X, 2 * t + 0.1 * rng.standard_normal(30))
+    at = pd.DataFrame({"t": 8.0, "dose": [1.0, 3.0, 3.0, 1.0], "run": [1.0, 2.0, 1.0, 9.0]})
+    _, std = model.predict(at, return_std=True)
+    # of the first run, even at another dose; of one that was not measured not by this
+    assert std[0] > 0.5
+    assert std[2] > 0.5
+    assert std[1] < 0.3
+
+
+def test_an_extension_keeps_the_ranges_of_experiments_only_where_these_differ():
+    rng = np.random.default_rng(2)
+    t, run = np.tile(np.linspace(0, 10, 20), 2), np.repeat([1.0, 2.0], 20)
+    rows = ~((run == 1) & (t > 5))
+    y = 2 * t + 1.5 * (t > 3) + 0.1 * rng.standard_normal(40)
+    X = pd.DataFrame({"t": t, "run": run})
+    spreads = []
+    for options in ({}, {"by_experiment": {"a": "own"}}):
+        model = hs.PowerScaledSurrogate(
+            SIMULATOR, surrogate=hs.ExactSurrogate(), experiment="run", random_state=0, **options
+        )
+        kinds = all_but("step", "trend", "offset")
+        diagnosis = hs.DiscrepancyDiagnosis(model, cv=None, random_state=0, exclude=kinds)
+        diagnosis.fit(X[rows], y[rows])
+        assert diagnosis.best_cause_.kind == "step"
+        spreads.append(diagnosis.predict(X[~rows], return_std=True)[1].mean())
+    assert spreads[1] > 2 * spreads[0]

@@ -25,14 +25,24 @@ def with_remainder(
 def _remainders(before: PowerScaledSurrogate, after: PowerScaledSurrogate) -> tuple[Cause, ...]:
     """Return the remainder, of several outputs one for each; none of what did not change."""
     rows, stacking = before.data_.single.X, before.data_.stacking
+    by = _experiments_that_differ(after)
     change = np.mean(after.posterior_.eta(rows)[0], axis=0)
     change = change - np.mean(before.posterior_.eta(rows)[0], axis=0)
     if stacking is None:
         size = _size(change)
-        return (Remainder(size),) if size > 0 else ()
+        return (Remainder(size, by=by),) if size > 0 else ()
     which = rows[:, stacking.at]
     sizes = {name: _size(change[which == k]) for k, name in enumerate(stacking.names)}
-    return tuple(InOutput(Remainder(size), name) for name, size in sizes.items() if size > 0)
+    return tuple(InOutput(Remainder(size, by=by), name) for name, size in sizes.items() if size > 0)
+
+
+def _experiments_that_differ(after: PowerScaledSurrogate) -> str | None:
+    """Return the column of experiments, None where what is fitted is the same in all of them."""
+    experiments = after.data_.experiments
+    if experiments is None:
+        return None
+    differ = any(experiments.column in effect.reads for effect in after.posterior_.model.effects)
+    return experiments.column if differ else None
 
 
 def _size(change: np.ndarray) -> float:

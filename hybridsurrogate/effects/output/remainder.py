@@ -33,6 +33,12 @@ class Remainder(Declared):
         Root mean square of what an extension changed at the measured rows, on the scale of eta.
     ranges : dict of name to (low, high), or None, default=None
         Measured range of each input. None: that of the rows in ``fit``.
+    by : str or None, default=None
+        Column with the experiment of each row. None: all rows are of one.
+    own : dict of name to dict of level to (low, high), or None, default=None
+        Of each measured experiment the range of an input that varies within experiments: beyond it
+        a row of that experiment lies beyond, whatever others measured. None of an experiment that
+        was not measured.
 
     Notes
     -----
@@ -55,20 +61,36 @@ class Remainder(Declared):
     coefficient_sd = 1.0
     is_learned = False
 
-    def __init__(self, size: float, ranges: Mapping[str, tuple[float, float]] | None = None):
+    def __init__(
+        self,
+        size: float,
+        ranges: Mapping[str, tuple[float, float]] | None = None,
+        by: str | None = None,
+        own: Mapping[str, Mapping[float, tuple[float, float]]] | None = None,
+    ):
         self.size = size
         self.ranges = ranges
+        self.by = by
+        self.own = own
 
     def prepare(self, context: Context) -> Cause:
-        """Fill in the measured ranges of the simulation's inputs."""
+        """Fill in the measured ranges of the simulation's inputs, those of experiments too."""
         if self.ranges is not None:
             return self
-        ends = {
-            name: (float(context.X[name].min()), float(context.X[name].max()))
-            for name in context.inputs
-        }
+        ends = {name: _ends(context.X[name]) for name in context.inputs}
         # an input that was not varied has no unit of distance
-        return Remainder(self.size, {name: e for name, e in ends.items() if e[0] < e[1]})
+        ranges = {name: e for name, e in ends.items() if e[0] < e[1]}
+        if self.by is None:
+            return self.filled(ranges=ranges)
+        labels, own = context.X[self.by], {}
+        for name in ranges:
+            of_level = {
+                float(level): _ends(context.X[name][labels == level]) for level in np.unique(labels)
+            }
+            # what is set once for an experiment was varied by measuring another one
+            if any(low < high for low, high in of_level.values()):
+                own[name] = of_level
+        return self.filled(ranges=ranges, own=own)
 
     def priors_by_name(self) -> Mapping[str, Prior]:
         """Return the prior of the amplitude."""
@@ -82,14 +104,28 @@ class Remainder(Declared):
     @property
     def reads(self) -> tuple[str, ...]:
         """The inputs."""
-        return tuple(self.ranges or ())
+        return (*(self.ranges or ()), *([self.by] if self.own and self.by else []))
 
     def columns(self, X: Rows, theta: Rows) -> FloatArray:
         """Return the standard deviation beyond each end, (n, q)."""
         sides = []
         for name, (low, high) in (self.ranges or {}).items():
-            for distance in (low - X[name], X[name] - high):
+            first, last = self._ends_of_rows(name, X)
+            for distance in (first - X[name], X[name] - last):
                 sides.append((np.maximum(distance, 0.0) / (high - low)) ** GROWTH)
         if not sides:
             return np.empty((len(theta["amplitude"]), 0))
         return np.stack(sides, axis=1) * np.reshape(theta["amplitude"], (-1, 1))
+
+    def _ends_of_rows(self, name: str, X: Rows) -> tuple[FloatArray, FloatArray]:
+        """Return the measured range of an input for each row, its experiment's where it has one."""
+        low, high = (np.full(len(X[name]), end) for end in (self.ranges or {})[name])
+        if self.by is not None:
+            for level, (first, last) in (self.own or {}).get(name, {}).items():
+                of_level = X[self.by] == level
+                low[of_level], high[of_level] = first, last
+        return low, high
+
+
+def _ends(values: FloatArray) -> tuple[float, float]:
+    return float(np.min(values)), float(np.max(values))
