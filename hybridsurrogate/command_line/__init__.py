@@ -10,6 +10,7 @@ priors          priors as words
 user_code       the user's Python file, and what was saved with it
 demonstrations  data inside the package
 diagnoses       demo, diagnose, report, next-runs
+comparisons     compare
 fits            fit, predict, choose-beta
 output          texts, files, stages
 reference       the reference page

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from hybridsurrogate.command_line.comparisons import compare
 from hybridsurrogate.command_line.demonstrations import DEFAULT, DEMONSTRATIONS
 from hybridsurrogate.command_line.diagnoses import demo, diagnose, next_runs, report
 from hybridsurrogate.command_line.fits import choose_beta, fit, predict
@@ -13,6 +14,7 @@ from hybridsurrogate.command_line.options import (
     BETA_SCAN,
     CONFIG,
     DATA,
+    FOLDS,
     JOBS,
     LOUDNESS,
     MEASURED,
@@ -24,6 +26,7 @@ from hybridsurrogate.command_line.options import (
     SAVE,
     SEARCH,
     SEED,
+    SIMULATIONS,
     Option,
 )
 
@@ -118,6 +121,32 @@ COMMANDS = (
         "--prior rate=0.2,0.05 --output glucose",
     ),
     Subcommand(
+        "compare",
+        "compare several simulations of the same measurements",
+        "Says which of several simulations the measurements favour, and what each of them lacks. "
+        "Each is a file of runs, or a function of a Python file, which is executed. It takes those "
+        "of the inputs, parameters and constants that it has. Beside the report there is one on "
+        "the diagnosis of each.",
+        (
+            MEASURED,
+            CONFIG,
+            SIMULATIONS,
+            *(one for one in DATA if one.name != "simulation"),
+            *MODEL,
+            *(one for one in SEARCH if one.name == "max_causes"),
+            Option("no_diagnosis", "yes", "only compare them, which takes seconds", False),
+            FOLDS,
+            REPORT,
+            _JSON,
+            SEED,
+            JOBS,
+            *LOUDNESS,
+        ),
+        compare,
+        "hybridsurrogate compare measured.csv --simulations decay.py:decay runs.csv "
+        "--inputs minutes --parameters rate --prior rate=0.2,0.05 --output glucose",
+    ),
+    Subcommand(
         "report",
         "report a saved diagnosis",
         "Reports what diagnose --save wrote. Nothing is fitted.",
@@ -181,7 +210,7 @@ COMMANDS = (
             *(one for one in MODEL if one.name != "beta"),
             METHOD,
             Option("betas", "numbers", "weights to try (21 from 0 to 1)", metavar="BETA"),
-            Option("folds", "whole", "how many", 5, "N"),
+            FOLDS,
             Option("future", "yes", "test on later rows, along the first input", False),
             _JSON,
             SAVE,

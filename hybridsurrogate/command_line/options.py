@@ -20,9 +20,9 @@ class Option:
     ----------
     name : str
         As in code and study files; on the command line with "-" for "_".
-    kind : {"text", "path", "names", "number", "numbers", "whole", "pairs", "yes"}
-        What it takes: one text or file, several names, numbers, NAME=VALUE that may be repeated,
-        or nothing.
+    kind : {"text", "path", "paths", "names", "number", "numbers", "whole", "pairs", "yes"}
+        What it takes: one text or file, several files, names, numbers, NAME=VALUE that may be
+        repeated, or nothing.
     meaning : str
         A phrase for help and reference.
     default : Any
@@ -60,6 +60,7 @@ class Option:
 _PARSED: dict[str, dict[str, Any]] = {
     "text": {},
     "path": {},
+    "paths": {"nargs": "+"},
     "names": {"nargs": "+"},
     "number": {"type": float},
     "numbers": {"type": float, "nargs": "+"},
@@ -160,6 +161,13 @@ MEASURED = Option(
     positional=True,
     required=True,
 )
+SIMULATIONS = Option(
+    "simulations",
+    "paths",
+    "two or more files of runs, or model.py:function, which are executed",
+    metavar="FILE",
+    required=True,
+)
 CONFIG = Option("config", "path", "study file (TOML) with options", metavar="FILE", in_file=False)
 DATA = (
     Option(
@@ -255,6 +263,7 @@ SEARCH = (
     Option("max_causes", "whole", "look for up to N causes", 1, "N"),
     Option("no_folds", "yes", "do not measure the gain on held-out rows", False),
 )
+FOLDS = Option("folds", "whole", "how many", 5, "N")
 BETA_SCAN = Option("beta_scan", "yes", "also try other weights: takes longer than all else", False)
 REPORT = Option("report", "path", "report to write: .html, .txt or .json", "report.html", "FILE")
 OUTCOME = (

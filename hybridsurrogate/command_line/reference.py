@@ -58,7 +58,7 @@ def _written(option: Option) -> str:
     if option.kind == "yes":
         return f"`{option.flag}`"
     value = option.metavar or option.name.upper()
-    several = " ..." if option.kind in ("names", "numbers") else ""
+    several = " ..." if option.kind in ("names", "numbers", "paths") else ""
     return f"`{option.flag} {value}{several}`"
 
 

@@ -61,9 +61,13 @@ def _value(option: Option, value: Any, path: str, folder: Path) -> Any:
             f"{path}: {option.name} must be one of {', '.join(option.choices)}, got {value!r}."
             f"{did_you_mean(value, option.choices)}"
         )
-    if option.kind == "path" and value != "-" and not is_address(value):
-        return str(folder / Path(value).expanduser())
-    return converted
+    if option.kind == "path":
+        return _in_folder(value, folder)
+    return [_in_folder(one, folder) for one in converted] if option.kind == "paths" else converted
+
+
+def _in_folder(file: str, folder: Path) -> str:
+    return file if file == "-" or is_address(file) else str(folder / Path(file).expanduser())
 
 
 def _is_number(value: Any) -> bool:
@@ -114,6 +118,7 @@ def _pairs(value: Any) -> tuple[str, Any]:
 _CONVERTED = {
     "text": _text,
     "path": _text,
+    "paths": _names,
     "names": _names,
     "number": _number,
     "numbers": _numbers,

@@ -17,6 +17,7 @@ from hybridsurrogate.comparison.agreement import agreement
 from hybridsurrogate.comparison.evidence import log_evidence, probabilities
 from hybridsurrogate.comparison.held_out import held_out_densities, stacking_weights
 from hybridsurrogate.comparison.result import SimulationComparison
+from hybridsurrogate.diagnosis.checks.parameters import check_diagnosable
 from hybridsurrogate.diagnosis.diagnosis import DiscrepancyDiagnosis
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.likelihoods import as_likelihood
@@ -45,9 +46,10 @@ def compare_simulations(
     Parameters
     ----------
     estimators : sequence or dict of name to PowerScaledSurrogate
-        One for each simulation, at least two, without effects. The simulations may have other
-        parameters, and read other columns of X; outputs and likelihood are the same. Without names
-        they have those of their simulators.
+        One for each simulation, at least two. The simulations may have other parameters, and read
+        other columns of X; outputs and likelihood are the same. Without names they have those of
+        their simulators. Effects (``effects=``) are part of the model: in evidence and diagnoses
+        they are at their best place, with their sizes integrated out.
     X : array-like of shape (n, n_columns)
         Measured rows. A DataFrame where the simulations have other inputs.
     y : array-like of shape (n,), or (n, n_outputs) of several outputs
@@ -188,13 +190,7 @@ def _named(estimators: Any) -> dict[str, PowerScaledSurrogate]:
             f"got {estimators!r}."
         )
     for one in models.values():
-        if not isinstance(one, PowerScaledSurrogate):
-            raise TypeError(f"estimators must hold PowerScaledSurrogate objects, got {one!r}.")
-        if one.simulation is None or tuple(one.effects):
-            raise ValueError(
-                "Each estimator needs a simulation, and no effects: simulations are compared as "
-                "they are."
-            )
+        check_diagnosable(one)
     if len(models) < 2:
         raise ValueError(f"There are at least two simulations to compare, got {len(models)}.")
     return models

@@ -26,7 +26,7 @@ def log_evidence(fitted: PowerScaledSurrogate) -> float:
     Parameters
     ----------
     fitted : PowerScaledSurrogate
-        Without effects.
+        Its effects are known: part of the model.
     """
     problem, emulator = trained_emulator(prepare(fitted, ()).problem, fitted)
     context = SearchContext.of(on_working_rows(problem, fitted.posterior_), emulator)

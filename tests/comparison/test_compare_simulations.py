@@ -116,6 +116,25 @@ def test_evidence_is_that_in_closed_form():
     assert not found.diagnoses
 
 
+def test_known_effects_are_part_of_the_model():
+    """A line with a known offset against the line alone; each in closed form."""
+    y, scatter = measured(2, T + 1.5), halfnorm(scale=0.5)
+    alone = model_of(line).set_params(noise_prior=scatter)
+    shifted = model_of(line).set_params(noise_prior=scatter, effects=[hs.Offset()])
+    quick = {"diagnose": False, "cv": 2, "random_state": 0}
+    found = hs.compare_simulations({"alone": alone, "shifted": shifted}, X[["t"]], y, **quick)
+    sd = found.estimators["shifted"].posterior_.model.default_sd
+    for name, size in (("alone", 0.0), ("shifted", sd)):
+
+        def density(sigma, size=size):
+            covariance = np.outer(T, T) + size**2 + sigma**2 * np.eye(len(T))
+            return multivariate_normal(T, covariance).pdf(y) * scatter.pdf(sigma)
+
+        exact = np.log(quad(density, 0.02, 3.0, epsabs=0, points=[0.15, 0.25, 0.8])[0])
+        assert found.table.loc[name, "log_evidence"] == pytest.approx(exact, abs=0.2)
+    assert found.chosen == "shifted"
+
+
 def test_runs_counts_and_several_outputs():
     y = measured(3, 2 * np.sqrt(T))
     runs = [
@@ -169,9 +188,9 @@ def test_bad_arguments():
         hs.compare_simulations([model_of(line), model_of(line, likelihood="student-t")], X, y)
     with pytest.raises(ValueError, match="DataFrame"):
         hs.compare_simulations([model_of(line), model_of(loaded, ("t", "load"))], X.to_numpy(), y)
-    with pytest.raises(ValueError, match="effects"):
+    with pytest.raises(ValueError, match="nothing is compared in addition"):
         hs.compare_simulations(
-            [model_of(line), model_of(line).set_params(effects=[hs.Offset()])], X, y
+            [model_of(line), model_of(line).set_params(effects=[hs.Outliers()])], X, y
         )
     with pytest.raises(ValueError, match="inconsistent"):
         hs.compare_simulations([model_of(line), roots()], X, y[:-1])

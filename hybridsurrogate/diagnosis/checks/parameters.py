@@ -31,7 +31,7 @@ def check_settings(
     progress: Any,
 ) -> None:
     """Raise TypeError or ValueError, with a way out, for parameters that cannot work."""
-    _check_estimator(estimator)
+    check_diagnosable(estimator)
     check_scalar(max_causes, "max_causes", Integral, min_val=1)
     if cv is not None:
         check_scalar(cv, "cv", Integral, min_val=2)
@@ -93,7 +93,13 @@ def check_each_output(Y: FloatArray, names: Sequence[str]) -> None:
             )
 
 
-def _check_estimator(estimator: Any) -> None:
+def check_diagnosable(estimator: Any) -> None:
+    """Raise TypeError or ValueError for an estimator with which causes cannot be compared.
+
+    Parameters
+    ----------
+    estimator : Any
+    """
     if not isinstance(estimator, PowerScaledSurrogate):
         raise TypeError(
             "estimator must be a PowerScaledSurrogate, whose effects a diagnosis can extend; "

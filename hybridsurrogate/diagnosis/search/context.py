@@ -181,8 +181,9 @@ class SearchContext:
     def best_null(self) -> Fitted:
         """Fit "nothing is wrong" from several starting points."""
         problem, model = self.problem, self.problem.model
-        if any(effect.grid() for effect in model.effects):
-            # the places of known effects are fixed at a start, not enumerated
+        if any(effect.grid() or effect.coefficients for effect in model.effects):
+            # the places of known effects are fixed at a start, not enumerated, and their sizes have
+            # their own priors
             model = model.with_effects((*model.effects, Nothing()))
         grid = make_grid(model)
         d = model.n_unknowns
