@@ -8,7 +8,6 @@ study_file      options in TOML
 study           simulation and measurements from what was named
 priors          priors as words
 user_code       the user's Python file, and what was saved with it
-demonstrations  data inside the package
 diagnoses       demo, diagnose, report, next-runs
 comparisons     compare
 fits            fit, predict, choose-beta

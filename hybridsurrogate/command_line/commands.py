@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from hybridsurrogate.command_line.comparisons import compare
-from hybridsurrogate.command_line.demonstrations import DEFAULT, DEMONSTRATIONS
 from hybridsurrogate.command_line.diagnoses import demo, diagnose, next_runs, report
 from hybridsurrogate.command_line.fits import choose_beta, fit, predict
 from hybridsurrogate.command_line.options import (
@@ -29,6 +28,7 @@ from hybridsurrogate.command_line.options import (
     SIMULATIONS,
     Option,
 )
+from hybridsurrogate.datasets.demonstrations import DEFAULT, DEMONSTRATIONS
 
 _JSON = OUTCOME[0]
 _SAVED = Option(
@@ -125,7 +125,7 @@ COMMANDS = (
         "compare several simulations of the same measurements",
         "Says which of several simulations the measurements favour, and what each of them lacks. "
         "Each is a file of runs, or a function of a Python file, which is executed. It takes those "
-        "of the inputs, parameters and constants that it has. Beside the report there is one on "
+        "of the inputs, parameters and constants that it has. Next to the report there is one on "
         "the diagnosis of each.",
         (
             MEASURED,

@@ -7,7 +7,6 @@ from contextlib import suppress
 from functools import partial
 from typing import Any
 
-from hybridsurrogate.command_line.demonstrations import DEMONSTRATIONS
 from hybridsurrogate.command_line.output import (
     STDOUT,
     as_json,
@@ -27,6 +26,7 @@ from hybridsurrogate.command_line.study import (
     read_study_data,
 )
 from hybridsurrogate.command_line.user_code import read_saved
+from hybridsurrogate.datasets.demonstrations import DEMONSTRATIONS
 from hybridsurrogate.diagnosis import DiscrepancyDiagnosis
 from hybridsurrogate.estimators import PowerScaledSurrogate
 from hybridsurrogate.saved_file import save

@@ -10,8 +10,9 @@ import pytest
 from hybridsurrogate.command_line.main import main
 
 CODE = "import numpy as np\ndef root(t, gain, level):\n    return level + gain * np.sqrt(t)\n"
-WORDS = "--inputs t --parameters rate gain level --output growth --jobs 1 --folds 2".split()
-PRIORS = "--prior gain=2,1 --prior level=0,1 --prior rate=0..3".split()
+WORDS = ("--inputs", "t", "--parameters", "rate", "gain", "level", "--output", "growth")
+WORDS += ("--jobs", "1", "--folds", "2")
+PRIORS = ("--prior", "gain=2,1", "--prior", "level=0,1", "--prior", "rate=0..3")
 
 
 @pytest.fixture
