@@ -20,6 +20,7 @@ from hybridsurrogate.effects.noise.noise_of_mean import NoiseOfMean
 from hybridsurrogate.effects.noise.outliers import Outliers
 from hybridsurrogate.effects.noise.overdispersion import Overdispersion
 from hybridsurrogate.effects.noise.random_parameter import RandomParameter
+from hybridsurrogate.effects.noise.shared_errors import SharedErrors
 from hybridsurrogate.effects.output.bump import Bump
 from hybridsurrogate.effects.output.curve_by_experiment import CurveByExperiment
 from hybridsurrogate.effects.output.decay import Decay
@@ -193,6 +194,7 @@ __all__ = [
     "Saturation",
     "SecondStore",
     "SensorResponse",
+    "SharedErrors",
     "SimulationComparison",
     "SimulationData",
     "Simulator",

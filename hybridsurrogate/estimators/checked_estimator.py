@@ -172,7 +172,12 @@ class CheckedEstimator(BaseEstimator):
             X, y, sample_weight, y_err = without_gaps(X, y, sample_weight, y_err)
         X = complete_table(X, labels=self.experiment)
         tables = [X, *self._further_tables()]
-        experiments = experiments_of(tables, self.experiment, self.by_experiment)
+        experiments = experiments_of(
+            tables,
+            self.experiment,
+            self.by_experiment,
+            tuple(getattr(self.simulation, "outputs", ())),
+        )
         X = X if experiments is None else experiments.numbered(X)
         # scikit-learn stores names where it finds them; ``fit`` stores nothing before its end
         seen = copy.copy(self)

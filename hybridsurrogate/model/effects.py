@@ -190,17 +190,25 @@ class CausesOnRows:
         added: list[FloatArray] = []
         formed = [k for k in adding if not self.effects[k].factorises]
         rows, _, theta = self.rows(X, values) if formed else ({}, {}, [])
-        once = {name: X[:, k] for k, name in enumerate(self.columns)}
         for k in adding:
             if k in formed:
                 columns = self.effects[k].columns(rows, theta[k])
                 assert columns is not None
                 added.append(np.reshape(columns, shape))
             else:
-                factors = self.effects[k].factors(once, self.theta(values)[k])
-                assert factors is not None
-                added.append(factors[0] * factors[1][:, None])
+                of_rows, of_draws = self.added_factors(k, X, values)
+                added.append(of_rows * of_draws[:, None])
         return added[0] if len(added) == 1 else np.concatenate(added, axis=2)
+
+    def added_factors(
+        self, k: int, X: FloatArray, values: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return `Cause.factors` of a cause that has some, (n, q) and (J, q)."""
+        rows = {name: X[:, j] for j, name in enumerate(self.columns)}
+        factors = self.effects[k].factors(rows, self.theta(values)[k])
+        assert factors is not None
+        # one without unknowns has the same for all draws
+        return factors[0], np.broadcast_to(factors[1], (len(values), factors[0].shape[1]))
 
     def noise(
         self,

@@ -113,7 +113,7 @@ def contradicted(posterior: Posterior, known: Sequence[Cause]) -> list[Caution]:
     for k, effect in enumerate(known):
         sizes = posterior.draws_of(k)[1]
         ends = [np.quantile(draws, (0.05, 0.95)) for draws in sizes.values()]
-        if ends and all(low < 0 < high for low, high in ends):
+        if effect.changes_output and ends and all(low < 0 < high for low, high in ends):
             said.append(
                 f"The data show nothing of a known effect: {effect.name} may be zero (90 % "
                 "interval). Look whether it is where it is known to be, or diagnose without it."

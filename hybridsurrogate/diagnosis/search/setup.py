@@ -17,6 +17,7 @@ from hybridsurrogate.effects.base import Cause, Context
 from hybridsurrogate.effects.in_output import prepared_for
 from hybridsurrogate.effects.noise.gross_error import MOST_ROWS
 from hybridsurrogate.effects.noise.known_errors import Jitter
+from hybridsurrogate.effects.noise.shared_errors import SharedErrors
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
 from hybridsurrogate.emulators.conditioned import krige
 from hybridsurrogate.estimators.power_scaled import FitTask, PowerScaledSurrogate, as_causes
@@ -156,10 +157,11 @@ def _best_draw(fitted: PowerScaledSurrogate, problem: Problem) -> FloatArray:
 
 
 def _at_spread_of(problem: Problem, posterior: Posterior) -> Problem:
-    """Return the problem with parameters that differ by experiment at their median spread."""
+    """Return the problem with what differs by experiment at its median spread."""
     effects = list(problem.model.effects)
     for k, effect in enumerate(effects):
-        if isinstance(effect, ParameterByExperiment) and "spread" in effect.parameters:
+        differs = isinstance(effect, ParameterByExperiment | SharedErrors)
+        if differs and "spread" in effect.parameters:
             spread = float(np.median(posterior.estimates(k)["spread"]))
             effects[k] = effect.filled(spread=spread)
     return replace(problem, model=problem.model.with_effects(effects))

@@ -22,7 +22,7 @@ def docstring(model: ExtendedModel, parts: SourceParts) -> str:
     text += list(model.about)
     others = [cause.name for cause in causes if not cause.changes_output]
     if others:
-        text.append(f"Detected, and not in the simulation: {listing(others)}.")
+        text.append(f"Of the measurements, and not in the simulation: {listing(others)}.")
     text += [f"{p.function} is how measurements scatter around it." for p in noise]
     if parts.link:
         scale = "logarithm" if parts.link == "log" else "log odds"

@@ -113,12 +113,11 @@ def _column_factors(
     model: MeasuredModel, X: FloatArray, values: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return `Cause.factors` of the causes that have some, (n, f) and (J, f)."""
-    rows = {name: X[:, k] for k, name in enumerate(model.columns)}
     of_rows: list[FloatArray] = [np.empty((len(X), 0))]
     of_draws: list[FloatArray] = [np.empty((len(values), 0))]
-    for effect, own in zip(model.effects, model.theta(values), strict=True):
-        factors = effect.factors(rows, own) if effect.factorises else None
-        if factors is not None:
+    for k, effect in enumerate(model.effects):
+        if effect.factorises:
+            factors = model.added_factors(k, X, values)
             of_rows.append(factors[0])
             of_draws.append(factors[1])
     return np.hstack(of_rows), np.hstack(of_draws)

@@ -54,7 +54,8 @@ class Linearised:
     cap : ndarray of shape (T, q)
         Largest prior scale of each size in units of y; infinity for columns.
     U : ndarray of shape (n, r)
-        Factor of the known covariance: the emulator's own error, a remainder.
+        Factor of the known covariance: the emulator's own error, a remainder, errors that rows
+        share.
     log_weight : ndarray of shape (T,)
     noise : ndarray of shape (K, n) or None
         Factor on sigma, K is 1 where the nodes do not touch it, else T. None: one everywhere.
@@ -377,7 +378,8 @@ def linearise(
 ) -> Linearised:
     """Linearise around z (n_unknowns,), at all nodes of the grid.
 
-    The columns of earlier causes join G with their prior sd; those of the last one are sizes.
+    The columns of earlier causes join G with their prior sd, or U if they are errors that rows
+    share; those of the last one are sizes.
     ``columns`` may be given where they are known from `columns_at_nodes`, and slopes from calls
     with the same rows and emulator.
     """
@@ -433,12 +435,16 @@ def _linearise(
     curves /= rms[:, :, None]
     H = np.broadcast_to(np.swapaxes(curves, 1, 2), (T, len(X), len(grid.sizes)))
     rms = np.broadcast_to(rms, (T, len(grid.sizes)))
-    cap = _SIZE_CAP * rms
+    cap, U = _SIZE_CAP * rms, around.U
     if model.column_names:
         if columns is None:
             columns = columns_at_nodes(model, X, grid, z)
         if columns.earlier.shape[1]:
-            earlier = np.broadcast_to(columns.earlier, (M, *columns.earlier.shape))
+            # errors that rows share are of the noise, like those of the emulator
+            of_noise = _is_of_noise(model)[: columns.earlier.shape[1]]
+            U = np.hstack([U, columns.earlier[:, of_noise]])
+            earlier = columns.earlier[:, ~of_noise]
+            earlier = np.broadcast_to(earlier, (M, *earlier.shape))
             G = np.concatenate([G, earlier], axis=2)
         H = np.concatenate([H, columns.own], axis=2) if len(grid.sizes) else columns.own
         rms = np.concatenate([rms, columns.rms], axis=1)
@@ -446,7 +452,13 @@ def _linearise(
     noise = _noise_at_nodes(model, X, grid, z, emulator.mean, around.output)
     outliers = _outliers_at_nodes(model, grid, z)
     log_weight = grid.log_weight + _odds_of_places(model, grid, H)
-    return Linearised(around.mean, G, H, rms, cap, around.U, log_weight, noise, outliers)
+    return Linearised(around.mean, G, H, rms, cap, U, log_weight, noise, outliers)
+
+
+def _is_of_noise(model: MeasuredModel) -> NDArray[np.bool_]:
+    """Return which added columns are of errors with a known covariance, (q,)."""
+    of_noise = [one.concerns == "noise" and not one.is_process for one in model.effects]
+    return np.array([of_noise[k] for k, _ in model.column_names], dtype=bool)
 
 
 def _odds_of_places(model: MeasuredModel, grid: Grid, H: FloatArray) -> FloatArray | float:

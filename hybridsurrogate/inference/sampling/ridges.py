@@ -141,7 +141,8 @@ def _followed(
                 # of a cubic that is extrapolated twice as far the error is sixteen times as large
                 if error < SETTINGS.ridge_missed / 32:
                     spacing[k] = np.sign(spacing[k]) * min(most, 2 * abs(spacing[k]))
-                room = SETTINGS.prior_end - np.sign(spacing[k]) * node.s
+                # a mode beyond the end of a prior has no room on that side
+                room = max(SETTINGS.prior_end - np.sign(spacing[k]) * node.s, 0.0)
                 spacing[k] = np.sign(spacing[k]) * min(abs(spacing[k]), room)
             ended = abs(spacing[k]) < 0.5 * least or node.value < best - SETTINGS.ridge_deep
             if ended or not np.isfinite(node.value):

@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.noise.shared_errors import SharedErrors
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
 from hybridsurrogate.exceptions import did_you_mean
 from hybridsurrogate.simulation.arrays import is_numeric
@@ -31,13 +32,16 @@ class Experiments:
     column : str
     labels : tuple of str or None
         Names that stand in the column, in order; None where it holds numbers.
-    by : mapping of parameter to {"own", "spread"}
+    by : mapping of parameter or output to {"own", "spread"}
         What differs between experiments, and how.
+    outputs : tuple of str
+        Of the simulation.
     """
 
     column: str
     labels: tuple[str, ...] | None
     by: Mapping[str, str]
+    outputs: tuple[str, ...] = ()
 
     def numbered(self, table: Any) -> Any:
         """Return a table with names of experiments numbered; one that is not known is -1.
@@ -51,15 +55,23 @@ class Experiments:
         return table.assign(**{self.column: np.array(numbers)})
 
     def effects(self) -> tuple[Cause, ...]:
-        """Return what gives each experiment its own value of the parameters that differ."""
+        """Return what gives each experiment its own value of the parameters that differ.
+
+        An output that differs has errors that the rows of an experiment share.
+        """
         return tuple(
-            ParameterByExperiment(name, self.column, how, labels=self.labels)
+            SharedErrors(self.column, labels=self.labels)
+            if name in self.outputs
+            else ParameterByExperiment(name, self.column, how, labels=self.labels)
             for name, how in self.by.items()
         )
 
 
 def experiments_of(
-    tables: Sequence[Any], column: str | None, by: Mapping[str, str] | None
+    tables: Sequence[Any],
+    column: str | None,
+    by: Mapping[str, str] | None,
+    outputs: tuple[str, ...] = (),
 ) -> Experiments | None:
     """Return the experiments in the measured tables of a fit; None without a column."""
     if column is None:
@@ -67,7 +79,7 @@ def experiments_of(
     differing = {name: how for name, how in (by or {}).items() if how != "shared"}
     names = [table[column].astype(str) for table in tables if _has_names(table, column)]
     labels = tuple(sorted(set().union(*map(set, names)))) if names else None
-    return Experiments(column, labels, differing)
+    return Experiments(column, labels, differing, outputs)
 
 
 def check_experiments(
@@ -84,11 +96,17 @@ def check_experiments(
             f"got {by!r}."
         )
     parameters = () if simulation is None else simulation.parameter_names
+    outputs = () if simulation is None else tuple(simulation.outputs)
     for name, how in by.items():
-        if name not in parameters:
+        if name not in (*parameters, *outputs):
             raise ValueError(
                 f"by_experiment: {name!r} is not a parameter of the simulation; these are: "
                 f"{list(parameters)}.{did_you_mean(name, parameters)}"
+            )
+        if name in outputs and (how == "own" or len(outputs) > 1):
+            raise ValueError(
+                f"by_experiment[{name!r}] is of an output: rows of one experiment share an error. "
+                'It must be "spread", and the only output.'
             )
         if how not in _WAYS:
             raise ValueError(

@@ -97,6 +97,12 @@ def check_errors(
         errors = np.full(y.shape, float(errors))
     if errors.shape == (len(y), 1) and y.ndim == 1:
         errors = errors[:, 0]
+    if errors.shape == (len(y), len(y)) and y.ndim == 1:
+        raise ValueError(
+            "y_err is a covariance: number the rows 0, 1, ... in a column of X, and take "
+            'y_err, shared = hs.SharedErrors.of_rows(covariance, "row"), effects=[shared] and '
+            'noise="known".'
+        )
     if errors.shape != y.shape:
         raise ValueError(
             f"y_err must have the shape of y, {y.shape}, with a standard deviation for each "

@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from scipy import integrate, stats
 import hybridsurrogate as hs
 from hybridsurrogate.inference import posterior_sampler
 from hybridsurrogate.inference.sampling.modes import Gaussian
-from hybridsurrogate.inference.sampling.ridges import elongation
+from hybridsurrogate.inference.sampling.ridges import elongation, ridge_through
 
 pytestmark = pytest.mark.numbers
 A = hs.truncated_normal(5, 1, 1, 9)
@@ -50,6 +51,23 @@ def test_two_exchangeable_unknowns_are_as_uncertain_as_their_priors(kind, noise)
     assert drawn.mean() == pytest.approx(mean, abs=4 * sd / np.sqrt(500))
     assert drawn.std() == pytest.approx(sd, rel=4 / np.sqrt(2 * 500))
     assert model.diagnostics_.sampler == "importance"
+
+
+def test_a_mode_beyond_the_end_of_a_prior_is_left_towards_the_data_alone():
+    """Followed further out, the path would turn and come back over itself."""
+
+    class Valley:
+        step_share, model = 1.0, SimpleNamespace(least_step=0.0)
+
+        def search_density(self, x):
+            exchanged = (x[:, 0] + x[:, 1] - 16) / 0.05
+            return -0.5 * (exchanged**2 + np.sum(((x - 8) / 3) ** 2, axis=1))
+
+    hessian = np.array([[1, 1, 0], [1, 1, 0], [0, 0, 0]]) / 0.05**2 + np.eye(3) / 9
+    factor = np.linalg.cholesky(np.linalg.inv(hessian))
+    ridge = ridge_through(Valley(), Gaussian(np.full(3, 8.0), factor))
+    assert np.all(np.diff(ridge.curve.x) > 0)
+    assert ridge.curve.x[-1] < 8.2
 
 
 def test_elongation_does_not_depend_on_the_axes():

@@ -12,6 +12,7 @@ from hybridsurrogate.diagnosis.answers.table import form_of
 from hybridsurrogate.diagnosis.report.elements.view import View
 from hybridsurrogate.diagnosis.search.candidate import total_evidence
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.effects.noise.shared_errors import SharedErrors
 from hybridsurrogate.effects.parameters.parameter_by_experiment import ParameterByExperiment
 from hybridsurrogate.numerics import digits
 from hybridsurrogate.types import FloatArray
@@ -96,10 +97,14 @@ def _known(view: View, model: Any) -> dict[str, FloatArray]:
 def _by_experiment(model: Any) -> dict[str, FloatArray]:
     """Return draws of what was declared to differ between experiments."""
     declared = model.by_experiment or {}
+    effects = [*enumerate(model.posterior_.model.effects)]
+    differing = {k: one.parameter for k, one in effects if isinstance(one, ParameterByExperiment)}
+    words = {k: name for k, name in differing.items() if name in declared}
+    if not declared.keys().isdisjoint(model.simulation.outputs):
+        words |= {k: "shared error:" for k, one in effects if isinstance(one, SharedErrors)}
     return {
-        f"{effect.parameter} {name}": values
-        for k, effect in enumerate(model.posterior_.model.effects)
-        if isinstance(effect, ParameterByExperiment) and effect.parameter in declared
+        f"{word} {name}": values
+        for k, word in words.items()
         for name, values in model.posterior_.estimates(k).items()
     }
 
