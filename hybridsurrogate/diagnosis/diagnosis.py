@@ -22,6 +22,7 @@ from hybridsurrogate.diagnosis.answers.experimental_design import next_measureme
 from hybridsurrogate.diagnosis.answers.finding import CauseFinding
 from hybridsurrogate.diagnosis.answers.monitor import Monitor, followed, monitored
 from hybridsurrogate.diagnosis.answers.next_runs import next_runs
+from hybridsurrogate.diagnosis.answers.parameter_course import parameter_course
 from hybridsurrogate.diagnosis.checks.caution import Caution
 from hybridsurrogate.diagnosis.checks.columns import check_usable_columns
 from hybridsurrogate.diagnosis.checks.data import counted_rows
@@ -38,6 +39,7 @@ from hybridsurrogate.diagnosis.stored import restored, stored
 from hybridsurrogate.diagnosis.validation.beta_scan import BetaScans
 from hybridsurrogate.diagnosis.validation.gain import HeldOutGain, gain_on
 from hybridsurrogate.effects.base import Cause
+from hybridsurrogate.estimators.averaged import leading
 from hybridsurrogate.estimators.power_scaled import PowerScaledSurrogate
 from hybridsurrogate.exceptions import DiagnosisWarning
 from hybridsurrogate.inference.prior_ends import AtPriorEnd
@@ -622,6 +624,56 @@ class DiscrepancyDiagnosis(RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self)
         return prior_sensitivity(self.result_)
+
+    def parameter_course(self, n: int = 101) -> pd.DataFrame:
+        """Return the parameter that would have to vary, over the input along which it wanders.
+
+        Of a detected `ParameterProcess`; the most probable explanation counts.
+
+        Parameters
+        ----------
+        n : int, default=101
+            Places over the measured range.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Columns parameter, over (the input), x, mean, lower and upper (90 % band at each place),
+            and constant: the mean without the cause. `plotting.plot_parameter_course` draws it.
+
+        Raises
+        ------
+        ValueError
+            Where no parameter wanders.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import hybridsurrogate as hs
+        >>> from hybridsurrogate.plotting import plot_parameter_course
+        >>> simulator = hs.Simulator(
+        ...     lambda t, height: height * np.sin(t), inputs={"t": (0, 9)},
+        ...     parameters={"height": hs.truncated_normal(3, 1, 0.1, 9)})
+        >>> t, random = np.linspace(0, 9, 40), np.random.default_rng(0)
+        >>> y = 3 * np.exp(0.4 * np.sin(0.8 * t)) * np.sin(t) + 0.1 * random.standard_normal(40)
+        >>> model = hs.PowerScaledSurrogate(
+        ...     simulator, surrogate=hs.ExactSurrogate(), random_state=0)
+        >>> diagnosis = hs.DiscrepancyDiagnosis(
+        ...     model, causes=[hs.ParameterProcess("height")], cv=None, random_state=0)
+        >>> course = diagnosis.fit(t[:, None], y).parameter_course()
+        >>> plot_parameter_course(course).get_ylabel()
+        'height'
+        """
+        check_is_fitted(self)
+        check_scalar(n, "n", Integral, min_val=2)
+        table = parameter_course(self.estimator_, leading(self.extended_estimator_), int(n))
+        if table.empty:
+            raise ValueError(
+                f"No parameter wanders: the verdict is {self.verdict_!r}, with the cause "
+                f"{self.best_cause_.kind!r}. Whether one would have to is compared where you pass "
+                'it: causes=[hs.ParameterProcess("rate"), ...].'
+            )
+        return table
 
     def measured_outputs(self, y: ArrayLike, word: str = "y") -> FloatArray:
         """Return outputs as the fitted models read them, (n,), or (n, k) with NaN of several.

@@ -29,6 +29,7 @@ from hybridsurrogate.plotting.report import (
     plot_causes,
     plot_discrepancy,
     plot_information,
+    plot_parameter_course,
     plot_prediction,
 )
 from hybridsurrogate.plotting.scene import Scene, plot_measured, plot_scene, plot_setup
@@ -74,6 +75,7 @@ __all__ = [
     "plot_measured",
     "plot_monitor",
     "plot_overview",
+    "plot_parameter_course",
     "plot_power",
     "plot_prediction",
     "plot_predictive_bands",

@@ -6,9 +6,18 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 
-from hybridsurrogate.plotting.style import AFTER, ALTERNATIVES, BEFORE, DATA, QUIET
+from hybridsurrogate.plotting.style import (
+    AFTER,
+    ALTERNATIVES,
+    BEFORE,
+    DATA,
+    QUIET,
+    new_axes,
+    tidy,
+)
 from hybridsurrogate.types import FloatArray
 
 _FEW_VALUES, _LITTLE_INFORMATION = 12, 0.05
@@ -103,6 +112,48 @@ def plot_discrepancy(
     ax.fill_between(x, lower, upper, color=BEFORE, alpha=0.25, lw=0)
     ax.plot(x, mean, color=BEFORE, label=label)
     return ax
+
+
+def plot_parameter_course(table: pd.DataFrame, ax: Axes | None = None) -> Axes:
+    """Draw a parameter that varies over an input with its 90 % band, and its constant value.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Of `DiscrepancyDiagnosis.parameter_course`, of one parameter.
+    ax : matplotlib Axes, optional
+
+    Returns
+    -------
+    matplotlib Axes
+
+    Raises
+    ------
+    ValueError
+        For several parameters.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from hybridsurrogate.plotting import plot_parameter_course
+    >>> course = {"x": [0.0, 9.0], "mean": [1, 2], "lower": [0, 1], "upper": [2, 3]}
+    >>> table = pd.DataFrame(course).assign(parameter="rate", over="t", constant=1.4)
+    >>> ax = plot_parameter_course(table)
+    >>> ax.get_xlabel(), ax.get_ylabel(), len(ax.lines)
+    ('t', 'rate', 2)
+    """
+    names = table["parameter"].unique()
+    if len(names) != 1:
+        raise ValueError(
+            f"The table is of {len(names)} parameters, {list(names)}: draw one at a time, "
+            "table[table['parameter'] == name]."
+        )
+    ax = new_axes()[0] if ax is None else ax
+    ax.fill_between(table["x"], table["lower"], table["upper"], color=AFTER, alpha=0.25, lw=0)
+    ax.plot(table["x"], table["mean"], color=AFTER, label="as it would have to vary, 90 % band")
+    constant = float(table["constant"].iloc[0])
+    ax.axhline(constant, color=BEFORE, lw=1, ls="--", label="constant, as simulated")
+    return tidy(ax, str(table["over"].iloc[0]), str(names[0]))
 
 
 def plot_causes(

@@ -1,6 +1,7 @@
 """A parameter that wanders: which one of several, and its course."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from few_kinds import all_but
 from scipy.stats import norm
@@ -8,6 +9,7 @@ from scipy.stats import norm
 import hybridsurrogate as hs
 from hybridsurrogate.estimators.averaged import leading
 from hybridsurrogate.numerics import hilbert
+from hybridsurrogate.plotting import plot_parameter_course
 
 T = np.linspace(0, 10, 60)
 KINDS = all_but("unexplained", "trend")
@@ -62,6 +64,25 @@ def test_its_course_is_known(found):
     assert np.sqrt(np.mean((course.mean(axis=0) / heights_of(T) - 1) ** 2)) < 0.15
 
 
+def test_its_course_is_drawn_in_the_report(found, tmp_path):
+    course = found.parameter_course()
+    assert course["parameter"].unique().tolist() == ["height"]
+    assert course["over"].unique().tolist() == ["t"]
+    truth = heights_of(course["x"])
+    assert np.mean((course["lower"] < truth) & (truth < course["upper"])) > 0.6
+    # a constant misses most of the course
+    assert np.std(course["mean"] - truth) < 0.5 * np.std(course["constant"] - truth)
+    ax = plot_parameter_course(course)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("t", "height")
+    with pytest.raises(ValueError, match="draw one at a time"):
+        plot_parameter_course(pd.concat([course, course.assign(parameter="slope")]))
+    found.report().save(tmp_path / "course.html")
+    page = (tmp_path / "course.html").read_text(encoding="utf-8")
+    assert "The parameter height over t with its pointwise 90 % band" in page
+    with pytest.raises(ValueError, match="n == 1"):
+        found.parameter_course(1)
+
+
 def test_the_python_code_has_the_course(found):
     space = {}
     exec(found.to_python(), space)
@@ -72,7 +93,10 @@ def test_the_python_code_has_the_course(found):
 
 def test_nothing_wanders_where_nothing_is_wrong():
     noise = 0.2 * np.random.default_rng(5).standard_normal(len(T))
-    assert diagnosed(output(T, 2.0, 3.0) + noise).verdict_ == "adequate"
+    diagnosis = diagnosed(output(T, 2.0, 3.0) + noise)
+    assert diagnosis.verdict_ == "adequate"
+    with pytest.raises(ValueError, match="No parameter wanders"):
+        diagnosis.parameter_course()
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from hybridsurrogate.diagnosis.report.elements.section import Section, Table
+from functools import partial
+
+from hybridsurrogate.diagnosis.answers.parameter_course import parameter_course
+from hybridsurrogate.diagnosis.report.details.pictures import picture_course
+from hybridsurrogate.diagnosis.report.elements.section import Picture, Section, Table
 from hybridsurrogate.diagnosis.report.elements.tables import estimate_table
 from hybridsurrogate.diagnosis.report.elements.view import View, averaged, label_of_cause
 from hybridsurrogate.diagnosis.source.python_code import extended_model, python_source
@@ -31,6 +35,18 @@ def section(view: View) -> Section:
         formulas=formulas(view),
         code=_code(view),
         tables=(table,),
+        pictures=_courses(view),
+    )
+
+
+def _courses(view: View) -> tuple[Picture, ...]:
+    """Return a picture of each parameter that would have to vary."""
+    table = parameter_course(view.result.before, view.found)
+    if table.empty:
+        return ()
+    return tuple(
+        Picture(partial(picture_course, view, own))
+        for _, own in table.groupby("parameter", sort=False)
     )
 
 

@@ -88,6 +88,20 @@ def picture_experiments(view: View, column: str) -> Drawn:
     )
 
 
+def picture_course(view: View, course: pd.DataFrame) -> Drawn:
+    """Draw a parameter as it would have to vary."""
+    ax = plotting.plot_parameter_course(course)
+    name, over = (str(course[word].iloc[0]) for word in ("parameter", "over"))
+    plotting.tidy(ax, view.axis(over), view.axis(name))
+    ends = (digits.number(float(course["mean"].agg(word)), 3) for word in ("min", "max"))
+    return rendered(
+        [ax],
+        f"The parameter {name} over {over} with its pointwise 90 % band, as it would have to vary: "
+        f"its mean is between {' and '.join(ends)}. The dashed line is its estimate as a constant.",
+        course,
+    )
+
+
 def picture_output(view: View) -> Drawn:
     """Draw another of several outputs with the extended model, and its residuals."""
     top, bottom = axes = plotting.new_axes(2, 1, height=5.0, share=True)
