@@ -20,9 +20,9 @@ class Option:
     ----------
     name : str
         As in code and study files; on the command line with "-" for "_".
-    kind : {"text", "path", "paths", "names", "number", "numbers", "whole", "pairs", "yes"}
-        What it takes: one text or file, several files, names, numbers, NAME=VALUE that may be
-        repeated, or nothing.
+    kind : {"text", "path", "paths", "names", "limit", "number", "numbers", "whole", "pairs", "yes"}
+        What it takes: one text or file, several files, names, a number or a column, numbers,
+        NAME=VALUE that may be repeated, or nothing.
     meaning : str
         A phrase for help and reference.
     default : Any
@@ -62,6 +62,7 @@ _PARSED: dict[str, dict[str, Any]] = {
     "path": {},
     "paths": {"nargs": "+"},
     "names": {"nargs": "+"},
+    "limit": {},
     "number": {"type": float},
     "numbers": {"type": float, "nargs": "+"},
     "whole": {"type": int},
@@ -226,8 +227,14 @@ DATA = (
 )
 MODEL = (
     Option("likelihood", "text", "of the measurements", "normal", choices=tuple(LIKELIHOODS)),
-    Option("below", "number", "limit of the instrument: y there or below means at most", None, "Y"),
-    Option("above", "number", "upper limit: y there or above means at least", None, "Y"),
+    Option(
+        "below",
+        "limit",
+        "limit of the instrument, or column with that of each row: y there or below means at most",
+        None,
+        "Y",
+    ),
+    Option("above", "limit", "upper limit or column: y there or above means at least", None, "Y"),
     Option("rounded", "number", "step to whose multiples measurements were rounded", None, "STEP"),
     Option(
         "noise",

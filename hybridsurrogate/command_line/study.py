@@ -41,7 +41,7 @@ _METHODS = {
 
 
 class Study(NamedTuple):
-    """What is compared: simulation, its surrogate, measured rows, later ones, the user's code."""
+    """What is compared: simulation, surrogate, measured rows, later ones, code, likelihood."""
 
     simulation: SimulationData | Simulator
     surrogate: Surrogate
@@ -49,6 +49,7 @@ class Study(NamedTuple):
     y: FloatArray
     later: tuple[pd.DataFrame, FloatArray] | None = None
     code: str | None = None
+    likelihood: str | Likelihood = "normal"
 
     @property
     def columns(self) -> list[str]:
@@ -86,6 +87,8 @@ def read_study_data(given: argparse.Namespace) -> Study:
         later = _measured(new, measured.columns, given.output)
         # names mean the same level in both
         measured = pd.concat([measured, later[measured.columns]], ignore_index=True)
+    below, above, columns = _limits(given, measured)
+    measured = measured.drop(columns=columns)
     if runs is not None:
         runs, measured = with_days(runs, measured, given.inputs, (given.simulation, given.measured))
     _make_numbers(given, runs, measured)
@@ -98,11 +101,16 @@ def read_study_data(given: argparse.Namespace) -> Study:
     surrogate = surrogate_for(given, simulation, n)
     y = measured[given.output].to_numpy(dtype=float)
     y = y[:, 0] if len(given.output) == 1 else y
+    likelihood: str | Likelihood = given.likelihood
+    if columns:
+        y, likelihood = Censored.of_rows(y, below, above, likelihood, given.rounded)
+    elif any(limit is not None for limit in (below, above, given.rounded)):
+        likelihood = Censored(likelihood, below, above, given.rounded)
     labels = [given.experiment] if given.experiment in measured else []
     X = with_levels(measured.drop(columns=[*given.output, *labels]))
     X = X.assign(**{name: measured[name] for name in labels})
     after = (X[n:], y[n:]) if new else None
-    return Study(simulation, surrogate, X[:n], y[:n], after, user and user.file)
+    return Study(simulation, surrogate, X[:n], y[:n], after, user and user.file, likelihood)
 
 
 def checked_units(pairs: Sequence[str], known: Iterable[str]) -> dict[str, str]:
@@ -239,6 +247,25 @@ def _measured(path: str, names: Iterable[str], outputs: list[str]) -> pd.DataFra
     return table.dropna(axis="columns", how="all")
 
 
+def _limits(given: argparse.Namespace, measured: pd.DataFrame) -> tuple[Any, Any, list[str]]:
+    """Return lower and upper limit, one or that of each row, and the columns that hold them."""
+    limits: list[Any] = []
+    columns = []
+    for word in ("below", "above"):
+        text = getattr(given, word)
+        try:
+            limits.append(None if text is None else float(text))
+        except ValueError:
+            if text not in measured:
+                raise ValueError(
+                    f"--{word} {text}: it is neither a number nor a column of {given.measured}, "
+                    f"which has {list(measured)}.{did_you_mean(text, measured)}"
+                ) from None
+            limits.append(pd.to_numeric(measured[text]))
+            columns.append(text)
+    return *limits, columns
+
+
 def _warn_of_unnamed(runs: pd.DataFrame, known: set[str]) -> None:
     rest = [name for name in runs.select_dtypes("number") if name not in {*known, RUN}]
     varied = [name for name in rest if runs[name].min() < runs[name].max()]
@@ -335,21 +362,17 @@ def model_of(
     ----------
     study : Study
     given : argparse.Namespace
-        With likelihood, below, above, rounded, noise, experiment, by_experiment and seed.
+        With noise, experiment, by_experiment and seed.
     beta : float
         Weight of the simulation.
     method : {"power-scaling", "predictive-weighting"}
     """
     estimator = _METHODS[method]
-    likelihood: str | Likelihood = given.likelihood
-    limits = given.below, given.above, given.rounded
-    if any(limit is not None for limit in limits):
-        likelihood = Censored(likelihood, *limits)
     return estimator(
         study.simulation,
         surrogate=study.surrogate,
         beta=beta,
-        likelihood=likelihood,
+        likelihood=study.likelihood,
         noise=given.noise,
         experiment=given.experiment,
         by_experiment=named(given.by_experiment, "--by-experiment NAME=HOW", "spread") or None,

@@ -84,6 +84,11 @@ def _names(value: Any) -> tuple[str, Any]:
     return 'a list of names, such as ["t"]', names if right else None
 
 
+def _limit(value: Any) -> tuple[str, Any]:
+    right = isinstance(value, str) or _is_number(value)
+    return "a number or a column", str(value) if right else None
+
+
 def _number(value: Any) -> tuple[str, Any]:
     return "a number", float(value) if _is_number(value) else None
 
@@ -120,6 +125,7 @@ _CONVERTED = {
     "path": _text,
     "paths": _names,
     "names": _names,
+    "limit": _limit,
     "number": _number,
     "numbers": _numbers,
     "whole": _whole,

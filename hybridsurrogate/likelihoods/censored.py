@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
 from hybridsurrogate.arguments.scalars import as_real
@@ -28,14 +28,16 @@ class Censored(OfPlain):
     26:24); with ``step`` all others count with the probability of what is rounded to them.
 
     Predicted means are those of the value itself, which may lie beyond a limit. Draws and intervals
-    are those of what is recorded.
+    are those of what is recorded. Where each row has a limit, `of_rows` marks the rows beyond
+    theirs; draws and intervals are then those of the value itself, as new rows have no limit.
 
     Parameters
     ----------
     base : str or Likelihood, default="normal"
         "normal", "lognormal", "student-t", "poisson" or "negative-binomial".
-    below, above : float or None, default=None
-        Limits in the units of y; None: there is none.
+    below, above : float, tuple of float or None, default=None
+        Limits in the units of y; None: there is none. Of several, see `of_rows`: a y that equals
+        one of them stands for "not more", or "not less", than this one.
     step : float or None, default=None
         Recorded values are rounded to multiples of it; None: they are not.
 
@@ -60,9 +62,83 @@ class Censored(OfPlain):
     """
 
     base: str | Likelihood = "normal"
-    below: float | None = None
-    above: float | None = None
+    below: float | tuple[float, ...] | None = None
+    above: float | tuple[float, ...] | None = None
     step: float | None = None
+
+    @classmethod
+    def of_rows(
+        cls,
+        y: ArrayLike,
+        below: ArrayLike | None = None,
+        above: ArrayLike | None = None,
+        base: str | Likelihood = "normal",
+        step: float | None = None,
+    ) -> tuple[FloatArray, Censored]:
+        """Return y with rows beyond their own limits marked, and the likelihood that knows marks.
+
+        Call it once with all rows, before some are held out. A mark is the row's limit in place of
+        its y; a measured value that happens to equal a mark is moved to the next number.
+
+        Parameters
+        ----------
+        y : array-like of shape (n,)
+            Values; of a row beyond its limit anything on that side, such as the limit itself. NaN
+            stays.
+        below, above : float, array-like of shape (n,) or None, default=None
+            The limit of each row, in units of y; NaN: it has none.
+        base : str or Likelihood, default="normal"
+        step : float or None, default=None
+            As of the class.
+
+        Returns
+        -------
+        y : ndarray of shape (n,)
+        likelihood : Censored
+
+        Raises
+        ------
+        ValueError
+            For limits of another length, that are infinite or not in order, or beyond which all
+            rows lie.
+
+        Examples
+        --------
+        >>> from hybridsurrogate.likelihoods import Censored
+        >>> y, limited = Censored.of_rows([0.5, 0.7, 2.0], below=[0.5, 0.2, 1.0])
+        >>> limited.below, limited.side(y).tolist()
+        ((0.5,), [-1, 0, 0])
+        """
+        values = np.asarray(y, dtype=float)
+        if values.ndim != 1:
+            raise ValueError(
+                f"y must have shape (n,), got {values.shape}: limits are of one output."
+            )
+        low, high = (
+            _limits_of_rows(one, len(values), word)
+            for one, word in ((below, "below"), (above, "above"))
+        )
+        if len(bad := np.flatnonzero(low >= high)):
+            k = bad[0]
+            raise ValueError(
+                f"below must be less than above in each row; row {k + 1} has {low[k]:g} and "
+                f"{high[k]:g}."
+            )
+        is_below, is_above = values <= low, values >= high
+        there = ~np.isnan(values)
+        if there.any() and np.all((is_below | is_above)[there]):
+            raise ValueError(
+                f"None of the {there.sum()} values lies between its limits: check the limits and "
+                "their unit."
+            )
+        out = np.where(is_below, low, np.where(is_above, high, values))
+        marks = [np.unique(one) for one in (low[is_below], high[is_above])]
+        exact = there & ~is_below & ~is_above
+        for known, end in zip(marks, (np.inf, -np.inf), strict=True):
+            same = exact & np.isin(out, known)
+            out[same] = np.nextafter(out[same], end)
+        lower, upper = (tuple(known.tolist()) or None for known in marks)
+        return out, cls(base, lower, upper, step)
 
     @property
     def plain(self) -> Likelihood:  # type: ignore[override]
@@ -107,8 +183,14 @@ class Censored(OfPlain):
             self.plain.check(y, source)
             return
         for word in ("below", "above", "step"):
-            if getattr(self, word) is not None:
-                as_real(getattr(self, word), word)
+            value = getattr(self, word)
+            if word != "step" and np.ndim(value) and not isinstance(value, tuple):
+                raise ValueError(
+                    f"{word} of Censored is one limit. Limits of rows: "
+                    f"y, likelihood = hs.Censored.of_rows(y, {word}=limits)."
+                )
+            for one in value if isinstance(value, tuple) else (value,) * (value is not None):
+                as_real(one, word)
         low, high = self._limits
         if not low < high:
             raise ValueError(f"Censored needs below < above, got below={low:g}, above={high:g}.")
@@ -123,15 +205,21 @@ class Censored(OfPlain):
         super().check_training(y, source)
         if source != "simulated" and len(y) and np.all(self.side(y) != 0):
             low, high = self._limits
+            between = f"{low:g} and {high:g} " if np.isfinite(low) or np.isfinite(high) else ""
             raise ValueError(
-                f"None of the {len(y)} {source} values lies between the limits {low:g} and "
-                f"{high:g} of Censored: check the limits and their unit."
+                f"None of the {len(y)} {source} values lies between the limits {between}"
+                "of Censored: check the limits and their unit."
             )
 
     def side(self, y: FloatArray) -> NDArray[np.int_]:
         """Return -1 for values at the lower limit or below, 1 for those at the upper, else 0."""
         low, high = self._limits
-        return np.where(y <= low, -1, np.where(y >= high, 1, 0))
+        is_below, is_above = y <= low, y >= high
+        if isinstance(self.below, tuple):
+            is_below = np.isin(y, self.below)
+        if isinstance(self.above, tuple):
+            is_above = np.isin(y, self.above)
+        return np.where(is_below, -1, np.where(is_above, 1, 0))
 
     def working(self, y: FloatArray) -> FloatArray:
         """Return y on the scale of eta, no further than a limit."""
@@ -231,17 +319,17 @@ class Censored(OfPlain):
 
     @property
     def _limits(self) -> tuple[float, float]:
-        low = -np.inf if self.below is None else float(self.below)
-        high = np.inf if self.above is None else float(self.above)
-        return low, high
+        """The limits that all rows have; marks of rows are none."""
+        low = -np.inf if self.below is None or isinstance(self.below, tuple) else self.below
+        high = np.inf if self.above is None or isinstance(self.above, tuple) else self.above
+        return float(low), float(high)
 
     @property
     def _limits_of_eta(self) -> tuple[FloatArray, FloatArray]:
         low, high = self._limits
-        none = np.array(np.inf)
         return (
-            -none if self.below is None else self.plain.link(np.array(low)),
-            none if self.above is None else self.plain.link(np.array(high)),
+            self.plain.link(np.array(low)) if np.isfinite(low) else np.array(low),
+            self.plain.link(np.array(high)) if np.isfinite(high) else np.array(high),
         )
 
     def _within(self, y: FloatArray) -> FloatArray:
@@ -251,6 +339,20 @@ class Censored(OfPlain):
             return y
         # the last whole number beyond a limit
         return np.where(y <= low, np.floor(low), np.where(y >= high, np.ceil(high), y))
+
+
+def _limits_of_rows(limits: ArrayLike | None, n: int, word: str) -> FloatArray:
+    """Return the limits (n,) of rows, NaN where there is none."""
+    if limits is None:
+        return np.full(n, np.nan)
+    values = np.asarray(limits, dtype=float)
+    if values.shape not in ((), (n,)):
+        raise ValueError(
+            f"{word} must have one limit for each of the {n} rows, got {values.shape}."
+        )
+    if np.isinf(values).any():
+        raise ValueError(f"{word} must hold finite limits; NaN where a row has none.")
+    return np.array(np.broadcast_to(values, n))
 
 
 def _log_hazard(a: FloatArray) -> FloatArray:

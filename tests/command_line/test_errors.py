@@ -1,6 +1,7 @@
 """Error bars on the command line."""
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -45,3 +46,25 @@ def test_limits_and_rounding_are_taken(tmp_path, monkeypatch, capsys):
     assert abs(rate["mean"] - 0.8) < 3 * rate["sd"]
     assert main(["fit", "measured.csv", *words.replace("below 5", "below 30").split()]) != 0
     assert "None of the 40 measured values" in capsys.readouterr().err
+
+
+def test_a_column_holds_the_limit_of_each_row(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    random = np.random.default_rng(0)
+    Path("falling_slope.py").write_text("def line(t, rate):\n    return 10 - rate * t\n")
+    t = np.linspace(0, 10, 40)
+    y = 10 - 0.8 * t + 0.3 * random.standard_normal(40)
+    limit = np.where(t > 5, random.choice([3.0, 5.0], 40), np.nan)
+    frame = pd.DataFrame({"t": t, "y": np.fmax(y, limit), "limit": limit})
+    frame.to_csv("measured.csv", index=False)
+    words = "--simulation falling_slope.py:line --inputs t --prior rate=0.5,0.5 --output y"
+    assert main(["fit", "measured.csv", *words.split(), "--below", "limit", "--json", "-"]) == 0
+    out = capsys.readouterr().out
+    rate, _ = json.loads(out[out.index("{") :])["estimates"]
+    assert abs(rate["mean"] - 0.8) < 3 * rate["sd"]
+    assert main(["fit", "measured.csv", *words.split(), "--below", "limitt"]) == 2
+    assert "neither a number nor a column" in capsys.readouterr().err
+    frame.assign(limit=30.0).to_csv("measured.csv", index=False)
+    assert main(["fit", "measured.csv", *words.split(), "--below", "limit"]) == 2
+    assert "None of the 40 values lies between its limits" in capsys.readouterr().err

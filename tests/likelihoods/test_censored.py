@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from scipy import integrate, stats
+from few_kinds import all_but
+from scipy import integrate, special, stats
 
 import hybridsurrogate as hs
 
@@ -221,3 +222,133 @@ def test_known_errors_and_limits_go_together():
     row = fitted.summary().loc["b"]
     assert row["mean"] == pytest.approx(exact, abs=5 * sd / np.sqrt(500))
     assert row["sd"] == pytest.approx(sd, rel=0.15)
+
+
+# ------------------------------------------------------------------------------- limits of rows
+
+
+def of_rows(seed, n=60, base="normal"):
+    """Return a line of which some 30 % of the rows lie below limits of their own, and its truth."""
+    random = np.random.RandomState(seed)
+    truth = {
+        "a": random.normal(0, 1),
+        "b": random.normal(0, 1),
+        "sigma": stats.lognorm(0.3, scale=0.5).rvs(random_state=random),
+    }
+    x = random.uniform(-1, 1, n)
+    mean = truth["a"] + truth["b"] * x
+    y = mean + truth["sigma"] * random.standard_normal(n)
+    # three instruments, whose limits owe nothing to these rows
+    spread = np.hypot(truth["sigma"], abs(truth["b"]) / np.sqrt(3))
+    limit = truth["a"] + spread * random.choice([-1.6, -0.6, 0.0], n)
+    y, limited = hs.Censored.of_rows(y, below=limit, base=base)
+    simulator = hs.Simulator(
+        lambda x, a, b: a + b * x,
+        inputs={"x": (-1, 1)},
+        parameters={"a": stats.norm(0, 1), "b": stats.norm(0, 1)},
+    )
+    model = hs.PowerScaledSurrogate(
+        simulator,
+        hs.ExactSurrogate(),
+        likelihood=limited,
+        noise_prior=stats.lognorm(0.3, scale=0.5),
+        n_draws=400,
+        random_state=seed,
+    )
+    return x[:, None], y, model, truth
+
+
+def test_rows_have_the_density_of_their_own_limit():
+    values, limit = np.array([0.3, 1.0, 1.0, 4.0, np.nan]), [0.5, 0.2, 1.0, np.nan, 1.0]
+    y, limited = hs.Censored.of_rows(values, below=limit, above=[9.0, 9.0, 9.0, 3.0, 9.0])
+    assert limited.side(y).tolist() == [-1, 0, -1, 1, 0]
+    # the second row was measured to be one, and the third is at most one
+    assert y[1] == pytest.approx(1.0)
+    plain, eta = stats.norm(2.0, SIGMA[0, 0]), np.full((1, 5), 2.0)
+    exact = [plain.logcdf(0.5), plain.logpdf(1.0), plain.logcdf(1.0), plain.logsf(3.0)]
+    np.testing.assert_allclose(limited.log_density(y, eta, SIGMA)[0, :4], exact)
+    # one limit for all is that limit
+    both = np.array([0.4, 2.0])
+    y, limited = hs.Censored.of_rows(both, below=1.0)
+    one = hs.Censored(below=1.0)
+    np.testing.assert_allclose(
+        limited.log_density(y, eta[:, :2], SIGMA), one.log_density(both, eta[:, :2], SIGMA)
+    )
+
+
+def test_subsets_in_another_order_keep_their_limits():
+    X, y, model, _ = of_rows(0)
+    order = np.random.default_rng(0).permutation(len(y))[:45]
+    rest = np.setdiff1d(np.arange(len(y)), order)
+    fitted = model.fit(X[order], y[order])
+    density = fitted.log_predictive_density(X[rest], y[rest])
+    draws = fitted.posterior_
+    eta, sigma = draws.eta(X[rest])
+    side = model.likelihood.side(y[rest])
+    assert 0 < np.mean(side) + 1 < 1
+    each = np.where(
+        side < 0, stats.norm(eta, sigma).logcdf(y[rest]), stats.norm(eta, sigma).logpdf(y[rest])
+    )
+    np.testing.assert_allclose(density, special.logsumexp(each, axis=0) - np.log(len(eta)))
+
+
+@pytest.mark.slow
+def test_rows_below_their_own_limits_over_200_sets():
+    """Some 30 % of the rows; the same taken for values are biased."""
+    off, inside, naive, share = [], [], [], []
+    for seed in range(2000, 2200):
+        X, y, model, truth = of_rows(seed)
+        share.append(np.mean(model.likelihood.side(y) < 0))
+        table = model.fit(X, y).summary()
+        rows = table.loc[list(truth)].astype({"mean": float, "sd": float})
+        true = np.array([*truth.values()])
+        off.append((rows["mean"] - true) / rows["sd"])
+        inside.append((rows["q5"] < true) & (true < rows["q95"]))
+        if seed < 2040:
+            table = model.set_params(likelihood="normal").fit(X, y).summary()
+            row = table.loc["sigma"]
+            naive.append((row["mean"] - truth["sigma"]) / row["sd"])
+    assert 0.25 < np.mean(share) < 0.4
+    # slope and noise: means within three standard errors of none, intervals as wide as they are
+    assert np.all(np.abs(np.mean(off, axis=0)) < 3 / np.sqrt(200))
+    assert np.all(np.abs(np.mean(inside, axis=0) - 0.9) < 0.055)
+    assert np.mean(naive) < -0.5
+
+
+@pytest.mark.slow
+def test_a_diagnosis_with_limits_of_rows():
+    X, y, model, _ = of_rows(4, n=80)
+    settings = {"cv": None, "n_replicates": 50, "random_state": 0}
+    few = all_but("step", "trend", "periodic", "noise")
+    found = hs.DiscrepancyDiagnosis(model, exclude=few, **settings).fit(X, y)
+    assert found.verdict_ == "adequate"
+    jump = 2.0 * (X[:, 0] > 0.2)
+    limit = np.where(model.likelihood.side(y) < 0, y, np.nan)
+    y, limited = hs.Censored.of_rows(y + jump, below=limit + jump)
+    found = hs.DiscrepancyDiagnosis(
+        model.set_params(likelihood=limited), exclude=few, **settings
+    ).fit(X, y)
+    assert found.best_cause_.kind == "step"
+    found.report().to_html()
+
+
+@pytest.mark.parametrize(
+    ("limits", "message"),
+    [
+        ({"below": [9.0, 9.0, 9.0]}, "None of the 3 values lies between its limits"),
+        ({"below": [0.0, 0.0]}, "one limit for each of the 3 rows, got .2,."),
+        ({"below": [0.0, np.inf, 0.0]}, "finite limits"),
+        ({"below": [0.0, 2.0, 0.0], "above": 2.0}, "row 2 has 2 and 2"),
+    ],
+)
+def test_limits_of_rows_without_sense_are_refused(limits, message):
+    with pytest.raises(ValueError, match=message):
+        hs.Censored.of_rows([1.0, 2.0, 3.0], **limits)
+
+
+def test_an_array_of_limits_says_where_it_goes():
+    X = np.linspace(0, 1, 20)[:, None]
+    for limits in (X[:, 0], [0.1, 0.2]):
+        model = hs.PowerScaledSurrogate(likelihood=hs.Censored(below=limits))
+        with pytest.raises(ValueError, match="Limits of rows"):
+            model.fit(X, X[:, 0])

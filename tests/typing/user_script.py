@@ -118,6 +118,7 @@ causes: list[hs.Cause] = [
     hs.Offset("batch", level=1.0),
     hs.Outliers(),
     hs.Overdispersion(),
+    hs.SharedErrors("batch", spread=0.5),
     hs.ParameterByExperiment("rate", "batch"),
     hs.ParameterDrift("rate", "minutes", shape="logistic"),
     hs.ParameterProcess("rate", "minutes"),
@@ -152,6 +153,7 @@ def laplace(y: Array, eta: Array, sigma: Array) -> Array:
 of_data: list[likelihoods.Likelihood] = [
     hs.Binomial(trials=10),
     hs.Censored("lognormal", below=0.1, above=9.0, step=0.01),
+    hs.Censored.of_rows([0.2, 0.4], below=[0.2, 0.1])[1],
     hs.CustomLikelihood(laplace),
     hs.LogNormal(),
     hs.NegativeBinomial(),
