@@ -221,7 +221,8 @@ DATA = (
     Option(
         "by_experiment",
         "pairs",
-        "parameter that differs between experiments: own, or spread around a mean",
+        "parameter that differs between experiments: own, or spread around a mean; of the output "
+        "spread: errors that rows share",
         metavar="NAME=HOW",
     ),
 )
