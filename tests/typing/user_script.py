@@ -358,7 +358,8 @@ grids = [
 
 def of_tables(diagnosis: hs.DiscrepancyDiagnosis) -> list[Axes]:
     """Return pictures of tables that a diagnosis returns."""
+    course = plotting.plot_parameter_course(diagnosis.parameter_course())
     scan = diagnosis.beta_scan()
     if scan is None:
-        return []
-    return [plotting.plot_beta_scan(scan), *plotting.plot_scores_over_beta(scan).ravel()]
+        return [course]
+    return [course, plotting.plot_beta_scan(scan), *plotting.plot_scores_over_beta(scan).ravel()]
