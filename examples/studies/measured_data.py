@@ -25,7 +25,7 @@ import hybridsurrogate as hs
 from hybridsurrogate.diagnosis.search.search import Search
 from hybridsurrogate.numerics.atomic_file import written_whole
 
-FAST = ("nile", "school-influenza", "coal", "lynx-hare")
+FAST = ("nile", "school-influenza", "adsorption", "ageing")
 # a curve that is no farther from another one is the same: the rule of examples/studies/hidden_effects
 SAME_CURVE = 0.05
 
@@ -316,7 +316,13 @@ No rows of these files are part of the package, apart from `nile`, `mauna-loa`, 
 
 MORE = """# More measured data with a known cause
 
-Printed by `python examples/studies/measured_data.py --more`.
+Printed by `python examples/studies/measured_data.py --more --rows FILE`. The form, and the rules of what
+counts as right, are those of [measured data with a known cause](measured_data.md); "gain beyond" is what the
+extended model gains upon the simulation in log density, a held-out row, with the standard error of that
+paired difference. All rows are read from files beside the repository, and none is part of the package.
+
+Simulations, priors, splits and what counts as documented were written before the first diagnosis, and none was
+changed afterwards. Only the package was changed: see the remark on the dialyzers.
 """
 
 

@@ -56,7 +56,9 @@ def chamber():
     def slopes(hours, state, leak):
         venous = state[1:] / (shares * weight * tissue_blood)
         inhaled = state[0] / air
-        arterial = (np.sum(flows * venous, axis=0) + breath * inhaled) / (heart + breath / blood_air)
+        arterial = (np.sum(flows * venous, axis=0) + breath * inhaled) / (
+            heart + breath / blood_air
+        )
         chamber = breath * (arterial / blood_air - inhaled) - leak * state[0]
         return np.concatenate([chamber[None], flows * (arterial - venous)])
 
@@ -80,31 +82,25 @@ def tanks(volts):
 
     seconds = 4.0 * np.arange(volts.shape[1])
 
-    def simulator():
-        def slopes(t, state, record, out, into, drain, pump):
-            upper, lower = np.sqrt(np.maximum(state, 0))
-            driven = np.array([np.interp(t, seconds, series) for series in volts])
-            driven = driven[np.asarray(record, dtype=int)]
-            return np.stack([pump * driven - out * upper, into * upper - drain * lower])
+    def slopes(t, state, record, out, into, drain, pump):
+        upper, lower = np.sqrt(np.maximum(state, 0))
+        driven = np.array([np.interp(t, seconds, series) for series in volts])
+        driven = driven[np.asarray(record, dtype=int)]
+        return np.stack([pump * driven - out * upper, into * upper - drain * lower])
 
-        # levels settle within minutes, in volts of a sensor that reads up to ten
-        rate = positive(0.05, 0.04, 0.005, 0.4)
-        level = positive(5, 3, 0, 10)
-        return hs.OdeSimulator(
-            slopes,
-            initial_state=lambda first, second: [first, second],
-            observe=lambda state: state[1],
-            inputs={"seconds": (0, 4096), "record": (0, 1)},
-            parameters={
-                "out": rate, "into": rate, "drain": rate, "pump": rate,
-                "first": level, "second": level,
-            },
-            states=("upper", "lower"),
-            output="volts",
-            max_step=16.0,  # the pump's waves take 70 s and more
-        )  # fmt: skip
-
-    return simulator
+    # levels settle within minutes, in volts of a sensor that reads up to ten
+    rates = dict.fromkeys(("out", "into", "drain", "pump"), positive(0.05, 0.04, 0.005, 0.4))
+    levels = dict.fromkeys(("first", "second"), positive(5, 3, 0, 10))
+    return hs.OdeSimulator(
+        slopes,
+        initial_state=lambda first, second: [first, second],
+        observe=lambda state: state[1],
+        inputs={"seconds": (0, 4096), "record": (0, 1)},
+        parameters={**rates, **levels},
+        states=("upper", "lower"),
+        output="volts",
+        max_step=8.0,  # the pump's waves take 70 s and more
+    )
 
 
 def henry():
@@ -190,7 +186,7 @@ def mug():
             "room": positive(22, 5, 5, 40),
         },
         states="water",
-        output="°C",
+        output="temperature",
     )
 
 
